@@ -1,0 +1,1 @@
+"""What is simulated: expressions, effects, scenes, Filippov systems, case files."""

@@ -1,0 +1,35 @@
+"""Modes: which side of each surface the state is on, or that it slides there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+Mode = tuple[int, ...]
+"""One entry a surface: -1 or +1 in slip (the sign of h), 0 in sliding (stick)."""
+
+
+def mode_text(mode: Sequence[int], signs: Sequence[str]) -> str:
+    """Write a mode as the reports do.
+
+    Examples
+    --------
+    >>> mode_text((1, 0), ["s", "u"])
+    's=+1 u=0'
+    """
+    return " ".join(f"{name}={value:+d}" if value else f"{name}=0" for name, value in zip(signs, mode, strict=True))
+
+
+def replaced(mode: Mode, index: int, value: int) -> Mode:
+    """The mode with one surface's entry replaced."""
+    return mode[:index] + (value,) + mode[index + 1 :]
+
+
+def transition_kind(before: int, after: int) -> str:
+    """Name what one surface's entry does: stick, release, crossing or graze (touch and go)."""
+    if before == after:
+        return "graze"
+    if after == 0:
+        return "stick"
+    if before == 0:
+        return "release"
+    return "crossing"

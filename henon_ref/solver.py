@@ -1,0 +1,72 @@
+"""The contract that Hénon's integrator and every baseline meet.
+
+To add a solver, write a class with the attributes and the one method of :class:`Solver` and register an
+instance under the entry-point group ``henon_ref.solvers``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.trajectory import Problem, Trajectory
+
+Run = Callable[[], Trajectory]
+"""A prepared run: no arguments, may be called again and again, each call does the whole run afresh."""
+
+
+@runtime_checkable
+class Solver(Protocol):
+    """A way to compute a trajectory with its transitions.
+
+    Implementer's checklist
+    -----------------------
+    * ``prepare`` does all that is done once a model: code generation, compilation, lambdify, warm-up of a
+      JIT. Its time is reported as ``compile_s``; the run's time does not hold it.
+    * The returned callable does the whole run and has no memory of earlier calls.
+    * Transitions come in order of time; every one of them is reported, also after a failure.
+    * ``UnsupportedError`` from ``prepare`` where the solver cannot do the problem; ``UnavailableError``
+      where its library is missing. Other failures of a library are status ``failed`` with the reason.
+    * The docstring says what ``steps``, ``rhs_evaluations`` and ``event_evaluations`` count.
+    """
+
+    name: str
+    """The name used in case files and reports, e.g. ``scipy-dop853``."""
+    fixed_step: bool
+    """True: driven by ``step`` [s]; False: driven by ``rtol`` and ``atol``."""
+    landing: str
+    """How it puts a step's end on the surface, for the ``landing`` column."""
+
+    @property
+    def version(self) -> str:
+        """Version of the library underneath (``""`` where it is not installed)."""
+        ...
+
+    def prepare(
+        self,
+        problem: Problem,
+        *,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        sample_times: NDArray[np.float64] | None = None,
+        deadline: float | None = None,
+    ) -> Run:
+        """Get ready to run a problem.
+
+        Parameters
+        ----------
+        problem : Problem
+        rtol, atol : float, optional
+            Tolerances, for ``fixed_step = False``.
+        step : float, optional
+            Step [s], for ``fixed_step = True``.
+        sample_times : ndarray, shape (k,), optional
+            Increasing times at which the state is wanted (figures only); solvers that cannot sample ignore it.
+        deadline : float, optional
+            Seconds a run may take; past it the run returns status ``timeout`` with what it has.
+        """
+        ...

@@ -1,0 +1,1 @@
+"""Taylor coefficients of a smooth field, from one tape of elementary operations."""

@@ -1,0 +1,284 @@
+"""The Taylor tape: a smooth field written once as elementary operations with known coefficient recurrences.
+
+Every node stands for a function of time along the solution; its Taylor coefficients follow from those of
+its arguments by the classical recurrences (Jorba and Zou, *Experimental Mathematics* 14, 2005, Sec. 2).
+The same tape is turned into machine code (:mod:`henon_ref.henon.codegen`) and run over any ring
+(:mod:`henon_ref.taylor.expand`): floats, mpmath, ball arithmetic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.model.system import TIME
+
+INFINITE = 1 << 30
+"""Degree in time of a node that is no polynomial in time by its form alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """One elementary operation.
+
+    ``op`` is one of: constant (c), clock (c0 + c1 t), state (i), add, sub, mul, div (two nodes), square,
+    scale (c a), shift (a + c), rsub (c - a), recip (c / a), power (a**c), sqrt, exp, and the operations
+    that need a partner series as second argument: sin (its cos), cos (its sin), sinh, cosh, tan
+    (1 + tan^2), tanh (1 - tanh^2), log (none), atan (1 + a^2), asin and acos (sqrt(1 - a^2)).
+    """
+
+    op: str
+    args: tuple[int, ...] = ()
+    """Nodes it reads; for ``state`` the index of the state."""
+    constants: tuple[int, ...] = ()
+    """Indices into :attr:`Tape.constants`."""
+    degree: int = INFINITE
+    """Degree in time where the form alone bounds it; coefficients above it are zero."""
+
+
+@dataclass(frozen=True)
+class Tape:
+    """A field and some functions of the state (guards) as one list of elementary operations."""
+
+    nodes: tuple[Node, ...]
+    constants: tuple[sp.Expr, ...]
+    """Exact numbers (in parameters and slip signs), each rounded once by whoever runs the tape."""
+    field: tuple[int, ...]
+    """Node of x_i', one a state."""
+    outputs: tuple[int, ...]
+    """Nodes of the further functions asked for."""
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many nodes there are of each operation; what a model costs, before any timing."""
+        result: dict[str, int] = {}
+        for node in self.nodes:
+            result[node.op] = result.get(node.op, 0) + 1
+        return dict(sorted(result.items()))
+
+
+def build_tape(states: Sequence[sp.Symbol], field: Iterable[sp.Expr], outputs: Iterable[sp.Expr] = ()) -> Tape:
+    """Write a smooth field and further functions of time and state as a tape.
+
+    Parameters
+    ----------
+    states : sequence of Symbol
+    field : iterable of Expr
+        x_i' in time, states and constants (parameters, slip signs: every other symbol).
+    outputs : iterable of Expr
+        Functions whose series along the solution are wanted too.
+
+    Raises
+    ------
+    ModelError
+        For a function that has no coefficient recurrence here (sign, Abs, Piecewise ...).
+    """
+    builder = _Builder(tuple(states))
+    field_nodes = tuple(builder.node(expression) for expression in field)
+    output_nodes = tuple(builder.node(expression) for expression in outputs)
+    return Tape(tuple(builder.nodes), tuple(builder.constants), field_nodes, output_nodes)
+
+
+class _Builder:
+    """Turns expressions into nodes; equal expressions become one node."""
+
+    def __init__(self, states: tuple[sp.Symbol, ...]) -> None:
+        self.moving = {TIME, *states}
+        self.nodes: list[Node] = []
+        self.constants: list[sp.Expr] = []
+        self._constant_index: dict[sp.Expr, int] = {}
+        self._memo: dict[sp.Expr, int] = {x: self._add("state", (i,)) for i, x in enumerate(states)}
+        self._interned: dict[tuple[object, ...], int] = {}
+
+    def node(self, expression: sp.Expr) -> int:
+        """The node of an expression (made on first sight)."""
+        expression = sp.sympify(expression)
+        if expression not in self._memo:
+            self._memo[expression] = self._make(expression)
+        return self._memo[expression]
+
+    def _is_constant(self, expression: sp.Expr) -> bool:
+        return not (expression.free_symbols & self.moving)
+
+    def _constant(self, value: sp.Expr) -> int:
+        if value not in self._constant_index:
+            self._constant_index[value] = len(self.constants)
+            self.constants.append(value)
+        return self._constant_index[value]
+
+    def _add(self, op: str, args: tuple[int, ...] = (), constants: tuple[int, ...] = (), degree: int = INFINITE) -> int:
+        self.nodes.append(Node(op, args, constants, degree))
+        return len(self.nodes) - 1
+
+    def _op(self, op: str, *args: int, constants: tuple[sp.Expr, ...] = (), degree: int = INFINITE) -> int:
+        indices = tuple(self._constant(c) for c in constants)
+        key = (op, args, indices)
+        if key not in self._interned:
+            self._interned[key] = self._add(op, args, indices, degree)
+        return self._interned[key]
+
+    def _degree(self, node: int) -> int:
+        return self.nodes[node].degree
+
+    # -- expressions ------------------------------------------------------------------------------------
+
+    def _make(self, e: sp.Expr) -> int:
+        if self._is_constant(e):
+            return self._op("constant", constants=(e,), degree=0)
+        if not e.free_symbols & (self.moving - {TIME}) and sp.diff(e, TIME, 2) == 0:
+            slope = sp.diff(e, TIME)
+            return self._op("clock", constants=(sp.expand(e - slope * TIME), slope), degree=1)
+        if e.is_Add:
+            return self._sum(e.args, sp.Integer(1))
+        if e.is_Mul:
+            return self._product(e)
+        if e.is_Pow:
+            return self._power(e.base, e.exp)
+        return self._function(e)
+
+    def _split(self, e: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+        """(constant factor, the rest)."""
+        if e.is_Mul:
+            constant, rest = [], []
+            for factor in e.args:
+                (constant if self._is_constant(factor) else rest).append(factor)
+            return sp.Mul(*constant), sp.Mul(*rest)
+        return (e, sp.Integer(1)) if self._is_constant(e) else (sp.Integer(1), e)
+
+    def _terms(self, terms: Iterable[sp.Expr], factor: sp.Expr) -> tuple[sp.Expr, list[tuple[sp.Expr, sp.Expr]]]:
+        """(constant part, [(factor, moving part)]) with constant factors of nested sums multiplied in."""
+        constant: sp.Expr = sp.Integer(0)
+        moving: list[tuple[sp.Expr, sp.Expr]] = []
+        for term in terms:
+            c, rest = self._split(term)
+            if rest == 1:
+                constant += factor * c
+            elif rest.is_Add and rest not in self._memo:
+                inner_constant, inner = self._terms(rest.args, factor * c)
+                constant += inner_constant
+                moving += inner
+            else:
+                moving.append((factor * c, rest))
+        return constant, moving
+
+    def _sum(self, terms: Iterable[sp.Expr], factor: sp.Expr) -> int:
+        constant, moving = self._terms(terms, factor)
+        moving.sort(key=lambda item: item[0].could_extract_minus_sign())
+        total = -1
+        for c, e in moving:
+            if total < 0:
+                total = self._scaled(c, e)
+            elif c == -1 or c.could_extract_minus_sign():
+                part = self._scaled(-c, e)
+                total = self._op("sub", total, part, degree=max(self._degree(total), self._degree(part)))
+            else:
+                part = self._scaled(c, e)
+                total = self._op("add", total, part, degree=max(self._degree(total), self._degree(part)))
+        if constant != 0:
+            total = self._op("shift", total, constants=(constant,), degree=self._degree(total))
+        return total
+
+    def _scaled(self, factor: sp.Expr, e: sp.Expr) -> int:
+        if factor == 1:
+            return self.node(e)
+        numerator, denominator = _fraction(e)
+        if self._is_constant(numerator) and denominator != 1:
+            return self._op("recip", self.node(denominator), constants=(factor * numerator,))
+        node = self.node(e)
+        return self._op("scale", node, constants=(factor,), degree=self._degree(node))
+
+    def _product(self, e: sp.Expr) -> int:
+        factor, rest = self._split(e)
+        if rest.is_Add and rest not in self._memo:
+            return self._sum(rest.args, factor)
+        if factor != 1:
+            return self._scaled(factor, rest)
+        numerator, denominator = _fraction(rest)
+        if denominator != 1:
+            below = self.node(denominator)
+            if self._is_constant(numerator):
+                return self._op("recip", below, constants=(numerator,))
+            above = self.node(numerator)
+            return self._op("div", above, below)
+        total = -1
+        for part in sorted(rest.args, key=lambda p: (not p.is_Pow, sp.default_sort_key(p))):
+            node = self.node(part)
+            total = node if total < 0 else self._multiplied(total, node)
+        return total
+
+    def _multiplied(self, a: int, b: int) -> int:
+        degree = self._degree(a) + self._degree(b)
+        if a == b:
+            return self._op("square", a, degree=min(degree, INFINITE))
+        return self._op("mul", min(a, b), max(a, b), degree=min(degree, INFINITE))
+
+    def _power(self, base: sp.Expr, exponent: sp.Expr) -> int:
+        if base == sp.E:
+            return self._op("exp", self.node(exponent))
+        if not self._is_constant(exponent):
+            return self.node(sp.exp(exponent * sp.log(base), evaluate=False))
+        if exponent.is_Integer:
+            n = int(exponent)
+            if n < 0:
+                return self._op("recip", self.node(base ** (-n)), constants=(sp.Integer(1),))
+            half = self.node(base ** (n // 2)) if n > 3 else self.node(base)
+            if n % 2 == 0:
+                return self._multiplied(half, half) if n > 2 else self._multiplied(self.node(base), self.node(base))
+            square = self.node(base ** (n - 1))
+            return self._multiplied(square, self.node(base))
+        if exponent == sp.Rational(1, 2):
+            return self._op("sqrt", self.node(base))
+        if exponent == -sp.Rational(1, 2):
+            return self._op("recip", self.node(sp.sqrt(base)), constants=(sp.Integer(1),))
+        return self._op("power", self.node(base), constants=(exponent,))
+
+    def _function(self, e: sp.Expr) -> int:
+        if not e.args:
+            raise ModelError(f"{e} is no state, time or number")
+        inner = self.node(e.args[0])
+        name = e.func.__name__
+        pairs = {"sin": ("sin", "cos"), "cos": ("sin", "cos"), "sinh": ("sinh", "cosh"), "cosh": ("sinh", "cosh")}
+        if name in pairs:
+            first, second = pairs[name]
+            key = (first, inner)
+            if key not in self._interned:
+                at = len(self.nodes)
+                self._add(first, (inner, at + 1))
+                self._add(second, (inner, at))
+                self._interned[key] = at
+            return self._interned[key] + (name == second)
+        if name in ("tan", "tanh"):
+            key = (name, inner)
+            if key not in self._interned:
+                at = len(self.nodes)
+                one = self._constant(sp.Integer(1))
+                self._add(name, (inner, at + 2))
+                self._add("square", (at,))
+                self._add("shift" if name == "tan" else "rsub", (at + 1,), (one,))
+                self._interned[key] = at
+            return self._interned[key]
+        if name == "exp":
+            return self._op("exp", inner)
+        if name == "log":
+            return self._op("log", inner)
+        if name in ("asin", "acos", "atan"):
+            square = self._multiplied(inner, inner)
+            one = (sp.Integer(1),)
+            if name == "atan":
+                return self._op("atan", inner, self._op("shift", square, constants=one))
+            return self._op(name, inner, self._op("sqrt", self._op("rsub", square, constants=one)))
+        raise ModelError(f"no Taylor recurrence for {name}: a field is smooth in t and x; write signs as sign symbols")
+
+
+def _fraction(e: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    """Numerator and denominator by sight (integer and half-integer negative powers go below)."""
+    above, below = [], []
+    for factor in sp.Mul.make_args(e):
+        if factor.is_Pow and factor.exp.is_Rational and factor.exp.is_negative and factor.base != sp.E:
+            below.append(sp.Pow(factor.base, -factor.exp))
+        else:
+            above.append(factor)
+    return sp.Mul(*above), sp.Mul(*below)

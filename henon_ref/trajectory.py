@@ -1,0 +1,97 @@
+"""What a solver is given and what it returns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from henon_ref.model.modes import Mode
+from henon_ref.model.system import FilippovSystem
+
+Kind = Literal["stick", "release", "crossing", "graze"]
+Status = Literal[
+    "ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "failed", "unsupported", "unavailable"
+]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One initial-value problem of a Filippov system, in exact numbers.
+
+    Every number is an exact SymPy number (``Rational(1, 10)``, ``sqrt(3)/9``); a solver rounds it once.
+    """
+
+    system: FilippovSystem
+    """The system; its ``parameters`` hold the exact values."""
+    start: sp.Expr
+    """Initial time [s]."""
+    initial: tuple[sp.Expr, ...]
+    """Initial state, in the order of ``system.states``."""
+    until: sp.Expr
+    """Horizon: the run ends here [s]."""
+    initial_mode: Mapping[int, int] = field(default_factory=dict)
+    """Surface index -> -1, 0 or +1, for a start on a surface that the fields leave open."""
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """One change of mode (or a touch) at one instant.
+
+    When several surfaces change at the same instant there is one ``Transition`` a surface, in the
+    order of the surfaces, each with the joint modes before and after.
+    """
+
+    kind: Kind
+    """``stick`` (slip to sliding), ``release`` (sliding to slip), ``crossing``, ``graze`` (touch and go)."""
+    surface: int
+    """Index of the surface that changes."""
+    from_mode: Mode
+    """Mode of all surfaces just before."""
+    to_mode: Mode
+    """Mode of all surfaces just after."""
+    time: float
+    """Time [s], rounded to double."""
+    state: tuple[float, ...]
+    """State at the transition."""
+    time_low: float = 0.0
+    """What rounding ``time`` lost [s]: the time is ``time + time_low`` (0 where a solver does not know it)."""
+    landing: str = ""
+    """How the event was put on the surface: ``henon``, ``newton``, ``brent``, ``bracket``, or the library's way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """Work done by one run. The solver's docstring says what each counts."""
+
+    steps: int = 0
+    rhs_evaluations: int = 0
+    event_evaluations: int = 0
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What a run returns: every transition so far, and how it ended.
+
+    A run that stops early (``diverged``, ``nonunique``, ``invalid``, ``timeout``, ``failed``) still holds
+    all transitions up to there. A solver never says ``wrong``: scoring does.
+    """
+
+    status: Status
+    transitions: tuple[Transition, ...]
+    end_time: float
+    end_state: tuple[float, ...]
+    end_mode: Mode
+    reason: str = ""
+    """Why the status is not ``ok``: one sentence."""
+    counts: Counts = Counts()
+    max_surface_drift: float = 0.0
+    """Largest abs(h_i) seen on a surface the run claims to be on (at transitions and at the end of sticks)."""
+    samples: NDArray[np.float64] | None = None
+    """(k, n) states at the sample times asked for (NaN past an early end), or None."""
+    sample_modes: tuple[Mode, ...] | None = None
+    """Mode at each sample time, or None."""
