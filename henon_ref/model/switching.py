@@ -1,0 +1,221 @@
+"""What follows an event: the one mode whose own field keeps it, found by trying the candidates.
+
+A mode is *consistent* at a point when its field leads into it: every surface in slip is left on the mode's
+side (first non-zero derivative of h), and on every sliding surface the equivalent sign stays inside
+[-1, 1] and the two fields point at the surface. One consistent mode: the future is unique. Several: it is
+not (repelling sliding, a spontaneous switch), and we say so. See Filippov (1988), Sec. 2.10, and Dieci
+and Lopez, *J. Comput. Appl. Math.* 236 (2012) 3967-3991.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Literal
+
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.model.modes import Mode, mode_text, replaced
+from henon_ref.model.system import TIME, FilippovSystem, Guard, ModeEquations
+from henon_ref.taylor.expand import expand
+from henon_ref.taylor.tape import Tape, build_tape
+
+ORDER = 8
+"""Derivatives looked at before a contact counts as one that never separates."""
+ZERO = 1e-11
+"""Relative size below which a derivative counts as zero (a tangency within it cannot be told in double)."""
+EXHAUSTIVE = 4
+"""With at most this many surfaces in play all candidate modes are tried; beyond, they are searched."""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The mode that follows an event, or why there is none."""
+
+    status: Literal["unique", "nonunique", "none", "invalid"]
+    mode: Mode | None
+    reason: str = ""
+
+
+class Switching:
+    """Decides the modes of one system in double precision (tapes are made once a mode and kept)."""
+
+    def __init__(self, system: FilippovSystem) -> None:
+        self.system = system
+        self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[float]] | None] = {}
+        normals = [system.numeric(system.normal_velocity(i)) for i in range(len(system.surfaces))]
+        self._normals = sp.lambdify([TIME, *system.states, *system.signs], normals, "math", cse=True)
+
+    def initial_mode(
+        self, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
+    ) -> Decision:
+        """Mode at the start, decided from exact numbers.
+
+        Parameters
+        ----------
+        start, initial
+            Exact time and state.
+        given : mapping, optional
+            Surface -> entry, for surfaces the start lies on; taken as it is.
+        """
+        system, given = self.system, given or {}
+        at = {TIME: start, **dict(zip(system.states, initial, strict=True))}
+        mode: list[int] = []
+        active: list[int] = []
+        for i, h in enumerate(system.surfaces):
+            sign = exact_sign(system.numeric(h).subs(at, simultaneous=True))
+            if i in given and sign in (0, given[i]):
+                sign = given[i]
+            elif i in given:
+                return Decision(
+                    "invalid", None, f"the start is off the surface of {system.signs[i]}: its mode is {sign:+d}"
+                )
+            elif sign == 0:
+                active.append(i)
+            mode.append(sign)
+        for expression in system.valid:
+            if exact_sign(system.numeric(expression).subs(at, simultaneous=True)) < 0:
+                return Decision("invalid", None, f"the model does not hold at the start: {expression} < 0")
+        if not active:
+            return Decision("unique", tuple(mode))
+        return self._decide(float(start), [float(v) for v in initial], tuple(mode), tuple(active))
+
+    def after_event(self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard]) -> Decision:
+        """Mode after the guards ``hits`` of ``mode`` fell to zero at (t, x).
+
+        The states of the surfaces hit are taken to be on them, whatever rounding says.
+        """
+        for guard in hits:
+            if guard.kind == "valid":
+                expression = self.system.valid[guard.index]
+                return Decision("invalid", None, f"the model ends: {expression} fell to 0 at t = {t:.17g}")
+        if len(hits) == 1 and hits[0].kind == "release":
+            # The equivalent sign reaches +-1 continuously, so the field does not jump and nothing else changes.
+            return Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign))
+        active = {g.index for g in hits} | {i for i, s in enumerate(mode) if s == 0}
+        return self._decide(t, list(x), mode, tuple(sorted(active)))
+
+    def _decide(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...]) -> Decision:
+        if len(active) > EXHAUSTIVE:
+            return self._search(t, x, mode, active)
+        found = [
+            candidate
+            for choice in product((-1, 0, 1), repeat=len(active))
+            if self._violations(t, x, candidate := _with(mode, active, choice), active) == ()
+        ]
+        if len(found) == 1:
+            return Decision("unique", found[0])
+        names = self.system.sign_names
+        if not found:
+            return Decision("none", None, f"no mode is consistent at t = {t:.17g}, x = {x}")
+        modes = " or ".join(mode_text(m, names) for m in found)
+        return Decision("nonunique", None, f"the future is not unique at t = {t:.17g}: {modes}")
+
+    def _search(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...]) -> Decision:
+        """Start from all sliding; let go what cannot be held, hold what comes back, until nothing changes."""
+        candidate = _with(mode, active, (0,) * len(active))
+        for _ in range(4 * len(active)):
+            broken = self._violations(t, x, candidate, active)
+            if broken is None:
+                return Decision("none", None, f"sliding on all of {active} at t = {t:.17g} has no equations")
+            if not broken:
+                return Decision("unique", candidate)
+            for guard in broken:
+                candidate = replaced(candidate, guard.index, guard.to_sign if guard.kind == "release" else 0)
+        return Decision("none", None, f"no consistent mode found at t = {t:.17g} with {len(active)} surfaces in play")
+
+    def _equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[float]] | None:
+        if mode not in self._tapes:
+            system = self.system
+            try:
+                equations = system.equations(mode)
+            except ModelError:
+                self._tapes[mode] = None
+            else:
+                tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+                numbers = [float(system.numeric(c)) for c in tape.constants]
+                self._tapes[mode] = (equations, tape, numbers)
+        return self._tapes[mode]
+
+    def _violations(
+        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int]
+    ) -> tuple[Guard, ...] | None:
+        """Guards of the mode that do not hold just after (t, x); None where the mode has no equations."""
+        made = self._equations(mode)
+        if made is None:
+            return None
+        equations, tape, numbers = made
+        try:
+            states, outputs = expand(tape, numbers, t, x, ORDER)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return None
+        rate = _rate(states)
+        active = set(active)
+        broken: list[Guard] = []
+        for guard, series in zip(equations.guards, outputs, strict=True):
+            if guard.kind == "valid" or guard.index not in active:
+                continue
+            if guard.kind == "release" and guard.index in self.system.overrides:
+                if not self._attracts(t, x, mode, guard.index):
+                    broken.append(guard)
+                continue
+            first = 1 if guard.kind == "surface" else 0
+            size = self._size(t, x, mode, guard.index)
+            if _leading_sign(series, first, rate, size) <= 0:
+                broken.append(guard)
+        return tuple(broken)
+
+    def _both_sides(self, t: float, x: Sequence[float], mode: Mode, index: int) -> tuple[float, float]:
+        """dh/dt of a surface below and above it (signs of the mode elsewhere)."""
+        below, above = (self._normals(t, *x, *replaced(mode, index, s))[index] for s in (-1, 1))
+        return below, above
+
+    def _attracts(self, t: float, x: Sequence[float], mode: Mode, index: int) -> bool:
+        below, above = self._both_sides(t, x, mode, index)
+        zero = ZERO * (abs(below) + abs(above))
+        return below >= -zero and above <= zero
+
+    def _size(self, t: float, x: Sequence[float], mode: Mode, index: int) -> float:
+        """What dh/dt is small or large against."""
+        try:
+            below, above = self._both_sides(t, x, mode, index)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return 0.0
+        return abs(below) + abs(above)
+
+
+def exact_sign(number: sp.Expr) -> int:
+    """Sign of an exact number, by its digits; 0 where 60 digits show nothing."""
+    value = sp.re(sp.N(number, 60, maxn=400, chop=False)) if not number.is_Rational else number
+    if abs(value) < sp.Float("1e-55", 60):
+        return 0
+    return 1 if value > 0 else -1
+
+
+def _with(mode: Mode, active: Sequence[int], choice: Sequence[int]) -> Mode:
+    for index, value in zip(active, choice, strict=True):
+        mode = replaced(mode, index, value)
+    return mode
+
+
+def _rate(states: Sequence[Sequence[float]]) -> float:
+    """An inverse time in which the solution changes: makes coefficients of different order comparable."""
+    rate = 0.0
+    for series in states:
+        slope = max(abs(c) for c in series[1:3])
+        for k in range(2, len(series)):
+            if slope > 0 and series[k] != 0:
+                rate = max(rate, (abs(series[k]) / slope) ** (1 / max(k - 1, 1)))
+    return rate or 1.0
+
+
+def _leading_sign(series: Sequence[float], first: int, rate: float, size: float) -> int:
+    """Sign of the first coefficient from ``first`` on that is not zero; 0 if there is none."""
+    scaled = [c / rate**k for k, c in enumerate(series)]
+    unit = max(size / rate if first else size, max((abs(c) for c in scaled[first:]), default=0.0))
+    for value in scaled[first:]:
+        if abs(value) > ZERO * unit:
+            return 1 if value > 0 else -1
+    return 0
