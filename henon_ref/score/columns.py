@@ -1,0 +1,35 @@
+"""The columns of the result files, in their order: a contract, so new ones go to the end."""
+
+from __future__ import annotations
+
+RUN_COLUMNS = (
+    "case", "reading", "solver", "library_version", "rtol", "atol", "step_s", "status", "landing",
+    "reference_transitions", "found_transitions", "matched", "missed", "spurious",
+    "max_time_error_s", "rms_time_error_s", "max_state_error", "max_surface_drift",
+    "stick_count", "max_stick_error_s", "wall_s", "wall_s_iqr", "compile_s",
+    "steps", "rhs_evaluations", "event_evaluations",
+    "status_reason", "expected_status", "verdict", "digits", "end_time_s",
+    "reference_radius_s", "missed_touches", "spurious_touches", "cut_off", "wall_s_low", "wall_s_high", "timed_runs",
+)  # fmt: skip
+"""A row a reading, solver and setting. From ``status_reason`` on beyond the contract:
+
+``expected_status``: how the truth ends; ``verdict``: see :mod:`henon_ref.score.metrics`; ``digits``: decimal digits
+of the worst transition time; ``missed_touches`` and ``spurious_touches``: touch-and-go events, which are not counted
+as missed or spurious; ``cut_off``: transitions that the horizon cuts off; ``wall_s_low``, ``wall_s_high``: 95 %
+bootstrap interval of the median; ``timed_runs``: number of samples behind it.
+"""
+
+TRANSITION_COLUMNS = (
+    "case", "reading", "solver", "rtol", "step_s", "index", "kind", "surface", "from_mode", "to_mode",
+    "reference_time_s", "reference_radius_s", "time_s", "time_error_s", "conditioning",
+)  # fmt: skip
+"""A row a transition, of the truth or of the run or (matched) of both; the state by name follows."""
+
+STICK_COLUMNS = (
+    "case", "reading", "solver", "rtol", "step_s", "index", "start_s", "duration_s", "reference_s", "error_s",
+    "published_s", "published_error_s", "length",
+)  # fmt: skip
+"""A row a stick that ends within the measured window, of the truth or of the run or of both."""
+
+Row = dict[str, object]
+"""One row by column name; a missing value is None (an empty field in the file)."""

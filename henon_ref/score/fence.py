@@ -1,0 +1,234 @@
+"""Fences: jobs in worker processes, with limits on time and memory, so that one failure stays one failure.
+
+A lane is a queue of jobs that share a worker (one solver's runs: its imports and compiled code are kept). A
+worker that hangs, dies or outgrows its memory is killed with all it started, its job is reported as failed, and
+the lane goes on with a new worker. Leaving :meth:`Fence.run`, by whatever exception, leaves no process behind.
+
+Workers are forked on Linux while the caller has a single thread; elsewhere they are spawned, and a script that
+calls this needs the usual ``if __name__ == "__main__"`` guard.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+import threading
+import time
+import warnings
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import BaseContext
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import IO, Any, Protocol
+
+from henon_ref.score.worker import DONE, FAILURE, Failure, Job, serve
+
+POLL = 0.05
+"""Seconds between two looks at the clock and at memory."""
+LOG_TAIL = 4000
+"""Bytes of a dead worker's output that are searched for its last words."""
+
+
+@dataclass
+class Lane:
+    """Jobs that one worker does in turn."""
+
+    name: str
+    jobs: deque[Job] = field(default_factory=deque)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a worker is told, and how long it then has until its next message."""
+
+    value: Any
+    seconds: float
+
+
+class Consumer(Protocol):
+    """Takes what the workers report."""
+
+    def receive(self, lane: Lane, job: Job, stage: str, payload: Any) -> Answer:
+        """A stage of a job is reached."""
+        ...
+
+    def finished(self, lane: Lane, job: Job, failure: Failure | None) -> None:
+        """A job is over."""
+        ...
+
+    def tick(self) -> None:
+        """Called several times a second while waiting."""
+        ...
+
+
+class _Worker:
+    """One process and the parent's end of its connection."""
+
+    def __init__(self, context: BaseContext, memory: int) -> None:
+        self.log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in stop()
+        self.connection, theirs = multiprocessing.Pipe()
+        self.process: BaseProcess = context.Process(  # type: ignore[attr-defined]
+            target=serve, args=(theirs, os.getpid(), memory, self.log.fileno()), daemon=True
+        )
+        with warnings.catch_warnings():
+            # BLAS keeps threads of its own, which survive a fork by its own handlers.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self.process.start()
+        theirs.close()
+
+    def stop(self) -> None:
+        """Kill the process and everything it started."""
+        pid = self.process.pid
+        try:
+            os.killpg(pid, signal.SIGKILL)  # type: ignore[arg-type]
+        except (ProcessLookupError, PermissionError):  # it is gone, or has not made its group yet
+            self.process.kill()
+        self.process.join()
+        self.process.close()
+        self.connection.close()
+        self.log.close()
+
+    def last_words(self) -> str:
+        """The last line that the process printed, for the reason of a crash."""
+        size = self.log.seek(0, os.SEEK_END)
+        self.log.seek(max(0, size - LOG_TAIL))
+        lines = self.log.read().decode(errors="replace").split("\n")
+        return next((" ".join(line.split()) for line in reversed(lines) if line.strip()), "")
+
+
+@dataclass
+class _Slot:
+    """A lane at work."""
+
+    lane: Lane
+    worker: _Worker
+    job: Job
+    deadline: float
+
+
+class Fence:
+    """Runs lanes of jobs, a few at a time.
+
+    Parameters
+    ----------
+    processes : int
+        Workers at work at once.
+    memory : int
+        Bytes that one worker may hold.
+    """
+
+    def __init__(self, *, processes: int, memory: int) -> None:
+        self.processes = processes
+        self.memory = memory
+        self._slots: list[_Slot] = []
+        self._context = _context()
+
+    def run(self, lanes: Iterable[Lane], consumer: Consumer) -> None:
+        """Do all jobs of all lanes; see :class:`Consumer` for what comes back."""
+        waiting = deque(lane for lane in lanes if lane.jobs)
+        try:
+            while waiting or self._slots:
+                while waiting and len(self._slots) < self.processes:
+                    self._begin(waiting.popleft())
+                self._wait(consumer)
+                self._enforce(consumer)
+                consumer.tick()
+        finally:
+            for slot in self._slots:
+                slot.worker.stop()
+            self._slots.clear()
+
+    def _begin(self, lane: Lane, worker: _Worker | None = None) -> None:
+        """Start the lane's next job, in its worker or a new one; a lane without jobs is over."""
+        if not lane.jobs:
+            if worker is not None:
+                worker.stop()
+            return
+        job = lane.jobs.popleft()
+        slot = _Slot(lane, worker or _Worker(self._context, self.memory), job, time.monotonic() + job.seconds)
+        self._slots.append(slot)
+        try:
+            slot.worker.connection.send(job)
+        except BrokenPipeError:  # it died at once: seen as a crash on the next look
+            return
+
+    def _wait(self, consumer: Consumer) -> None:
+        """Take the messages that arrive before the next look at the clock."""
+        by_connection = {slot.worker.connection: slot for slot in self._slots}
+        for ready in wait(list(by_connection), timeout=POLL):
+            slot = by_connection[ready]  # type: ignore[index]
+            try:
+                stage, payload = slot.worker.connection.recv()
+            except (EOFError, ConnectionResetError):
+                self._end(slot, consumer, _crash(slot.worker), restart=True)
+                continue
+            if stage == DONE:
+                self._end(slot, consumer, None, restart=False)
+            elif stage == FAILURE:
+                self._end(slot, consumer, payload, restart=payload.status == "failed")
+            else:
+                answer = consumer.receive(slot.lane, slot.job, stage, payload)
+                slot.deadline = time.monotonic() + answer.seconds
+                _answer(slot.worker.connection, answer.value)
+
+    def _enforce(self, consumer: Consumer) -> None:
+        """End the jobs that are past their time or their memory."""
+        now = time.monotonic()
+        for slot in list(self._slots):
+            held = resident_bytes(slot.worker.process.pid)
+            if held is not None and held > self.memory:
+                reason = f"memory: {held / 2**30:.1f} GiB held, {self.memory / 2**30:.1f} GiB allowed"
+                self._end(slot, consumer, Failure("failed", reason), restart=True)
+            elif now > slot.deadline and not slot.worker.connection.poll():
+                reason = "stopped from outside: no answer within the time allowed"
+                self._end(slot, consumer, Failure("timeout", reason), restart=True)
+
+    def _end(self, slot: _Slot, consumer: Consumer, failure: Failure | None, *, restart: bool) -> None:
+        self._slots.remove(slot)
+        if restart:
+            slot.worker.stop()
+        try:
+            consumer.finished(slot.lane, slot.job, failure)
+        except BaseException:
+            if not restart:
+                slot.worker.stop()
+            raise
+        self._begin(slot.lane, None if restart else slot.worker)
+
+
+def _answer(connection: Connection, value: Any) -> None:
+    try:
+        connection.send(value)
+    except BrokenPipeError:  # it died meanwhile: seen as a crash on the next look
+        return
+
+
+def _crash(worker: _Worker) -> Failure:
+    """What a worker died of."""
+    worker.process.join(timeout=5)
+    code = worker.process.exitcode
+    how = f"the worker ended with code {code}"
+    if code is not None and code < 0:
+        how = f"the library was ended by signal {signal.Signals(-code).name}"
+    words = worker.last_words()
+    return Failure("failed", f"{how}: {words}" if words else how)
+
+
+def resident_bytes(pid: int | None) -> int | None:
+    """Memory that a process holds; None where the system does not tell."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
+    except (OSError, IndexError):
+        return None
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def _context() -> BaseContext:
+    single = sys.platform == "linux" and threading.active_count() == 1
+    return multiprocessing.get_context("fork" if single else "spawn")

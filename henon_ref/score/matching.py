@@ -1,0 +1,261 @@
+"""Matching a run's transitions with the reference's, by order and mode, before any error is taken.
+
+The alignment has the fewest edits (transitions missed or spurious) among those that keep the order and pair
+only transitions of the same kind, surface, mode before and mode after. Times do two things only: they break
+ties, and they bound what may be paired. Until the first edit the bound is half the longest distance between
+reference transitions of that kind, so that an error of any honest size stays an error and a chain of
+transitions that crowd together is matched by order alone. From the first edit on a pair must agree to a
+twentieth of the distance to its neighbours (or to ten times the median error before the edit): a run that
+went wrong half way gets no credit for what it meets by chance.
+
+Touches (``graze``: touch and go, no mode changes) do not change a trajectory and few solvers report them.
+They are matched apart, and a touch missed or reported in vain counts neither as missed nor as spurious.
+
+Transitions of several surfaces at one instant may come in any order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.model.modes import Mode
+from henon_ref.score.alignment import align
+
+IN_STEP_FRACTION = 0.05
+"""After an edit, a pair agrees to this fraction of the distance to the neighbouring transitions of its kind."""
+IN_STEP_FACTOR = 10.0
+"""... or to this multiple of the median error before the edit."""
+HORIZON_FACTOR = 3.0
+"""A transition this many worst errors before the horizon may fall on its other side."""
+
+
+class Event(Protocol):
+    """What matching needs to know of a transition (a solver's or the truth's)."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def surface(self) -> int: ...
+    @property
+    def from_mode(self) -> Mode: ...
+    @property
+    def to_mode(self) -> Mode: ...
+    @property
+    def time(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Which transition of a run is which of the reference; indices into the two sequences."""
+
+    pairs: tuple[tuple[int, int], ...]
+    """(reference, found), increasing in both but for transitions at one instant; touches left out."""
+    missed: tuple[int, ...]
+    """Reference transitions that the run does not have."""
+    spurious: tuple[int, ...]
+    """Transitions of the run that the reference does not have."""
+    touch_pairs: tuple[tuple[int, int], ...] = ()
+    """Touches (``graze``) matched."""
+    missed_touches: tuple[int, ...] = ()
+    """Touches of the reference that the run does not report; not an error of the sequence."""
+    spurious_touches: tuple[int, ...] = ()
+    """Touches reported that the reference does not have; not an error of the sequence."""
+    cut_reference: tuple[int, ...] = ()
+    """Reference transitions so near the horizon that the run's own time error may put them beyond it."""
+    cut_found: tuple[int, ...] = ()
+    """Transitions of the run so near the horizon that the reference has them beyond it."""
+
+    @property
+    def exact(self) -> bool:
+        """No transition missed, none spurious."""
+        return not self.missed and not self.spurious
+
+
+def match(
+    reference: Sequence[Event],
+    found: Sequence[Event],
+    *,
+    start: float,
+    until: float,
+    radius: float = 0.0,
+    reached_horizon: bool = True,
+) -> Matching:
+    """Match a run's transitions with the reference's.
+
+    Parameters
+    ----------
+    reference, found : sequence of Event
+        Both in order of time.
+    start, until : float
+        The reading's initial time and horizon [s].
+    radius : float
+        Radius of the reference's times [s]; transitions of different surfaces closer than this are one instant.
+    reached_horizon : bool
+        False for a run that ended early: what it did not reach is missed, not cut off by the horizon.
+
+    Returns
+    -------
+    Matching
+    """
+    span = max(until - start, np.finfo(float).tiny)
+    ref_slots = [i for i, e in enumerate(reference) if e.kind != "graze"]
+    run_slots = [j for j, e in enumerate(found) if e.kind != "graze"]
+    ref_slots = _simultaneous_in_run_order(reference, ref_slots, found, run_slots, radius)
+    pairs = _align(reference, ref_slots, found, run_slots, span, radius)
+    missed = sorted(set(ref_slots) - {i for i, _ in pairs})
+    spurious = sorted(set(run_slots) - {j for _, j in pairs})
+    cut_reference: list[int] = []
+    cut_found: list[int] = []
+    if reached_horizon:
+        margin = _horizon_margin(reference, found, pairs, span, until)
+        missed, cut_reference = _cut_off([e.time for e in reference], missed, pairs, 0, until - margin)
+        spurious, cut_found = _cut_off([e.time for e in found], spurious, pairs, 1, until - margin)
+    ref_touches = [i for i, e in enumerate(reference) if e.kind == "graze"]
+    run_touches = [j for j, e in enumerate(found) if e.kind == "graze"]
+    touches = _align(reference, ref_touches, found, run_touches, span, radius)
+    return Matching(
+        pairs=tuple(pairs),
+        missed=tuple(missed),
+        spurious=tuple(spurious),
+        touch_pairs=tuple(touches),
+        missed_touches=tuple(sorted(set(ref_touches) - {i for i, _ in touches})),
+        spurious_touches=tuple(sorted(set(run_touches) - {j for _, j in touches})),
+        cut_reference=tuple(cut_reference),
+        cut_found=tuple(cut_found),
+    )
+
+
+def _key(event: Event) -> tuple[object, ...]:
+    return (event.kind, event.surface, tuple(event.from_mode), tuple(event.to_mode))
+
+
+def _own_key(event: Event) -> tuple[object, ...]:
+    """What a transition does to its own surface, whatever the others do at that instant."""
+    s = event.surface
+    return (event.kind, s, event.from_mode[s], event.to_mode[s])
+
+
+def _align(
+    reference: Sequence[Event],
+    ref_slots: list[int],
+    found: Sequence[Event],
+    run_slots: list[int],
+    span: float,
+    radius: float,
+) -> list[tuple[int, int]]:
+    """Pairs (reference, found): loosely bounded up to the first edit, tightly from there on."""
+    if not ref_slots or not run_slots:
+        return []
+    ref_times = np.array([reference[i].time for i in ref_slots])
+    run_times = np.array([found[j].time for j in run_slots])
+    ref_keys, run_keys = _codes(reference, ref_slots, found, run_slots, radius)
+    loose, tight = _bounds(ref_times, ref_keys[:, 0], span)
+    first = align(ref_keys, ref_times, run_keys, run_times, loose)
+    edit = _first_edit(first, len(ref_slots), len(run_slots))
+    if edit < len(first) or len(first) < max(len(ref_slots), len(run_slots)):
+        head = first[:edit]
+        slips = np.abs(ref_times[head[:, 0]] - run_times[head[:, 1]])
+        usual = IN_STEP_FACTOR * float(np.median(slips)) if slips.size else 0.0
+        bound = np.minimum(loose, np.maximum(tight, usual))[edit:]
+        tail = align(ref_keys[edit:], ref_times[edit:], run_keys[edit:], run_times[edit:], bound)
+        first = np.concatenate([head, tail + edit])
+    return [(ref_slots[i], run_slots[j]) for i, j in first.tolist()]
+
+
+def _first_edit(pairs: NDArray[np.intp], n_ref: int, n_run: int) -> int:
+    """Number of pairs before the first missed or spurious transition."""
+    if not len(pairs):
+        return 0
+    broken = np.nonzero((pairs != np.arange(len(pairs))[:, None]).any(axis=1))[0]
+    return int(broken[0]) if broken.size else min(len(pairs), n_ref, n_run)
+
+
+def _codes(
+    reference: Sequence[Event], ref_slots: list[int], found: Sequence[Event], run_slots: list[int], radius: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Integer keys, two a transition: the full one, and the own-surface one (for reference groups only)."""
+    table: dict[tuple[object, ...], int] = {}
+
+    def code(key: tuple[object, ...]) -> int:
+        return table.setdefault(key, len(table))
+
+    grouped = set().union(*_groups(reference, ref_slots, radius))
+    ref_keys = [(code(_key(reference[i])), code(_own_key(reference[i])) if i in grouped else -1) for i in ref_slots]
+    run_keys = [(code(_key(found[j])), code(_own_key(found[j]))) for j in run_slots]
+    return np.array(ref_keys, dtype=np.int64), np.array(run_keys, dtype=np.int64)
+
+
+def _bounds(times: NDArray[np.float64], keys: NDArray[np.int64], span: float) -> tuple[NDArray[np.float64], ...]:
+    """How far a pair may be apart [s]: before the first edit, and after it."""
+    loose = np.full(times.size, span / 2)
+    tight = np.full(times.size, span * IN_STEP_FRACTION)
+    for key in np.unique(keys):
+        where = np.nonzero(keys == key)[0]
+        gaps = np.diff(times[where])
+        if gaps.size:
+            loose[where] = gaps.max() / 2
+            near = np.minimum(np.append(gaps, np.inf), np.insert(gaps, 0, np.inf))
+            tight[where] = near * IN_STEP_FRACTION
+    return loose, tight
+
+
+def _groups(events: Sequence[Event], slots: list[int], radius: float) -> list[set[int]]:
+    """Sets of slots whose transitions are at one instant, on different surfaces."""
+    groups: list[set[int]] = []
+    for before, after in zip(slots, slots[1:], strict=False):
+        first, second = events[before], events[after]
+        together = second.time - first.time <= max(2 * radius, 4 * float(np.spacing(abs(first.time))))
+        if not together or first.surface == second.surface:
+            continue
+        if groups and before in groups[-1]:
+            if second.surface not in {events[i].surface for i in groups[-1]}:
+                groups[-1].add(after)
+        else:
+            groups.append({before, after})
+    return groups
+
+
+def _simultaneous_in_run_order(
+    reference: Sequence[Event], ref_slots: list[int], found: Sequence[Event], run_slots: list[int], radius: float
+) -> list[int]:
+    """The reference's slots, those at one instant put into the order in which the run has them."""
+    groups = _groups(reference, ref_slots, radius)
+    if not groups or not run_slots:
+        return ref_slots
+    places: dict[tuple[object, ...], list[int]] = {}
+    for j in run_slots:
+        places.setdefault(_own_key(found[j]), []).append(j)
+    order = list(ref_slots)
+    position = {slot: k for k, slot in enumerate(ref_slots)}
+    for group in groups:
+        members = sorted(group, key=position.__getitem__)
+        nearest: dict[int, int] = {}
+        for i in members:
+            candidates = places.get(_own_key(reference[i]), [])
+            instant = reference[i].time
+            nearest[i] = min(candidates, key=lambda j: abs(found[j].time - instant), default=len(found))
+        first = position[members[0]]
+        order[first : first + len(members)] = sorted(members, key=nearest.__getitem__)
+    return order
+
+
+def _horizon_margin(
+    reference: Sequence[Event], found: Sequence[Event], pairs: list[tuple[int, int]], span: float, until: float
+) -> float:
+    """How near the horizon the run's own time error may move a transition across it [s]."""
+    worst = max((abs(reference[i].time - found[j].time) for i, j in pairs), default=0.0)
+    return max(min(HORIZON_FACTOR * worst, span * IN_STEP_FRACTION), 4 * float(np.spacing(abs(until))))
+
+
+def _cut_off(
+    times: list[float], unmatched: list[int], pairs: list[tuple[int, int]], side: int, after: float
+) -> tuple[list[int], list[int]]:
+    """Split unmatched transitions into those that count and those at the horizon, past the last pair."""
+    last = max((pair[side] for pair in pairs), default=-1)
+    cut = [k for k in unmatched if k > last and times[k] >= after]
+    return [k for k in unmatched if k not in set(cut)], cut

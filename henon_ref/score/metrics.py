@@ -1,0 +1,212 @@
+"""Errors of a run against the truth, and a verdict on it.
+
+Times are compared as double-doubles: the truth is ``time + time_low``, a run's time is ``time + time_low`` as
+far as the solver knows it. An error can come out below the truth's radius; it is kept as it is, and ``digits``
+is what is claimed: never more than the radius and the format of the times allow.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from typing import Protocol
+
+import numpy as np
+
+from henon_ref.model.modes import Mode
+from henon_ref.score.matching import Matching, match
+from henon_ref.trajectory import Status, Trajectory, Transition
+
+HALF_ULP = 2.0**-53
+EARLY = ("diverged", "nonunique", "invalid")
+"""Statuses with which a run may rightly end before the horizon."""
+END_FRACTION = 1e-3
+"""A run that rightly ends early does so within this fraction of the run from the truth's end."""
+
+
+class ReferenceEvent(Protocol):
+    """A transition of the truth."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def surface(self) -> int: ...
+    @property
+    def from_mode(self) -> Mode: ...
+    @property
+    def to_mode(self) -> Mode: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def time_low(self) -> float: ...
+    @property
+    def radius(self) -> float: ...
+    @property
+    def conditioning(self) -> float: ...
+    @property
+    def state(self) -> Sequence[object]: ...
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What a run is scored against: the truth of one reading, in doubles and double-doubles."""
+
+    status: Status
+    """How the exact run ends."""
+    transitions: Sequence[ReferenceEvent]
+    """Every transition up to that end."""
+    start: float
+    """Initial time [s]."""
+    until: float
+    """Horizon [s]."""
+    end_time: float
+    """Where the exact run ends: the horizon, or before it [s]."""
+
+    @property
+    def radius(self) -> float:
+        """Largest radius of its transition times [s]."""
+        return max((e.radius for e in self.transitions), default=0.0)
+
+    @property
+    def time_unit(self) -> float:
+        """Power of ten that digits are counted from [s]: 1 unless transitions are 10 times rarer or denser."""
+        gap = (self.end_time - self.start) / max(len(self.transitions), 1)
+        return 10.0 ** math.trunc(math.log10(gap)) if 0 < gap < math.inf else 1.0
+
+
+@dataclass(frozen=True)
+class Score:
+    """A run against the truth. None where there is nothing to measure."""
+
+    matching: Matching
+    status: Status
+    reason: str
+    verdict: str
+    """``right``, ``solver defect``, ``ill-conditioned`` or ``not unique`` (whose fault a wrong run is)."""
+    time_errors: dict[int, float]
+    """Reference index -> signed time error [s], touches included."""
+    max_time_error: float | None
+    rms_time_error: float | None
+    max_state_error: float | None
+    digits: float | None
+    """Decimal digits of the worst transition time, counted from the case's unit of time."""
+
+
+def time_error(event: Transition, reference: ReferenceEvent) -> float:
+    """Signed time error [s] of two compensated times; the leading parts cancel exactly (Sterbenz)."""
+    return (event.time - reference.time) + (event.time_low - reference.time_low)
+
+
+def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None) -> Score:
+    """Match a run with the truth and take its errors.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    expected : Expected
+    tolerance : float, optional
+        Relative tolerance of the run, for the verdict on an ill-conditioned transition; None: double precision.
+    """
+    limit = math.inf if expected.status == "ok" else _end_margin(expected)
+    found = list(takewhile(lambda event: event.time <= limit, trajectory.transitions))
+    matching = match(
+        expected.transitions,
+        found,
+        start=expected.start,
+        until=expected.end_time,
+        radius=expected.radius,
+        reached_horizon=trajectory.status in ("ok", expected.status),
+    )
+    errors = {
+        i: time_error(found[j], expected.transitions[i]) for i, j in matching.pairs + matching.touch_pairs
+    }
+    counted = np.array([errors[i] for i, _ in matching.pairs])
+    worst = float(np.max(np.abs(counted))) if counted.size else None
+    status, reason = _status(trajectory, expected, matching)
+    return Score(
+        matching=matching,
+        status=status,
+        reason=reason,
+        verdict=_verdict(status, expected, matching, found, tolerance),
+        time_errors=errors,
+        max_time_error=worst,
+        rms_time_error=float(np.sqrt(np.mean(counted**2))) if counted.size else None,
+        max_state_error=_state_error(trajectory, expected, matching),
+        digits=None if worst is None else digits(worst, expected),
+    )
+
+
+def digits(error: float, expected: Expected) -> float:
+    """Decimal digits that an error leaves, never more than the truth's radius and double precision allow."""
+    floor = max(abs(error), expected.radius, HALF_ULP * expected.time_unit)
+    return -math.log10(floor / expected.time_unit)
+
+
+def _end_margin(expected: Expected) -> float:
+    """The last instant [s] at which a transition of an exact run that ends early is still scored."""
+    return expected.end_time + END_FRACTION * (expected.until - expected.start)
+
+
+def _state_error(trajectory: Trajectory, expected: Expected, matching: Matching) -> float | None:
+    """Largest absolute error of a state at a matched transition."""
+    worst: float | None = None
+    for i, j in matching.pairs:
+        exact = [float(str(value)) for value in expected.transitions[i].state]
+        error = max((abs(a - b) for a, b in zip(trajectory.transitions[j].state, exact, strict=False)), default=None)
+        if error is not None and not math.isnan(error):
+            worst = error if worst is None else max(worst, error)
+    return worst
+
+
+def _status(trajectory: Trajectory, expected: Expected, matching: Matching) -> tuple[Status, str]:
+    """A run's status after scoring: ``wrong`` where its sequence is, and the reason in one sentence."""
+    if trajectory.status not in ("ok", *EARLY):  # it did not run to its own end: nothing to hold against the truth
+        return trajectory.status, trajectory.reason
+    if trajectory.status != expected.status:
+        if trajectory.status != "ok":
+            return trajectory.status, trajectory.reason or f"the run ended at t = {trajectory.end_time:.6g}"
+        return "wrong", f"went on past t = {expected.end_time:.12g}, where the exact run is {expected.status}"
+    if not matching.exact:
+        return "wrong", _edits(matching, expected)
+    late = abs(trajectory.end_time - expected.end_time)
+    if expected.status != "ok" and late > END_FRACTION * (expected.until - expected.start):
+        return "wrong", f"{trajectory.status} at t = {trajectory.end_time:.6g}, not at {expected.end_time:.12g}"
+    return trajectory.status, trajectory.reason
+
+
+def _edits(matching: Matching, expected: Expected) -> str:
+    """What is missed and spurious, and where it starts."""
+    words = [f"{len(matching.missed)} missed", f"{len(matching.spurious)} spurious"]
+    if matching.missed:
+        event = expected.transitions[matching.missed[0]]
+        words.append(f"first missed: {event.kind} at t = {event.time:.9g}")
+    return ", ".join(words)
+
+
+def _verdict(
+    status: Status, expected: Expected, matching: Matching, found: Sequence[Transition], tolerance: float | None
+) -> str:
+    """Whose fault it is: the solver's, or the question's."""
+    if status == expected.status:
+        return "right"
+    if expected.status == "nonunique":
+        return "not unique"
+    where = _first_edit_time(matching, expected, found)
+    if where is not None and expected.transitions:
+        times = np.array([e.time for e in expected.transitions])
+        nearest = int(np.argmin(np.abs(times - where)))
+        gaps = np.abs(np.delete(times, nearest) - times[nearest])
+        gap = float(gaps.min()) if gaps.size else expected.until - expected.start
+        slip = expected.transitions[nearest].conditioning * (HALF_ULP if tolerance is None else tolerance)
+        if slip >= gap:
+            return "ill-conditioned"
+    return "solver defect"
+
+
+def _first_edit_time(matching: Matching, expected: Expected, found: Sequence[Transition]) -> float | None:
+    """Time of the first transition missed or spurious [s]."""
+    times = [expected.transitions[i].time for i in matching.missed[:1]]
+    times += [found[j].time for j in matching.spurious[:1]]
+    return min(times, default=None)

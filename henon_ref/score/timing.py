@@ -1,0 +1,112 @@
+"""Wall times: repeated runs, medians, and an interval that says how far to trust them."""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+SAMPLES = 200
+"""Most samples taken where the caller does not say how many."""
+FEWEST = 3
+"""Samples that are taken even where the budget runs out, unless a single run exceeds it."""
+RESAMPLES = 2000
+"""Bootstrap resamples behind an interval."""
+UNSTABLE = 0.1
+"""A sample whose interquartile range is above this fraction of its median is called unstable."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What a set of samples says."""
+
+    median: float
+    """Median wall time [s]."""
+    iqr: float | None
+    """Interquartile range [s]; None for fewer than three samples."""
+    low: float | None
+    """Lower end of the 95 % bootstrap interval of the median [s]; None for fewer than three samples."""
+    high: float | None
+    """Upper end [s]."""
+
+    @property
+    def unstable(self) -> bool:
+        """The samples scatter too much for the median to mean much."""
+        return self.iqr is not None and self.iqr > UNSTABLE * self.median
+
+
+def timed(run: Callable[[], object]) -> float:
+    """Wall time of one run [s], the garbage collector held off."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        begin = time.perf_counter_ns()
+        run()
+        return (time.perf_counter_ns() - begin) * 1e-9
+    finally:
+        if was_on:
+            gc.enable()
+
+
+def repeat(run: Callable[[], object], *, first: float, repeats: int | None, budget: float) -> tuple[float, ...]:
+    """Time a run again and again.
+
+    Parameters
+    ----------
+    run : callable
+        A prepared run, already called once.
+    first : float
+        Wall time of that first call [s]. It was the warm-up: it is a sample only where it is the sole one.
+    repeats : int, optional
+        Number of samples; None takes as many as fit the budget, at least three and at most ``SAMPLES``.
+    budget : float
+        Seconds all samples may take; a run slower than that is not repeated.
+
+    Returns
+    -------
+    tuple of float
+        Samples [s], in the order taken.
+    """
+    if repeats is None and first > budget:
+        return (first,)
+    samples: list[float] = []
+    spent = 0.0
+    most = SAMPLES if repeats is None else repeats
+    while len(samples) < most and (repeats is not None or spent < budget or len(samples) < FEWEST):
+        samples.append(timed(run))
+        spent += samples[-1]
+    return tuple(samples)
+
+
+def median_interval(samples: Sequence[float], *, level: float = 0.95, seed: int = 0) -> tuple[float, float]:
+    """Percentile bootstrap interval of the median (Efron 1979); the same samples give the same interval.
+
+    Parameters
+    ----------
+    samples : sequence of float
+        At least one [s].
+    level : float
+        Coverage asked for.
+    seed : int
+        Seed of the resampling.
+    """
+    values = np.asarray(samples, dtype=float)
+    draws = np.random.default_rng(seed).integers(0, values.size, size=(RESAMPLES, values.size))
+    medians = np.median(values[draws], axis=1)
+    low, high = np.quantile(medians, [(1 - level) / 2, (1 + level) / 2])
+    return float(low), float(high)
+
+
+def summarise(samples: Sequence[float]) -> Timing | None:
+    """Median, interquartile range and interval of the samples; None where there are none."""
+    if not samples:
+        return None
+    median = float(np.median(samples))
+    if len(samples) < FEWEST:
+        return Timing(median, None, None, None)
+    quarter, three = np.quantile(samples, [0.25, 0.75])
+    low, high = median_interval(samples)
+    return Timing(median, float(three - quarter), low, high)

@@ -1,0 +1,150 @@
+"""The inside of a fence: a process of its own that does one job after another and reports each stage.
+
+A job is a generator: what it yields goes to the parent as a message, and the parent's answer comes back as the
+value of the ``yield``. Whatever goes wrong in a job, a library's own exceptions included, becomes one last
+message; only a signal ends the worker without one.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import faulthandler
+import os
+import signal
+import sys
+from collections.abc import Generator
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from types import TracebackType
+from typing import Any, Protocol
+
+from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.trajectory import Status
+
+Message = tuple[str, Any]
+"""Stage and payload."""
+Stages = Generator[Message, Any, None]
+
+FAILURE = "failure"
+"""Stage of the message that reports a failure; its payload is a :class:`Failure`."""
+DONE = "done"
+"""Stage of the message that says that the job is done."""
+
+
+class Job(Protocol):
+    """A piece of work for a worker."""
+
+    @property
+    def seconds(self) -> float:
+        """Time until its first message [s]."""
+        ...
+
+    def stages(self) -> Stages:
+        """The work itself, done in the worker."""
+        ...
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a job did not come to its end."""
+
+    status: Status
+    reason: str
+
+
+def serve(connection: Connection, parent: int, memory: int, log: int) -> None:
+    """Do jobs until the parent closes the connection.
+
+    Parameters
+    ----------
+    connection : Connection
+        Brings jobs and answers, takes messages.
+    parent : int
+        Process id of the parent; the worker dies with it.
+    memory : int
+        Bytes of data that the worker may allocate.
+    log : int
+        File descriptor that takes the place of standard output and standard error.
+    """
+    _isolate(parent, memory, log)
+    while True:
+        try:
+            job: Job = connection.recv()
+        except EOFError:
+            return
+        with _Reported(connection):
+            _work(job, connection)
+
+
+def _work(job: Job, connection: Connection) -> None:
+    stages = job.stages()
+    answer: Any = None
+    while True:
+        try:
+            message = stages.send(answer)
+        except StopIteration:
+            connection.send((DONE, None))
+            return
+        connection.send(message)
+        answer = connection.recv()
+
+
+class _Reported:
+    """Turns any exception of a job into a message: a library's failure is a row, not the end of the others."""
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> bool:
+        if error is None or isinstance(error, EOFError | BrokenPipeError):
+            return False
+        self.connection.send((FAILURE, failure_of(error)))
+        return True
+
+
+def failure_of(error: BaseException) -> Failure:
+    """Status and reason of an exception that a job raised."""
+    if isinstance(error, UnsupportedError):
+        return Failure("unsupported", str(error))
+    if isinstance(error, UnavailableError):
+        return Failure("unavailable", str(error))
+    if isinstance(error, MemoryError):
+        return Failure("failed", "memory: the run needs more than the limit")
+    text = " ".join(str(error).split())
+    return Failure("failed", f"{type(error).__name__}: {text}" if text else type(error).__name__)
+
+
+def _isolate(parent: int, memory: int, log: int) -> None:
+    """A session and a process group of its own, quiet, bounded, and never outliving the parent."""
+    faulthandler.disable()  # a crash is told by its signal; the parent's handler would write to its terminal
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if hasattr(os, "setsid"):
+        os.setsid()
+    if sys.platform == "linux":
+        _die_with(parent)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.dup2(log, 1)
+    os.dup2(log, 2)
+    if sys.platform != "win32":
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        # Not RLIMIT_AS: LLVM and thread stacks reserve far more address space than they use.
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        limit = memory if hard == resource.RLIM_INFINITY else min(memory, hard)
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
+
+
+def _die_with(parent: int) -> None:
+    """Ask the kernel for SIGKILL when the parent ends, however it ends."""
+    set_parent_death_signal = 1
+    ctypes.CDLL(None, use_errno=True).prctl(set_parent_death_signal, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:  # it ended before the request was in force
+        os._exit(1)

@@ -1,0 +1,198 @@
+"""A hang, a crash, memory beyond the limit or an exception is one failed job; the others go on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.score.fence import Answer, Fence, Lane
+from henon_ref.score.worker import Failure
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
+MEMORY = 600 * 2**20
+
+
+@dataclass(frozen=True)
+class Act:
+    """A job that does what its name says."""
+
+    what: str
+    seconds: float = 20.0
+
+    def stages(self):
+        doubled = yield "begun", (self.what, os.getpid())
+        if self.what == "hang":
+            while True:
+                time.sleep(1)
+        elif self.what == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        elif self.what == "abort":
+            os.write(2, b"LLVM ERROR: out of registers\n")
+            os.abort()
+        elif self.what == "eat":
+            self.eat()
+        elif self.what == "raise":
+            raise ValueError("bad\n  value")
+        elif self.what == "unsupported":
+            raise UnsupportedError("no events")
+        elif self.what == "unavailable":
+            raise UnavailableError("not installed")
+        elif self.what == "children":
+            subprocess.Popen(["sleep", "60"])
+            time.sleep(60)
+        yield "result", doubled
+
+    def eat(self):
+        held = []
+        while True:
+            held.append(bytearray(os.urandom(1) * (20 * 2**20)))
+            time.sleep(0.01)
+
+
+class Collector:
+    def __init__(self, seconds: float = 20.0):
+        self.results: dict[str, object] = {}
+        self.failures: dict[str, Failure] = {}
+        self.pids: dict[str, int] = {}
+        self.done: list[str] = []
+        self.seconds = seconds
+
+    def receive(self, lane, job, stage, payload):
+        if stage == "begun":
+            self.pids[job.what] = payload[1]
+            return Answer(payload[0] * 2, self.seconds)
+        self.results[job.what] = payload
+        return Answer(None, self.seconds)
+
+    def finished(self, lane, job, failure):
+        self.done.append(job.what)
+        if failure is not None:
+            self.failures[job.what] = failure
+
+    def tick(self):
+        pass
+
+
+def run(*lanes: list[str], collector: Collector | None = None, processes: int = 2, memory: int = MEMORY) -> Collector:
+    collector = collector or Collector()
+    Fence(processes=processes, memory=memory).run(
+        [Lane(str(k), deque(Act(what) for what in jobs)) for k, jobs in enumerate(lanes)], collector
+    )
+    return collector
+
+
+def gone(pid: int) -> bool:
+    """Whether a process is no more (or is only waiting to be reaped by somebody else)."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+def test_a_lane_keeps_its_worker():
+    seen = run(["a", "b", "c"])
+    assert seen.results == {"a": "aa", "b": "bb", "c": "cc"}
+    assert len(set(seen.pids.values())) == 1
+    assert not seen.failures
+
+
+@pytest.mark.parametrize(
+    ("what", "status", "words"),
+    [
+        ("kill", "failed", "SIGKILL"),
+        ("abort", "failed", "SIGABRT: LLVM ERROR: out of registers"),
+        ("raise", "failed", "ValueError: bad value"),
+        ("unsupported", "unsupported", "no events"),
+        ("unavailable", "unavailable", "not installed"),
+    ],
+)
+def test_a_failed_job_says_why_and_the_lane_goes_on(what, status, words):
+    seen = run(["before", what, "after"], ["other"])
+    assert seen.failures[what].status == status
+    assert words in seen.failures[what].reason
+    assert seen.results == {"before": "beforebefore", "after": "afterafter", "other": "otherother"}
+
+
+def test_a_hang_is_ended_at_its_deadline():
+    seen = run(["hang", "after"], collector=Collector(seconds=0.3))
+    assert seen.failures["hang"].status == "timeout"
+    assert seen.results == {"after": "afterafter"}
+    assert gone(seen.pids["hang"])
+
+
+def test_memory_beyond_the_limit_ends_the_job():
+    seen = run(["eat", "after"])
+    assert seen.failures["eat"].status == "failed"
+    assert "memory" in seen.failures["eat"].reason
+    assert seen.results == {"after": "afterafter"}
+
+
+def test_what_a_worker_started_dies_with_it():
+    seen = run(["children"], collector=Collector(seconds=0.5))
+    session = seen.pids["children"]
+    sessions = [
+        stat.rsplit(")", 1)[1].split()
+        for entry in Path("/proc").glob("[0-9]*/stat")
+        for stat in [_read(entry)]
+        if stat
+    ]
+    assert not [fields for fields in sessions if int(fields[3]) == session and fields[0] != "Z"]
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return ""
+
+
+def test_an_interrupt_leaves_no_process_behind():
+    class Interrupted(Collector):
+        def finished(self, lane, job, failure):
+            super().finished(lane, job, failure)
+            raise KeyboardInterrupt
+
+    collector = Interrupted()
+    with pytest.raises(KeyboardInterrupt):
+        run(["a"], ["hang"], collector=collector)
+    assert collector.done == ["a"]
+    deadline = time.monotonic() + 5
+    while not all(gone(pid) for pid in collector.pids.values()) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert all(gone(pid) for pid in collector.pids.values())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the parent-death signal is Linux's")
+def test_workers_die_with_a_killed_parent(tmp_path):
+    script = tmp_path / "parent.py"
+    script.write_text(
+        textwrap.dedent(f"""
+        import sys
+        sys.path.insert(0, {str(Path(__file__).parent)!r})
+        from test_fence import Collector, run
+        class Tell(Collector):
+            def receive(self, lane, job, stage, payload):
+                print(payload[1], flush=True)
+                return super().receive(lane, job, stage, payload)
+        run(["hang"], collector=Tell(60))
+        """)
+    )
+    parent = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    worker = int(parent.stdout.readline())
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    deadline = time.monotonic() + 5
+    while not gone(worker) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert gone(worker)
