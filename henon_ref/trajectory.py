@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -82,7 +82,8 @@ class Trajectory:
     """
 
     status: Status
-    transitions: tuple[Transition, ...]
+    transitions: Sequence[Transition]
+    """In order of time; may be a view of arrays that makes each ``Transition`` when it is looked at."""
     end_time: float
     end_state: tuple[float, ...]
     end_mode: Mode

@@ -97,6 +97,28 @@ class Switching:
         active = {g.index for g in hits} | {i for i, s in enumerate(mode) if s == 0}
         return self._decide(t, list(x), mode, tuple(sorted(active)))
 
+    def contact_orders(self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int]) -> list[int]:
+        """Known zeros of each guard of a mode at (t, x): how often the surfaces in ``active`` are touched.
+
+        For a surface just left: 1 where it is left with a speed, 2 where tangentially, and so on; 0 for
+        guards of other surfaces and where nothing is zero.
+        """
+        made = self._equations(mode)
+        if made is None:
+            return []
+        equations, tape, numbers = made
+        states, outputs = expand(tape, numbers, t, x, ORDER)
+        rate, active = _rate(states), set(active)
+        orders = []
+        for guard, series in zip(equations.guards, outputs, strict=True):
+            first = 1 if guard.kind == "surface" else 0
+            if guard.kind == "valid" or guard.index not in active or guard.rising_only:
+                orders.append(0)
+            else:
+                found = _leading(series, first, rate, self._size(t, x, mode, guard.index))
+                orders.append(found if found is not None else first)
+        return orders
+
     def _decide(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...]) -> Decision:
         if len(active) > EXHAUSTIVE:
             return self._search(t, x, mode, active)
@@ -211,11 +233,17 @@ def _rate(states: Sequence[Sequence[float]]) -> float:
     return rate or 1.0
 
 
-def _leading_sign(series: Sequence[float], first: int, rate: float, size: float) -> int:
-    """Sign of the first coefficient from ``first`` on that is not zero; 0 if there is none."""
+def _leading(series: Sequence[float], first: int, rate: float, size: float) -> int | None:
+    """Index of the first coefficient from ``first`` on that is not zero, or None."""
     scaled = [c / rate**k for k, c in enumerate(series)]
     unit = max(size / rate if first else size, max((abs(c) for c in scaled[first:]), default=0.0))
-    for value in scaled[first:]:
-        if abs(value) > ZERO * unit:
-            return 1 if value > 0 else -1
-    return 0
+    for k in range(first, len(scaled)):
+        if abs(scaled[k]) > ZERO * unit:
+            return k
+    return None
+
+
+def _leading_sign(series: Sequence[float], first: int, rate: float, size: float) -> int:
+    """Sign of the first coefficient from ``first`` on that is not zero; 0 if there is none."""
+    k = _leading(series, first, rate, size)
+    return 0 if k is None else (1 if series[k] > 0 else -1)

@@ -1,0 +1,303 @@
+"""Hénon's event integrator: the compiled mode loop, and the closer look at what it cannot decide."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.henon import kernel as k
+from henon_ref.henon.compiled import CompiledSystem, double_double
+from henon_ref.henon.polynomial import DEPTH, LANDINGS, bernstein_table
+from henon_ref.model.modes import Mode, transition_kind
+from henon_ref.model.switching import Decision, Switching, exact_sign
+from henon_ref.model.system import TIME, FilippovSystem, Guard
+from henon_ref.trajectory import Counts, Kind, Problem, Status, Trajectory, Transition
+
+_KINDS: tuple[Kind, ...] = ("stick", "release", "crossing", "graze")
+_BUDGET = 50_000
+"""Steps between two looks at the clock."""
+_CHUNK = 1024
+"""Transitions kept in one block of memory."""
+
+
+@dataclass(frozen=True)
+class TransitionBlock(Sequence[Transition]):
+    """Transitions kept as arrays; each becomes a :class:`Transition` when it is looked at."""
+
+    times: NDArray[np.float64]
+    """(k, 2): time and what rounding it lost."""
+    marks: NDArray[np.int64]
+    """(k, 5): kind, surface, mode before, mode after, landing."""
+    states: NDArray[np.float64]
+    """(k, n)."""
+    modes: tuple[Mode, ...]
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @overload
+    def __getitem__(self, at: int) -> Transition: ...
+    @overload
+    def __getitem__(self, at: slice) -> TransitionBlock: ...
+    def __getitem__(self, at: int | slice) -> Transition | TransitionBlock:
+        if isinstance(at, slice):
+            return TransitionBlock(self.times[at], self.marks[at], self.states[at], self.modes)
+        kind, surface, source, target, landing = self.marks[at]
+        return Transition(
+            kind=_KINDS[kind],
+            surface=int(surface),
+            from_mode=self.modes[source],
+            to_mode=self.modes[target],
+            time=float(self.times[at, 0]),
+            state=tuple(self.states[at].tolist()),
+            time_low=float(self.times[at, 1]),
+            landing=LANDINGS[landing],
+        )
+
+
+@dataclass(frozen=True)
+class Start:
+    """A problem's start and horizon as the compiled loop takes them."""
+
+    time: tuple[float, float]
+    """Initial time and what rounding it lost."""
+    until: tuple[float, float]
+    """Horizon and what rounding it lost."""
+    x: tuple[float, ...]
+    decision: Decision
+    """The mode at the start, or why there is none."""
+    row: int | None
+    """Its row in the compiled tables."""
+    zeros: tuple[int, ...]
+    """Known zeros of the guards: surfaces that the start lies on."""
+
+
+class Engine:
+    """Runs of one system at one order; compiles what it needs and keeps it.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    order : int
+        Order of the Taylor method.
+    """
+
+    def __init__(self, system: FilippovSystem, order: int) -> None:
+        self.system = system
+        self.order = order
+        self.compiled = CompiledSystem(system, order)
+        self.switching = Switching(system)
+        self.table = bernstein_table(order)
+
+    def start(self, problem: Problem) -> Start:
+        """What is decided once a problem, in exact numbers: where it starts and in which mode."""
+        system = self.system
+        decision = self.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
+        at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
+        surfaces = [system.numeric(h).subs(at, simultaneous=True) for h in system.surfaces]
+        x = [double_double(v)[0] for v in problem.initial]
+        active = [i for i, h in enumerate(surfaces) if exact_sign(h) == 0]
+        time = double_double(problem.start)
+        row, zeros = None, ()
+        if decision.mode is not None:
+            row = self.compiled.compile(decision.mode)
+            zeros = tuple(self.switching.contact_orders(time[0], x, decision.mode, active))
+        return Start(time, double_double(problem.until), tuple(x), decision, row, zeros)
+
+    def run(
+        self,
+        start: Start,
+        *,
+        tolerance: float,
+        landing: int,
+        sample_times: NDArray[np.float64] | None = None,
+        deadline: float | None = None,
+    ) -> Trajectory:
+        """Integrate from a start to its horizon.
+
+        Parameters
+        ----------
+        start : Start
+            Of this engine's system.
+        tolerance : float
+            Local error of a step, relative to the size of each state and guard on the step.
+        landing : int
+            HENON, NEWTON or BRENT of :mod:`henon_ref.henon.polynomial`.
+        sample_times : ndarray, shape (k,), optional
+        deadline : float, optional
+            Seconds after which the run stops with status ``timeout``.
+        """
+        return _Run(self, start, tolerance, landing, sample_times, deadline).go()
+
+
+@dataclass
+class _Run:
+    """One run: the arrays the compiled loop works on, and the conversation with it."""
+
+    engine: Engine
+    start: Start
+    tolerance: float
+    method: int
+    sample_times: NDArray[np.float64] | None
+    deadline: float | None
+    floats: NDArray[np.float64] = field(init=False)
+    integers: NDArray[np.int64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        compiled, n = self.engine.compiled, len(self.start.x)
+        most, order = compiled.most_guards, self.engine.order
+        self.floats = np.zeros(k.F_SIZE)
+        self.integers = np.zeros(k.I_SIZE, dtype=np.int64)
+        self.x = np.array(self.start.x)
+        self.multiplicity = np.zeros(most, dtype=np.int64)
+        self.hits = np.zeros(most, dtype=np.int64)
+        self.c = np.zeros((n + most, order + 1))
+        self.speeds = np.zeros((n + 2 * most, 1))
+        self.work = np.zeros((4 + DEPTH, order + 1))
+        self.bounds = np.zeros((2 + DEPTH, 2))
+        wanted = self.sample_times if self.sample_times is not None else np.zeros(0)
+        self.wanted = np.ascontiguousarray(wanted, dtype=float)
+        self.samples = np.full((self.wanted.size, n), np.nan)
+        self.sample_modes = np.zeros(self.wanted.size, dtype=np.int64)
+        self.blocks: list[tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]] = []
+        self._new_block()
+
+    def _new_block(self) -> None:
+        self.times = np.empty((_CHUNK, 2))
+        self.marks = np.empty((_CHUNK, 5), dtype=np.int64)
+        self.states = np.empty((_CHUNK, self.x.size))
+        self.integers[k.I_COUNT] = 0
+
+    def _close_block(self) -> None:
+        count = self.integers[k.I_COUNT]
+        self.blocks.append((self.times[:count], self.marks[:count], self.states[:count]))
+        self._new_block()
+
+    def go(self) -> Trajectory:
+        start, floats = self.start, self.floats
+        floats[k.F_TIME], floats[k.F_LOW] = start.time
+        floats[k.F_LAST] = -np.inf
+        floats[k.F_SIGMA] = max((start.until[0] - start.time[0]) + (start.until[1] - start.time[1]), 1e-280)
+        if start.decision.mode is None:
+            return self._end(*_refusal(start.decision), (0,) * len(self.engine.system.surfaces))
+        if start.row is None:
+            return self._end("failed", "the mode at the start has no equations", start.decision.mode)
+        self.integers[k.I_MODE] = start.row
+        self.multiplicity[: len(start.zeros)] = start.zeros
+        return self._loop()
+
+    def _enter(self, mode: Mode, active: Sequence[int]) -> bool:
+        """Make a mode the present one; ``active`` are the surfaces the state is on."""
+        row = self.engine.compiled.compile(mode)
+        if row is None:
+            return False
+        self.integers[k.I_MODE] = row
+        orders = self.engine.switching.contact_orders(self._time, self.x.tolist(), mode, active)
+        self.multiplicity[: len(orders)] = orders
+        return True
+
+    @property
+    def _time(self) -> float:
+        return float(self.floats[k.F_TIME])
+
+    @property
+    def _mode(self) -> Mode:
+        return self.engine.compiled.modes[self.integers[k.I_MODE]]
+
+    def _loop(self) -> Trajectory:
+        began = time.perf_counter()
+        while True:
+            code = self._advance()
+            if code == k.HORIZON:
+                return self._end("ok", "", self._mode)
+            if code == k.FULL:
+                self._close_block()
+            elif code == k.RESOLVE:
+                refused = self._resolve()
+                if refused is not None:
+                    return self._end(*refused, self._mode)
+            elif code != k.PAUSE:
+                return self._end(*self._why(code), self._mode)
+            if self.deadline is not None and time.perf_counter() - began > self.deadline:
+                return self._end("timeout", f"stopped after {self.deadline:g} s at t = {self._time:.17g}", self._mode)
+
+    def _advance(self) -> int:
+        compiled = self.engine.compiled
+        return int(
+            k.advance(
+                self.floats, self.integers, self.x, self.multiplicity, self.hits,
+                *self.start.until, self.engine.order, self.tolerance, self.method, _BUDGET,
+                compiled.addresses, compiled.constants, compiled.probes, compiled.layouts, compiled.targets,
+                self.c, self.speeds, self.engine.table, self.work, self.bounds,
+                self.times, self.marks, self.states,
+                self.wanted, self.samples, self.sample_modes,
+            )
+        )  # fmt: skip
+
+    def _resolve(self) -> tuple[Status, str] | None:
+        """Settle an event that signs alone do not decide; None if the run goes on."""
+        before = self._mode
+        guards = self.engine.system.equations(before).guards
+        hits: list[Guard] = [g for g, hit in zip(guards, self.hits, strict=False) if hit]
+        decision = self.engine.switching.after_event(self._time, self.x.tolist(), before, hits)
+        if decision.mode is None:
+            return _refusal(decision)
+        active = sorted({g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0})
+        source = self.integers[k.I_MODE]
+        if not self._enter(decision.mode, active):
+            return "failed", f"the mode after t = {self._time:.17g} has no equations"
+        changed = [i for i in active if decision.mode[i] != before[i]]
+        touched = sorted({g.index for g in hits}) if not changed else changed
+        for i in touched:
+            if self.integers[k.I_COUNT] >= _CHUNK:
+                self._close_block()
+            n = self.integers[k.I_COUNT]
+            kind = _KINDS.index(transition_kind(before[i], decision.mode[i]))
+            self.times[n] = self.floats[k.F_TIME], self.floats[k.F_LOW]
+            self.marks[n] = kind, i, source, self.integers[k.I_MODE], self.integers[k.I_LANDING]
+            self.states[n] = self.x
+            self.integers[k.I_COUNT] = n + 1
+        if k.crowded(self.floats, self.integers):
+            return self._why(k.ACCUMULATED)
+        return None
+
+    def _why(self, code: int) -> tuple[Status, str]:
+        at = f"t = {self._time:.17g}"
+        if code == k.DIVERGED:
+            return "diverged", f"the state leaves every bound at {at}"
+        if code == k.STALLED:
+            return "failed", f"the step size fell to zero at {at}: the field is singular there"
+        if code == k.ACCUMULATED:
+            return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
+        guard = self.engine.system.equations(self._mode).guards[self.integers[k.I_GUARD]]
+        return "invalid", f"the model ends: {self.engine.system.valid[guard.index]} fell to 0 at {at}"
+
+    def _end(self, status: Status, reason: str, mode: Mode) -> Trajectory:
+        self._close_block()
+        times, marks, states = (np.concatenate(parts) for parts in zip(*self.blocks, strict=True))
+        modes = tuple(self.engine.compiled.modes)
+        counts = self.integers
+        return Trajectory(
+            status=status,
+            transitions=TransitionBlock(times, marks, states, modes),
+            end_time=self._time,
+            end_state=tuple(self.x.tolist()),
+            end_mode=mode,
+            reason=reason,
+            counts=Counts(int(counts[k.I_STEPS]), int(counts[k.I_RHS]), int(counts[k.I_EVENTS])),
+            samples=self.samples if self.sample_times is not None else None,
+            sample_modes=None
+            if self.sample_times is None
+            else tuple(modes[m] for m in self.sample_modes[: counts[k.I_SAMPLE]]),
+        )
+
+
+def _refusal(decision: Decision) -> tuple[Status, str]:
+    if decision.status == "nonunique":
+        return "nonunique", decision.reason
+    return ("invalid" if decision.status == "invalid" else "failed"), decision.reason

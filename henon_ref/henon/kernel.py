@@ -1,0 +1,346 @@
+"""The compiled mode loop: Taylor steps, events, landings and ordinary mode changes without leaving machine code.
+
+Whatever needs more thought than a sign (several events at once, a tangency, a mode not compiled yet) is
+handed back to Python (:mod:`henon_ref.henon.engine`) with a code; after the answer the loop goes on.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+from henon_ref.henon.polynomial import BRACKET, NONE, TOUCH, excluded, first_falling_root, land, value
+
+# Why the loop came back.
+HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED = range(8)
+# Kinds of guards.
+SURFACE, RELEASE, VALID = 0, 1, 2
+# Kinds of transitions.
+STICK, FREE, CROSS, GRAZE = 0, 1, 2, 3
+# Floats kept between calls: t and what rounding it lost, sigma, time of the last event and what it lost.
+F_TIME, F_LOW, F_SIGMA, F_LAST, F_LAST_LOW, F_SIZE = range(6)
+# Integers kept between calls: mode; counts; last guard hit and its landing; steps that time cannot tell apart,
+# events that it cannot tell apart; next sample.
+I_MODE, I_STEPS, I_RHS, I_EVENTS, I_COUNT, I_GUARD, I_LANDING, I_STALLED, I_CROWDED, I_SAMPLE, I_SIZE = range(11)
+
+_EPS = 2.220446049250313e-16
+TANGENT = 1e-9
+"""Relative normal velocity below which a contact is left to Python's closer look."""
+HUGE = 1e100
+"""A state beyond this has blown up (no smaller bound is safe whatever the units)."""
+STALL = 200
+"""Steps in a row too short to move a double's time before the run counts as stalled."""
+CROWD = 64
+"""Events in a row, each closer to the last than the resolution of time, before they count as accumulating."""
+
+
+@intrinsic
+def _call_expand(typing, address, t, low, sigma, x, constants, out):  # type: ignore[no-untyped-def]
+    """Call compiled Taylor coefficients by address (arrays are C-contiguous)."""
+    signature = types.void(types.int64, types.float64, types.float64, types.float64, x, constants, out)
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        double = ir.DoubleType()
+        pointer = double.as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [double, double, double, pointer, pointer, pointer])
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        arrays = [
+            context.make_array(sig.args[i])(context, builder, value=args[i]).data for i in range(4, 7)
+        ]
+        builder.call(function, [args[1], args[2], args[3], *arrays])
+        return context.get_dummy_value()
+
+    return signature, codegen
+
+
+@njit(cache=True, error_model="numpy")
+def _add_time(floats, step):  # type: ignore[no-untyped-def]
+    """t += step as a compensated sum (Neumaier), so that late times lose no digits of a duration."""
+    t = floats[F_TIME]
+    total = t + step
+    part = total - t
+    lost = (t - (total - part)) + (step - part)
+    low = floats[F_LOW] + lost
+    floats[F_TIME] = total + low
+    floats[F_LOW] = low - (floats[F_TIME] - total)
+
+
+@njit(cache=True, fastmath={"contract", "nsz"}, error_model="numpy")
+def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
+    """Largest relative size of the last two coefficients over states and guards, scales taken on the step."""
+    last, before = 0.0, 0.0
+    for r in range(rows):
+        row = c[r]
+        scale = abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2]))
+        if scale > 0.0:
+            last = max(last, abs(row[order]) / scale)
+            before = max(before, abs(row[order - 1]) / scale)
+        elif row[order] != 0.0 or row[order - 1] != 0.0:
+            last = np.inf
+    return last, before
+
+
+@njit(cache=True, error_model="numpy")
+def _step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
+    """Step in units of sigma at which the last two terms fall below the tolerance (Jorba and Zou 2005, Sec. 3)."""
+    theta = 1.0
+    for _ in range(3):
+        last, before = _error_norms(c, rows, order, theta)
+        if not (last < np.inf and before < np.inf):
+            return 0.0
+        new = np.inf
+        if last > 0.0:
+            new = np.exp(np.log(tolerance / last) / order)
+        if before > 0.0:
+            new = min(new, np.exp(np.log(tolerance / before) / (order - 1)))
+        if new >= 0.5 * theta:
+            return new
+        theta = new
+    return theta
+
+
+@njit(cache=True, error_model="numpy")
+def _record(floats, integers, x, times, marks, states, kind, index, source, target, landing):  # type: ignore[no-untyped-def]
+    n = integers[I_COUNT]
+    times[n, 0], times[n, 1] = floats[F_TIME], floats[F_LOW]
+    marks[n, 0], marks[n, 1], marks[n, 2], marks[n, 3], marks[n, 4] = kind, index, source, target, landing
+    for i in range(x.size):
+        states[n, i] = x[i]
+    integers[I_COUNT] = n + 1
+
+
+@njit(cache=True, error_model="numpy")
+def crowded(floats, integers):  # type: ignore[no-untyped-def]
+    """Count events that time cannot tell apart; True once there are too many in a row."""
+    gap = (floats[F_TIME] - floats[F_LAST]) + (floats[F_LOW] - floats[F_LAST_LOW])
+    integers[I_CROWDED] = integers[I_CROWDED] + 1 if gap <= 2.0 * _EPS * abs(floats[F_TIME]) else 0
+    floats[F_LAST], floats[F_LAST_LOW] = floats[F_TIME], floats[F_LOW]
+    return integers[I_CROWDED] >= CROWD
+
+
+@njit(cache=True, error_model="numpy")
+def _sample(floats, integers, c, order, part, sigma, mode, sample_times, samples, sample_modes):  # type: ignore[no-untyped-def]
+    """Fill the samples that lie on the step just taken, up to ``part`` (in units of sigma)."""
+    while integers[I_SAMPLE] < sample_times.size:
+        k = integers[I_SAMPLE]
+        at = ((sample_times[k] - floats[F_TIME]) - floats[F_LOW]) / sigma
+        if at > part:
+            return
+        for i in range(samples.shape[1]):
+            samples[k, i] = value(c[i], order, max(at, 0.0))
+        sample_modes[k] = mode
+        integers[I_SAMPLE] = k + 1
+
+
+@njit(cache=True, error_model="numpy")
+def _first_event(integers, c, n, order, layout, multiplicity, theta, method, table, work, bounds):  # type: ignore[no-untyped-def]
+    """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, touch, landing used)."""
+    powers, scaled, stack = work[0], work[1], work[2:]
+    powers[0] = 1.0
+    for k in range(1, order + 1):
+        powers[k] = powers[k - 1] * theta
+    best, hit, touch, used = 2.0, -1, False, 0
+    for g in range(layout[0, 0]):
+        q = c[n + g, multiplicity[g] :]
+        degree = order - multiplicity[g]
+        if q[0] > 0.0 and excluded(q, powers, degree):
+            continue
+        for k in range(degree + 1):
+            scaled[k] = q[k] * powers[k]
+        outcome, low, high = first_falling_root(scaled, degree, table, stack, bounds)
+        if outcome == NONE:
+            continue
+        if outcome == TOUCH:
+            tau, landing, evaluations = 0.5 * (low + high), BRACKET, 0
+        else:
+            tau, landing, evaluations = land(scaled, degree, low, high, method)
+        integers[I_EVENTS] += evaluations
+        if tau < best:
+            best, hit, touch, used = tau, g, outcome == TOUCH, landing
+    return best, hit, touch, used
+
+
+@njit(cache=True, error_model="numpy")
+def advance(  # type: ignore[no-untyped-def]
+    floats, integers, x, multiplicity, hits,
+    until, until_low, order, tolerance, method, budget,
+    addresses, constants, probes, layouts, targets,
+    c, speeds, table, work, bounds,
+    times, marks, states,
+    sample_times, samples, sample_modes,
+):  # fmt: skip
+    """Run until the horizon, or until Python is needed.
+
+    Parameters
+    ----------
+    floats, integers : ndarray
+        State of the run (F_..., I_...).
+    x : ndarray, shape (n,)
+    multiplicity : ndarray of int, shape (G,)
+        Known zeros of each guard at the present point (the surface just left), divided out.
+    hits : ndarray of int, shape (G,)
+        Guards at zero when the loop comes back with RESOLVE.
+    until, until_low : float
+        Horizon.
+    budget : int
+        Steps before it comes back with PAUSE.
+    addresses : ndarray of int, shape (M, 2)
+        Machine code of each mode: expansion and probe.
+    constants, probes : ndarray, shape (M, K)
+        Their constants.
+    layouts : ndarray of int, shape (M, 1 + G, 3)
+        (guards, sliding surfaces, 0), then (kind, index, rising only) a guard.
+    targets : ndarray of int, shape (M, G, 2)
+        Mode after a crossing and after a stick; for a release the mode after it and the zeros it leaves
+        with; -1 where not known yet.
+    c : ndarray, shape (n + G, order + 1)
+        Taylor coefficients of states and guards in units of sigma.
+
+    Returns
+    -------
+    int
+        HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID or ACCUMULATED.
+    """
+    n = x.size
+    stop_at = integers[I_STEPS] + budget
+    while True:
+        mode = integers[I_MODE]
+        layout = layouts[mode]
+        guards = layout[0, 0]
+        if integers[I_COUNT] + 1 > times.shape[0]:
+            return FULL
+        if integers[I_STEPS] >= stop_at:
+            return PAUSE
+        remaining = (until - floats[F_TIME]) + (until_low - floats[F_LOW])
+        if remaining <= 0.0:
+            return HORIZON
+        sigma = floats[F_SIGMA]
+        _call_expand(addresses[mode, 0], floats[F_TIME], floats[F_LOW], sigma, x, constants[mode], c)
+        integers[I_RHS] += 1
+        theta = _step_size(c, n + guards, order, tolerance)
+        if theta == 0.0 or theta < 1e-6 or (theta > 1e6 and sigma < remaining):
+            # sigma is far from the step: bring it there and expand again before anything is read off.
+            new = sigma * 1e-4 if theta == 0.0 else max(min(sigma * theta, remaining), 1e-290)
+            if sigma <= 1e-280 and new <= sigma:
+                return STALLED
+            floats[F_SIGMA] = new
+            if new < 0.5 * sigma or new > 2.0 * sigma:
+                continue
+        natural = theta * sigma
+        final = natural >= remaining
+        if final:
+            theta = remaining / sigma
+        integers[I_STALLED] = integers[I_STALLED] + 1 if theta * sigma <= 0.25 * _EPS * abs(floats[F_TIME]) else 0
+        if integers[I_STALLED] > STALL:
+            return STALLED
+        early = False
+        for g in range(guards):
+            hits[g] = 1 if c[n + g, multiplicity[g]] <= 0.0 and layout[1 + g, 2] == 0 else 0
+            early = early or hits[g] == 1
+        if early:  # on a surface and not leaving it: Python looks closer
+            return RESOLVE
+        best, hit, touch, used = _first_event(
+            integers, c, n, order, layout, multiplicity, theta, method, table, work, bounds
+        )
+        part = theta if hit < 0 else best * theta
+        if integers[I_SAMPLE] < sample_times.size:
+            _sample(floats, integers, c, order, part, sigma, mode, sample_times, samples, sample_modes)
+        together = False
+        if hit >= 0:
+            for g in range(guards):
+                hits[g] = 1 if g == hit or _at_zero(c[n + g], multiplicity[g], order, part, layout[1 + g, 2]) else 0
+                together = together or (hits[g] == 1 and g != hit)
+        for i in range(n):
+            x[i] = value(c[i], order, part)
+        _add_time(floats, part * sigma)
+        integers[I_STEPS] += 1
+        floats[F_SIGMA] = min(natural, 1e9 * sigma)
+        if not _finite(x):
+            return DIVERGED
+        if hit < 0:
+            multiplicity[:guards] = 0
+            if final:
+                floats[F_TIME], floats[F_LOW] = until, until_low
+                return HORIZON
+            continue
+        kind, index = layout[1 + hit, 0], layout[1 + hit, 1]
+        integers[I_GUARD] = hit
+        integers[I_LANDING] = used
+        if kind == VALID:
+            return INVALID
+        if touch:
+            _record(floats, integers, x, times, marks, states, GRAZE, index, mode, mode, used)
+            multiplicity[:guards] = 0
+            multiplicity[hit] = 2
+        else:
+            which, zeros, what = 0, 1, CROSS
+            if kind == SURFACE:
+                if together or layout[0, 1] > 0:
+                    return RESOLVE
+                _call_expand(addresses[mode, 1], floats[F_TIME], floats[F_LOW], 1.0, x, probes[mode], speeds)
+                integers[I_RHS] += 1
+                inside, beyond = speeds[n + 2 * hit, 0], speeds[n + 2 * hit + 1, 0]
+                if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
+                    return RESOLVE
+                if beyond < 0.0:
+                    which, zeros, what = 1, 0, STICK
+            else:
+                what, zeros = FREE, targets[mode, hit, 1]
+            target = targets[mode, hit, which]
+            if together or target < 0:
+                return RESOLVE
+            if zeros == 0 and what == FREE:
+                _call_expand(addresses[target, 1], floats[F_TIME], floats[F_LOW], 1.0, x, probes[target], speeds)
+                integers[I_RHS] += 1
+                zeros = _zeros_at_release(layouts[target], index, speeds[n:, 0])
+                if zeros == 0:
+                    return RESOLVE
+            _record(floats, integers, x, times, marks, states, what, index, mode, target, used)
+            integers[I_MODE] = target
+            _start(multiplicity, layouts[target], index, zeros)
+        if crowded(floats, integers):
+            return ACCUMULATED
+
+
+@njit(cache=True, error_model="numpy")
+def _start(multiplicity, layout, surface, zeros):  # type: ignore[no-untyped-def]
+    """Known zeros of the guards at the start of a mode: those of the surface just left."""
+    for g in range(layout[0, 0]):
+        same = layout[1 + g, 0] == SURFACE and layout[1 + g, 1] == surface
+        multiplicity[g] = zeros if same else 0
+
+
+@njit(cache=True, error_model="numpy")
+def _zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
+    """1 if the surface is left with a speed, 2 if tangentially, 0 if the new mode's field points back at it."""
+    for g in range(layout[0, 0]):
+        if layout[1 + g, 0] == SURFACE and layout[1 + g, 1] == surface:
+            towards, beyond = speeds[2 * g], speeds[2 * g + 1]
+            if abs(towards) <= TANGENT * (abs(towards) + abs(beyond)):
+                return 2
+            return 1 if towards < 0.0 else 0
+    return 0
+
+
+@njit(cache=True, error_model="numpy")
+def _finite(x):  # type: ignore[no-untyped-def]
+    for i in range(x.size):
+        if not abs(x[i]) < HUGE:
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _at_zero(row, zeros, order, tau, rising_only):  # type: ignore[no-untyped-def]
+    """True if a guard is at zero at the event of another one, as far as rounding can tell."""
+    q = row[zeros:]
+    degree = order - zeros
+    if rising_only and q[0] < 0.0:
+        return False
+    size, power = 0.0, 1.0
+    for k in range(degree + 1):
+        size += abs(q[k]) * power
+        power *= tau
+    return value(q, degree, tau) <= 32.0 * _EPS * size

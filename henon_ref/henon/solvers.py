@@ -1,0 +1,75 @@
+"""The reference as solvers: ``henon``, and the same engine with the landings ``newton`` and ``brent``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.errors import UnsupportedError
+from henon_ref.henon.engine import Engine
+from henon_ref.henon.polynomial import BRENT, HENON, LANDINGS, NEWTON
+from henon_ref.solver import Run
+from henon_ref.trajectory import Problem, Trajectory
+
+
+@dataclass(frozen=True)
+class HenonSolver:
+    """Adaptive Taylor method with Hénon's landing, compiled, mode loop and all.
+
+    ``rtol`` is the local error of a step relative to each state's (and guard's) own size on the step, so
+    the units of a model do not matter; ``atol`` is not used. Order and step follow from ``rtol``.
+
+    ``steps`` counts Taylor steps (a step cut by an event counts once), ``rhs_evaluations`` Taylor
+    expansions and evaluations of the two normal velocities at an event, ``event_evaluations`` evaluations
+    of a guard's polynomial by the landing.
+    """
+
+    name: str = "henon"
+    method: int = HENON
+    fixed_step: bool = False
+
+    @property
+    def landing(self) -> str:
+        return LANDINGS[self.method]
+
+    @property
+    def version(self) -> str:
+        return version("henon-ref")
+
+    def prepare(
+        self,
+        problem: Problem,
+        *,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        sample_times: NDArray[np.float64] | None = None,
+        deadline: float | None = None,
+    ) -> Run:
+        """See :class:`henon_ref.solver.Solver`."""
+        if rtol is None:
+            raise UnsupportedError(f"{self.name} chooses its own step: give rtol")
+        tolerance = max(0.1 * rtol, 2e-16)
+        engine = Engine(problem.system, order_for(tolerance))
+        start = engine.start(problem)
+
+        def run() -> Trajectory:
+            return engine.run(
+                start, tolerance=tolerance, landing=self.method, sample_times=sample_times, deadline=deadline
+            )
+
+        return run
+
+
+def order_for(tolerance: float) -> int:
+    """Order of the Taylor method for a tolerance (Jorba and Zou 2005: -ln(tolerance) / 2 + 1)."""
+    return min(max(math.ceil(-0.5 * math.log(tolerance) + 1), 4), 20)
+
+
+HENON_SOLVER = HenonSolver()
+HENON_NEWTON = HenonSolver("henon-newton", NEWTON)
+HENON_BRENT = HenonSolver("henon-brent", BRENT)
