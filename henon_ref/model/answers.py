@@ -1,0 +1,146 @@
+"""What a reading is scored against: published figures, closed forms, orbits, the gate, an expected end."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from decimal import Decimal
+
+import sympy as sp
+
+from henon_ref.model.grammar import did_you_mean, listed
+from henon_ref.model.schema import CaseForm, ExpectedStatus, GateStatus
+from henon_ref.model.source import Names, Source
+from henon_ref.model.switching import exact_sign
+from henon_ref.trajectory import Problem
+
+
+@dataclass(frozen=True)
+class Published:
+    """Figures of the source with the digits it prints."""
+
+    stick_durations: tuple[Decimal, ...] = ()
+    """[s]; a source that prints fewer than there are sticks means them to repeat in this order."""
+    stick_lengths: tuple[Decimal, ...] = ()
+    transition_times: tuple[Decimal, ...] = ()
+    """[s]."""
+
+
+@dataclass(frozen=True)
+class Exact:
+    """Closed forms as exact numbers; they outrank computed truth."""
+
+    transition_times: tuple[sp.Expr, ...]
+    """[s], in order, from the first transition on."""
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A periodic orbit that is known or claimed."""
+
+    period: sp.Expr
+    """[s]."""
+    sticks: tuple[Decimal, ...] = ()
+    """Durations [s]."""
+    crossings: tuple[Decimal, ...] = ()
+    """Times modulo the period [s]."""
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What one solver must reach for ``--gate``."""
+
+    at: float | None = None
+    """Tolerance of the row; None: the tightest (for a fixed-step solver the smallest step)."""
+    max_time_error: float | None = None
+    """[s]."""
+    max_stick_error: float | None = None
+    """[s]."""
+    status: GateStatus = "ok"
+
+
+@dataclass(frozen=True)
+class Expect:
+    """How a run has to end."""
+
+    status: ExpectedStatus
+    reason: str
+    time: sp.Expr | None = None
+    """Where it ends [s]."""
+
+
+def published(form: CaseForm) -> Published | None:
+    """Figures of the source."""
+    if form.published is None:
+        return None
+    found = form.published
+    return Published(tuple(found.stick_durations), tuple(found.stick_lengths), tuple(found.transition_times))
+
+
+def exact(source: Source, form: CaseForm, names: Names, problem: Problem) -> Exact | None:
+    """Closed forms; they must lie within the run and must not fall."""
+    if form.exact is None:
+        return None
+    times: list[sp.Expr] = []
+    for i in range(len(form.exact.transition_times)):
+        path = ("exact", "transition_times", i)
+        time = source.number(path, names.values)
+        before = times[-1] if times else problem.start
+        if exact_sign(time - before) < 0:
+            raise source.error(path, "exact transition times come in order, from the start on")
+        if exact_sign(problem.until - time) < 0:
+            raise source.error(path, "this exact transition time lies beyond 'until'")
+        times.append(time)
+    return Exact(tuple(times))
+
+
+def orbit(source: Source, form: CaseForm, names: Names) -> Orbit | None:
+    """A periodic orbit that the case claims."""
+    if form.orbit is None:
+        return None
+    period = source.number(("orbit", "period"), names.values)
+    if exact_sign(period) <= 0:
+        raise source.error(("orbit", "period"), "a period must be larger than 0")
+    return Orbit(period, tuple(form.orbit.sticks), tuple(form.orbit.crossings))
+
+
+def expectation(source: Source, form: CaseForm, names: Names) -> Expect | None:
+    """How the case says the run ends."""
+    if form.expect is None:
+        return None
+    time = source.number(("expect", "time"), names.values) if form.expect.time is not None else None
+    return Expect(form.expect.status, form.expect.reason, time)
+
+
+def gates(source: Source, form: CaseForm) -> dict[str, Gate]:
+    """The gate, each solver's row among those that are run."""
+    found = {}
+    for solver, gate in form.gate.items():
+        if form.solvers and solver not in form.solvers:
+            message = f"the gate names '{solver}', which is not among 'solvers'"
+            raise source.error(("gate", solver), message, key=True)
+        if gate.at is not None and gate.at not in form.tolerances:
+            tolerances = listed([f"{tolerance:g}" for tolerance in form.tolerances])
+            raise source.error(("gate", solver, "at"), f"{gate.at:g} is not among 'tolerances': {tolerances}")
+        found[solver] = Gate(gate.at, gate.max_time_error, gate.max_stick_error, gate.status or "ok")
+    return found
+
+
+def check_runs(source: Source, form: CaseForm, known: Collection[str] | None) -> None:
+    """Refuse solvers that do not exist, and a solver, tolerance or step that stands twice."""
+    for key, entries in (("solvers", form.solvers or []), ("tolerances", form.tolerances), ("steps", form.steps)):
+        for i, entry in enumerate(entries):
+            if entry in entries[:i]:
+                raise source.error((key, i), f"{entry} stands twice in '{key}'")
+    if known is None:
+        return
+    for i, solver in enumerate(form.solvers or []):
+        if solver not in known:
+            raise source.error(("solvers", i), _unknown_solver(solver, known))
+    for solver in form.gate:
+        if solver not in known:
+            raise source.error(("gate", solver), _unknown_solver(solver, known), key=True)
+
+
+def _unknown_solver(solver: str, known: Collection[str]) -> str:
+    return f"unknown solver '{solver}'{did_you_mean(solver, known)}; solvers: {listed(known)}"

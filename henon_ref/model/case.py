@@ -1,0 +1,178 @@
+"""Case files: what is simulated, by whom, against which published and exact answers.
+
+A case has one or more readings. ``readings: {name: overrides}`` lays overrides over the keys at the top:
+mappings merge key by key, anything else (numbers, text, lists) replaces, and ``null`` removes a key. So a
+reading that says ``system: {field: [...]}`` keeps the states and parameters of the case, and one that says
+``scene: null`` with a ``system`` of its own has no scene. Without ``readings`` there is one, ``default``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from henon_ref.errors import CaseError
+from henon_ref.model import answers
+from henon_ref.model.answers import Exact, Expect, Gate, Orbit, Published
+from henon_ref.model.grammar import did_you_mean, listed
+from henon_ref.model.problem import build_problem, mathematics
+from henon_ref.model.schema import READING_KEYS
+from henon_ref.model.source import Source
+from henon_ref.model.tree import MappingNode, ScalarNode, merged
+from henon_ref.model.validation import validated
+from henon_ref.model.yamlfile import parse_yaml, read_yaml
+from henon_ref.trajectory import Problem
+
+DEFAULT_READING = "default"
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One run of a case: a problem in exact numbers, and what it is scored against."""
+
+    name: str
+    title: str
+    problem: Problem
+    solvers: tuple[str, ...] | None
+    """Solvers to run; None: all."""
+    tolerances: tuple[float, ...]
+    steps: tuple[float, ...]
+    """Steps of fixed-step solvers [s]."""
+    measure_after: float
+    """Sticks that end before this time are left out [s]."""
+    published: Published | None = None
+    exact: Exact | None = None
+    orbit: Orbit | None = None
+    gate: Mapping[str, Gate] = field(default_factory=dict)
+    """Solver -> what it must reach."""
+    expect: Expect | None = None
+    """How a run has to end; None: at the horizon."""
+    source: str | None = None
+    story: str | None = None
+    equations: str | None = None
+    links: tuple[str, ...] = ()
+    tags: tuple[str, ...] = ()
+
+    @cached_property
+    def mathematics(self) -> dict[str, Any]:
+        """Everything that decides the solution, and nothing else, as text fit for JSON."""
+        return mathematics(self.problem)
+
+    @cached_property
+    def mathematics_hash(self) -> str:
+        """SHA-256 of :attr:`mathematics`, in hexadecimal: the key of a stored truth."""
+        text = json.dumps(self.mathematics, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case file, read and checked."""
+
+    name: str
+    title: str
+    source: str | None
+    readings: tuple[Reading, ...]
+    """In the order of the file."""
+    path: Path | None = None
+
+    def reading(self, name: str) -> Reading:
+        """The reading of this name.
+
+        Raises
+        ------
+        CaseError
+            Where there is none.
+        """
+        for reading in self.readings:
+            if reading.name == name:
+                return reading
+        names = [reading.name for reading in self.readings]
+        file = str(self.path) if self.path else None
+        raise CaseError(f"no reading '{name}'{did_you_mean(name, names)}; readings: {listed(names)}", file=file)
+
+
+def load_case(path: str | Path, *, solvers: Collection[str] | None = None) -> Case:
+    """Read a case file.
+
+    Parameters
+    ----------
+    path : str or Path
+    solvers : collection of str, optional
+        Solvers that exist; a name in the file that is not among them is refused. None: not checked.
+
+    Raises
+    ------
+    CaseError
+        With file, line and column, what is wrong and what is allowed.
+    """
+    return replace(_case(read_yaml(path), str(path), solvers), path=Path(path))
+
+
+def parse_case(text: str, *, file: str | None = None, solvers: Collection[str] | None = None) -> Case:
+    """Read a case from text (see :func:`load_case`)."""
+    return _case(parse_yaml(text, file=file), file, solvers)
+
+
+def _case(tree: MappingNode, file: str | None, solvers: Collection[str] | None) -> Case:
+    readings = tuple(_reading(name, source, solvers) for name, source in _sources(tree, file))
+    top = {key: node.text for key, node in tree.entries.items() if isinstance(node, ScalarNode)}
+    if "title" not in top:
+        raise Source(tree, file).error((), "the key 'title' is missing at the top (a reading may have its own besides)")
+    return Case(top["name"], top["title"], top.get("source"), readings)
+
+
+def _sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
+    """Every reading's name and its tree, overrides laid over."""
+    whole = Source(tree, file)
+    if "readings" not in tree.entries:
+        return [(DEFAULT_READING, whole)]
+    readings = tree.entries["readings"]
+    if not isinstance(readings, MappingNode) or not readings.entries:
+        raise whole.error(("readings",), "'readings' must be a mapping, as in {name: {key: value}}")
+    base = MappingNode(tree.place, {k: v for k, v in tree.entries.items() if k != "readings"}, tree.keys, tree.size)
+    found = []
+    for name, overrides in readings.entries.items():
+        path = ("readings", name)
+        if not re.fullmatch(r"[a-z0-9_]+", name):
+            raise whole.error(path, f"a reading's name is made of a-z, 0-9 and _ only, not '{name}'", key=True)
+        if not isinstance(overrides, MappingNode):
+            raise whole.error(path, f"the reading '{name}' must be a mapping of the keys it changes, {{}} for none")
+        for key in overrides.entries:
+            if key not in READING_KEYS:
+                message = f"a reading cannot change the key '{key}'{did_you_mean(key, READING_KEYS)}"
+                raise whole.error((*path, key), f"{message}; allowed: {listed(sorted(READING_KEYS))}", key=True)
+        found.append((name, Source(merged(base, overrides), file, f" [reading '{name}']")))
+    return found
+
+
+def _reading(name: str, source: Source, solvers: Collection[str] | None) -> Reading:
+    form = validated(source.tree, file=source.file, within=source.within)
+    answers.check_runs(source, form, solvers)
+    problem, names = build_problem(source, form)
+    after = source.number(("measure", "after"), names.values) if "after" in form.measure.model_fields_set else 0
+    return Reading(
+        name=name,
+        title=form.title,
+        problem=problem,
+        solvers=tuple(form.solvers) if form.solvers else None,
+        tolerances=tuple(form.tolerances),
+        steps=tuple(form.steps),
+        measure_after=float(after),
+        published=answers.published(form),
+        exact=answers.exact(source, form, names, problem),
+        orbit=answers.orbit(source, form, names),
+        gate=answers.gates(source, form),
+        expect=answers.expectation(source, form, names),
+        source=form.source,
+        story=form.story,
+        equations=form.equations,
+        links=tuple(form.links),
+        tags=tuple(form.tags),
+    )

@@ -1,0 +1,103 @@
+"""A checked case form to an initial-value problem in exact numbers, and the text that identifies it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import sympy as sp
+
+from henon_ref.model.grammar import did_you_mean, listed
+from henon_ref.model.plainsystem import build_overrides, build_system
+from henon_ref.model.scene import build_scene
+from henon_ref.model.schema import CaseForm
+from henon_ref.model.source import Names, Source
+from henon_ref.model.switching import exact_sign
+from henon_ref.model.system import TIME, FilippovSystem, SlidingOverride
+from henon_ref.trajectory import Problem
+
+
+def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
+    """The problem that one reading of a case states.
+
+    Raises
+    ------
+    CaseError
+        At the place of the first thing that does not fit.
+    """
+    system, names = build_system(source, form.system) if form.system else build_scene(source)
+    overrides = build_overrides(source, form, names)
+    if overrides:
+        system = replace(system, overrides={**system.overrides, **overrides})
+    start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
+    until = source.number(("until",), names.values)
+    if exact_sign(until - start) <= 0:
+        raise source.error(("until",), f"'until' must be later than the start, t = {start}")
+    problem = Problem(system, start, _initial(source, form, names), until)
+    return replace(problem, initial_mode=_initial_mode(source, form, problem)), names
+
+
+def mathematics(problem: Problem) -> dict[str, Any]:
+    """Everything that decides the solution, and nothing else, as text fit for JSON.
+
+    Parameters that nothing uses are left out; so are titles, tolerances and the order of the file.
+    """
+    system = problem.system
+    expressions = [*system.surfaces, *system.field, *system.valid]
+    for override in system.overrides.values():
+        expressions += [*override.field, *(release.when for release in override.release)]
+    used = set().union(*(e.free_symbols for e in expressions))
+    return {
+        "states": list(system.state_names),
+        "surfaces": [[name, str(h)] for name, h in zip(system.sign_names, system.surfaces, strict=True)],
+        "field": [str(f) for f in system.field],
+        "valid": [str(v) for v in system.valid],
+        "parameters": {p.name: str(v) for p, v in sorted(system.parameters.items(), key=str) if p in used},
+        "sliding": {system.sign_names[i]: _override_text(o) for i, o in sorted(system.overrides.items())},
+        "start": str(problem.start),
+        "initial": [str(x) for x in problem.initial],
+        "until": str(problem.until),
+        "mode": {system.sign_names[i]: s for i, s in sorted(problem.initial_mode.items())},
+    }
+
+
+def _override_text(override: SlidingOverride) -> dict[str, Any]:
+    return {
+        "field": [str(f) for f in override.field],
+        "release": [[str(r.when), r.direction, r.to] for r in override.release],
+    }
+
+
+def _initial(source: Source, form: CaseForm, names: Names) -> tuple[sp.Expr, ...]:
+    given = form.initial.__pydantic_extra__ or {}
+    for name in given:
+        if name not in names.states:
+            message = f"'{name}' is no state{did_you_mean(name, names.states)}; states: {listed(names.states)}"
+            raise source.error(("initial", name), message, key=True)
+    missing = [name for name in names.states if name not in given]
+    if missing:
+        message = f"'initial' lacks the state {listed(missing)}; give every state its value"
+        raise source.error(("initial",), message, key=True)
+    return tuple(source.number(("initial", name), names.values) for name in names.states)
+
+
+def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int, int]:
+    order = list(problem.system.sign_names)
+    modes = {}
+    for name, entry in form.initial.mode.items():
+        path = ("initial", "mode", name)
+        if name not in order:
+            message = f"'{name}' is no surface{did_you_mean(name, order)}; surfaces: {listed(order)}"
+            raise source.error(path, message, key=True)
+        index = order.index(name)
+        side = _side_at_start(problem, problem.system, index)
+        if side not in (0, entry):
+            raise source.error(path, f"the start is not on the surface of '{name}', whose sign is {side:+d} there")
+        modes[index] = entry
+    return modes
+
+
+def _side_at_start(problem: Problem, system: FilippovSystem, index: int) -> int:
+    at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
+    value = system.numeric(system.surfaces[index]).subs(at, simultaneous=True)
+    return 0 if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo) else exact_sign(value)

@@ -1,0 +1,241 @@
+"""The case file's form: which keys there are, what they hold, and what is said where they do not.
+
+The models only check form; what the expressions in them mean is checked where they are read
+(:mod:`henon_ref.model.problem`, :mod:`henon_ref.model.answers`).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from decimal import Decimal
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+
+from henon_ref.model.grammar import shortened
+
+DEFAULT_TOLERANCES = (1e-6, 1e-9, 1e-12)
+DEFAULT_STEPS = (1e-3,)
+
+ExpectedStatus = Literal["ok", "diverged", "nonunique", "invalid"]
+GateStatus = Literal["ok", "wrong", "diverged", "nonunique", "invalid", "unsupported"]
+
+
+def _expression(value: Any) -> str:
+    if isinstance(value, bool) or not isinstance(value, str | int | Decimal):
+        raise ValueError("must be a number or an expression (text)")
+    if isinstance(value, Decimal) and not value.is_finite():
+        raise ValueError("must be a finite number or an expression")
+    return str(value)
+
+
+def _decimal(value: Any) -> Decimal:
+    if isinstance(value, bool) or not isinstance(value, int | Decimal):
+        raise ValueError(f"must be a number{_text_note(value)}")
+    value = Decimal(value)
+    if not value.is_finite() or not math.isfinite(float(value)):
+        raise ValueError("must be a finite number")
+    return value
+
+
+def _text_note(value: Any) -> str:
+    return f", not the text {shortened(value)}" if isinstance(value, str) else ""
+
+
+def _positive(value: Any) -> float:
+    number = float(_decimal(value))
+    if number <= 0:
+        raise ValueError("must be larger than 0")
+    return number
+
+
+def _tolerance(value: Any) -> float:
+    number = float(_decimal(value))
+    if not 1e-16 <= number < 1:
+        raise ValueError(f"a tolerance lies between 1e-16 and 1, not {number:g}")
+    return number
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str) or not value.strip():
+        raise ValueError("must be text (a number or a word such as true stands in quotes)")
+    return value
+
+
+def _named(value: Any) -> str:
+    if not isinstance(value, str) or not re.fullmatch(r"[a-z0-9_]+", value):
+        shown = shortened(value) if isinstance(value, str) else f"{value} (a number alone stands in quotes)"
+        raise ValueError(f"a name is made of a-z, 0-9 and _ only, not {shown}")
+    return value
+
+
+def _solver(value: Any) -> str:
+    if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.+-]*", value):
+        raise ValueError("must be the name of a solver, such as henon or scipy-dop853")
+    return value
+
+
+def _entry(value: Any) -> int:
+    if type(value) is not int or value not in (-1, 0, 1):
+        raise ValueError("a mode is -1 or 1 (slip, the side of the surface) or 0 (sliding)")
+    return value
+
+
+_NUMBER: dict[str, Any] = {"type": "number"}
+Expression = Annotated[str, BeforeValidator(_expression), WithJsonSchema({"type": ["number", "string"]})]
+Digits = Annotated[Decimal, BeforeValidator(_decimal), WithJsonSchema(_NUMBER)]
+Positive = Annotated[float, BeforeValidator(_positive), WithJsonSchema(_NUMBER | {"exclusiveMinimum": 0})]
+Tolerance = Annotated[
+    float, BeforeValidator(_tolerance), WithJsonSchema(_NUMBER | {"minimum": 1e-16, "exclusiveMaximum": 1})
+]
+Text = Annotated[str, BeforeValidator(_text), WithJsonSchema({"type": "string"})]
+CaseName = Annotated[str, BeforeValidator(_named), WithJsonSchema({"type": "string", "pattern": "^[a-z0-9_]+$"})]
+SolverName = Annotated[str, BeforeValidator(_solver), WithJsonSchema({"type": "string"})]
+ModeEntry = Annotated[int, BeforeValidator(_entry), WithJsonSchema({"enum": [-1, 0, 1]})]
+
+
+class Form(BaseModel):
+    """A mapping of the case file: unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, populate_by_name=False)
+
+
+class SystemForm(Form):
+    """A piecewise-smooth system, written out."""
+
+    state: Annotated[list[Text], Field(min_length=1, description="names of the states")]
+    parameters: dict[str, Expression] = Field({}, description="name: number, or expression in other parameters")
+    surfaces: dict[str, Expression] = Field(description="sign symbol: the expression whose sign it is")
+    field: list[Expression] = Field(description="x', one expression a state; t is time")
+    valid: list[Expression] = Field([], description="the model holds while these are > 0")
+
+
+class SceneForm(Form):
+    """A mechanical scene, built from the effects that it names and no others."""
+
+    body: Text = Field(description="belt_oscillator or two_dof_rig")
+    effects: dict[str, dict[str, Expression]] = Field(description="effect: {its parameter: expression}")
+    parameters: dict[str, Expression] = Field({}, description="name: number, or expression in other parameters")
+
+
+class InitialForm(Form):
+    """The start: time, every state by its name, and the mode where the fields leave it open."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Expression]
+
+    t: Expression = "0"
+    mode: dict[str, ModeEntry] = {}
+
+
+class ReleaseForm(Form):
+    """One way out of a sliding mode."""
+
+    when: Expression = Field(description="the sliding ends where this crosses zero")
+    direction: Literal["rising", "falling"]
+    to: Literal[-1, 1] = Field(description="the side released into")
+
+
+class SlidingForm(Form):
+    """Sliding in a source's own way, in place of Filippov's."""
+
+    field: list[Expression]
+    release: Annotated[list[ReleaseForm], Field(min_length=1)]
+
+
+class MeasureForm(Form):
+    after: Expression = Field(default="0", description="sticks that end before this time are left out [s]")
+
+
+class PublishedForm(Form):
+    """Figures of the source, scored apart from the truth; their last digit is taken to be rounded."""
+
+    stick_durations: list[Digits] = Field([], description="[s]")
+    stick_lengths: list[Digits] = []
+    transition_times: list[Digits] = Field([], description="[s]")
+
+
+class ExactForm(Form):
+    """Closed forms; they outrank computed truth."""
+
+    transition_times: list[Expression] = Field(description="[s]")
+
+
+class OrbitForm(Form):
+    """A periodic orbit that is known or claimed."""
+
+    period: Expression = Field(description="[s]")
+    sticks: list[Digits] = Field([], description="stick durations within one period [s]")
+    crossings: list[Digits] = Field([], description="times of the crossings modulo the period [s]")
+
+
+class GateForm(Form):
+    """What one solver must reach for ``--gate``."""
+
+    at: Tolerance | None = Field(None, description="tolerance of the row; the tightest if left out")
+    max_time_error: Positive | None = Field(None, description="worst error of a transition [s]")
+    max_stick_error: Positive | None = Field(None, description="worst error of a stick duration [s]")
+    status: GateStatus | None = Field(None, description="the status the row must have; ok if left out")
+
+
+class ExpectForm(Form):
+    """How the run has to end, where that is not at the horizon."""
+
+    status: ExpectedStatus
+    reason: Text
+    time: Expression | None = Field(None, description="where it ends [s]")
+
+
+class CaseForm(Form):
+    """A case file, schema 1."""
+
+    schema_: Literal[1] = Field(alias="schema", description="version of this form")
+    name: CaseName = Field(description="the report's folder")
+    title: Text
+    source: Text | None = Field(None, description="where the case comes from")
+    story: Text | None = Field(None, description="what happens, what makes it hard, what is right")
+    equations: Text | None = Field(None, description="the equations as a reader would write them")
+    links: list[Text] = []
+    tags: list[Text] = []
+    system: SystemForm | None = None
+    scene: SceneForm | None = None
+    initial: InitialForm
+    until: Expression = Field(description="the horizon [s]")
+    sliding: dict[str, SlidingForm] = Field({}, description="sign symbol: sliding in the source's own way")
+    measure: MeasureForm = MeasureForm()
+    published: PublishedForm | None = None
+    exact: ExactForm | None = None
+    orbit: OrbitForm | None = None
+    solvers: Annotated[list[SolverName], Field(min_length=1)] | None = Field(None, description="all if left out")
+    tolerances: Annotated[list[Tolerance], Field(min_length=1)] = list(DEFAULT_TOLERANCES)
+    steps: Annotated[list[Positive], Field(min_length=1)] = Field(
+        list(DEFAULT_STEPS), description="for fixed-step solvers [s]"
+    )
+    gate: dict[SolverName, GateForm] = {}
+    expect: ExpectForm | None = None
+
+    @model_validator(mode="after")
+    def _one_model(self) -> CaseForm:
+        if (self.system is None) == (self.scene is None):
+            raise ValueError("give the model once: either 'system' or 'scene'")
+        return self
+
+
+READING_KEYS = frozenset(CaseForm.model_fields) - {"schema_", "name"}
+"""Keys that a reading may override."""
+
+
+def case_schema() -> dict[str, Any]:
+    """JSON Schema of a case file, for editors that complete and check YAML."""
+    schema = CaseForm.model_json_schema(by_alias=True)
+    overrides = {key: value for key, value in schema["properties"].items() if key in READING_KEYS}
+    schema["properties"]["readings"] = {
+        "type": "object",
+        "description": "name: overrides of the keys above; mappings merge, anything else replaces, null removes",
+        "additionalProperties": {"type": "object", "properties": overrides, "additionalProperties": False},
+        "propertyNames": {"pattern": "^[a-z0-9_]+$"},
+    }
+    # With readings, a required key may stand in every reading instead of at the top.
+    schema["required"] = ["schema", "name", "title"]
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -1,0 +1,118 @@
+"""A case file as a tree in which every key and value knows its line and column."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+
+Scalar = str | int | bool | Decimal | None
+Plain = Scalar | list["Plain"] | dict[str, "Plain"]
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """1-based place in a file."""
+
+    line: int
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
+class ScalarNode:
+    """A scalar: its value by the core schema, and its text as written."""
+
+    place: Place
+    value: Scalar
+    text: str
+    text_place: Place | None
+    """Where the first character of ``text`` stands, or None where text and file differ (escapes, folding)."""
+
+    @property
+    def size(self) -> int:
+        return 1
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceNode:
+    """A sequence."""
+
+    place: Place
+    items: tuple[Node, ...]
+    size: int
+    """Nodes in it, aliases written out."""
+
+
+@dataclass(frozen=True, slots=True)
+class MappingNode:
+    """A mapping, in the order of the file."""
+
+    place: Place
+    entries: Mapping[str, Node]
+    keys: Mapping[str, Place]
+    size: int
+    """Nodes in it, aliases written out."""
+
+
+Node = ScalarNode | SequenceNode | MappingNode
+
+
+def plain(node: Node) -> Plain:
+    """The tree as plain Python: dict, list, str, int, Decimal, bool, None."""
+    if isinstance(node, MappingNode):
+        return {key: plain(value) for key, value in node.entries.items()}
+    if isinstance(node, SequenceNode):
+        return [plain(item) for item in node.items]
+    return node.value
+
+
+def locate(node: Node, path: Sequence[str | int], *, key: bool = False) -> Place:
+    """The place of what a path of keys and indices leads to, or of the last part of it that is there.
+
+    Parameters
+    ----------
+    node : Node
+    path : sequence of str or int
+    key : bool
+        The place of the last key, where the path ends in one, rather than of its value.
+    """
+    place = node.place
+    for depth, part in enumerate(path):
+        if isinstance(node, MappingNode) and part in node.entries:
+            place = node.keys[str(part)] if key and depth == len(path) - 1 else node.entries[str(part)].place
+            node = node.entries[str(part)]
+        elif isinstance(node, SequenceNode) and isinstance(part, int) and part < len(node.items):
+            node = node.items[part]
+            place = node.place
+        else:
+            break
+    return place
+
+
+def child(node: Node, path: Sequence[str | int]) -> Node | None:
+    """The node that a path of keys and indices leads to, or None."""
+    for part in path:
+        if isinstance(node, MappingNode) and part in node.entries:
+            node = node.entries[str(part)]
+        elif isinstance(node, SequenceNode) and isinstance(part, int) and part < len(node.items):
+            node = node.items[part]
+        else:
+            return None
+    return node
+
+
+def merged(base: MappingNode, overrides: MappingNode) -> MappingNode:
+    """Overrides laid over a mapping: mappings merge key by key, anything else replaces, null removes.
+
+    Every node keeps its own place, so that an error in the result points to where its text stands.
+    """
+    entries, keys = dict(base.entries), dict(base.keys)
+    for name, new in overrides.entries.items():
+        old = entries.get(name)
+        if isinstance(new, ScalarNode) and new.value is None:
+            entries.pop(name, None)
+            keys.pop(name, None)
+            continue
+        keys[name] = overrides.keys[name]
+        entries[name] = merged(old, new) if isinstance(old, MappingNode) and isinstance(new, MappingNode) else new
+    return MappingNode(overrides.place, entries, keys, 1 + sum(e.size for e in entries.values()))
