@@ -115,9 +115,7 @@ class CompiledSystem:
 
     def _append(self, mode: Mode, shape: _Shape) -> None:
         signs = {self.system.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
-        self.addresses = np.vstack(
-            [self.addresses, [[shape.code.address("expansion"), shape.code.address("probe")]]]
-        )
+        self.addresses = np.vstack([self.addresses, [[shape.code.address("expansion"), shape.code.address("probe")]]])
         self.constants = _stacked(self.constants, self._numbers(shape.expansion, signs))
         self.probes = _stacked(self.probes, self._numbers(shape.probe, signs))
         layout = np.zeros((1, *self.layouts.shape[1:]), dtype=np.int64)

@@ -103,7 +103,8 @@ class Engine:
         x = [double_double(v)[0] for v in problem.initial]
         active = [i for i, h in enumerate(surfaces) if exact_sign(h) == 0]
         time = double_double(problem.start)
-        row, zeros = None, ()
+        row: int | None = None
+        zeros: tuple[int, ...] = ()
         if decision.mode is not None:
             row = self.compiled.compile(decision.mode)
             zeros = tuple(self.switching.contact_orders(time[0], x, decision.mode, active))
@@ -132,29 +133,43 @@ class Engine:
         deadline : float, optional
             Seconds after which the run stops with status ``timeout``.
         """
-        return _Run(self, start, tolerance, landing, sample_times, deadline).go()
+        return Session(self, start, tolerance, landing, sample_times, deadline).run()
 
 
 @dataclass
-class _Run:
-    """One run: the arrays the compiled loop works on, and the conversation with it."""
+class Session:
+    """One run: the arrays the compiled loop works on, and the conversation with it.
+
+    :meth:`run` goes to the horizon; :meth:`next_event` stops after each transition, so that whoever asks may
+    read and change :attr:`x` there (saltation of variational equations, say) before going on.
+    """
 
     engine: Engine
     start: Start
     tolerance: float
     method: int
-    sample_times: NDArray[np.float64] | None
-    deadline: float | None
+    sample_times: NDArray[np.float64] | None = None
+    deadline: float | None = None
+    block: int = _CHUNK
+    """Transitions kept in one block of memory; 1 to stop at each."""
     floats: NDArray[np.float64] = field(init=False)
     integers: NDArray[np.int64] = field(init=False)
+    x: NDArray[np.float64] = field(init=False)
+    """Present state, shape (n,)."""
 
     def __post_init__(self) -> None:
         compiled, n = self.engine.compiled, len(self.start.x)
         most, order = compiled.most_guards, self.engine.order
+        start = self.start
         self.floats = np.zeros(k.F_SIZE)
+        self.floats[k.F_TIME], self.floats[k.F_LOW] = start.time
+        self.floats[k.F_LAST] = -np.inf
+        self.floats[k.F_SIGMA] = max((start.until[0] - start.time[0]) + (start.until[1] - start.time[1]), 1e-280)
         self.integers = np.zeros(k.I_SIZE, dtype=np.int64)
+        self.integers[k.I_MODE] = start.row or 0
         self.x = np.array(self.start.x)
         self.multiplicity = np.zeros(most, dtype=np.int64)
+        self.multiplicity[: len(start.zeros)] = start.zeros
         self.hits = np.zeros(most, dtype=np.int64)
         self.c = np.zeros((n + most, order + 1))
         self.speeds = np.zeros((n + 2 * most, 1))
@@ -168,9 +183,9 @@ class _Run:
         self._new_block()
 
     def _new_block(self) -> None:
-        self.times = np.empty((_CHUNK, 2))
-        self.marks = np.empty((_CHUNK, 5), dtype=np.int64)
-        self.states = np.empty((_CHUNK, self.x.size))
+        self.times = np.empty((self.block, 2))
+        self.marks = np.empty((self.block, 5), dtype=np.int64)
+        self.states = np.empty((self.block, self.x.size))
         self.integers[k.I_COUNT] = 0
 
     def _close_block(self) -> None:
@@ -178,18 +193,21 @@ class _Run:
         self.blocks.append((self.times[:count], self.marks[:count], self.states[:count]))
         self._new_block()
 
-    def go(self) -> Trajectory:
-        start, floats = self.start, self.floats
-        floats[k.F_TIME], floats[k.F_LOW] = start.time
-        floats[k.F_LAST] = -np.inf
-        floats[k.F_SIGMA] = max((start.until[0] - start.time[0]) + (start.until[1] - start.time[1]), 1e-280)
-        if start.decision.mode is None:
-            return self._end(*_refusal(start.decision), (0,) * len(self.engine.system.surfaces))
-        if start.row is None:
-            return self._end("failed", "the mode at the start has no equations", start.decision.mode)
-        self.integers[k.I_MODE] = start.row
-        self.multiplicity[: len(start.zeros)] = start.zeros
-        return self._loop()
+    def run(self) -> Trajectory:
+        """Go to the horizon (or to where the run ends before it)."""
+        began = time.perf_counter()
+        while (end := self._advance()) is None:
+            if self.deadline is not None and time.perf_counter() - began > self.deadline:
+                return self._end("timeout", f"stopped after {self.deadline:g} s at t = {self.time:.17g}")
+        return end
+
+    def next_event(self) -> Transition | Trajectory:
+        """Go to the next transition; the trajectory instead where the run ends before one."""
+        self.integers[k.I_COUNT] = 0
+        while (end := self._advance(stop=True)) is None:
+            if self.integers[k.I_COUNT]:
+                return self._block()[0]
+        return end
 
     def _enter(self, mode: Mode, active: Sequence[int]) -> bool:
         """Make a mode the present one; ``active`` are the surfaces the state is on."""
@@ -197,64 +215,63 @@ class _Run:
         if row is None:
             return False
         self.integers[k.I_MODE] = row
-        orders = self.engine.switching.contact_orders(self._time, self.x.tolist(), mode, active)
+        orders = self.engine.switching.contact_orders(self.time, self.x.tolist(), mode, active)
         self.multiplicity[: len(orders)] = orders
         return True
 
     @property
-    def _time(self) -> float:
+    def time(self) -> float:
+        """Present time [s], rounded to double."""
         return float(self.floats[k.F_TIME])
 
     @property
-    def _mode(self) -> Mode:
+    def mode(self) -> Mode:
+        """Present mode."""
         return self.engine.compiled.modes[self.integers[k.I_MODE]]
 
-    def _loop(self) -> Trajectory:
-        began = time.perf_counter()
-        while True:
-            code = self._advance()
-            if code == k.HORIZON:
-                return self._end("ok", "", self._mode)
-            if code == k.FULL:
-                self._close_block()
-            elif code == k.RESOLVE:
-                refused = self._resolve()
-                if refused is not None:
-                    return self._end(*refused, self._mode)
-            elif code != k.PAUSE:
-                return self._end(*self._why(code), self._mode)
-            if self.deadline is not None and time.perf_counter() - began > self.deadline:
-                return self._end("timeout", f"stopped after {self.deadline:g} s at t = {self._time:.17g}", self._mode)
-
-    def _advance(self) -> int:
+    def _advance(self, *, stop: bool = False) -> Trajectory | None:
+        """Let the compiled loop run until it needs something; None if the run goes on."""
+        start = self.start
+        if start.decision.mode is None:
+            return self._end(*_refusal(start.decision))
+        if start.row is None:
+            return self._end("failed", "the mode at the start has no equations")
         compiled = self.engine.compiled
-        return int(
-            k.advance(
-                self.floats, self.integers, self.x, self.multiplicity, self.hits,
-                *self.start.until, self.engine.order, self.tolerance, self.method, _BUDGET,
-                compiled.addresses, compiled.constants, compiled.probes, compiled.layouts, compiled.targets,
-                self.c, self.speeds, self.engine.table, self.work, self.bounds,
-                self.times, self.marks, self.states,
-                self.wanted, self.samples, self.sample_modes,
-            )
+        code = k.advance(
+            self.floats, self.integers, self.x, self.multiplicity, self.hits,
+            *start.until, self.engine.order, self.tolerance, self.method, _BUDGET,
+            compiled.addresses, compiled.constants, compiled.probes, compiled.layouts, compiled.targets,
+            self.c, self.speeds, self.engine.table, self.work, self.bounds,
+            self.times, self.marks, self.states,
+            self.wanted, self.samples, self.sample_modes,
         )  # fmt: skip
+        if code == k.HORIZON:
+            return self._end("ok", "")
+        if code == k.FULL and not stop:
+            self._close_block()
+        elif code == k.RESOLVE:
+            refused = self._resolve()
+            return None if refused is None else self._end(*refused)
+        elif code not in (k.FULL, k.PAUSE):
+            return self._end(*self._why(code))
+        return None
 
     def _resolve(self) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
-        before = self._mode
+        before = self.mode
         guards = self.engine.system.equations(before).guards
         hits: list[Guard] = [g for g, hit in zip(guards, self.hits, strict=False) if hit]
-        decision = self.engine.switching.after_event(self._time, self.x.tolist(), before, hits)
+        decision = self.engine.switching.after_event(self.time, self.x.tolist(), before, hits)
         if decision.mode is None:
             return _refusal(decision)
         active = sorted({g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0})
         source = self.integers[k.I_MODE]
         if not self._enter(decision.mode, active):
-            return "failed", f"the mode after t = {self._time:.17g} has no equations"
+            return "failed", f"the mode after t = {self.time:.17g} has no equations"
         changed = [i for i in active if decision.mode[i] != before[i]]
         touched = sorted({g.index for g in hits}) if not changed else changed
         for i in touched:
-            if self.integers[k.I_COUNT] >= _CHUNK:
+            if self.integers[k.I_COUNT] >= self.block:
                 self._close_block()
             n = self.integers[k.I_COUNT]
             kind = _KINDS.index(transition_kind(before[i], decision.mode[i]))
@@ -267,17 +284,24 @@ class _Run:
         return None
 
     def _why(self, code: int) -> tuple[Status, str]:
-        at = f"t = {self._time:.17g}"
-        if code == k.DIVERGED:
+        at = f"t = {self.time:.17g}"
+        grown = np.abs(self.x).max() > 1e8 * max(1.0, *map(abs, self.start.x))
+        if code == k.DIVERGED or (code == k.STALLED and grown):
             return "diverged", f"the state leaves every bound at {at}"
         if code == k.STALLED:
             return "failed", f"the step size fell to zero at {at}: the field is singular there"
         if code == k.ACCUMULATED:
             return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
-        guard = self.engine.system.equations(self._mode).guards[self.integers[k.I_GUARD]]
+        guard = self.engine.system.equations(self.mode).guards[self.integers[k.I_GUARD]]
         return "invalid", f"the model ends: {self.engine.system.valid[guard.index]} fell to 0 at {at}"
 
-    def _end(self, status: Status, reason: str, mode: Mode) -> Trajectory:
+    def _block(self) -> TransitionBlock:
+        count = self.integers[k.I_COUNT]
+        return TransitionBlock(
+            self.times[:count], self.marks[:count], self.states[:count], tuple(self.engine.compiled.modes)
+        )
+
+    def _end(self, status: Status, reason: str) -> Trajectory:
         self._close_block()
         times, marks, states = (np.concatenate(parts) for parts in zip(*self.blocks, strict=True))
         modes = tuple(self.engine.compiled.modes)
@@ -285,9 +309,9 @@ class _Run:
         return Trajectory(
             status=status,
             transitions=TransitionBlock(times, marks, states, modes),
-            end_time=self._time,
+            end_time=self.time,
             end_state=tuple(self.x.tolist()),
-            end_mode=mode,
+            end_mode=self.mode if modes else (0,) * len(self.engine.system.surfaces),
             reason=reason,
             counts=Counts(int(counts[k.I_STEPS]), int(counts[k.I_RHS]), int(counts[k.I_EVENTS])),
             samples=self.samples if self.sample_times is not None else None,

@@ -46,9 +46,7 @@ def _call_expand(typing, address, t, low, sigma, x, constants, out):  # type: ig
         pointer = double.as_pointer()
         kind = ir.FunctionType(ir.VoidType(), [double, double, double, pointer, pointer, pointer])
         function = builder.inttoptr(args[0], kind.as_pointer())
-        arrays = [
-            context.make_array(sig.args[i])(context, builder, value=args[i]).data for i in range(4, 7)
-        ]
+        arrays = [context.make_array(sig.args[i])(context, builder, value=args[i]).data for i in range(4, 7)]
         builder.call(function, [args[1], args[2], args[3], *arrays])
         return context.get_dummy_value()
 
@@ -256,7 +254,7 @@ def advance(  # type: ignore[no-untyped-def]
             x[i] = value(c[i], order, part)
         _add_time(floats, part * sigma)
         integers[I_STEPS] += 1
-        floats[F_SIGMA] = min(natural, 1e9 * sigma)
+        floats[F_SIGMA] = min(natural, 1e3 * part * sigma) if part > 0.0 else sigma
         if not _finite(x):
             return DIVERGED
         if hit < 0:
@@ -326,7 +324,7 @@ def _zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _finite(x):  # type: ignore[no-untyped-def]
-    for i in range(x.size):
+    for i in range(x.size):  # noqa: SIM110 (numba)
         if not abs(x[i]) < HUGE:
             return False
     return True

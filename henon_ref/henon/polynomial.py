@@ -153,7 +153,7 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     left, right = low, high
     tau = low + (high - low) * below / (below - above) if below > 0.0 > above else 0.5 * (low + high)
     order_one = method == NEWTON
-    for _ in range(12 if order_one else 6):
+    for _ in range(12):
         g0, g1, g2, g3, g4 = q[degree], 0.0, 0.0, 0.0, 0.0
         for k in range(degree - 1, -1, -1):
             if not order_one:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 Mode = tuple[int, ...]
 """One entry a surface: -1 or +1 in slip (the sign of h), 0 in sliding (stick)."""
@@ -21,10 +22,10 @@ def mode_text(mode: Sequence[int], signs: Sequence[str]) -> str:
 
 def replaced(mode: Mode, index: int, value: int) -> Mode:
     """The mode with one surface's entry replaced."""
-    return mode[:index] + (value,) + mode[index + 1 :]
+    return (*mode[:index], value, *mode[index + 1 :])
 
 
-def transition_kind(before: int, after: int) -> str:
+def transition_kind(before: int, after: int) -> Literal["stick", "release", "crossing", "graze"]:
     """Name what one surface's entry does: stick, release, crossing or graze (touch and go)."""
     if before == after:
         return "graze"

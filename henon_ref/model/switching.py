@@ -161,9 +161,7 @@ class Switching:
                 self._tapes[mode] = (equations, tape, numbers)
         return self._tapes[mode]
 
-    def _violations(
-        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int]
-    ) -> tuple[Guard, ...] | None:
+    def _violations(self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int]) -> tuple[Guard, ...] | None:
         """Guards of the mode that do not hold just after (t, x); None where the mode has no equations."""
         made = self._equations(mode)
         if made is None:

@@ -8,7 +8,8 @@ with Discontinuous Righthand Sides* (1988), and Eqs. (6)-(8) of Olejnik and Awre
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from functools import cached_property
 from itertools import product
 from typing import Literal
@@ -86,11 +87,11 @@ class FilippovSystem:
     """h_i, in time, states and parameters."""
     field: tuple[sp.Expr, ...]
     """f, in time, states, signs and parameters; smooth as text: no sign, Abs or Piecewise."""
-    parameters: Mapping[sp.Symbol, sp.Expr] = field(default_factory=dict)
+    parameters: Mapping[sp.Symbol, sp.Expr] = dataclass_field(default_factory=dict)
     """Parameter symbol -> its exact number."""
     valid: tuple[sp.Expr, ...] = ()
     """The model holds while these are > 0."""
-    overrides: Mapping[int, SlidingOverride] = field(default_factory=dict)
+    overrides: Mapping[int, SlidingOverride] = dataclass_field(default_factory=dict)
     """Surface index -> its own sliding."""
     effects: tuple[str, ...] = ()
     """Names of the effects a scene was built from (empty for a plain system)."""
@@ -106,6 +107,10 @@ class FilippovSystem:
     @cached_property
     def _cache(self) -> dict[object, ModeEquations]:
         return {}
+
+    @cached_property
+    def _normal(self) -> tuple[sp.Expr, ...]:
+        return tuple(_along(h, self.states, self.field) for h in self.surfaces)
 
     def numeric(self, expression: sp.Expr) -> sp.Expr:
         """The expression with every parameter replaced by its exact number."""
@@ -141,8 +146,10 @@ class FilippovSystem:
         key = ("shared", sliding)
         if key not in self._cache:
             overridden = sliding & set(self.overrides)
+            releases: tuple[Guard, ...] = ()
+            signs: dict[int, sp.Expr] = {}
             if not sliding:
-                rhs, releases, signs = self.field, (), {}
+                rhs = self.field
             elif overridden:
                 if len(sliding) > 1:
                     raise ModelError(
@@ -150,7 +157,6 @@ class FilippovSystem:
                         + ", ".join(self.signs[i].name for i in sorted(sliding))
                     )
                 rhs, releases = _overridden(self, next(iter(sliding)))
-                signs = {}
             else:
                 rhs, releases, signs = _filippov_sliding(self, tuple(sorted(sliding)))
             surfaces = tuple(
@@ -162,10 +168,7 @@ class FilippovSystem:
 
     def normal_velocity(self, index: int) -> sp.Expr:
         """dh_i/dt along f, in time, states, signs and parameters."""
-        key = ("normal", index)
-        if key not in self._cache:
-            self._cache[key] = _along(self.surfaces[index], self.states, self.field)  # type: ignore[assignment]
-        return self._cache[key]  # type: ignore[return-value]
+        return self._normal[index]
 
     def transition_function(self, index: int = 0) -> sp.Expr:
         """sigma = (dh/dt at s = +1)(dh/dt at s = -1), Eq. (8): sliding is where sigma <= 0 and both fields point in."""
@@ -176,9 +179,7 @@ class FilippovSystem:
 
 def _along(expression: sp.Expr, states: tuple[sp.Symbol, ...], rhs: tuple[sp.Expr, ...]) -> sp.Expr:
     """Time derivative of an expression along a field."""
-    return sp.diff(expression, TIME) + sp.Add(
-        *(sp.diff(expression, x) * f for x, f in zip(states, rhs, strict=True))
-    )
+    return sp.diff(expression, TIME) + sp.Add(*(sp.diff(expression, x) * f for x, f in zip(states, rhs, strict=True)))
 
 
 def _overridden(system: FilippovSystem, index: int) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...]]:
@@ -257,9 +258,7 @@ def _filippov_sliding(
     for i, k in solved.items():
         # x_k = r(t, others) on the surface: its derivative needs no friction force, and keeps the surface exactly.
         h = system.surfaces[i]
-        others = sp.diff(h, TIME) + sp.Add(
-            *(sp.diff(h, x) * result[j] for j, x in enumerate(states) if j != k)
-        )
+        others = sp.diff(h, TIME) + sp.Add(*(sp.diff(h, x) * result[j] for j, x in enumerate(states) if j != k))
         result[k] = -others.subs(on_surface, simultaneous=True) / sp.diff(h, states[k])
     return tuple(result), tuple(guards), {i: equivalent[s] for i, s in zip(sliding, signs, strict=True)}
 

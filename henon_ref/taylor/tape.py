@@ -142,9 +142,8 @@ class _Builder:
     def _split(self, e: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
         """(constant factor, the rest)."""
         if e.is_Mul:
-            constant, rest = [], []
-            for factor in e.args:
-                (constant if self._is_constant(factor) else rest).append(factor)
+            constant = [f for f in e.args if self._is_constant(f)]
+            rest = [f for f in e.args if not self._is_constant(f)]
             return sp.Mul(*constant), sp.Mul(*rest)
         return (e, sp.Integer(1)) if self._is_constant(e) else (sp.Integer(1), e)
 
@@ -266,10 +265,9 @@ class _Builder:
             return self._op("log", inner)
         if name in ("asin", "acos", "atan"):
             square = self._multiplied(inner, inner)
-            one = (sp.Integer(1),)
             if name == "atan":
-                return self._op("atan", inner, self._op("shift", square, constants=one))
-            return self._op(name, inner, self._op("sqrt", self._op("rsub", square, constants=one)))
+                return self._op("atan", inner, self._op("shift", square, constants=(sp.Integer(1),)))
+            return self._op(name, inner, self._op("sqrt", self._op("rsub", square, constants=(sp.Integer(1),))))
         raise ModelError(f"no Taylor recurrence for {name}: a field is smooth in t and x; write signs as sign symbols")
 
 
