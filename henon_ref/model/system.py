@@ -241,7 +241,10 @@ def _filippov_sliding(
     coupled = any(slope[i][j] != 0 for i in range(len(signs)) for j in range(len(signs)) if i != j)
     guards: list[Guard] = []
     if coupled:
-        solution = sp.Matrix(slope).LUsolve(-sp.Matrix(rest))
+        try:
+            solution = sp.Matrix(slope).LUsolve(-sp.Matrix(rest))
+        except sp.matrices.exceptions.NonInvertibleMatrixError as error:
+            raise ModelError(f"the field does not settle the signs of the surfaces it should slide on: {signs}") from error
         equivalent = {s: solution[i] for i, s in enumerate(signs)}
         for i, s in zip(sliding, signs, strict=True):
             guards.append(Guard("release", i, 1, 1 - equivalent[s]))
