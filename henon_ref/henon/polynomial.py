@@ -143,11 +143,10 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     """
     if low == high:
         return low, method, 0
+    # A root at ``high`` itself, if there is one, is not the one bracketed: q is negative just before it.
     below, above = value(q, degree, low), value(q, degree, high)
     evaluations = 2
-    if above == 0.0:
-        return high, method, evaluations
-    if method == BRENT:
+    if method == BRENT and below > 0.0 > above:
         tau, more = _brent(q, degree, low, high, below, above)
         return tau, BRENT, evaluations + more
     left, right = low, high

@@ -1,0 +1,157 @@
+"""The reference integrator against closed forms and certified digits (FACTS of the classic systems)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from henon_ref.henon.solvers import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
+from henon_ref.trajectory import Problem, Trajectory
+from tests.conftest import make_problem
+
+SOLVERS = [HENON_SOLVER, HENON_NEWTON, HENON_BRENT]
+
+
+def run(problem: Problem, rtol: float = 1e-15, solver=HENON_SOLVER, **options) -> Trajectory:
+    return solver.prepare(problem, rtol=rtol, deadline=20.0, **options)()
+
+
+def kinds(trajectory: Trajectory) -> list[str]:
+    return [q.kind for q in trajectory.transitions]
+
+
+def times(trajectory: Trajectory) -> np.ndarray:
+    return np.array([q.time for q in trajectory.transitions])
+
+
+@pytest.mark.parametrize("solver", SOLVERS, ids=lambda s: s.name)
+def test_free_coulomb_turns_at_multiples_of_pi_and_sticks_for_good(solver) -> None:
+    result = run(make_problem("x v", ["v", "-x - 3*s/5"], {"s": "v"}, ["53/10", 0], 20), solver=solver)
+    assert result.status == "ok"
+    assert kinds(result) == ["crossing", "crossing", "crossing", "stick"]
+    np.testing.assert_allclose(times(result), math.pi * np.arange(1, 5), rtol=3e-16)
+    assert result.end_state == pytest.approx((0.5, 0.0), abs=4e-15)
+
+
+def test_a_slide_is_left_at_its_tangent_point() -> None:
+    result = run(make_problem("x", ["t - s"], {"s": "x"}, [0], 3))
+    assert kinds(result) == ["release"]
+    assert result.transitions[0].time == 1.0
+    assert result.end_state == (2.0,)
+
+
+def test_rotating_crossing_of_a_circle() -> None:
+    rows = ["a*(1) + s*2*pi*b", "b - s*2*pi*a"]
+    result = run(make_problem("a b", rows, {"s": "a**2 + b**2 - 1"}, ["exp(-1)", 0], 2))
+    assert kinds(result) == ["crossing"]
+    assert result.transitions[0].time == pytest.approx(1.0, rel=1e-15)
+
+
+def test_relay_feedback_releases_at_lamberts_time() -> None:
+    field = ["-(2*w*z + 1)*a + b - s", "-(2*w*z + w**2)*a + c + 2*s", "-w**2*a - s"]
+    field = [f.replace("w", "25").replace("z", "(1/20)") for f in field]
+    result = run(make_problem("a b c", field, {"s": "a"}, [0, "-1/1000", "-1/50"], 20))
+    assert result.transitions[0].time == pytest.approx(2.812403376023301, rel=4e-16)
+    assert kinds(result)[:6] == ["release", "stick"] * 3
+
+
+def test_stribeck_belt_periods() -> None:
+    field = ["v", "-x - s/(1 + 3*s*(v - 1/5))"]
+    result = run(make_problem("x v", field, {"s": "v - 1/5"}, [1, "1/5"], 120))
+    assert kinds(result)[:4] == ["stick", "release", "stick", "release"]
+    durations = np.diff(times(result))
+    np.testing.assert_allclose(durations[0::2], 7.705031769350, atol=1e-12)
+    np.testing.assert_allclose(durations[1::2], 4.295999525480, atol=1e-12)
+
+
+def test_non_stop_forced_coulomb_turns_at_multiples_of_pi_over_w() -> None:
+    w, p, f = 2.0, 1.0, 0.2
+    v = 1 / (1 - w**2)
+    u = math.tan(math.pi / (2 * w)) / w
+    x0 = math.sqrt(v**2 * p**2 - f**2 * u**2)
+    phase = math.atan2(-f * u / (v * p), x0 / (v * p))
+    assert x0 == pytest.approx(0.317979733805649, rel=1e-14)
+    field = ["y", f"-x + cos(2*t + {phase!r}) - s/5"]
+    result = run(make_problem("x y", field, {"s": "y"}, [repr(x0), 0], 20))
+    assert set(kinds(result)) == {"crossing"}
+    np.testing.assert_allclose(times(result), math.pi / w * np.arange(1, 13), atol=2e-14)
+
+
+def test_twisting_accumulates_and_ends_with_a_clear_word() -> None:
+    result = run(make_problem("a b", ["b", "-2*s - u"], {"s": "a", "u": "b"}, [0, "3/2"], 5))
+    assert result.status == "failed"
+    assert "accumulate" in result.reason
+    assert result.end_time == pytest.approx(3.2320508075688776, rel=4e-16)
+    assert len(result.transitions) > 50
+
+
+def test_three_blocks_of_stewart_stick_one_after_another() -> None:
+    field = ["v1", "v2", "v3", "-2*q1+q2-v1-3*s/10", "q1-2*q2+q3-v2-3*u/10", "q2-q3-v3-3*c/10"]
+    surfaces = {"s": "v1", "u": "v2", "c": "v3"}
+    result = run(make_problem("q1 q2 q3 v1 v2 v3", field, surfaces, [-1, 1, -1, -1, 1, 1], 12))
+    assert result.status == "ok"
+    assert kinds(result) == ["crossing"] * 5 + ["stick"] * 3
+    assert result.end_mode == (0, 0, 0)
+
+
+def test_a_future_that_is_not_unique_is_said_so_and_a_given_mode_settles_it() -> None:
+    result = run(make_problem("x", ["s"], {"s": "x"}, [0], 3))
+    assert result.status == "nonunique"
+    assert run(make_problem("x", ["s"], {"s": "x"}, [0], 3, mode={0: -1})).end_state == (-3.0,)
+
+
+def test_blow_up_in_finite_time_is_diverged_with_its_time() -> None:
+    result = run(make_problem("x", ["x**2"], {"s": "x - 10"}, [1], 2))
+    assert result.status == "diverged"
+    assert result.end_time == pytest.approx(1.0, rel=1e-14)
+    assert result.transitions[0].time == pytest.approx(0.9, rel=1e-15)
+
+
+def test_a_model_that_ends_is_invalid() -> None:
+    result = run(make_problem("x", ["1"], {"s": "x - 2"}, [0], 3, valid=["1 - x"]))
+    assert result.status == "invalid"
+    assert result.end_time == 1.0
+
+
+@pytest.mark.parametrize("start", [10**9, -(10**9)])
+def test_late_times_lose_no_digits(start: int) -> None:
+    problem = make_problem("x v", ["v", "-x - 3*s/5"], {"s": "v"}, ["53/10", 0], start + 20, start=start)
+    result = run(problem)
+    shifted = [(q.time - start) + q.time_low for q in result.transitions]
+    np.testing.assert_allclose(shifted, math.pi * np.arange(1, 5), rtol=1e-15)
+
+
+@pytest.mark.parametrize("length", [-9, 0, 9])
+@pytest.mark.parametrize("unit", [-9, 0, 9])
+def test_units_do_not_matter(length: int, unit: int) -> None:
+    """x in units of 10^length, t in units of 10^unit: the same digits."""
+    a, b = f"10**({length})", f"10**({unit})"
+    field = ["v", f"-x/({b})**2 - 3*s*({a})/({b})**2/5"]
+    problem = make_problem("x v", field, {"s": "v"}, [f"53*({a})/10", 0], f"20*({b})")
+    scaled = times(run(problem)) / 10.0**unit
+    np.testing.assert_allclose(scaled, math.pi * np.arange(1, 5), rtol=1e-15)
+
+
+@pytest.mark.parametrize("exponent", range(1, 7))
+def test_two_roots_in_one_step_are_both_found(exponent: int) -> None:
+    gap = 10.0**-exponent
+    result = run(make_problem("x v", ["v", "2"], {"s": "x"}, [f"1 - 10**(-{2 * exponent})/4", -2], 3))
+    assert kinds(result) == ["crossing", "crossing"]
+    np.testing.assert_allclose(times(result), [1 - gap / 2, 1 + gap / 2], atol=1e-15 / gap)
+
+
+def test_samples_lie_on_the_trajectory() -> None:
+    problem = make_problem("x v", ["v", "-x - 3*s/5"], {"s": "v"}, ["53/10", 0], 20)
+    wanted = np.linspace(0, 3, 50)
+    result = run(problem, sample_times=wanted)
+    np.testing.assert_allclose(result.samples[:, 0], 0.6 + 4.7 * np.cos(wanted), rtol=0, atol=1e-14)
+
+
+def test_error_follows_the_tolerance() -> None:
+    problem = make_problem("x v", ["v", "-x - 3*s/5"], {"s": "v"}, ["53/10", 0], 20)
+    errors = [np.abs(times(run(problem, rtol=r)) - math.pi * np.arange(1, 5)).max() for r in (1e-4, 1e-8, 1e-12)]
+    assert errors[0] < 1e-3
+    assert errors[1] < 1e-7
+    assert errors[2] < 1e-11

@@ -1,0 +1,64 @@
+"""What follows an event."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from henon_ref.model.switching import Switching, exact_sign
+from tests.conftest import make_problem
+
+
+def decide(field: list[str], initial: list[str | int], states: str = "x", surfaces: dict[str, str] | None = None):
+    problem = make_problem(states, field, surfaces or {"s": "x"}, initial, 1)
+    return Switching(problem.system).initial_mode(problem.start, problem.initial, problem.initial_mode)
+
+
+def test_attracting_repelling_and_crossing() -> None:
+    assert decide(["-s"], [0]).mode == (0,)
+    assert decide(["s"], [0]).status == "nonunique"
+    assert decide(["2 + s"], [0]).mode == (1,)
+    assert decide(["-2 + s"], [0]).mode == (-1,)
+
+
+def test_a_tangency_is_decided_by_the_next_derivative() -> None:
+    """At x = 0, t = 0 one field is tangent: visible (it leaves) or invisible (it slides)."""
+    assert decide(["t + 1 - s"], [0]).mode == (1,)
+    assert decide(["-t + 1 - s"], [0]).mode == (0,)
+    assert decide(["-t**3 + 1 - s"], [0]).mode == (0,)
+
+
+def test_off_the_surface_the_sign_is_exact() -> None:
+    assert decide(["-s"], ["10**(-40)"]).mode == (1,)
+    assert decide(["-s"], ["sqrt(2)**2 - 2"]).mode == (0,)
+    assert exact_sign(sp.sqrt(3) / 9 - sp.Rational(1, 3) / sp.sqrt(3)) == 0
+
+
+def test_all_contacts_rest_or_some_move() -> None:
+    field = ["v1", "v2", "-2*q1 + q2 - 3*s/10", "q1 - 2*q2 - 3*u/10"]
+    surfaces = {"s": "v1", "u": "v2"}
+    assert decide(field, ["1/20", 0, 0, 0], "q1 q2 v1 v2", surfaces).mode == (0, 0)
+    assert decide(field, [1, 0, 0, 0], "q1 q2 v1 v2", surfaces).mode == (-1, 1)
+
+
+def test_many_contacts_at_rest_are_searched_not_enumerated() -> None:
+    n = 9
+    field = [f"v{i}" for i in range(n)] + [("1" if i == 3 else "0") + f" - s{i}/2" for i in range(n)]
+    states = " ".join([f"q{i}" for i in range(n)] + [f"v{i}" for i in range(n)])
+    decision = decide(field, [0] * (2 * n), states, {f"s{i}": f"v{i}" for i in range(n)})
+    assert decision.mode == tuple(1 if i == 3 else 0 for i in range(n))
+
+
+def test_a_given_mode_settles_an_open_start_and_a_wrong_one_is_refused() -> None:
+    problem = make_problem("x", ["s"], {"s": "x"}, [0], 1)
+    switching = Switching(problem.system)
+    assert switching.initial_mode(problem.start, problem.initial, {0: 1}).mode == (1,)
+    assert switching.initial_mode(problem.start, (sp.Integer(2),), {0: -1}).status == "invalid"
+
+
+def test_contact_orders_count_the_zeros_of_h() -> None:
+    problem = make_problem("x v", ["v", "t - 1 + s"], {"s": "x"}, [0, 0], 1)
+    switching = Switching(problem.system)
+    assert switching.contact_orders(0.0, [0.0, 1.0], (1,), [0]) == [1]
+    assert switching.contact_orders(0.5, [0.0, 0.0], (1,), [0]) == [2]
+    assert switching.contact_orders(0.0, [0.0, 0.0], (1,), [0]) == [3]
+    assert switching.contact_orders(0.0, [0.0, 0.0], (1,), []) == [0]
