@@ -9,10 +9,13 @@ Everything is loaded on first use, so that importing the package costs next to n
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from henon_ref.comparison import Comparison, compare
     from henon_ref.errors import CaseError, HenonRefError, ModelError, UnavailableError, UnsupportedError
     from henon_ref.model.case import Case, Reading, load_case, parse_case
     from henon_ref.model.system import FilippovSystem
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "Comparison": "comparison",
     "CaseError": "errors",
     "HenonRefError": "errors",
     "ModelError": "errors",
@@ -42,6 +46,7 @@ _HOME = {
 __all__ = [
     "Case",
     "CaseError",
+    "Comparison",
     "Counts",
     "FilippovSystem",
     "HenonRefError",
@@ -60,7 +65,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    # `henon_ref.compare` is both the command's module and the function of the contract: the module is callable.
     if name == "compare":
         return import_module("henon_ref.compare")
     if name in _HOME:
@@ -72,3 +76,24 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+class _CallableModule(ModuleType):
+    """The module of the command, which can be called as the function of the same name."""
+
+    def __call__(self, *arguments: Any, **options: Any) -> Comparison:
+        from henon_ref.comparison import compare
+
+        return compare(*arguments, **options)
+
+
+class _Package(ModuleType):
+    # `python -m henon_ref.compare` needs a module of that name, `henon_ref.compare(case)` a function. Importing
+    # the module makes it an attribute of this package, so it is made callable there, whoever imports it first.
+    def __setattr__(self, name: str, value: object) -> None:
+        if name == "compare" and isinstance(value, ModuleType):
+            value.__class__ = _CallableModule
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

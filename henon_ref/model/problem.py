@@ -25,7 +25,11 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
     CaseError
         At the place of the first thing that does not fit.
     """
-    system, names = build_system(source, form.system) if form.system else build_scene(source)
+    if form.scene is not None:
+        system, names = build_scene(source, form.scene)
+    else:
+        assert form.system is not None
+        system, names = build_system(source, form.system)
     overrides = build_overrides(source, form, names)
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})

@@ -40,6 +40,11 @@ class Source:
         # A number in a base other than ten is not one in an expression.
         return str(node.value) if isinstance(node.value, int) and node.text[:2] in ("0x", "0o") else node.text
 
+    def keys(self, path: Path) -> list[str]:
+        """The keys of a mapping, none where there is no mapping."""
+        node = child(self.tree, path)
+        return list(node.entries) if isinstance(node, MappingNode) else []
+
     def expression(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> sp.Expr:
         """A smooth expression (see :func:`henon_ref.model.expressions.parse_expression`)."""
         try:
