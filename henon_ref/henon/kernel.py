@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 
 from henon_ref.henon.polynomial import BRACKET, NONE, TOUCH, excluded, first_falling_root, land, value
+from henon_ref.jit import njit
 
 # Why the loop came back.
 HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED = range(8)
@@ -53,7 +54,7 @@ def _call_expand(typing, address, t, low, sigma, x, constants, out):  # type: ig
     return signature, codegen
 
 
-@njit(cache=True, error_model="numpy")
+@njit()
 def _add_time(floats, step):  # type: ignore[no-untyped-def]
     """t += step as a compensated sum (Neumaier), so that late times lose no digits of a duration."""
     t = floats[F_TIME]
@@ -65,7 +66,7 @@ def _add_time(floats, step):  # type: ignore[no-untyped-def]
     floats[F_LOW] = low - (floats[F_TIME] - total)
 
 
-@njit(cache=True, fastmath={"contract", "nsz"}, error_model="numpy")
+@njit(fastmath={"contract", "nsz"})
 def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
     """Largest relative size of the last two coefficients over states and guards, scales taken on the step."""
     last, before = 0.0, 0.0
@@ -80,7 +81,7 @@ def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
     return last, before
 
 
-@njit(cache=True, error_model="numpy")
+@njit()
 def _step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
     """Step in units of sigma at which the last two terms fall below the tolerance (Jorba and Zou 2005, Sec. 3)."""
     theta = 1.0
@@ -99,7 +100,7 @@ def _step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
     return theta
 
 
-@njit(cache=True, error_model="numpy")
+@njit()
 def _record(floats, integers, x, times, marks, states, kind, index, source, target, landing):  # type: ignore[no-untyped-def]
     n = integers[I_COUNT]
     times[n, 0], times[n, 1] = floats[F_TIME], floats[F_LOW]
@@ -109,7 +110,7 @@ def _record(floats, integers, x, times, marks, states, kind, index, source, targ
     integers[I_COUNT] = n + 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit()
 def crowded(floats, integers):  # type: ignore[no-untyped-def]
     """Count events that time cannot tell apart; True once there are too many in a row."""
     gap = (floats[F_TIME] - floats[F_LAST]) + (floats[F_LOW] - floats[F_LAST_LOW])
@@ -118,7 +119,7 @@ def crowded(floats, integers):  # type: ignore[no-untyped-def]
     return integers[I_CROWDED] >= CROWD
 
 
-@njit(cache=True, error_model="numpy")
+@njit()
 def _sample(floats, integers, c, order, part, sigma, mode, sample_times, samples, sample_modes):  # type: ignore[no-untyped-def]
     """Fill the samples that lie on the step just taken, up to ``part`` (in units of sigma)."""
     while integers[I_SAMPLE] < sample_times.size:
@@ -132,7 +133,7 @@ def _sample(floats, integers, c, order, part, sigma, mode, sample_times, samples
         integers[I_SAMPLE] = k + 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit()
 def _first_event(integers, c, n, order, layout, multiplicity, theta, method, table, work, bounds):  # type: ignore[no-untyped-def]
     """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, touch, landing used)."""
     powers, scaled, stack = work[0], work[1], work[2:]
@@ -160,7 +161,7 @@ def _first_event(integers, c, n, order, layout, multiplicity, theta, method, tab
     return best, hit, touch, used
 
 
-@njit(cache=True, error_model="numpy")
+@njit()
 def advance(  # type: ignore[no-untyped-def]
     floats, integers, x, multiplicity, hits,
     until, until_low, order, tolerance, method, budget,
@@ -302,7 +303,7 @@ def advance(  # type: ignore[no-untyped-def]
             return ACCUMULATED
 
 
-@njit(cache=True, error_model="numpy")
+@njit()
 def _start(multiplicity, layout, surface, zeros):  # type: ignore[no-untyped-def]
     """Known zeros of the guards at the start of a mode: those of the surface just left."""
     for g in range(layout[0, 0]):
@@ -310,7 +311,7 @@ def _start(multiplicity, layout, surface, zeros):  # type: ignore[no-untyped-def
         multiplicity[g] = zeros if same else 0
 
 
-@njit(cache=True, error_model="numpy")
+@njit()
 def _zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
     """1 if the surface is left with a speed, 2 if tangentially, 0 if the new mode's field points back at it."""
     for g in range(layout[0, 0]):
@@ -322,7 +323,7 @@ def _zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
     return 0
 
 
-@njit(cache=True, error_model="numpy")
+@njit()
 def _finite(x):  # type: ignore[no-untyped-def]
     for i in range(x.size):  # noqa: SIM110 (numba)
         if not abs(x[i]) < HUGE:
@@ -330,7 +331,7 @@ def _finite(x):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit()
 def _at_zero(row, zeros, order, tau, rising_only):  # type: ignore[no-untyped-def]
     """True if a guard is at zero at the event of another one, as far as rounding can tell."""
     q = row[zeros:]

@@ -9,8 +9,9 @@ Then one of three landings puts the step's end on the surface.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from henon_ref.jit import njit
 
 NONE, ROOT, TOUCH = 0, 1, 2
 """Outcome of :func:`first_falling_root`."""
@@ -35,7 +36,7 @@ def bernstein_table(order: int) -> NDArray[np.float64]:
     return table
 
 
-@njit(cache=True, fastmath=_POLY, error_model="numpy")
+@njit(fastmath=_POLY)
 def excluded(q, powers, degree):  # type: ignore[no-untyped-def]
     """True if q > 0 on the whole step by its negative terms alone (q[k] * powers[k] at the step's end)."""
     total = q[0]
@@ -44,7 +45,7 @@ def excluded(q, powers, degree):  # type: ignore[no-untyped-def]
     return total > 0.0
 
 
-@njit(cache=True, fastmath=_POLY, error_model="numpy")
+@njit(fastmath=_POLY)
 def value(q, degree, tau):  # type: ignore[no-untyped-def]
     """q(tau) by Horner's rule."""
     total = q[degree]
@@ -53,7 +54,7 @@ def value(q, degree, tau):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit()
 def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-untyped-def]
     """Isolate the first root on (0, 1] through which the polynomial falls.
 
@@ -123,7 +124,7 @@ def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-unty
     return NONE, 0.0, 0.0
 
 
-@njit(cache=True, fastmath=_POLY, error_model="numpy")
+@njit(fastmath=_POLY)
 def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     """Put the step's end on the root of q that [low, high] brackets, q falling.
 
@@ -193,7 +194,7 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     return tau, BRACKET, evaluations + more
 
 
-@njit(cache=True, fastmath=_POLY, error_model="numpy")
+@njit(fastmath=_POLY)
 def _bisect(q, degree, left, right):  # type: ignore[no-untyped-def]
     evaluations = 0
     while right - left > 2.0 * _EPS * right and evaluations < 200:
@@ -208,7 +209,7 @@ def _bisect(q, degree, left, right):  # type: ignore[no-untyped-def]
     return 0.5 * (left + right), evaluations
 
 
-@njit(cache=True, fastmath=_POLY, error_model="numpy")
+@njit(fastmath=_POLY)
 def _brent(q, degree, low, high, below, above):  # type: ignore[no-untyped-def]
     """Brent's method (*Algorithms for Minimization without Derivatives*, 1973, Ch. 4)."""
     a, b, fa, fb = low, high, below, above

@@ -1,0 +1,45 @@
+"""numba's ``njit`` with a disk cache that knows when any compiled module of this package has changed.
+
+numba looks at a function's own file only; a function compiled into another one would go stale there. The
+cache therefore lives in a folder named after the text of all modules that compile, outside the source tree.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import config
+from platformdirs import user_cache_path
+
+
+@cache
+def cache_folder() -> Path:
+    """Folder of the compiled functions (``NUMBA_CACHE_DIR`` or the user's cache, by a hash of the sources)."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        text = path.read_bytes()
+        if b"henon_ref.jit" in text:
+            digest.update(text)
+    root = os.environ.get("NUMBA_CACHE_DIR")
+    return (Path(root) if root else user_cache_path("henon_ref")) / f"numba-{digest.hexdigest()[:16]}"
+
+
+def njit(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """``numba.njit(cache=True, error_model="numpy", **options)``, cached in :func:`cache_folder`."""
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        before = config.CACHE_DIR
+        config.CACHE_DIR = str(cache_folder())
+        try:
+            compiled: Callable[..., Any] = numba.njit(cache=True, error_model="numpy", **options)(function)
+        finally:
+            config.CACHE_DIR = before
+        return compiled
+
+    return decorate
