@@ -1,0 +1,110 @@
+"""Exact numbers in balls: a walk over a SymPy expression that never passes through a float, and proofs of zero."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import reduce
+
+import sympy as sp
+from flint import arb, fmpq, fmpz
+
+from henon_ref.errors import ModelError
+
+_FUNCTIONS: dict[str, Callable[[arb], arb]] = {
+    name: getattr(arb, name)
+    for name in ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "log")
+} | {"exp": arb.exp, "Abs": abs}
+
+
+def enclose(expression: sp.Expr, values: Mapping[sp.Symbol, arb] | None = None) -> arb:
+    """A ball, at the working precision of ``flint.ctx``, that holds the value of an expression.
+
+    Parameters
+    ----------
+    expression : Expr
+        Exact numbers, elementary functions, and the symbols of ``values``.
+    values : mapping, optional
+        Symbol -> ball.
+
+    Raises
+    ------
+    ModelError
+        For a symbol without a value, or a function that has no ball version here.
+
+    Examples
+    --------
+    >>> enclose(sp.sqrt(2) ** 2 - 1).contains(1)
+    True
+    """
+    return _walk(sp.sympify(expression), dict(values or {}))
+
+
+def _walk(e: sp.Expr, known: dict[sp.Expr, arb]) -> arb:
+    value = known.get(e)
+    if value is None:
+        value = known[e] = _make(e, known)
+    return value
+
+
+def _make(e: sp.Expr, known: dict[sp.Expr, arb]) -> arb:
+    if e.is_Integer:
+        return arb(fmpz(int(e)))
+    if e.is_Rational:
+        return arb(fmpq(int(e.p), int(e.q)))
+    if e.is_Float:
+        return _make(sp.Rational(e), known)  # the double that it is, exactly
+    if e is sp.pi:
+        return arb.pi()
+    if e is sp.E:
+        return arb.const_e()
+    if e.is_Add:
+        return reduce(arb.__add__, (_walk(a, known) for a in e.args))
+    if e.is_Mul:
+        return reduce(arb.__mul__, (_walk(a, known) for a in e.args))
+    if e.is_Pow:
+        return _power(e, known)
+    name = e.func.__name__
+    if name == "atan2":
+        return _walk(e.args[0], known).atan2(_walk(e.args[1], known))
+    if name in _FUNCTIONS and len(e.args) == 1:
+        return _FUNCTIONS[name](_walk(e.args[0], known))
+    raise ModelError(f"{e} has no enclosure: it is no exact number, state, time or elementary function")
+
+
+def _power(e: sp.Expr, known: dict[sp.Expr, arb]) -> arb:
+    if e.base is sp.E:
+        return _walk(e.exp, known).exp()
+    base = _walk(e.base, known)
+    if e.exp.is_Integer:
+        n = int(e.exp)
+        # By products: arb's own power is undefined on a ball that holds zero.
+        result = reduce(arb.__mul__, [base] * abs(n), arb(1))
+        return result if n > 0 else 1 / result
+    if e.exp == sp.Rational(1, 2):
+        return base.sqrt()
+    if e.exp == -sp.Rational(1, 2):
+        return base.rsqrt()
+    return base ** _walk(e.exp, known)
+
+
+def proves_zero(expression: sp.Expr) -> bool:
+    """Whether an expression is zero, by algebra alone: simplification, or its minimal polynomial.
+
+    False says that no proof was found, not that the expression differs from zero.
+
+    Examples
+    --------
+    >>> z = 2 / sp.sqrt(3) * sp.sin(sp.pi / 18)  # the tangent point of Fig. 8, Eq. (24)
+    >>> proves_zero(z**3 - z + sp.sqrt(3) / 9)
+    True
+    """
+    expression = sp.expand(expression)
+    if expression == 0:
+        return True
+    simple = sp.simplify(expression)
+    if simple == 0:
+        return True
+    if simple.free_symbols or not simple.is_algebraic:
+        return False
+    unknown = sp.Dummy("x")
+    return bool(sp.minimal_polynomial(simple, unknown) == unknown)
