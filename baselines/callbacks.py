@@ -1,0 +1,98 @@
+"""Right-hand sides as libraries call them back: on arrays, counted, and stopped at the deadline."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.flow import LIMIT
+from baselines.functions import ARITHMETIC, Callbacks, compiled
+from baselines.mode_functions import ModeFunctions
+from baselines.work import Work
+
+Field = Callable[[float, NDArray[np.float64]], Any]
+"""``f(t, x)`` -> n values (a tuple or an array)."""
+
+
+def counted_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Field:
+    """x' of a mode on an array; NaN where the field has no value.
+
+    Parameters
+    ----------
+    model : ModeFunctions
+    callbacks : {"python", "numba"}
+        The field itself; counting and the deadline stay in Python.
+    work : Work
+        Every call counts, and past the deadline raises.
+    """
+    n = len(model.states)
+    count = work.count_rhs
+    if callbacks == "numba":
+        fill = compiled(model.states, model.field_expressions)
+        fill(0.0, np.ones(n), np.empty(n))  # compiles now, not in the run
+
+        def jitted(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
+            count()
+            out = np.empty(n)
+            fill(t, x, out)
+            return out
+
+        return jitted
+    field, nowhere = model.field, (math.nan,) * n
+
+    def plain(t: float, x: NDArray[np.float64]) -> tuple[float, ...]:
+        count()
+        try:
+            return field(t, *x.tolist())
+        except ARITHMETIC:
+            return nowhere
+
+    return plain
+
+
+def filling_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Callable[..., None]:
+    """``rhs(t, x, out)`` that writes x' into the library's array.
+
+    The compiled one is handed over as it is: the library counts its calls, and the deadline is looked at in
+    the event function.
+    """
+    if callbacks == "numba":
+        fill = compiled(model.states, model.field_expressions)
+        point = np.ones(len(model.states))
+        point.flags.writeable = False  # as the library hands it in: a type of its own to numba
+        fill(0.0, point, np.empty(point.size))
+        return fill
+    field = counted_field(model, callbacks, work)
+
+    def rhs(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        out[:] = field(t, x)
+
+    return rhs
+
+
+class LastSeen:
+    """The function ``1e12 - max abs(x)``, whose root is divergence; remembers the latest point it was asked at.
+
+    Libraries evaluate it at every accepted step, so what it remembers is where a run was when it failed.
+    """
+
+    def __init__(self, count: Callable[[], None]) -> None:
+        self._count = count
+        self.t = -math.inf
+        self.x: tuple[float, ...] = ()
+
+    def start(self, t: float, x: tuple[float, ...]) -> None:
+        """Begin a run of a mode at (t, x)."""
+        self.t, self.x = t, x
+
+    def value(self, t: float, x: NDArray[np.float64]) -> float:
+        """1e12 - max abs(x)."""
+        self._count()
+        values = x.tolist()
+        if t > self.t:
+            self.t, self.x = t, tuple(values)
+        return LIMIT - max(map(abs, values))

@@ -1,0 +1,227 @@
+"""The sliding extension that all libraries share: modes, what follows an event, restarts, how a run ends.
+
+A library integrates one smooth mode until a guard stops it (:class:`~baselines.flow.Flow`); everything else
+is here and the same for all. At an event the driver
+
+1. adds the guards that fell through zero at the same instant (within the library's own location error);
+2. puts the state on the surfaces it is on, by one Newton step along their gradients: it moves by what the
+   library left there (rounding after a located event, tolerance after a long slide) and no more; the
+   largest such distance is the trajectory's ``max_surface_drift``;
+3. decides the next mode: by the signs of the normal velocities on the two sides where these settle it
+   (:mod:`baselines.mode_table`), by :class:`~henon_ref.model.switching.Switching` everywhere else;
+4. starts the next mode and names the guards that start at zero: what to do about those is the library's.
+
+A run ends at the horizon (an event at the horizon counts), or earlier with a status: ``diverged`` (the
+state passes 1e12, stops being finite, or blows up), ``nonunique``, ``invalid``, ``timeout``, and ``failed``
+with the library's own words or because events accumulate.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.flow import LIMIT, Library, Stop
+from baselines.functions import ARITHMETIC
+from baselines.mode_functions import EPSILON
+from baselines.mode_table import ModeEntry, ModeTable
+from baselines.record import Record
+from baselines.restart import Fresh
+from baselines.work import DeadlinePassed, Work
+from henon_ref.errors import ModelError, UnsupportedError
+from henon_ref.model.modes import Mode
+from henon_ref.solver import Run
+from henon_ref.trajectory import Problem, Trajectory
+
+_LOG = logging.getLogger(__name__)
+
+GROWTH = 1e3
+"""A step that underflows means blow-up only where the state has grown this much since the mode began ..."""
+RUSH = 1e-3
+"""... and would change by this part within 1024 units in the last place of the time."""
+
+
+class Driver:
+    """One problem on one library, ready to run again and again.
+
+    Parameters
+    ----------
+    problem : Problem
+    library : Library
+    work : Work
+        Counters and deadline; the library's flows count into it.
+    sample_times : ndarray, shape (k,), optional
+
+    Raises
+    ------
+    UnsupportedError
+        Where the initial mode has no equations.
+    """
+
+    def __init__(
+        self, problem: Problem, library: Library, work: Work, sample_times: NDArray[np.float64] | None = None
+    ) -> None:
+        self.problem = problem
+        self.library = library
+        self.work = work
+        self.sample_times = sample_times
+        self.start = float(problem.start)
+        self.until = float(problem.until)
+        self.initial = tuple(float(v) for v in problem.initial)
+        self.table = ModeTable(problem.system, library, work, self.until - self.start)
+        self.decision = self.table.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
+        self._first_fresh: tuple[Fresh, ...] = ()
+        if self.decision.mode is not None:
+            try:
+                entry = self.table[self.decision.mode]
+            except ModelError as error:
+                raise UnsupportedError(f"the initial mode has no equations: {error}") from error
+            self._first_fresh = self.table.fresh_at(entry, self.start, self.initial, ())
+
+    def compile(self) -> None:
+        """Make ready the modes a run may visit: all of them for one surface, those of a loose run beyond."""
+        modes: Sequence[Mode] = ((-1,), (0,), (1,))
+        if self.decision.mode is None:
+            return
+        if len(self.problem.system.surfaces) > 1:
+            scout = Driver(self.problem, self.library.loosened(), Work(self.work.deadline))
+            scout.run()
+            modes = scout.table.visited
+        for mode in modes:
+            try:
+                self.table[mode]  # noqa: B018  (made on first access)
+            except ModelError as error:
+                _LOG.debug("mode %s has no equations: %s", mode, error)
+
+    def run(self) -> Trajectory:
+        """The whole run, afresh."""
+        self.work.start()
+        system, x = self.problem.system, self.initial
+        record = Record(
+            self.work,
+            len(system.surfaces),
+            len(system.states),
+            self.until - self.start,
+            self.sample_times,
+            self.library.landing,
+            self.library.errors[1],
+        )
+        if self.decision.mode is None:
+            status = {"nonunique": "nonunique", "invalid": "invalid"}.get(self.decision.status, "failed")
+            unknown = (0,) * len(system.surfaces)
+            return record.finish(status, self.start, x, unknown, self.decision.reason)  # type: ignore[arg-type]
+        return self._march(record, self.decision.mode)
+
+    def _march(self, record: Record, mode: Mode) -> Trajectory:
+        t, low, x, until = self.start, 0.0, self.initial, self.until
+        entry, fresh = self.table[mode], self._first_fresh
+        sampling = self.sample_times is not None
+        while True:
+            if until - t <= 2.0 * EPSILON * abs(until) or until <= t:
+                record.wanted(until, x, mode)
+                return record.finish("ok", t, x, mode)
+            wanted = record.wanted(t, x, mode) if sampling else None
+            try:
+                stop = entry.flow.advance(t, low, x, until, fresh, wanted)
+            except DeadlinePassed:
+                return record.finish("timeout", t, x, mode, f"stopped after {self.work.deadline:g} s")
+            if sampling:
+                record.sampled(stop.samples, mode)
+            if stop.status == "failed" or stop.status == "diverged":
+                return _ended(record, entry, x, stop)
+            t, low, x = stop.t, stop.low, stop.x
+            hits, unsettled = stop.hits, ()
+            if entry.several or not hits:
+                hits, unsettled = self._together(entry, stop, fresh)
+                if not hits:
+                    record.drift = max(record.drift, self.table.drift(entry, t, x))
+                    return record.finish("ok", t, x, mode)
+            after = entry.ordinary(hits, t, x) if len(hits) == 1 else None
+            if after is None:
+                after = self.table.decided(entry, hits, t, x)
+                if after.mode is None:
+                    return record.finish(after.status, t, x, mode, record.explained(after.status, after.reason))
+            record.drift = max(record.drift, after.drift)
+            x = after.x
+            record.event(t, low, x, mode, after.mode, after.touched)
+            reason = record.accumulated()
+            if reason:
+                return record.finish("failed", t, x, after.mode, reason)
+            before, entry = entry, self.table[after.mode]
+            mode, fresh = after.mode, after.fresh
+            if unsettled:
+                fresh += entry.still_fresh(before, unsettled, fresh)
+
+    def _together(
+        self, entry: ModeEntry, stop: Stop, fresh: Sequence[Fresh]
+    ) -> tuple[tuple[int, ...], tuple[Fresh, ...]]:
+        """The guards that fell at this stop, and those of ``fresh`` that still cannot be told from zero.
+
+        Those fell that the library named, and those within its location error. A guard well below zero here
+        was stepped over by the library: it is taken now, late.
+        """
+        try:
+            rates = entry.model.rates(stop.t, *stop.x)
+        except ARITHMETIC:
+            return stop.hits, ()
+        near = self.library.location_error(stop.t)
+        started = {item.guard: item for item in fresh}
+        hits, unsettled = set(stop.hits), []
+        for k, guard in enumerate(entry.model.guards):
+            value, rate = rates[2 * k], rates[2 * k + 1]
+            reach = -rate * near
+            if k in hits or value > max(reach, 0.0) or rate * (self.until - self.start) > -value:
+                continue
+            if guard.rising_only and value < -reach:
+                continue
+            # A guard that started at zero and is within the noise of it has not been seen to leave.
+            if k in started and value > -entry.model.size(k, stop.t, stop.x, *self.library.errors):
+                unsettled.append(started[k])
+            else:
+                hits.add(k)
+        return tuple(sorted(hits)), tuple(unsettled)
+
+
+def prepared(
+    problem: Problem,
+    library: Library,
+    *,
+    sample_times: NDArray[np.float64] | None,
+    deadline: float | None,
+) -> Run:
+    """A problem on a library, every mode compiled: what a baseline's ``prepare`` returns."""
+    driver = Driver(problem, library, Work(deadline), sample_times)
+    driver.compile()
+    return driver.run
+
+
+def tolerances(name: str, rtol: float | None, atol: float | None, step: float | None) -> tuple[float, float]:
+    """Check the tolerances of an adaptive solver; an ``atol`` left out is ``rtol``.
+
+    Raises
+    ------
+    UnsupportedError
+        For a step, or no ``rtol``.
+    """
+    if step is not None or rtol is None:
+        raise UnsupportedError(f"{name} chooses its own steps: give rtol (and atol), not step")
+    return rtol, rtol if atol is None else atol
+
+
+def _ended(record: Record, entry: ModeEntry, began: Sequence[float], stop: Stop) -> Trajectory:
+    """Tell a blow-up from a library's other failures."""
+    mode, t, x = entry.model.mode, stop.t, stop.x
+    if stop.status == "diverged" or not all(abs(v) <= LIMIT for v in x):
+        return record.finish("diverged", t, x, mode, stop.reason or f"the state passed {LIMIT:g} at t = {t:.17g}")
+    try:
+        rates = entry.model.field(t, *x)
+    except ARITHMETIC:
+        rates = ()
+    instant = 1024.0 * EPSILON * abs(t)
+    grown = GROWTH * max(abs(v) for v in began)
+    if any(abs(v) > grown and abs(f) * instant > RUSH * abs(v) for v, f in zip(x, rates, strict=False)):
+        return record.finish("diverged", t, x, mode, f"the state blows up at t = {t:.17g}: {stop.reason}")
+    return record.finish("failed", t, x, mode, record.explained("failed", stop.reason))

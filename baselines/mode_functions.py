@@ -1,0 +1,145 @@
+"""The callables of one mode (field, guards, their rates and sizes), each made when first asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from baselines.functions import ARITHMETIC, Callbacks, Jacobian, Scalar, scalar
+from henon_ref.model.modes import Mode, replaced
+from henon_ref.model.system import TIME, FilippovSystem, Guard
+from henon_ref.taylor.expand import expand
+from henon_ref.taylor.tape import build_tape
+
+EPSILON = float(np.finfo(float).eps)
+
+
+class ModeFunctions:
+    """One mode of one system, parameters put in, as functions of ``(t, *x)``.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    mode : Mode
+
+    Raises
+    ------
+    ModelError
+        Where the mode has no equations.
+    """
+
+    def __init__(self, system: FilippovSystem, mode: Mode) -> None:
+        self.system = system
+        self.mode = mode
+        self.states = system.states
+        self.equations = system.equations(mode)
+        self.guards: tuple[Guard, ...] = self.equations.guards
+        self.field_expressions = tuple(system.numeric(f) for f in self.equations.field)
+        self.guard_expressions = tuple(system.numeric(g.expression) for g in self.guards)
+        self.surface_guard = {g.index: k for k, g in enumerate(self.guards) if g.kind == "surface"}
+
+    @cached_property
+    def field(self) -> Scalar:
+        """x' -> n floats."""
+        return scalar(self.states, self.field_expressions)
+
+    @cached_property
+    def guard(self) -> tuple[Scalar, ...]:
+        """One function a guard, each -> (value,)."""
+        return tuple(scalar(self.states, (g,)) for g in self.guard_expressions)
+
+    @cached_property
+    def rates(self) -> Scalar:
+        """All guards -> (g_0, dg_0/dt, g_1, dg_1/dt, ...) along this mode's own field."""
+        pairs = [(g, self.along(g)) for g in self.guard_expressions]
+        return scalar(self.states, [e for pair in pairs for e in pair])
+
+    def along(self, expression: sp.Expr) -> sp.Expr:
+        """Time derivative of an expression in time and states along this mode's field."""
+        terms = (sp.diff(expression, x) * f for x, f in zip(self.states, self.field_expressions, strict=True))
+        return sp.diff(expression, TIME) + sp.Add(*terms)
+
+    @cached_property
+    def slopes(self) -> tuple[Scalar, ...]:
+        """One function a guard -> its gradient in x."""
+        return tuple(scalar(self.states, [sp.diff(g, x) for x in self.states]) for g in self.guard_expressions)
+
+    def size(self, index: int, t: float, x: Sequence[float], rtol: float, atol: float) -> float:
+        """What relative and absolute errors in x make of a guard: sum of abs(dg/dx_k) (rtol abs(x_k) + atol)."""
+        try:
+            slopes = self.slopes[index](t, *x)
+        except ARITHMETIC:
+            return 0.0
+        return math.fsum(abs(d) * (rtol * abs(v) + atol) for d, v in zip(slopes, x, strict=True))
+
+    def jacobian(self, callbacks: Callbacks) -> Jacobian:
+        """df/dx of this mode."""
+        return Jacobian(self.states, self.field_expressions, callbacks)
+
+    @cached_property
+    def _tape(self) -> tuple[object, list[float]]:
+        tape = build_tape(self.states, self.field_expressions, self.guard_expressions)
+        return tape, [float(c) for c in tape.constants]
+
+    def guard_series(self, t: float, x: Sequence[float], order: int) -> list[list[float]]:
+        """Taylor coefficients in time of every guard along this mode's solution through (t, x).
+
+        Raises
+        ------
+        ArithmeticError, ValueError
+            Where the field has no value.
+        """
+        tape, numbers = self._tape
+        return expand(tape, numbers, t, list(x), order)[1]  # type: ignore[arg-type]
+
+
+class Landing:
+    """What is needed of one surface when a mode ends on it.
+
+    ``values(t, *x)`` -> ``(h, dh/dt below, dh/dt above, *point)``: the surface's value before anything is
+    corrected, the normal velocities on both sides, and the nearest point on the surface (one Newton step
+    along the gradient, which moves x by the rounding or tolerance error that h shows, and no more).
+    """
+
+    def __init__(self, system: FilippovSystem, mode: Mode, index: int) -> None:
+        h = system.numeric(system.surfaces[index])
+        normal = system.numeric(system.normal_velocity(index))
+        below, above = (
+            normal.xreplace({s: sp.Integer(v) for s, v in zip(system.signs, replaced(mode, index, side), strict=True)})
+            for side in (-1, 1)
+        )
+        gradient = [sp.diff(h, x) for x in system.states]
+        square = sp.Add(*(d**2 for d in gradient))
+        # Expanding lets a linear surface cancel to its own solution: x2 - (x2 - vp) is vp, with no rounding left.
+        point = [x - sp.expand(h * d / square) if square.is_number else x - h * d / square
+                 for x, d in zip(system.states, gradient, strict=True)]
+        self.index = index
+        self.values = scalar(system.states, [h, below, above, *point])
+
+
+def projected(
+    system_surfaces: Sequence[tuple[Scalar, Scalar]], t: float, x: Sequence[float]
+) -> tuple[tuple[float, ...], float]:
+    """The point nearest to x on the intersection of some surfaces, and the largest abs(h) at x.
+
+    Parameters
+    ----------
+    system_surfaces : sequence of (h, gradient)
+        Each ``h(t, *x) -> (value,)`` and ``gradient(t, *x) -> n floats``.
+    """
+    point: NDArray[np.float64] = np.array(x, dtype=float)
+    drift = 0.0
+    for step in range(2):
+        values = np.array([h(t, *point.tolist())[0] for h, _ in system_surfaces])
+        if step == 0:
+            drift = float(np.max(np.abs(values), initial=0.0))
+        slopes = np.array([g(t, *point.tolist()) for _, g in system_surfaces])
+        if not values.any() or not np.isfinite(slopes).all():
+            break
+        point = point - np.linalg.lstsq(slopes, values, rcond=None)[0]
+    return tuple(point.tolist()), drift

@@ -1,0 +1,153 @@
+"""The log of one run: transitions, samples, drift, and whether events accumulate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.mode_functions import EPSILON
+from baselines.work import Work
+from henon_ref.model.modes import Mode, transition_kind
+from henon_ref.trajectory import Status, Trajectory, Transition
+
+WINDOW = 32
+"""This many events (and four a surface more) ..."""
+ULPS = 64.0
+"""... within so many units in the last place of the time, or"""
+SPAN = 1e-12
+"""within this part of the horizon: they accumulate, and the run ends."""
+MOST = 10_000_000
+"""Most events of one run."""
+GROUP = 4
+"""A chain of groups of so many events, each group at most half as long as the one before, ..."""
+CHAIN = 5
+"""... of so many groups, that has shrunk to the floor which an absolute tolerance sets, accumulates too."""
+
+
+class Record:
+    """What a run has seen so far.
+
+    Parameters
+    ----------
+    work : Work
+    surfaces, states : int
+        Their numbers.
+    horizon : float
+        Length of the whole run [s].
+    sample_times : ndarray or None
+    landing : str
+        Written into every transition.
+    blur : float
+        Absolute error that the library leaves in a state just after a start; shorter and shorter excursions
+        end as a chatter of about its square root, not in the last place of the time.
+    """
+
+    def __init__(
+        self,
+        work: Work,
+        surfaces: int,
+        states: int,
+        horizon: float,
+        sample_times: NDArray[np.float64] | None,
+        landing: str,
+        blur: float,
+    ) -> None:
+        self.work = work
+        self.landing = landing
+        self.transitions: list[Transition] = []
+        self.drift = 0.0
+        self._times: list[float] = []
+        self._window = WINDOW + 4 * surfaces
+        self._span = SPAN * horizon
+        self._floor = min(1e-2, 4.0 * math.sqrt(blur))
+        self._sample_times = sample_times
+        self._samples = None if sample_times is None else np.full((len(sample_times), states), np.nan)
+        self._sample_modes: list[Mode] = []
+
+    def event(
+        self, t: float, low: float, x: tuple[float, ...], before: Mode, after: Mode, touched: Sequence[int]
+    ) -> None:
+        """Log one event: a transition for each surface that changes, a graze for each that was only touched."""
+        self._times.append(t)
+        for i, (old, new) in enumerate(zip(before, after, strict=True)):
+            if old != new or i in touched:
+                self.transitions.append(
+                    Transition(transition_kind(old, new), i, before, after, t, x, low, self.landing)
+                )
+
+    def accumulated(self) -> str:
+        """Why the run has to end here: events accumulate, or are too many; empty while neither."""
+        times = self._times
+        count = len(times)
+        if count > self._window:
+            t, latest = times[-1], times[-1] - times[-1 - self._window]
+            if latest <= max(ULPS * EPSILON * abs(t), self._span):
+                return f"events accumulate at t = {t:.17g}: the last {self._window} took {latest:.3g} s"
+            if count >= MOST:
+                return f"more than {MOST} events by t = {t:.17g}"
+        if self._floor and count % GROUP == 1 and count > GROUP * CHAIN:
+            return self._shrunk()
+        return ""
+
+    def _shrunk(self) -> str:
+        marks = self._times[:: -GROUP]
+        lengths = [later - earlier for later, earlier in pairwise(marks)]
+        chain = 1
+        while chain < len(lengths) and lengths[chain - 1] <= 0.5 * lengths[chain]:
+            chain += 1
+        if chain < CHAIN or lengths[0] > self._floor * lengths[chain - 1]:
+            return ""
+        return (
+            f"events accumulate near t = {marks[0]:.17g}: groups of {GROUP} shrank from {lengths[chain - 1]:.3g} s "
+            f"to {lengths[0]:.3g} s, the least that the tolerance can tell"
+        )
+
+    def explained(self, status: Status, reason: str) -> str:
+        """The reason, with the word on accumulating events where a run fails while they do."""
+        times = self._times
+        if status == "failed" and len(times) > 8:
+            latest, earlier = times[-1] - times[-5], times[-5] - times[-9]
+            if latest < 0.5 * earlier:
+                return f"events accumulate near t = {times[-1]:.17g}: the last 4 took {latest:.3g} s; there: {reason}"
+        return reason
+
+    def wanted(self, t: float, x: Sequence[float], mode: Mode) -> NDArray[np.float64] | None:
+        """Sample times after t (those up to t take the state x); None where there are none."""
+        if self._sample_times is None or self._samples is None:
+            return None
+        done = int(np.searchsorted(self._sample_times, t, side="right"))
+        for k in range(len(self._sample_modes), done):
+            self._samples[k] = x
+            self._sample_modes.append(mode)
+        rest = self._sample_times[done:]
+        return rest if rest.size else None
+
+    def sampled(self, samples: NDArray[np.float64] | None, mode: Mode) -> None:
+        """Keep the states a library gave at the wanted times."""
+        if samples is None or self._samples is None:
+            return
+        at = len(self._sample_modes)
+        self._samples[at : at + len(samples)] = samples
+        self._sample_modes += [mode] * len(samples)
+
+    def finish(self, status: Status, t: float, x: Sequence[float], mode: Mode, reason: str = "") -> Trajectory:
+        """The trajectory so far, ended at (t, x)."""
+        modes = None
+        if self._samples is not None:
+            modes = tuple(self._sample_modes) + (mode,) * (len(self._samples) - len(self._sample_modes))
+        return Trajectory(
+            status=status,
+            transitions=tuple(self.transitions),
+            end_time=t,
+            end_state=tuple(x),
+            end_mode=mode,
+            reason=reason,
+            counts=self.work.counts,
+            max_surface_drift=self.drift,
+            samples=self._samples,
+            sample_modes=modes,
+        )

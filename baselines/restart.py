@@ -1,0 +1,174 @@
+"""Restarting a library on the surface it has just left.
+
+After an event the state lies on a surface, and in the new mode that surface's guard starts at zero:
+with a slope after a crossing, with none after the release from a Filippov slide (a double zero). What a
+library makes of a root at its starting point differs (each adapter's docstring says what); the policies:
+
+``event-free-step``
+    The guard is not looked at for a first short while: as long as the solution itself says that the guard
+    cannot yet be told from zero (its Taylor series against the rounding, or the tolerance, of the state).
+    Times of later events are not touched. An excursion shorter than that while ends when it ends.
+``offset``
+    The guard is lifted by a few units in the last place, so that it starts clearly positive. The next root
+    is then late by that lift over the guard's rate, which is the rounding of the state over the rate.
+``direction``
+    The guard is watched as it is, and only falling roots count.
+``none``
+    The guard is watched as it is, roots of either direction count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.functions import ARITHMETIC
+from baselines.mode_functions import EPSILON, ModeFunctions
+
+Restart = Literal["event-free-step", "offset", "direction", "none"]
+
+Watcher = Callable[[float, NDArray[np.float64]], float]
+"""A guard as an event function ``g(t, x)`` of a library."""
+
+LIFT = 8.0
+"""``offset``: lift of a guard, in units of the rounding of its terms."""
+MARGIN = 16.0
+"""``event-free-step``: how far a guard has to come out of the noise."""
+ORDER = 4
+"""Highest Taylor coefficient looked at for the length of the event-free step."""
+SPAN = 1e-9
+"""Part of the horizon over which a surface's normal velocity gives the rounding of a guard whose terms vanish."""
+LONGEST = 1e-3
+"""Longest event-free step, as a part of the horizon."""
+LEAST = 1e-300
+"""Smallest lift: anything but an exact zero."""
+
+
+class Fresh(NamedTuple):
+    """A guard that starts at zero."""
+
+    guard: int
+    """Its index among the mode's guards."""
+    speed: float
+    """abs(dh/dt) below plus above the surface: what its rate is small or large against."""
+
+
+def lift(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float], horizon: float) -> float:
+    """How far ``offset`` lifts a guard (negative for one that is armed only once it has risen)."""
+    value = LIFT * EPSILON * (model.size(fresh.guard, t, x, 1.0, 0.0) + fresh.speed * SPAN * horizon)
+    value = max(value, LEAST)
+    return -value if model.guards[fresh.guard].rising_only else value
+
+
+def quiet_until(
+    model: ModeFunctions, fresh: Sequence[Fresh], t: float, x: Sequence[float], levels: Sequence[float], longest: float
+) -> list[float]:
+    """Time up to which each fresh guard cannot be told from zero.
+
+    Parameters
+    ----------
+    model : ModeFunctions
+    fresh : sequence of Fresh
+    t, x
+        Start of the mode.
+    levels : sequence of float
+        Noise of each fresh guard's value.
+    longest : float
+        Longest event-free step [s].
+    """
+    try:
+        series = model.guard_series(t, x, ORDER)
+    except ARITHMETIC:
+        series = [[0.0] * (ORDER + 1)] * len(model.guards)
+    ends = []
+    for item, level in zip(fresh, levels, strict=True):
+        coefficients = series[item.guard]
+        whiles = [
+            (MARGIN * level / abs(c)) ** (1.0 / k) for k, c in enumerate(coefficients[1:], start=1) if c and abs(c) > 0
+        ]
+        step = min([longest, *whiles])
+        ends.append(t + max(step, 4.0 * EPSILON * abs(t)))
+    return ends
+
+
+class GatedGuards:
+    """The guards of one mode as a library sees them, under one restart policy.
+
+    Libraries that take an event function from Python read ``value(k, t, x)``; :meth:`open` is called at
+    the start of every run of the mode.
+
+    Parameters
+    ----------
+    model : ModeFunctions
+    policy : Restart
+    errors : (float, float)
+        Relative and absolute error that the library's first steps leave in the state: rounding for an
+        explicit method, the tolerances where a nonlinear solver stops at a part of them.
+    """
+
+    def __init__(self, model: ModeFunctions, policy: Restart, errors: tuple[float, float]) -> None:
+        self.model = model
+        self.policy = policy
+        self.errors = errors
+        count = len(model.guards)
+        self.quiet = [-np.inf] * count
+        """Up to here the guard reads :attr:`resting`."""
+        self.lifts = [0.0] * count
+        self.resting = [-1.0 if g.rising_only else 1.0 for g in model.guards]
+
+    @property
+    def direction(self) -> int:
+        """Direction of the roots that count: -1 falling, 0 either."""
+        return 0 if self.policy == "none" else -1
+
+    def open(self, t: float, x: Sequence[float], fresh: Sequence[Fresh], horizon: float) -> None:
+        """Set the gates for a run of the mode from (t, x)."""
+        count = len(self.quiet)
+        self.quiet[:] = [-np.inf] * count
+        self.lifts[:] = [0.0] * count
+        if not fresh:
+            return
+        if self.policy == "offset":
+            for item in fresh:
+                self.lifts[item.guard] = lift(self.model, item, t, x, horizon)
+        elif self.policy == "event-free-step":
+            levels = [self._level(item, t, x, horizon) for item in fresh]
+            ends = quiet_until(self.model, fresh, t, x, levels, LONGEST * horizon)
+            for item, end in zip(fresh, ends, strict=True):
+                self.quiet[item.guard] = end
+
+    def _level(self, item: Fresh, t: float, x: Sequence[float], horizon: float) -> float:
+        return self.model.size(item.guard, t, x, *self.errors) + EPSILON * item.speed * SPAN * horizon
+
+    def watcher(self, k: int, count: Callable[[], None], value: Watcher | None = None) -> Watcher:
+        """Guard k as the library sees it.
+
+        Parameters
+        ----------
+        k : int
+        count : callable
+            Called at every evaluation.
+        value : callable, optional
+            ``g(t, x)`` in place of the mode's own guard, where a library has another function of the same zero.
+        """
+        quiet, lifts, resting = self.quiet, self.lifts, self.resting[k]
+        guard = self.model.guard[k]
+        plain = value or (lambda t, x: guard(t, *x.tolist())[0])
+
+        def watched(t: float, x: NDArray[np.float64]) -> float:
+            count()
+            if t <= quiet[k]:
+                return resting
+            try:
+                return plain(t, x) + lifts[k]
+            except ARITHMETIC:
+                return np.nan
+
+        return watched
+
+    def watchers(self, count: Callable[[], None]) -> list[Watcher]:
+        """All guards as the library sees them."""
+        return [self.watcher(k, count) for k in range(len(self.quiet))]

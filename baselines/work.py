@@ -1,0 +1,79 @@
+"""What one run has spent: counts, and the deadline that stops it from inside a callback."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+from henon_ref.trajectory import Counts
+
+
+class DeadlinePassed(Exception):  # noqa: N818  (not an error: a way out of a library's own loop)
+    """Raised inside a callback to leave a library that would go on."""
+
+
+class BudgetSpent(Exception):  # noqa: N818
+    """Raised inside a callback when the allowed number of right-hand sides is used up."""
+
+
+class Work:
+    """Counters of one run, reset at its start.
+
+    Parameters
+    ----------
+    deadline : float, optional
+        Seconds a run may take.
+    budget : int, optional
+        Right-hand sides a run may take.
+    """
+
+    __slots__ = ("budget", "deadline", "events", "rhs", "steps", "stop_at")
+
+    def __init__(self, deadline: float | None, budget: int | None = None) -> None:
+        self.deadline = deadline
+        self.budget = budget
+        self.start()
+
+    def start(self) -> None:
+        """Begin a run: all counts zero, the clock set."""
+        self.steps = 0
+        self.rhs = 0
+        self.events = 0
+        self.stop_at = float("inf") if self.deadline is None else perf_counter() + self.deadline
+
+    def count_rhs(self) -> None:
+        """One right-hand side.
+
+        Raises
+        ------
+        DeadlinePassed, BudgetSpent
+        """
+        self.rhs += 1
+        if perf_counter() > self.stop_at:
+            raise DeadlinePassed
+        if self.budget is not None and self.rhs > self.budget:
+            raise BudgetSpent
+
+    def count_event(self) -> None:
+        """One evaluation of one guard.
+
+        Raises
+        ------
+        DeadlinePassed
+        """
+        self.events += 1
+        if perf_counter() > self.stop_at:
+            raise DeadlinePassed
+
+    def check(self) -> None:
+        """Look at the clock only.
+
+        Raises
+        ------
+        DeadlinePassed
+        """
+        if perf_counter() > self.stop_at:
+            raise DeadlinePassed
+
+    @property
+    def counts(self) -> Counts:
+        return Counts(self.steps, self.rhs, self.events)
