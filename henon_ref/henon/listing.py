@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numba
 import numpy as np
@@ -15,7 +14,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
-from henon_ref.henon.listing_program import EDGES, run_listing
+from henon_ref.henon.listing_program import EDGES, effective_changes, run_listing
 from henon_ref.model.modes import Mode, transition_kind
 from henon_ref.model.system import TIME, FilippovSystem
 from henon_ref.solver import Run
@@ -179,16 +178,13 @@ def _start_mode(start: tuple[float, float], vp: float) -> Mode:
 def _transitions(changes: Floats, start: Mode, until: float) -> tuple[Transition, ...]:
     """Changes of mode in the project's words, to the horizon (passes are counted, and may end beyond it)."""
     found: list[Transition] = []
-    mode, last_step = start, -1
-    for row in changes[changes[:, 1] <= until].tolist():
-        step, when, state, entry = int(row[0]), row[1], (row[2], row[3]), (int(row[4]),)
-        if found and found[-1].kind == "release" and step == last_step + 1 and entry[0] != 0:
-            # The side taken at the release was left again by the very next step: it was never entered.
-            found[-1] = replace(found[-1], to_mode=entry)
-        else:
-            kind = transition_kind(mode[0], entry[0])
-            found.append(Transition(kind, 0, mode, entry, when, state, landing="listing"))
-        mode, last_step = entry, step
+    mode = start
+    for _, time, position, velocity, entry in effective_changes(changes, start[0]).tolist():
+        if time <= until:
+            new = (int(entry),)
+            kind = transition_kind(mode[0], new[0])
+            found.append(Transition(kind, 0, mode, new, time, (position, velocity), landing="listing"))
+            mode = new
     return tuple(found)
 
 

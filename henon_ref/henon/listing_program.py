@@ -13,10 +13,12 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
+from numpy.typing import NDArray
 
-_compile = numba.njit
+from henon_ref.jit import njit
+
+_compile = njit()
 
 SINE, COSINE_1, COSINE_2 = math.sin(math.pi / 18), math.cos(math.pi / 9), math.cos(2 * math.pi / 9)
 WIDTH = 2 * math.sqrt(3) / 3
@@ -166,3 +168,28 @@ def run_listing(x, edges, h, steps, m, k1, k2, mu0, vp, A, w, changes, path):  #
         if step < path.shape[0]:
             path[step] = x
     return count, 0 if sticking else side, slips, landings
+
+
+def effective_changes(rows: NDArray[np.float64], start: int) -> NDArray[np.float64]:
+    """Changes of mode with the releases to a side that was never entered put right.
+
+    Such a release is undone by the very next step, which lands again and turns to the other side: one
+    release, at its own time, to that side.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (k, 5)
+        Step, time, position, velocity and mode after each change.
+    start : int
+        Mode before the first.
+
+    Returns
+    -------
+    ndarray, shape (at most k, 5)
+    """
+    modes = rows[:, 4]
+    released = np.concatenate(([start], modes[:-1])) == 0
+    undone = np.flatnonzero(released[:-1] & (np.diff(rows[:, 0]) == 1) & (modes[1:] != 0))
+    kept = rows.copy()
+    kept[undone, 4] = modes[undone + 1]
+    return np.delete(kept, undone + 1, axis=0)

@@ -1,0 +1,203 @@
+"""Tangent points: where a field of a Filippov system touches a surface, and how they are born and die.
+
+Section 2 and Sec. 4.1 of Olejnik and Awrejcewicz (2013), for any system: the transition function on the
+surface (Eqs. 8, 9, 19), its critical points (Eqs. 10-12, 20-22), the boundary values of a friction
+parameter (Eqs. 13, 23), the tangent points (Eqs. 16, 24), and whether each is visible. A point is visible
+where the orbit of the field that touches stays on that field's own side (Kuznetsov, Rinaldi and Gragnani,
+*Int. J. Bifurcation Chaos* 13 (2003) 2157-2188): the second derivative of h along it has the side's sign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.model.system import TIME, FilippovSystem
+
+Visibility = Literal["visible", "invisible", "degenerate", "depends on time"]
+
+
+@dataclass(frozen=True)
+class SurfaceCoordinate:
+    """One coordinate z along a surface: the state on the surface is a function of z (and of time)."""
+
+    symbol: sp.Symbol
+    """z."""
+    expression: sp.Expr
+    """z in time and states, e.g. ``x1 - A*sin(w*t)``."""
+
+
+@dataclass(frozen=True)
+class TangentPoint:
+    """A point of the surface at which one of the two fields is tangent to it."""
+
+    position: sp.Expr
+    """Value of the surface coordinate."""
+    side: int
+    """Sign -1 or +1 of the field that is tangent."""
+    curvature: sp.Expr
+    """Second derivative of h along that field; it may hold time."""
+    visibility: Visibility
+
+
+@dataclass(frozen=True)
+class StickZone:
+    """An interval of the surface on which the transition function is negative."""
+
+    low: sp.Expr
+    high: sp.Expr
+    attracting: bool
+    """Both fields point at the surface (False: both point away, and the future is not unique)."""
+
+
+class TangentAnalysis:
+    """Tangent points of one surface of a system.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+        Parameters may be free symbols, and the field may hold undefined functions of one variable.
+    coordinate : SurfaceCoordinate
+    surface : int
+        Index of the surface.
+
+    Raises
+    ------
+    ModelError
+        If the surface and the coordinate do not fix the states that the transition function depends on.
+    """
+
+    def __init__(self, system: FilippovSystem, coordinate: SurfaceCoordinate, surface: int = 0) -> None:
+        self.system = system
+        self.coordinate = coordinate
+        self.surface = surface
+        z = coordinate.symbol
+        found = sp.solve([system.surfaces[surface], coordinate.expression - z], system.states, dict=True)
+        if len(found) != 1:
+            raise ModelError(f"{system.surfaces[surface]} = 0 and {z} = {coordinate.expression} fix no one state")
+        self._place = found[0]
+        below, above = (self._normal(s) for s in (-1, 1))
+        self.normals: dict[int, sp.Expr] = {-1: below, 1: above}
+        """dh/dt of both fields on the surface, as functions of z."""
+        left = (below.free_symbols | above.free_symbols) & {TIME, *system.states}
+        if left:
+            raise ModelError(f"dh/dt on the surface depends on {sorted(map(str, left))} besides {z}")
+
+    def on_surface(self, expression: sp.Expr) -> sp.Expr:
+        """An expression with the states put in terms of z and time."""
+        return expression.subs(self._place, simultaneous=True)
+
+    def _normal(self, side: int) -> sp.Expr:
+        normal = self.system.normal_velocity(self.surface).xreplace({self.system.signs[self.surface]: sp.Integer(side)})
+        return sp.simplify(self.on_surface(normal))
+
+    @property
+    def transition_function(self) -> sp.Expr:
+        """sigma(z), Eqs. (9) and (19)."""
+        return sp.factor(self.on_surface(self.system.transition_function(self.surface)))
+
+    @property
+    def derivative(self) -> sp.Expr:
+        """d sigma / dz, Eqs. (11) and (21)."""
+        return sp.factor(sp.diff(self.transition_function, self.coordinate.symbol))
+
+    def critical_points(self) -> list[sp.Expr]:
+        """Real roots z of d sigma / dz, Eqs. (12) and (22)."""
+        return _real_roots(self.derivative, self.coordinate.symbol)
+
+    def boundary_values(self, parameter: sp.Symbol) -> list[sp.Expr]:
+        """Values of a parameter at which a critical point is also a zero of sigma, Eqs. (13) and (23).
+
+        There tangent points meet: the stick zones merge, part, are born or vanish.
+        """
+        z, sigma = self.coordinate.symbol, self.transition_function
+        values = {
+            sp.radsimp(sp.simplify(value))
+            for point in self.critical_points()
+            for value in sp.solve(sp.numer(sp.together(sigma.subs(z, point))), parameter)
+        }
+        return sorted(values, key=sp.default_sort_key)
+
+    def tangent_points(self) -> list[TangentPoint]:
+        """All tangent points, Eqs. (16) and (24), highest first; the parameters must be numbers."""
+        z = self.coordinate.symbol
+        points = []
+        for side, normal in self.normals.items():
+            touching, rate = self.system.numeric(normal), self.system.numeric(self._curvature(side))
+            if touching.is_polynomial(z) and rate.is_polynomial(z):
+                # What the tangency makes 0 (friction's slope times dh/dt) goes out exactly.
+                rate = sp.rem(rate, touching, z)
+            for root in _real_roots(touching, z):
+                curvature = sp.factor_terms(rate.subs(z, root))
+                points.append(TangentPoint(root, side, curvature, _visibility(curvature, side)))
+        return sorted(points, key=lambda p: -float(p.position))
+
+    def _curvature(self, side: int) -> sp.Expr:
+        """Second derivative of h along one field, on the surface."""
+        system = self.system
+        sign = {system.signs[self.surface]: sp.Integer(side)}
+        field = [f.xreplace(sign) for f in system.field]
+        normal = system.normal_velocity(self.surface).xreplace(sign)
+        rate = sp.diff(normal, TIME) + sp.Add(
+            *(sp.diff(normal, x) * f for x, f in zip(system.states, field, strict=True))
+        )
+        return self.on_surface(rate)
+
+    def stick_zones(self) -> list[StickZone]:
+        """Intervals between tangent points on which sigma < 0, highest first; numbers as parameters."""
+        z, system = self.coordinate.symbol, self.system
+        edges = [p.position for p in reversed(self.tangent_points())]
+        zones = []
+        for low, high in pairwise(edges):
+            middle = {z: (sp.N(low, 30) + sp.N(high, 30)) / 2}
+            below, above = (sp.N(system.numeric(self.normals[s]).subs(middle)) for s in (-1, 1))
+            if below * above < 0:
+                zones.append(StickZone(low, high, bool(below > 0)))
+        return zones[::-1]
+
+
+def _visibility(curvature: sp.Expr, side: int) -> Visibility:
+    if curvature.has(TIME):
+        return "depends on time"
+    value = sp.N(curvature, 30)
+    if abs(value) < sp.Float("1e-25"):
+        return "degenerate"
+    return "visible" if side * value > 0 else "invisible"
+
+
+def _real_roots(expression: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
+    """Real roots, without multiplicity; cubics in trigonometric form, which holds no complex numbers."""
+    roots: list[sp.Expr] = []
+    for factor, _ in sp.factor_list(sp.numer(sp.together(expression)))[1]:
+        if not factor.has(z):
+            continue
+        poly = sp.Poly(factor, z) if factor.is_polynomial(z) else None
+        if poly is not None and poly.degree() == 3:
+            found: Iterable[sp.Expr] = _cubic_roots(poly)
+        else:
+            found = sp.solve(factor, z)
+        roots += [r for r in found if r.is_real is not False and r not in roots]
+    return roots
+
+
+def _cubic_roots(poly: sp.Poly) -> list[sp.Expr]:
+    """Real roots of a cubic: Viète's cosines where there are three, Cardano's real radicals where there is one."""
+    a, b, c, d = poly.all_coeffs()
+    p = sp.simplify((3 * a * c - b**2) / (3 * a**2))
+    q = sp.simplify((2 * b**3 - 9 * a * b * c + 27 * a**2 * d) / (27 * a**3))
+    centre = -b / (3 * a)
+    inside = sp.simplify(q**2 / 4 + p**3 / 27)
+    if p == 0 and q == 0:
+        return [centre]
+    if inside == 0:
+        return [3 * q / p + centre, -3 * q / (2 * p) + centre]
+    if inside.is_positive:
+        halves = (sp.real_root(-q / 2 + sign * sp.sqrt(inside), 3) for sign in (1, -1))
+        return [sp.Add(*halves) + centre]
+    angle = sp.acos(sp.simplify(3 * q / (2 * p) * sp.sqrt(-3 / p))) / 3
+    return [2 * sp.sqrt(-p / 3) * sp.cos(angle - 2 * sp.pi * k / 3) + centre for k in range(3)]
