@@ -62,8 +62,10 @@ class Curve:
     """A function of s: a polynomial with ball coefficients and tails beyond it."""
 
     polynomial: arb_poly
+    """In powers of ``s - origin``."""
     derivative: arb_poly
     tails: tuple[Tail, ...]
+    origin: float = 0.0
 
     @classmethod
     def of(cls, coefficients: Sequence[arb], tails: Sequence[Tail]) -> Curve:
@@ -72,11 +74,16 @@ class Curve:
 
     def at(self, s: arb) -> arb:
         """Enclosure of the value at every point of a ball."""
-        return sum((t.size(s) * UNIT_BALL for t in self.tails), self.polynomial(s))
+        return sum((t.size(s) * UNIT_BALL for t in self.tails), self.polynomial(s - self.origin))
 
     def slope(self, s: arb) -> arb:
         """Enclosure of the derivative at every point of a ball."""
-        return sum((t.slope(s) * UNIT_BALL for t in self.tails), self.derivative(s))
+        return sum((t.slope(s) * UNIT_BALL for t in self.tails), self.derivative(s - self.origin))
+
+    def recentred(self, origin: float) -> Curve:
+        """The same function in powers of the distance from another point: much sharper on short intervals there."""
+        shifted = self.polynomial(arb_poly([arb(origin) - self.origin, 1]))
+        return Curve(shifted, shifted.derivative(), self.tails, origin)
 
     def over(self, low: float, high: float) -> tuple[arb, arb]:
         """Enclosures of value (mean-value form, met with the plain one) and derivative over an interval."""

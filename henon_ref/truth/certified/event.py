@@ -15,6 +15,8 @@ DEPTH = 90
 """Bisections before a sign counts as not provable."""
 PIECES = 4000
 """Pieces of one step looked at before the search gives up."""
+RECENTRE = 5
+"""After so many bisections the polynomial is written around the piece that is left."""
 SPLIT = 0.4837
 """Where an interval is split: off the middle, so that a root at a round place is not hit."""
 
@@ -25,6 +27,8 @@ class Root:
 
     low: float
     high: float
+    curve: Curve
+    """The guard, written around a point near by."""
 
 
 @dataclass(frozen=True)
@@ -75,12 +79,12 @@ def scan(curve: Curve, end: float, armed: bool, name: str) -> Scan:
     UndecidedError
         Where some piece shows neither a strict sign nor a strict slope: a graze, or a start with no sign.
     """
-    stack = [(0.0, end, 0)]
+    stack = [(0.0, end, 0, curve)]
     positive = False  # whether the left end of the next piece is known to be positive
     for _ in range(PIECES):
         if not stack:
             return Scan(None, armed)
-        low, high, depth = stack.pop()
+        low, high, depth, curve = stack.pop()
         value, slope = curve.over(low, high)
         sign = _sign(value)
         if sign > 0:
@@ -89,21 +93,23 @@ def scan(curve: Curve, end: float, armed: bool, name: str) -> Scan:
         if sign < 0 and not armed:
             positive = False
             continue
-        if sign < 0 and low == 0.0:
-            raise UndecidedError(f"{name} is negative where it should start positive", "start")
         shape = _monotone(curve, low, high, _sign(slope), positive)
-        if shape == "falls" and armed:
-            return Scan(Root(low, high), armed)
+        if armed and low == 0.0 and (sign < 0 or shape == "rises"):
+            raise UndecidedError(f"{name} is negative where it should start positive", "start")
+        if shape == "falls":
+            return Scan(Root(low, high, curve), True)
         if shape in ("stays positive", "rises"):
             positive = armed = True
             continue
-        if shape in ("stays negative", "falls") and not armed:
+        if shape == "stays negative" and not armed:
             positive = False
             continue
         middle = low + (high - low) * SPLIT
         if depth >= DEPTH or not low < middle < high:
             raise UndecidedError(_graze(name, low, value), "graze", low)
-        stack += [(middle, high, depth + 1), (low, middle, depth + 1)]
+        if (depth + 1) % RECENTRE == 0:
+            curve = curve.recentred(middle)
+        stack += [(middle, high, depth + 1, curve), (low, middle, depth + 1, curve)]
     raise UndecidedError(f"{name} comes too near to zero too often to be told apart from it", "graze")
 
 
@@ -142,8 +148,9 @@ def _sign(ball: arb) -> int:
     return -1 if ball < 0 else 0
 
 
-def refine(curve: Curve, root: Root) -> arb:
+def refine(root: Root) -> arb:
     """Interval Newton: the ball that holds the one zero in a bracket, for every solution of the set."""
+    curve = root.curve
     ball = interval(root.low, root.high)
     width = inf
     while True:
@@ -183,7 +190,7 @@ def first_root(curves: Sequence[tuple[Curve, bool, str]], end: float) -> tuple[t
             found.append((index, result.root))
             end = min(end, result.root.high)
     # A root found before a shorter end may lie beyond it; its own bracket tells.
-    roots = [(index, refine(curves[index][0], root)) for index, root in found]
+    roots = [(index, refine(root)) for index, root in found]
     if not roots:
         return None, armed
     first_index, first = min(roots, key=lambda item: float(item[1].mid()))
