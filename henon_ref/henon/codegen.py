@@ -8,10 +8,12 @@ vanish whatever the units of the model.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from henon_ref.taylor.tape import Node, Tape
 
+LANES = 4
+"""Doubles in a vector; a row of coefficients is padded with zeros to whole vectors."""
 LIBM = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt", "pow")
 _FAST = "contract nsz arcp"
 """Fused multiply-adds are welcome; the order of a sum stays as written (newest coefficients come last)."""
@@ -63,18 +65,40 @@ class _Writer:
             return a
         return self.binary("fmul", _literal(factor), a)
 
+    def larger(self, a: str, b: str) -> str:
+        """The larger of two numbers that are not negative."""
+        return self.emit(f"select i1 {self.emit(f'fcmp ogt double {a}, {b}')}, double {a}, double {b}")
+
+    def store(self, value: str, array: str, index: int) -> None:
+        pointer = self.emit(f"getelementptr double, ptr {array}, i64 {index}")
+        self.lines.append(f"  store double {value}, ptr {pointer}")
+
+    def vector(self, values: Sequence[str]) -> str:
+        """A vector of scalar values."""
+        kind, result = f"<{len(values)} x double>", "poison"
+        for at, value in enumerate(values):
+            result = self.emit(f"insertelement {kind} {result}, double {value}, i64 {at}")
+        return result
+
     def call(self, name: str, *args: str) -> str:
         target = f"@llvm.{name}.f64" if name in ("sqrt", "fabs", "fma") else f"@{name}"
         return self.emit(f"call double {target}({', '.join(f'double {a}' for a in args)})")
 
-    def total(self, products: Sequence[tuple[Value, Value]], start: Value = None) -> Value:
-        """``start`` + sum of products, in two interleaved chains; the pairs in order of urgency, latest last."""
-        pairs = [(a, b) for a, b in products if a is not None and b is not None]
-        chains: list[Value] = [start, None]
+    def total(self, old: Sequence[tuple[Value, Value]], new: Sequence[tuple[Value, Value]] = ()) -> Value:
+        """Sum of products: the ``old`` ones in two chains, then the ``new`` ones, one fused operation each.
+
+        A coefficient waits for the newest coefficients of its arguments; with their products added last,
+        to a sum made before, each operation adds one instruction to the chain from order to order.
+        """
+        chains: list[Value] = [None, None]
+        pairs = [(a, b) for a, b in old if a is not None and b is not None]
         for at, (a, b) in enumerate(pairs):
-            which = (at + len(pairs)) % 2 if len(pairs) > 3 else 0
+            which = at % 2 if len(pairs) > 3 else 0
             chains[which] = self.add(chains[which], self.mul(a, b))
-        return self.add(chains[1], chains[0])
+        result = self.add(chains[1], chains[0])
+        for a, b in new:
+            result = self.add(result, self.mul(a, b))
+        return result
 
 
 def _literal(value: float) -> str:
@@ -87,7 +111,9 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str) -> str:
     """LLVM IR of ``void name(double t_hi, double t_lo, double sigma, double* x, double* K, double* C)``.
 
     ``K`` holds the constants rounded to double, then what that rounding lost. ``C`` receives the Taylor
-    coefficients in units of sigma: ``order + 1`` a state, then ``order + 1`` an output (row-major).
+    coefficients in units of sigma, a row of :func:`row_length` a state, then one an output; and behind the
+    rows, for ``order`` >= 3, the largest last and last but one coefficient relative to the row's size on a
+    step of sigma, and a sum that is not finite where any coefficient is not.
 
     Parameters
     ----------
@@ -132,10 +158,13 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str) -> str:
             for target, source in zip(solution, tape.field, strict=True):
                 target.append(w.mul(rates[k], expander.series[source][k]))
     rows = [*solution, *(expander.series[i] for i in tape.outputs)]
+    width = row_length(order)
     for r, row in enumerate(rows):
         for k in range(order + 1):
-            pointer = w.emit(f"getelementptr double, ptr %C, i64 {r * (order + 1) + k}")
-            w.lines.append(f"  store double {row[k] or _literal(0.0)}, ptr {pointer}")
+            w.store(row[k] or _literal(0.0), "%C", r * width + k)
+    if order >= 3:
+        for at, value in enumerate(_norms(w, rows, order)):
+            w.store(value, "%C", len(rows) * width + at)
     body = "\n".join(w.lines)
     return (
         f"define void @{name}(double %t_hi, double %t_lo, double %sigma, ptr noalias %x, ptr noalias %K, "
@@ -143,11 +172,81 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str) -> str:
     )
 
 
+def row_length(order: int) -> int:
+    """Doubles from one row of coefficients to the next."""
+    return -(-(order + 1) // LANES) * LANES if order else 1
+
+
+def _norms(w: _Writer, rows: Sequence[Sequence[Value]], order: int) -> list[str]:
+    """(largest last, largest last but one, sum of all): relative to each row's size on a step of sigma."""
+    largest, total = ["", ""], ""
+    for row in rows:
+        size = _literal(1e-300)
+        for value in row[:3]:
+            if value is not None:
+                size = w.binary("fadd", size, w.call("fabs", value))
+        inverse = w.exact("fdiv", _literal(1.0), size)
+        for at, k in enumerate((order, order - 1)):
+            value = row[k]
+            if value is None:
+                continue
+            ratio = w.binary("fmul", w.call("fabs", value), inverse)
+            total = w.binary("fadd", total, ratio) if total else ratio
+            largest[at] = w.larger(largest[at], ratio) if largest[at] else ratio
+    return [value or _literal(0.0) for value in (*largest, total)]
+
+
+def closing_ir(states: int, outputs: int, order: int, name: str) -> str:
+    """LLVM IR of ``void name(double theta, double* C, double* out)``: what a step needs of its coefficients.
+
+    ``out`` receives, for each state, its change over the step (all terms but the first, so that adding it
+    rounds once), then for each output a bound from below on (0, theta]: its first coefficient plus its
+    negative terms.
+    """
+    w = _Writer()
+    vector = f"<{LANES} x double>"
+    width = row_length(order)
+    square = w.exact("fmul", "%theta", "%theta")
+    lanes = [_literal(1.0), "%theta", square, w.exact("fmul", square, "%theta")]
+    jump = w.exact("fmul", square, square)
+    powers = [w.vector(lanes)]
+    stride = w.vector([jump] * LANES)
+    for v in range(1, width // LANES):
+        if v == 2:
+            stride = w.emit(f"fmul {vector} {stride}, {stride}")
+        powers.append(w.emit(f"fmul {vector} {powers[v - 1 if v == 1 else v - 2]}, {stride}"))
+    powers[0] = w.vector([_literal(0.0), *lanes[1:]])
+    zero = w.vector([_literal(0.0)] * LANES)
+    for r in range(states + outputs):
+        total = ""
+        for v in range(len(powers) - 1, -1, -1):  # small terms first
+            pointer = w.emit(f"getelementptr double, ptr %C, i64 {r * width + v * LANES}")
+            term = w.emit(f"load {vector}, ptr {pointer}, align 8")
+            term = w.emit(f"fmul contract {vector} {term}, {powers[v]}")
+            if r >= states:
+                below = w.emit(f"fcmp olt {vector} {term}, {zero}")
+                mask = f"<{LANES} x i1> {below}"
+                term = w.emit(f"select {mask}, {vector} {term}, {vector} {zero}")
+            total = w.emit(f"fadd contract {vector} {total}, {term}") if total else term
+        start = _literal(-0.0)
+        if r >= states:
+            pointer = w.emit(f"getelementptr double, ptr %C, i64 {r * width}")
+            start = w.emit(f"load double, ptr {pointer}")
+        w.store(
+            w.emit(f"call reassoc double @llvm.vector.reduce.fadd.v{LANES}f64(double {start}, {vector} {total})"),
+            "%out",
+            r,
+        )
+    body = "\n".join(w.lines)
+    return f"define void @{name}(double %theta, ptr noalias %C, ptr noalias %out) {{\nentry:\n{body}\n  ret void\n}}\n"
+
+
 def declarations() -> str:
     """LLVM declarations of the mathematical functions the expansions call."""
     lines = [f"declare double @{f}(double) readnone nounwind" for f in LIBM if f not in ("sqrt", "pow")]
     lines.append("declare double @pow(double, double) readnone nounwind")
     lines += ["declare double @llvm.sqrt.f64(double)", "declare double @llvm.fabs.f64(double)"]
+    lines.append(f"declare double @llvm.vector.reduce.fadd.v{LANES}f64(double, <{LANES} x double>)")
     lines.append("declare double @llvm.fma.f64(double, double, double)")
     return "\n".join(lines) + "\n"
 
@@ -164,6 +263,7 @@ class _Expander:
         self.low: dict[int, str] = {}
         self.inverse: dict[int, str] = {}
         self.weighted: dict[tuple[int, int], Value] = {}
+        self.made: dict[tuple[int, str], Value] = {}
         self.calls: dict[tuple[str, str], str] = {}
         self.needed_last = _ancestors(tape, tape.outputs)
 
@@ -184,9 +284,10 @@ class _Expander:
         if op in ("add", "sub", "mul", "div"):
             return self._binary(op, node, y, a, k)
         if op == "square":
-            half = w.total([(a[j], a[k - j]) for j in _late_last((k - 1) // 2 + 1)])
-            double = w.add(half, half)
-            return double if k % 2 else w.add(double, w.mul(a[k // 2], a[k // 2]))
+            if k == 0:
+                return w.mul(a[0], a[0])
+            old = self._halved_square(a, k)
+            return w.add(old, w.mul(self._made(node.args[0], "twice", lambda: w.add(a[0], a[0])), a[k]))
         if op == "scale":
             return w.mul(c[0], a[k])
         if op == "shift":
@@ -194,10 +295,13 @@ class _Expander:
         if op == "rsub":
             return w.sub(c[0], a[k]) if k == 0 else w.neg(a[k])
         if op == "recip":
+            inverse = self._inverse(node.args[0])
             if k == 0:
-                return w.mul(c[0], self._inverse(node.args[0]))
-            rest = w.total([(y[j], a[k - j]) for j in range(1, k)] + ([(y[0], a[k])] if k else []))
-            return w.neg(w.mul(rest, self._inverse(node.args[0])))
+                return w.mul(c[0], inverse)
+            # -(sum over j < k of y_j a_(k-j)) / a_0, the newest coefficient a_k apart
+            slope = self._made(at, "slope", lambda: w.neg(w.mul(y[0], inverse)))
+            old = w.total([(y[j], a[k - j]) for j in range(1, k)])
+            return w.add(w.neg(w.mul(old, inverse)), w.mul(slope, a[k]))
         return self._transcendental(node, y, a, k, c)
 
     def _binary(self, op: str, node: Node, y: list[Value], a: list[Value], k: int) -> Value:
@@ -207,10 +311,23 @@ class _Expander:
         if op == "sub":
             return w.sub(a[k], b[k])
         if op == "mul":
-            ends = [(a[0], b[k])] + ([(a[k], b[0])] if k else [])
-            return w.total([(a[j], b[k - j]) for j in range(1, k)] + ends)
-        rest = w.total([(y[j], b[k - j]) for j in range(k)])
+            new = [(a[k], b[0]), (a[0], b[k])] if k else [(a[0], b[0])]
+            return w.total([(a[j], b[k - j]) for j in range(1, k)], new)
+        rest = w.total([(y[j], b[k - j]) for j in range(1, k)], [(y[0], b[k])] if k else [])
         return w.mul(w.sub(a[k], rest), self._inverse(node.args[1]))
+
+    def _halved_square(self, a: list[Value], k: int) -> Value:
+        """Sum of a_j a_(k-j) over 1 <= j <= k - 1, each product formed once."""
+        w = self.w
+        half = w.total([(a[j], a[k - j]) for j in range(1, (k - 1) // 2 + 1)])
+        double = w.add(half, half)
+        return double if k % 2 else w.add(double, w.mul(a[k // 2], a[k // 2]))
+
+    def _made(self, node: int, what: str, make: Callable[[], Value]) -> Value:
+        """A value made at order zero and used at all later ones."""
+        if (node, what) not in self.made:
+            self.made[node, what] = make()
+        return self.made[node, what]
 
     def _inverse(self, node: int) -> str:
         """1 / (order-zero value), made once: a division costs more than all the products of an order."""
@@ -251,10 +368,7 @@ class _Expander:
         if k == 0:
             return self._start(node, a, c)
         if op == "sqrt":
-            inner = w.total([(y[j], y[k - j]) for j in range(1, (k - 1) // 2 + 1)])
-            inner = w.add(inner, inner)
-            if k % 2 == 0:
-                inner = w.add(inner, w.mul(y[k // 2], y[k // 2]))
+            inner = self._halved_square(y, k)
             return w.mul(w.scaled(0.5, w.sub(a[k], inner)), self._inverse_of(y[0]))
         if op == "power":
             terms = []
@@ -263,11 +377,11 @@ class _Expander:
                     continue
                 weight = w.sub(w.scaled(float(j), c[0]), _literal(float(k - j)))
                 terms.append((w.mul(weight, a[j]), y[k - j]))
-            return w.scaled(1.0 / k, w.mul(w.total(terms), self._inverse(node.args[0])))
+            return w.scaled(1.0 / k, w.mul(w.total(terms[:-1], terms[-1:]), self._inverse(node.args[0])))
         if op in ("exp", "sin", "cos", "sinh", "cosh", "tan", "tanh"):
             q = y if op == "exp" else self.series[node.args[1]]
             terms = [(self._weighted(node.args[0], j), q[k - j]) for j in range(1, k + 1)]
-            value = w.scaled(1.0 / k, w.total(terms))
+            value = w.scaled(1.0 / k, w.total(terms[1:-1], terms[:1] + terms[1:][-1:]))
             return w.neg(value) if op == "cos" else value
         # log, atan, asin, acos: y' q = a'
         at = node.args[0] if op == "log" else node.args[1]
@@ -305,11 +419,6 @@ class _Expander:
         if key not in self.inverse:
             self.inverse[key] = self.w.exact("fdiv", _literal(1.0), value or _literal(0.0))
         return self.inverse[key]
-
-
-def _late_last(count: int) -> range:
-    """Indices j of products a[j] a[k - j] with the newest coefficient (j = 0) last."""
-    return range(count - 1, -1, -1)
 
 
 def _ancestors(tape: Tape, roots: Sequence[int]) -> set[int]:

@@ -9,7 +9,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
-from henon_ref.henon.codegen import declarations, expansion_ir
+from henon_ref.henon.codegen import closing_ir, declarations, expansion_ir
 from henon_ref.henon.kernel import RELEASE, SURFACE, VALID
 from henon_ref.henon.machine import MachineCode
 from henon_ref.model.modes import Mode, replaced
@@ -68,7 +68,7 @@ class CompiledSystem:
 
     def __post_init__(self) -> None:
         guards = self.most_guards
-        self.addresses = np.zeros((0, 2), dtype=np.int64)
+        self.addresses = np.zeros((0, 3), dtype=np.int64)
         self.constants = np.zeros((0, 1))
         self.probes = np.zeros((0, 1))
         self.layouts = np.zeros((0, 1 + guards, 3), dtype=np.int64)
@@ -108,6 +108,7 @@ class CompiledSystem:
             code = MachineCode(
                 declarations()
                 + expansion_ir(expansion, n, self.order, "expansion")
+                + closing_ir(n, len(equations.guards), self.order, "closing")
                 + expansion_ir(probe, n, 0, "probe")
             )
             self._shapes[sliding] = _Shape(equations, expansion, probe, code)
@@ -115,7 +116,8 @@ class CompiledSystem:
 
     def _append(self, mode: Mode, shape: _Shape) -> None:
         signs = {self.system.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
-        self.addresses = np.vstack([self.addresses, [[shape.code.address("expansion"), shape.code.address("probe")]]])
+        addresses = [shape.code.address(name) for name in ("expansion", "closing", "probe")]
+        self.addresses = np.vstack([self.addresses, [addresses]])
         self.constants = _stacked(self.constants, self._numbers(shape.expansion, signs))
         self.probes = _stacked(self.probes, self._numbers(shape.probe, signs))
         layout = np.zeros((1, *self.layouts.shape[1:]), dtype=np.int64)

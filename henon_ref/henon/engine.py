@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.henon import kernel as k
+from henon_ref.henon.codegen import row_length
 from henon_ref.henon.compiled import CompiledSystem, double_double
 from henon_ref.henon.polynomial import DEPTH, LANDINGS, bernstein_table
 from henon_ref.model.modes import Mode, transition_kind
@@ -68,7 +69,8 @@ class Start:
     """Initial time and what rounding it lost."""
     until: tuple[float, float]
     """Horizon and what rounding it lost."""
-    x: tuple[float, ...]
+    x: tuple[tuple[float, float], ...]
+    """Initial state and what rounding it lost."""
     decision: Decision
     """The mode at the start, or why there is none."""
     row: int | None
@@ -100,14 +102,14 @@ class Engine:
         decision = self.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
         at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
         surfaces = [system.numeric(h).subs(at, simultaneous=True) for h in system.surfaces]
-        x = [double_double(v)[0] for v in problem.initial]
+        x = [double_double(v) for v in problem.initial]
         active = [i for i, h in enumerate(surfaces) if exact_sign(h) == 0]
         time = double_double(problem.start)
         row: int | None = None
         zeros: tuple[int, ...] = ()
         if decision.mode is not None:
             row = self.compiled.compile(decision.mode)
-            zeros = tuple(self.switching.contact_orders(time[0], x, decision.mode, active))
+            zeros = tuple(self.switching.contact_orders(time[0], [v[0] for v in x], decision.mode, active))
         return Start(time, double_double(problem.until), tuple(x), decision, row, zeros)
 
     def run(
@@ -156,6 +158,8 @@ class Session:
     integers: NDArray[np.int64] = field(init=False)
     x: NDArray[np.float64] = field(init=False)
     """Present state, shape (n,)."""
+    x_low: NDArray[np.float64] = field(init=False)
+    """What rounding it lost; whoever changes ``x`` sets it to 0 there."""
 
     def __post_init__(self) -> None:
         compiled, n = self.engine.compiled, len(self.start.x)
@@ -167,11 +171,13 @@ class Session:
         self.floats[k.F_SIGMA] = max((start.until[0] - start.time[0]) + (start.until[1] - start.time[1]), 1e-280)
         self.integers = np.zeros(k.I_SIZE, dtype=np.int64)
         self.integers[k.I_MODE] = start.row or 0
-        self.x = np.array(self.start.x)
+        self.x = np.array([v[0] for v in start.x])
+        self.x_low = np.array([v[1] for v in start.x])
         self.multiplicity = np.zeros(most, dtype=np.int64)
         self.multiplicity[: len(start.zeros)] = start.zeros
         self.hits = np.zeros(most, dtype=np.int64)
-        self.c = np.zeros((n + most, order + 1))
+        self.c = np.zeros((n + most + 1, row_length(order)))
+        self.change = np.zeros(n + most)
         self.speeds = np.zeros((n + 2 * most, 1))
         self.work = np.zeros((4 + DEPTH, order + 1))
         self.bounds = np.zeros((2 + DEPTH, 2))
@@ -238,10 +244,10 @@ class Session:
             return self._end("failed", "the mode at the start has no equations")
         compiled = self.engine.compiled
         code = k.advance(
-            self.floats, self.integers, self.x, self.multiplicity, self.hits,
+            self.floats, self.integers, self.x, self.x_low, self.multiplicity, self.hits,
             *start.until, self.engine.order, self.tolerance, self.method, _BUDGET,
             compiled.addresses, compiled.constants, compiled.probes, compiled.layouts, compiled.targets,
-            self.c, self.speeds, self.engine.table, self.work, self.bounds,
+            self.c, self.change, self.speeds, self.engine.table, self.work, self.bounds,
             self.times, self.marks, self.states,
             self.wanted, self.samples, self.sample_modes,
         )  # fmt: skip
@@ -285,7 +291,7 @@ class Session:
 
     def _why(self, code: int) -> tuple[Status, str]:
         at = f"t = {self.time:.17g}"
-        grown = np.abs(self.x).max() > 1e8 * max(1.0, *map(abs, self.start.x))
+        grown = np.abs(self.x).max() > 1e8 * max(1.0, *(abs(v[0]) for v in self.start.x))
         if code == k.DIVERGED or (code == k.STALLED and grown):
             return "diverged", f"the state leaves every bound at {at}"
         if code == k.STALLED:

@@ -31,6 +31,8 @@ TANGENT = 1e-9
 """Relative normal velocity below which a contact is left to Python's closer look."""
 HUGE = 1e100
 """A state beyond this has blown up (no smaller bound is safe whatever the units)."""
+FAR = 1e30
+"""A step, in units of sigma, that no coefficient limits."""
 STALL = 200
 """Steps in a row too short to move a double's time before the run counts as stalled."""
 CROWD = 64
@@ -66,37 +68,78 @@ def _add_time(floats, step):  # type: ignore[no-untyped-def]
     floats[F_LOW] = low - (floats[F_TIME] - total)
 
 
+@intrinsic
+def _call_closing(typing, address, theta, c, out):  # type: ignore[no-untyped-def]
+    """Call the compiled end of a step by address (arrays are C-contiguous)."""
+    signature = types.void(types.int64, types.float64, c, out)
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        double = ir.DoubleType()
+        pointer = double.as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [double, pointer, pointer])
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        arrays = [context.make_array(sig.args[i])(context, builder, value=args[i]).data for i in (2, 3)]
+        builder.call(function, [args[1], *arrays])
+        return context.get_dummy_value()
+
+    return signature, codegen
+
+
+@intrinsic
+def _bits(typing, number):  # type: ignore[no-untyped-def]
+    """The bits of a double as an integer."""
+    signature = types.int64(types.float64)
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        return builder.bitcast(args[0], ir.IntType(64))
+
+    return signature, codegen
+
+
+@njit()
+def _root(ratio, degree):  # type: ignore[no-untyped-def]
+    """ratio ** (1 / degree) to about one part in 200: a step size needs no more.
+
+    The exponent and the leading bits of a double are a piecewise linear logarithm to base 2.
+    """
+    exponent = (_bits(ratio) * 2.220446049250313e-16 - 1023.0) / degree
+    whole = np.floor(exponent)
+    part = exponent - whole
+    return np.ldexp(1.0 + part * (0.6565 + 0.3435 * part), int(whole))
+
+
 @njit(fastmath={"contract", "nsz"})
 def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
-    """Largest relative size of the last two coefficients over states and guards, scales taken on the step."""
+    """Largest relative size of the last two coefficients over states and guards on a step of theta sigma."""
     last, before = 0.0, 0.0
     for r in range(rows):
         row = c[r]
-        scale = abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2]))
-        if scale > 0.0:
-            last = max(last, abs(row[order]) / scale)
-            before = max(before, abs(row[order - 1]) / scale)
-        elif row[order] != 0.0 or row[order - 1] != 0.0:
-            last = np.inf
+        scale = abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2])) + 1e-300
+        last = max(last, abs(row[order]) / scale)
+        before = max(before, abs(row[order - 1]) / scale)
     return last, before
 
 
 @njit()
 def _step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
-    """Step in units of sigma at which the last two terms fall below the tolerance (Jorba and Zou 2005, Sec. 3)."""
+    """Step in units of sigma at which the last two terms fall below the tolerance (Jorba and Zou 2005, Sec. 3).
+
+    0 where a coefficient is not finite.
+    """
+    last, before = c[rows, 0], c[rows, 1]
+    if not c[rows, 2] < np.inf:
+        return 0.0
     theta = 1.0
-    for _ in range(3):
-        last, before = _error_norms(c, rows, order, theta)
-        if not (last < np.inf and before < np.inf):
-            return 0.0
-        new = np.inf
+    for _ in range(4):
+        new = FAR
         if last > 0.0:
-            new = np.exp(np.log(tolerance / last) / order)
+            new = min(new, _root(tolerance / last, order))
         if before > 0.0:
-            new = min(new, np.exp(np.log(tolerance / before) / (order - 1)))
+            new = min(new, _root(tolerance / before, order - 1))
         if new >= 0.5 * theta:
             return new
         theta = new
+        last, before = _error_norms(c, rows, order, theta)
     return theta
 
 
@@ -134,17 +177,22 @@ def _sample(floats, integers, c, order, part, sigma, mode, sample_times, samples
 
 
 @njit()
-def _first_event(integers, c, n, order, layout, multiplicity, theta, method, table, work, bounds):  # type: ignore[no-untyped-def]
+def _first_event(integers, c, n, order, layout, multiplicity, lower, theta, method, table, work, bounds):  # type: ignore[no-untyped-def]
     """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, touch, landing used)."""
     powers, scaled, stack = work[0], work[1], work[2:]
-    powers[0] = 1.0
-    for k in range(1, order + 1):
-        powers[k] = powers[k - 1] * theta
     best, hit, touch, used = 2.0, -1, False, 0
+    powers[0] = 0.0
     for g in range(layout[0, 0]):
-        q = c[n + g, multiplicity[g] :]
-        degree = order - multiplicity[g]
-        if q[0] > 0.0 and excluded(q, powers, degree):
+        zeros = multiplicity[g]
+        if zeros == 0 and lower[g] > 0.0:
+            continue
+        if powers[0] == 0.0:
+            powers[0] = 1.0
+            for k in range(1, order + 1):
+                powers[k] = powers[k - 1] * theta
+        q = c[n + g, zeros:]
+        degree = order - zeros
+        if zeros > 0 and q[0] > 0.0 and excluded(q, powers, degree):
             continue
         for k in range(degree + 1):
             scaled[k] = q[k] * powers[k]
@@ -162,11 +210,25 @@ def _first_event(integers, c, n, order, layout, multiplicity, theta, method, tab
 
 
 @njit()
+def _move(x, x_low, change):  # type: ignore[no-untyped-def]
+    """x += change as a compensated sum; False where the state has blown up."""
+    bounded = True
+    for i in range(x.size):
+        step = change[i] + x_low[i]
+        total = x[i] + step
+        part = total - x[i]
+        x_low[i] = (x[i] - (total - part)) + (step - part)
+        x[i] = total
+        bounded = bounded and abs(total) < HUGE
+    return bounded
+
+
+@njit()
 def advance(  # type: ignore[no-untyped-def]
-    floats, integers, x, multiplicity, hits,
+    floats, integers, x, x_low, multiplicity, hits,
     until, until_low, order, tolerance, method, budget,
     addresses, constants, probes, layouts, targets,
-    c, speeds, table, work, bounds,
+    c, change, speeds, table, work, bounds,
     times, marks, states,
     sample_times, samples, sample_modes,
 ):  # fmt: skip
@@ -176,7 +238,8 @@ def advance(  # type: ignore[no-untyped-def]
     ----------
     floats, integers : ndarray
         State of the run (F_..., I_...).
-    x : ndarray, shape (n,)
+    x, x_low : ndarray, shape (n,)
+        State, and what rounding it lost.
     multiplicity : ndarray of int, shape (G,)
         Known zeros of each guard at the present point (the surface just left), divided out.
     hits : ndarray of int, shape (G,)
@@ -185,8 +248,8 @@ def advance(  # type: ignore[no-untyped-def]
         Horizon.
     budget : int
         Steps before it comes back with PAUSE.
-    addresses : ndarray of int, shape (M, 2)
-        Machine code of each mode: expansion and probe.
+    addresses : ndarray of int, shape (M, 3)
+        Machine code of each mode: expansion, closing and probe.
     constants, probes : ndarray, shape (M, K)
         Their constants.
     layouts : ndarray of int, shape (M, 1 + G, 3)
@@ -194,8 +257,10 @@ def advance(  # type: ignore[no-untyped-def]
     targets : ndarray of int, shape (M, G, 2)
         Mode after a crossing and after a stick; for a release the mode after it and the zeros it leaves
         with; -1 where not known yet.
-    c : ndarray, shape (n + G, order + 1)
-        Taylor coefficients of states and guards in units of sigma.
+    c : ndarray, shape (n + G + 1, row length)
+        Taylor coefficients of states and guards in units of sigma, then the norms of the last ones.
+    change : ndarray, shape (n + G,)
+        Change of the states over a step, bounds of the guards from below.
 
     Returns
     -------
@@ -234,6 +299,7 @@ def advance(  # type: ignore[no-untyped-def]
         integers[I_STALLED] = integers[I_STALLED] + 1 if theta * sigma <= 0.25 * _EPS * abs(floats[F_TIME]) else 0
         if integers[I_STALLED] > STALL:
             return STALLED
+        _call_closing(addresses[mode, 1], theta, c, change)
         early = False
         for g in range(guards):
             hits[g] = 1 if c[n + g, multiplicity[g]] <= 0.0 and layout[1 + g, 2] == 0 else 0
@@ -241,7 +307,7 @@ def advance(  # type: ignore[no-untyped-def]
         if early:  # on a surface and not leaving it: Python looks closer
             return RESOLVE
         best, hit, touch, used = _first_event(
-            integers, c, n, order, layout, multiplicity, theta, method, table, work, bounds
+            integers, c, n, order, layout, multiplicity, change[n:], theta, method, table, work, bounds
         )
         part = theta if hit < 0 else best * theta
         if integers[I_SAMPLE] < sample_times.size:
@@ -251,12 +317,12 @@ def advance(  # type: ignore[no-untyped-def]
             for g in range(guards):
                 hits[g] = 1 if g == hit or _at_zero(c[n + g], multiplicity[g], order, part, layout[1 + g, 2]) else 0
                 together = together or (hits[g] == 1 and g != hit)
-        for i in range(n):
-            x[i] = value(c[i], order, part)
+            _call_closing(addresses[mode, 1], part, c, change)
+        bounded = _move(x, x_low, change)
         _add_time(floats, part * sigma)
         integers[I_STEPS] += 1
         floats[F_SIGMA] = min(natural, 1e3 * part * sigma) if part > 0.0 else sigma
-        if not _finite(x):
+        if not bounded:
             return DIVERGED
         if hit < 0:
             multiplicity[:guards] = 0
@@ -278,7 +344,7 @@ def advance(  # type: ignore[no-untyped-def]
             if kind == SURFACE:
                 if together or layout[0, 1] > 0:
                     return RESOLVE
-                _call_expand(addresses[mode, 1], floats[F_TIME], floats[F_LOW], 1.0, x, probes[mode], speeds)
+                _call_expand(addresses[mode, 2], floats[F_TIME], floats[F_LOW], 1.0, x, probes[mode], speeds)
                 integers[I_RHS] += 1
                 inside, beyond = speeds[n + 2 * hit, 0], speeds[n + 2 * hit + 1, 0]
                 if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
@@ -291,7 +357,7 @@ def advance(  # type: ignore[no-untyped-def]
             if together or target < 0:
                 return RESOLVE
             if zeros == 0 and what == FREE:
-                _call_expand(addresses[target, 1], floats[F_TIME], floats[F_LOW], 1.0, x, probes[target], speeds)
+                _call_expand(addresses[target, 2], floats[F_TIME], floats[F_LOW], 1.0, x, probes[target], speeds)
                 integers[I_RHS] += 1
                 zeros = _zeros_at_release(layouts[target], index, speeds[n:, 0])
                 if zeros == 0:
@@ -321,14 +387,6 @@ def _zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
                 return 2
             return 1 if towards < 0.0 else 0
     return 0
-
-
-@njit()
-def _finite(x):  # type: ignore[no-untyped-def]
-    for i in range(x.size):  # noqa: SIM110 (numba)
-        if not abs(x[i]) < HUGE:
-            return False
-    return True
 
 
 @njit()
