@@ -110,16 +110,12 @@ def _fill(
         diagonal = above[:-1] + gain
         best = np.maximum(above[1:], diagonal)
         row = np.maximum.accumulate(np.concatenate([above[:1], best]))
-        choice.append(
-            np.where(row[1:] > best, _LEFT, np.where(diagonal > above[1:], _DIAGONAL, _UP)).astype(np.int8)
-        )
+        choice.append(np.where(row[1:] > best, _LEFT, np.where(diagonal > above[1:], _DIAGONAL, _UP)).astype(np.int8))
         edge_low, before = start, row
     return choice
 
 
-def _trace(
-    choice: list[NDArray[np.int8]], low: NDArray[np.intp], high: NDArray[np.intp]
-) -> NDArray[np.intp]:
+def _trace(choice: list[NDArray[np.int8]], low: NDArray[np.intp], high: NDArray[np.intp]) -> NDArray[np.intp]:
     """Walk back from the last cell along the choices made."""
     pairs: list[tuple[int, int]] = []
     i, j = len(choice) - 1, int(high[-1])

@@ -127,15 +127,16 @@ class Fence:
         self.processes = processes
         self.memory = memory
         self._slots: list[_Slot] = []
+        self._waiting: deque[Lane] = deque()
         self._context = _context()
 
     def run(self, lanes: Iterable[Lane], consumer: Consumer) -> None:
         """Do all jobs of all lanes; see :class:`Consumer` for what comes back."""
-        waiting = deque(lane for lane in lanes if lane.jobs)
+        self._waiting.extend(lane for lane in lanes if lane.jobs)
         try:
-            while waiting or self._slots:
-                while waiting and len(self._slots) < self.processes:
-                    self._begin(waiting.popleft())
+            while self._waiting or self._slots:
+                while self._waiting and len(self._slots) < self.processes:
+                    self._begin(self._waiting.popleft())
                 self._wait(consumer)
                 self._enforce(consumer)
                 consumer.tick()
@@ -143,6 +144,11 @@ class Fence:
             for slot in self._slots:
                 slot.worker.stop()
             self._slots.clear()
+            self._waiting.clear()
+
+    def add(self, lane: Lane) -> None:
+        """A lane that came up while others are at work; it is the next to begin."""
+        self._waiting.appendleft(lane)
 
     def _begin(self, lane: Lane, worker: _Worker | None = None) -> None:
         """Start the lane's next job, in its worker or a new one; a lane without jobs is over."""

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -207,7 +208,7 @@ def _bounds(times: NDArray[np.float64], keys: NDArray[np.int64], span: float) ->
 def _groups(events: Sequence[Event], slots: list[int], radius: float) -> list[set[int]]:
     """Sets of slots whose transitions are at one instant, on different surfaces."""
     groups: list[set[int]] = []
-    for before, after in zip(slots, slots[1:], strict=False):
+    for before, after in pairwise(slots):
         first, second = events[before], events[after]
         together = second.time - first.time <= max(2 * radius, 4 * float(np.spacing(abs(first.time))))
         if not together or first.surface == second.surface:

@@ -119,9 +119,7 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
         radius=expected.radius,
         reached_horizon=trajectory.status in ("ok", expected.status),
     )
-    errors = {
-        i: time_error(found[j], expected.transitions[i]) for i, j in matching.pairs + matching.touch_pairs
-    }
+    errors = {i: time_error(found[j], expected.transitions[i]) for i, j in matching.pairs + matching.touch_pairs}
     counted = np.array([errors[i] for i, _ in matching.pairs])
     worst = float(np.max(np.abs(counted))) if counted.size else None
     status, reason = _status(trajectory, expected, matching)

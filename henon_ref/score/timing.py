@@ -12,7 +12,9 @@ import numpy as np
 SAMPLES = 200
 """Most samples taken where the caller does not say how many."""
 FEWEST = 3
-"""Samples that are taken even where the budget runs out, unless a single run exceeds it."""
+"""Samples that are taken although the budget runs out, up to three times the budget."""
+SLOW = 5.0
+"""A first run that took this many budgets is not repeated."""
 RESAMPLES = 2000
 """Bootstrap resamples behind an interval."""
 UNSTABLE = 0.1
@@ -61,21 +63,22 @@ def repeat(run: Callable[[], object], *, first: float, repeats: int | None, budg
     first : float
         Wall time of that first call [s]. It was the warm-up: it is a sample only where it is the sole one.
     repeats : int, optional
-        Number of samples; None takes as many as fit the budget, at least three and at most ``SAMPLES``.
+        Number of samples; None takes as many as fit the budget, three if that is not too much, at most ``SAMPLES``.
     budget : float
-        Seconds all samples may take; a run slower than that is not repeated.
+        Seconds all samples may take; a run that took ``SLOW`` budgets is not repeated.
 
     Returns
     -------
     tuple of float
         Samples [s], in the order taken.
     """
-    if repeats is None and first > budget:
+    if repeats is not None:
+        return tuple(timed(run) for _ in range(repeats))
+    if first > SLOW * budget:
         return (first,)
-    samples: list[float] = []
-    spent = 0.0
-    most = SAMPLES if repeats is None else repeats
-    while len(samples) < most and (repeats is not None or spent < budget or len(samples) < FEWEST):
+    samples = [timed(run)]
+    spent = samples[0]
+    while len(samples) < SAMPLES and spent < (budget if len(samples) >= FEWEST else FEWEST * budget):
         samples.append(timed(run))
         spent += samples[-1]
     return tuple(samples)

@@ -1,0 +1,172 @@
+"""Comparisons: every solver on every reading of a case, scored against the truth, as data frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from henon_ref.model.case import Case
+from henon_ref.score.campaign import Campaign
+from henon_ref.score.columns import RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, Row
+from henon_ref.score.gate import gate_failures
+from henon_ref.score.options import Draw, Observer, Options
+from henon_ref.score.results import ReadingResult
+from henon_ref.score.rows import Record
+from henon_ref.solver import Solver
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass
+class Comparison:
+    """What came out for one case."""
+
+    case: Case
+    readings: list[ReadingResult]
+    """Truth, and samples for figures, of every reading that was run."""
+    records: list[Record]
+    """The runs, by reading, solver and setting."""
+    options: Options
+
+    @cached_property
+    def runs(self) -> pd.DataFrame:
+        """A row a reading, solver and setting (columns of ``runs.csv``)."""
+        return _frame(RUN_COLUMNS, self.run_rows)
+
+    @cached_property
+    def transitions(self) -> pd.DataFrame:
+        """A row a transition (columns of ``transitions.csv``)."""
+        return _frame(self.transition_columns, self.transition_rows)
+
+    @cached_property
+    def sticks(self) -> pd.DataFrame:
+        """A row a stick (columns of ``sticks.csv``)."""
+        return _frame(STICK_COLUMNS, self.stick_rows)
+
+    @property
+    def run_rows(self) -> list[Row]:
+        """The rows of :attr:`runs`, a missing value None."""
+        return [record.run for record in self.records]
+
+    @property
+    def transition_rows(self) -> list[Row]:
+        """The rows of :attr:`transitions`."""
+        return [row for record in self.records for row in record.transitions]
+
+    @property
+    def stick_rows(self) -> list[Row]:
+        """The rows of :attr:`sticks`."""
+        return [row for record in self.records for row in record.sticks]
+
+    @property
+    def transition_columns(self) -> tuple[str, ...]:
+        """The contract's columns, then every state by name."""
+        states = [name for result in self.readings for name in result.reading.problem.system.state_names]
+        return (*TRANSITION_COLUMNS, *dict.fromkeys(states))
+
+    def of_reading(self, name: str) -> list[Record]:
+        """The runs of one reading."""
+        return [record for record in self.records if record.run["reading"] == name]
+
+    def gate_failures(self) -> list[str]:
+        """One sentence for every bound of the case's gate that is not met; bounds of solvers not run left out."""
+        asked = None
+        if self.options.solvers is not None:
+            asked = [entry if isinstance(entry, str) else entry.name for entry in self.options.solvers]
+        return [
+            words
+            for result in self.readings
+            for words in gate_failures(
+                result.reading, [record.run for record in self.of_reading(result.reading.name)], asked=asked
+            )
+        ]
+
+
+def compare(
+    case: Case,
+    *,
+    solvers: Sequence[str | Solver] | None = None,
+    tolerances: Sequence[float] | None = None,
+    repeats: int | None = None,
+    timeout: float = 10.0,
+    processes: int = 2,
+) -> Comparison:
+    """Run every solver on every reading of a case and score it against the truth.
+
+    Each run stands behind a fence (a process of its own with limits on time and memory): a solver that hangs or
+    crashes is a row that says so.
+
+    Parameters
+    ----------
+    case : Case
+        From :func:`henon_ref.load_case`.
+    solvers : sequence of str or Solver, optional
+        Names, or instances of your own; None: those the case lists, or all.
+    tolerances : sequence of float, optional
+        Relative tolerances in place of the case's.
+    repeats : int, optional
+        Timing samples a row; None: as many as fit a fraction of a second.
+    timeout : float
+        Seconds one run may take.
+    processes : int
+        Runs at work at once.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    CaseError
+        Where a solver is unknown, or none asked for applies to the case.
+    """
+    options = Options(
+        solvers=None if solvers is None else tuple(solvers),
+        tolerances=None if tolerances is None else tuple(tolerances),
+        repeats=repeats,
+        timeout=timeout,
+        processes=processes,
+    )
+    found: list[Comparison] = []
+    compare_all([case], options, found.append)
+    return found[0]
+
+
+def compare_all(
+    cases: Sequence[Case],
+    options: Options,
+    deliver: Callable[[Comparison], None],
+    *,
+    draw: Draw | None = None,
+    meanwhile: Callable[[], None] | None = None,
+    observer: Observer | None = None,
+) -> None:
+    """Compare several cases; each one's comparison is delivered as soon as its last run is in.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+    options : Options
+    deliver : callable
+    draw : callable, optional
+        Makes the job that draws a reading's figures; None: no figures.
+    meanwhile : callable, optional
+        Called once, while the first runs are at work.
+    observer : Observer, optional
+        Is told how it gets on.
+    """
+
+    def hand_over(case: Case, readings: list[ReadingResult], records: list[Record]) -> None:
+        deliver(Comparison(case, readings, records, options))
+
+    Campaign(cases, options, hand_over, draw=draw, meanwhile=meanwhile, observer=observer).run()
+
+
+def _frame(columns: Sequence[str], rows: Sequence[Row]) -> pd.DataFrame:
+    """A data frame with these columns; a missing value is NaN in a column of numbers, else None."""
+    import pandas as pd
+
+    return pd.DataFrame([[row.get(column) for column in columns] for row in rows], columns=list(columns))

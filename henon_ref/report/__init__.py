@@ -1,0 +1,1 @@
+"""Reports: markdown, CSV, figures and manifest, generated from a comparison and from nothing else."""

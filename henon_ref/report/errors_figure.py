@@ -1,0 +1,104 @@
+"""Figure: the error of every transition, per solver, at its tightest setting."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from henon_ref.report import style
+from henon_ref.score.metrics import Expected
+from henon_ref.score.rows import Record
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LEAST = 1e-18
+"""Errors below this [s] (a run that agrees to the last bit has none) are drawn at the lower edge."""
+MOST_MARKED = 60
+"""Transitions up to which each one gets a marker."""
+
+
+def tightest(records: Sequence[Record]) -> list[Record]:
+    """The last setting of every solver that matched at least one transition."""
+    best: dict[object, Record] = {}
+    for record in records:
+        if record.run["matched"]:
+            best[record.run["solver"]] = record
+    return list(best.values())
+
+
+def draw_errors(records: Sequence[Record], expected: Expected) -> Figure | None:
+    """Absolute time error of every matched transition over its time."""
+    chosen = tightest(records)
+    if not chosen or len(expected.transitions) == 0:
+        return None
+    with style.figure(4.2) as figure:
+        axes = figure.add_axes((0.095, 0.11, 0.635, 0.8))
+        axes.set_yscale("log")
+        lowest, highest = _limits(chosen, expected)
+        axes.set_ylim(lowest, highest)
+        axes.set_xlim(expected.start, expected.end_time)
+        ends = [_draw(axes, record, lowest) for record in chosen]
+        _draw_floor(axes, expected, lowest)
+        style.decades(axes.yaxis)
+        style.label_points(axes, ends, x=1.05, gap=0.055)
+        axes.set_xlabel("time of the transition [s]")
+        axes.set_ylabel("absolute error of its time [s]")
+        axes.set_title("Error of every transition, each solver at its tightest setting")
+        return figure
+
+
+def _errors(record: Record) -> tuple[list[float], list[float]]:
+    times, errors = [], []
+    for row in record.transitions:
+        time, error = row["reference_time_s"], row["time_error_s"]
+        if isinstance(time, float) and isinstance(error, float) and row["kind"] != "graze":
+            times.append(time)
+            errors.append(abs(error))
+    return times, errors
+
+
+def _limits(records: Sequence[Record], expected: Expected) -> tuple[float, float]:
+    """Whole decades around what there is, the lower end not below what can be seen or claimed."""
+    found = np.array([error for record in records for error in _errors(record)[1]])
+    found = found[found > max(LEAST, expected.radius)]
+    if not found.size:
+        return LEAST, 1e-12
+    return float(10 ** np.floor(np.log10(found.min()))), float(10 ** np.ceil(np.log10(found.max()) + 0.1))
+
+
+def _draw(axes: Axes, record: Record, lowest: float) -> tuple[str, float, float, str]:
+    """One solver's line; returns its label, where it ends, and its colour."""
+    solver = str(record.run["solver"])
+    look = style.line_of(solver)
+    times, errors = _errors(record)
+    shown = np.maximum(errors, lowest)
+    marker = look.marker if len(times) <= MOST_MARKED else ""
+    axes.plot(times, shown, look.dashes, color=look.colour, lw=look.width, marker=marker, ms=3.2, clip_on=True)
+    label = f"{solver} {_setting(record)}"
+    if record.run["verdict"] != "right":
+        label += f" ({record.run['status']})"
+    return label, times[-1], float(shown[-1]), look.colour
+
+
+def _setting(record: Record) -> str:
+    rtol, step = record.run["rtol"], record.run["step_s"]
+    return f"{rtol:.0e}".replace("e-0", "e-") if rtol is not None else f"h={step:g} s"
+
+
+def _draw_floor(axes: Axes, expected: Expected, lowest: float) -> None:
+    """What a time in double precision can hold, and the truth's radius where it is in sight."""
+    times = np.linspace(expected.start, expected.end_time, 400)
+    half_ulp = np.spacing(np.abs(times)) / 2
+    axes.fill_between(times, lowest, np.maximum(half_ulp, lowest), color="#EDEDED", lw=0, zorder=0, step="mid")
+    top = float(half_ulp[-1])
+    if top > lowest * 3:
+        axes.text(
+            expected.end_time, top / 1.6, "below half a unit in the last place of t ", ha="right", va="top",
+            fontsize=7.5, color=style.GREY,
+        )  # fmt: skip
+    if expected.radius > lowest:
+        axes.axhline(expected.radius, color=style.GREY, lw=0.8, ls="--")

@@ -1,0 +1,85 @@
+"""The job that draws a reading's figures, done by a worker like any other."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from henon_ref.model.case import Reading
+from henon_ref.score.metrics import Expected
+from henon_ref.score.results import ReadingResult
+from henon_ref.score.rows import Record
+from henon_ref.score.runjob import DRAWN, Samples
+from henon_ref.score.worker import Stages
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DRAW_SECONDS = 120.0
+"""Time that a reading's figures may take [s]."""
+PORTRAIT, MODES, ERRORS, COST = "portrait", "modes", "errors", "cost"
+"""The figures, as their file names name them."""
+
+
+@dataclass(frozen=True)
+class FigureJob:
+    """Draw the figures of one reading."""
+
+    content: Reading
+    expected: Expected | None
+    samples: Samples | None
+    records: tuple[Record, ...]
+
+    @property
+    def reading(self) -> str:
+        """Name of the reading."""
+        return self.content.name
+
+    @property
+    def seconds(self) -> float:
+        return DRAW_SECONDS
+
+    def stages(self) -> Stages:
+        yield DRAWN, {file_name(self.reading, kind): svg(drawn) for kind, drawn in self._figures().items()}
+
+    def _figures(self) -> dict[str, Figure]:
+        from henon_ref.report.cost_figure import draw_cost
+        from henon_ref.report.errors_figure import draw_errors
+        from henon_ref.report.motion import draw_modes, draw_portrait, motion_of
+
+        if self.expected is None:
+            return {}
+        drawn: dict[str, Figure | None] = {}
+        motion = motion_of(self.samples, self.expected.transitions) if self.samples is not None else None
+        if motion is not None:
+            drawn[PORTRAIT] = draw_portrait(self.content, motion)
+            drawn[MODES] = draw_modes(self.content, motion)
+        drawn[ERRORS] = draw_errors(self.records, self.expected)
+        drawn[COST] = draw_cost([record.run for record in self.records], self.expected)
+        return {kind: figure for kind, figure in drawn.items() if figure is not None}
+
+
+def figure_job(result: ReadingResult, records: list[Record]) -> FigureJob:
+    """The job that draws a reading's figures."""
+    return FigureJob(result.reading, result.expected, result.samples, tuple(records))
+
+
+def file_name(reading: str, kind: str) -> str:
+    """Name of a figure's file."""
+    return f"{reading}_{kind}.svg"
+
+
+def svg(figure: Figure) -> bytes:
+    """A figure as SVG."""
+    from henon_ref.report.style import save
+
+    buffer = io.BytesIO()
+    save(figure, buffer)
+    return buffer.getvalue()
+
+
+def preload() -> None:
+    """Import what drawing needs, so that workers forked from here on have it."""
+    import matplotlib.backends.backend_svg
+    import matplotlib.figure  # noqa: F401

@@ -1,0 +1,37 @@
+"""Expressions as LaTeX, with the names that a reader expects: ``vp`` is v with the index p."""
+
+from __future__ import annotations
+
+import re
+
+import sympy as sp
+
+_GREEK = (
+    "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|upsilon|phi|chi|psi"
+    "|omega"
+)
+
+
+def symbol(name: str) -> str:
+    """LaTeX of a name: a letter, Latin or Greek, and what follows it as an index.
+
+    Examples
+    --------
+    >>> symbol("x2"), symbol("vp"), symbol("mu0"), symbol("xi1"), symbol("q_1"), symbol("t")
+    ('x_{2}', 'v_{p}', '\\\\mu_{0}', '\\\\xi_{1}', 'q_{1}', 't')
+    """
+    greek = re.fullmatch(rf"({_GREEK})(?:_?(\d\w*)|_(\w+))?", name, re.IGNORECASE)
+    if greek:
+        head, index = "\\" + greek[1], greek[2] or greek[3]
+    else:
+        latin = re.fullmatch(r"([A-Za-z])_?(\w*)", name)
+        if latin is None:
+            return rf"\mathrm{{{name}}}".replace("_", r"\_")
+        head, index = latin[1], latin[2]
+    return f"{head}_{{{index}}}" if index else head
+
+
+def latex(expression: sp.Expr) -> str:
+    """LaTeX of an expression."""
+    names = {s: symbol(s.name) for s in expression.free_symbols}
+    return str(sp.latex(expression, symbol_names=names, order="old"))

@@ -1,0 +1,214 @@
+"""Figures of the motion: the phase portrait with its sticks, and the surfaces over time with the modes shaded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from henon_ref.model.case import Reading
+from henon_ref.model.modes import Mode
+from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.report import style
+from henon_ref.report.latex import latex
+from henon_ref.score.metrics import ReferenceEvent
+from henon_ref.score.runjob import Samples
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST_SURFACES = 4
+"""Surfaces that one figure shows, one panel each."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The sampled motion with the truth's transitions put in between, so that corners are sharp."""
+
+    times: NDArray[np.float64]
+    states: NDArray[np.float64]
+    modes: tuple[Mode, ...]
+    """Mode from each time to the next."""
+
+
+def motion_of(samples: Samples, transitions: Sequence[ReferenceEvent]) -> Motion | None:
+    """Merge samples and transitions; None where the samples hold no motion.
+
+    Samples past an early end are NaN and are left out.
+    """
+    good = np.asarray(np.isfinite(samples.states).all(axis=1))
+    times, states = samples.times[good], samples.states[good]
+    if len(times) < 2 or times[0] == times[-1]:
+        return None
+    inside = [e for e in transitions if times[0] <= e.time <= times[-1]]
+    events = {e.time: e for e in inside}
+    knots = np.array(sorted(events))
+    knot_states = np.array([[float(str(v)) for v in events[t].state] for t in knots.tolist()])
+    modes = _modes(times, transitions, samples, good)
+    joined = np.concatenate([times, knots])
+    order = np.argsort(joined, kind="stable")
+    all_states = np.concatenate([states, knot_states.reshape(-1, states.shape[1])])
+    all_modes = modes + [tuple(events[t].to_mode) for t in knots.tolist()]
+    return Motion(joined[order], all_states[order], tuple(all_modes[k] for k in order.tolist()))
+
+
+def _modes(
+    times: NDArray[np.float64], transitions: Sequence[ReferenceEvent], samples: Samples, good: NDArray[np.bool_]
+) -> list[Mode]:
+    """The mode at each sample: by the truth's transitions, or as the solver says where there are none."""
+    if not transitions:
+        given = samples.modes
+        return [given[k] for k in np.nonzero(good)[0].tolist()] if given else [()] * len(times)
+    at = np.array([e.time for e in transitions])
+    index = np.searchsorted(at, times, side="right") - 1
+    first = tuple(transitions[0].from_mode)
+    return [first if k < 0 else tuple(transitions[k].to_mode) for k in index.tolist()]
+
+
+def axes_of_portrait(system: FilippovSystem) -> tuple[int, int] | None:
+    """States along x and y: the first surface's own state upward, where it is not the first state."""
+    if len(system.states) < 2:
+        return None
+    used = [k for k, x in enumerate(system.states) if system.surfaces and system.surfaces[0].has(x)]
+    up = next((k for k in used if k > 0), 1)
+    return 0, up
+
+
+def draw_portrait(reading: Reading, motion: Motion) -> Figure | None:
+    """Phase portrait in the measured window, coloured by mode, sticks on the boundary."""
+    system = reading.problem.system
+    pair = axes_of_portrait(system)
+    if pair is None:
+        return None
+    x, y = pair
+    with style.figure(4.3, width=5.6) as figure:
+        axes = figure.add_axes((0.13, 0.12, 0.84, 0.74))
+        drawn = _draw_modes(axes, motion, x, y)
+        _pad(axes, motion.states[:, x], motion.states[:, y])
+        boundary = _draw_boundary(axes, system, x, y)
+        axes.set_xlabel(_symbol(system, x))
+        axes.set_ylabel(_symbol(system, y))
+        _legend(axes, [*drawn, *boundary])
+        window = f"{motion.times[0]:.6g} s to {motion.times[-1]:.6g} s"
+        axes.set_title(f"Phase portrait, {window}", pad=24)
+        return figure
+
+
+def _draw_modes(axes: Axes, motion: Motion, x: int, y: int) -> list[tuple[str, str, float, str]]:
+    """The curve in pieces of one mode; returns legend entries (label, colour, width, dashes)."""
+    seen: dict[str, tuple[str, str, float, str]] = {}
+    starts = [0] + [k for k in range(1, len(motion.modes)) if motion.modes[k] != motion.modes[k - 1]]
+    for begin, end in zip(starts, [*starts[1:], len(motion.modes) - 1], strict=True):
+        mode = motion.modes[begin]
+        label, colour, width = _look(mode)
+        piece = slice(begin, end + 1)
+        axes.plot(
+            motion.states[piece, x], motion.states[piece, y], color=colour, lw=width, solid_capstyle="butt",
+            zorder=3 if 0 in mode else 2,
+        )  # fmt: skip
+        seen[label] = (label, colour, width, "-")
+    order = ["slip, s = −1", "slip, s = +1", "slip", "stick"]
+    return sorted(seen.values(), key=lambda entry: order.index(entry[0]) if entry[0] in order else len(order))
+
+
+def _look(mode: Mode) -> tuple[str, str, float]:
+    """Label, colour and width of a piece of one mode."""
+    if 0 in mode:
+        sliding = sum(entry == 0 for entry in mode)
+        return ("stick" if sliding == 1 else f"stick on {sliding} surfaces"), style.VERMILLION, 3.2
+    if len(mode) == 1:
+        return ("slip, s = +1", style.BLUE, 1.2) if mode[0] > 0 else ("slip, s = −1", style.GREEN, 1.2)
+    return "slip", style.BLUE, 1.1
+
+
+def _draw_boundary(axes: Axes, system: FilippovSystem, x: int, y: int) -> list[tuple[str, str, float, str]]:
+    """The surfaces that are curves in this plane, as dashed lines."""
+    plane = {system.states[x], system.states[y]}
+    drawn = False
+    left, right = axes.get_xlim()
+    bottom, top = axes.get_ylim()
+    grid = np.meshgrid(np.linspace(left, right, 201), np.linspace(bottom, top, 201))
+    for surface in system.surfaces:
+        h = system.numeric(surface)
+        if not h.free_symbols or not h.free_symbols <= plane:
+            continue
+        values = sp.lambdify([system.states[x], system.states[y]], h, "numpy")(*grid)
+        values = np.broadcast_to(np.asarray(values, dtype=float), grid[0].shape)
+        if not (np.nanmin(values) < 0 < np.nanmax(values)):
+            continue
+        axes.contour(*grid, values, levels=[0.0], colors=[style.GREY], linewidths=[0.9], linestyles=["--"], zorder=1)
+        drawn = True
+    return [("surface h = 0", style.GREY, 0.9, "--")] if drawn else []
+
+
+def draw_modes(reading: Reading, motion: Motion) -> Figure:
+    """Every surface's h over time in the measured window, the modes shaded."""
+    system = reading.problem.system
+    count = min(len(system.surfaces), MOST_SURFACES)
+    with style.figure(1.15 + 1.55 * count) as figure:
+        panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+        top = 1 - 0.5 / (1.15 + 1.55 * count)
+        figure.subplots_adjust(left=0.1, right=0.985, bottom=0.5 / (1.15 + 1.55 * count), top=top, hspace=0.12)
+        for k, axes in enumerate(panels):
+            _draw_surface(axes, system, motion, k)
+        panels[-1].set_xlabel("time t [s]")
+        panels[-1].set_xlim(motion.times[0], motion.times[-1])
+        present = {_entry(mode, k) for mode in motion.modes for k in range(count)}
+        _mode_legend(panels[0], present)
+        panels[0].set_title("Distance from the surface, modes shaded")
+        return figure
+
+
+def _draw_surface(axes: Axes, system: FilippovSystem, motion: Motion, k: int) -> None:
+    h = sp.lambdify([TIME, *system.states], system.numeric(system.surfaces[k]), "numpy")
+    values = np.broadcast_to(np.asarray(h(motion.times, *motion.states.T), dtype=float), motion.times.shape)
+    entries = [_entry(mode, k) for mode in motion.modes]
+    starts = [0] + [j for j in range(1, len(entries)) if entries[j] != entries[j - 1]]
+    shades = {0: style.STICK_SHADE, 1: style.PLUS_SHADE}
+    for begin, end in zip(starts, [*starts[1:], len(entries) - 1], strict=True):
+        if entries[begin] in shades:
+            axes.axvspan(motion.times[begin], motion.times[end], color=shades[entries[begin]], lw=0, zorder=0)
+    axes.axhline(0.0, color=style.GREY, lw=0.8, ls="--", zorder=1)
+    axes.plot(motion.times, values, color=style.BLACK, lw=1.1, zorder=2)
+    axes.grid(visible=False)
+    axes.set_ylabel(f"${latex(system.signs[k])}$:  $h = {latex(system.surfaces[k])}$")
+
+
+def _entry(mode: Mode, k: int) -> int:
+    return mode[k] if k < len(mode) else -1
+
+
+def _mode_legend(axes: Axes, present: set[int]) -> None:
+    from matplotlib.patches import Patch
+
+    kinds = {0: ("stick", style.STICK_SHADE), 1: ("slip, s = +1", style.PLUS_SHADE), -1: ("slip, s = −1", "#FFFFFF")}
+    handles = [
+        Patch(facecolor=colour, edgecolor="#999999", linewidth=0.5, label=label)
+        for entry, (label, colour) in kinds.items()
+        if entry in present
+    ]
+    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.2)
+
+
+def _legend(axes: Axes, entries: list[tuple[str, str, float, str]]) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], color=c, lw=w, ls=d, label=label) for label, c, w, d in entries]
+    axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.2)
+
+
+def _pad(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+    """Limits around the curve with a little room."""
+    for values, set_limits in ((x, axes.set_xlim), (y, axes.set_ylim)):
+        low, high = float(values.min()), float(values.max())
+        room = 0.06 * (high - low) or 0.5
+        set_limits(low - room, high + room)
+
+
+def _symbol(system: FilippovSystem, k: int) -> str:
+    return f"${latex(system.states[k])}$"

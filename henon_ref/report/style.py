@@ -1,0 +1,189 @@
+"""One style for every figure: sizes, fonts and colours, and output that is the same for the same data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+WIDTH = 7.2
+"""Width of a figure [in]: full text width of a page."""
+
+BLUE, VERMILLION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
+SKY, PURPLE, BLACK, GREY = "#56B4E9", "#AA4499", "#000000", "#767676"
+"""Okabe and Ito's palette, told apart by colour-blind readers (purple darkened to hold on white)."""
+
+STICK_SHADE, PLUS_SHADE, MINUS_SHADE = "#F6C48A", "#CFE3F3", "#FFFFFF"
+"""Backgrounds of stick, of slip with s = +1 and of slip with s = -1."""
+
+_RC: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#E3E3E3",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 4.5,
+    "mathtext.fontset": "dejavusans",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.2,
+    "svg.hashsalt": "henon-ref",
+    "svg.fonttype": "path",
+}
+
+
+@dataclass(frozen=True)
+class Line:
+    """How a solver is drawn, in every figure the same."""
+
+    colour: str
+    marker: str
+    dashes: str = "-"
+    width: float = 1.1
+
+
+_LINES = {
+    "henon": Line(VERMILLION, "o", width=2.2),
+    "henon-newton": Line(VERMILLION, "v", "--"),
+    "henon-brent": Line(VERMILLION, "^", ":"),
+    "henon-rk4": Line(ORANGE, "s"),
+    "henon-listing": Line(ORANGE, "X", "--"),
+    "heyoka": Line(BLACK, "D", width=1.6),
+    "cvode-adams": Line(GREEN, "o"),
+    "cvode-bdf": Line(GREEN, "s", "--"),
+    "ida": Line(GREEN, "^", ":"),
+    "scipy-rk45": Line(SKY, "o"),
+    "scipy-dop853": Line(BLUE, "D"),
+    "scipy-radau": Line(BLUE, "s", "--"),
+    "scipy-bdf": Line(SKY, "^", "--"),
+    "scipy-lsoda": Line(BLUE, "v", ":"),
+    "scipy-smoothed": Line(GREY, "P", "--"),
+    "scipy-sign": Line(GREY, "X", ":"),
+}
+
+
+def line_of(solver: str) -> Line:
+    """How a solver is drawn; third parties' solvers share one look and are told apart by their labels."""
+    return _LINES.get(solver, Line(PURPLE, "d"))
+
+
+@contextmanager
+def figure(height: float, *, width: float = WIDTH) -> Iterator[Figure]:
+    """A figure in the style of the reports; sizes in inches."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(_RC):
+        yield Figure(figsize=(width, height))
+
+
+def save(figure: Figure, target: Path | BinaryIO, kind: str = "svg") -> None:
+    """Write a figure (as PNG, for a look at it) with nothing in it that changes from run to run."""
+    import matplotlib
+
+    metadata = {"Date": None, "Creator": None} if kind == "svg" else None
+    with matplotlib.rc_context(_RC):
+        figure.savefig(target, format=kind, metadata=metadata, dpi=150)
+
+
+def spread(positions: list[float], gap: float) -> list[float]:
+    """Move labels apart as little as needed so that neighbours are at least ``gap`` apart, in their order.
+
+    Examples
+    --------
+    >>> spread([0.0, 0.1, 2.0], 1.0)
+    [-0.45, 0.55, 2.0]
+    """
+    order = sorted(range(len(positions)), key=positions.__getitem__)
+    clusters: list[tuple[float, list[int]]] = []
+    for k in order:
+        clusters.append((positions[k], [k]))
+        while len(clusters) > 1:
+            (low, lower), (high, upper) = clusters[-2:]
+            if high - low >= gap * (len(lower) + len(upper)) / 2:
+                break
+            members = lower + upper
+            clusters[-2:] = [(sum(positions[m] for m in members) / len(members), members)]
+    placed = [0.0] * len(positions)
+    for centre, members in clusters:
+        for n, k in enumerate(members):
+            placed[k] = round(centre + gap * (n - (len(members) - 1) / 2), 12)
+    return placed
+
+
+def label_points(axes: Axes, points: Sequence[tuple[str, float, float, str]], *, x: float, gap: float) -> None:
+    """Labels in a column right of the axes, each joined to its point by a thin line, none on another.
+
+    Parameters
+    ----------
+    axes : Axes
+        Its limits and scales are set.
+    points : sequence of (str, float, float, str)
+        Label, point, colour.
+    x : float
+        Where the column starts, as a fraction of the axes' width.
+    gap : float
+        Least distance of two labels, as a fraction of the axes' height.
+    """
+    to_axes = axes.transScale + axes.transLimits
+    heights = [min(max(float(to_axes.transform((px, py))[1]), 0.0), 1.0) for _, px, py, _ in points]
+    gap = min(gap, 1.08 / max(len(points), 1))
+    placed = spread(heights, gap)
+    shift = max(0.0, -0.04 - min(placed, default=0.0)) - max(0.0, max(placed, default=0.0) - 1.04)
+    for (text, px, py, colour), height in zip(points, placed, strict=True):
+        axes.annotate(
+            text,
+            xy=(px, py),
+            xytext=(x, height + shift),
+            textcoords="axes fraction",
+            va="center",
+            fontsize=8.0,
+            color=colour,
+            annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "lw": 0.5, "color": colour, "alpha": 0.55, "shrinkA": 1, "shrinkB": 3},
+        )
+
+
+def decades(axis: Axis) -> None:
+    """Plain-text labels on the decades of a log-scaled axis: at most nine, no mathtext (which is slow to set)."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+    low, high = axis.get_view_interval()
+    span = math.log10(high / low)
+    axis.set_major_locator(LogLocator(10, numticks=9))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: power_of_ten(value)))
+    axis.set_minor_locator(LogLocator(10, subs=range(2, 10), numticks=12) if span < 6 else NullLocator())
+    axis.set_minor_formatter(NullFormatter())
+
+
+def power_of_ten(value: float) -> str:
+    """A decade as text.
+
+    Examples
+    --------
+    >>> power_of_ten(1e-12), power_of_ten(1.0)
+    ('10⁻¹²', '1')
+    """
+    exponent = round(math.log10(value)) if value > 0 else 0
+    return "1" if exponent == 0 else "10" + str(exponent).translate(_SUPERSCRIPT)
+
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

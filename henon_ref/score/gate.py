@@ -1,0 +1,70 @@
+"""The gate: bounds that a case sets its solvers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from henon_ref.model.case import Gate, Reading
+from henon_ref.score.columns import Row
+
+
+def gate_failures(reading: Reading, rows: Sequence[Row], *, asked: Iterable[str] | None = None) -> list[str]:
+    """One sentence for every bound of a reading's gate that is not met.
+
+    Parameters
+    ----------
+    reading : Reading
+    rows : sequence of Row
+        The run rows of this reading.
+    asked : iterable of str, optional
+        Solvers that were asked for; bounds of others are left out. None: all.
+    """
+    failures: list[str] = []
+    wanted = set(reading.gate) if asked is None else set(reading.gate) & set(asked)
+    for solver, gate in reading.gate.items():
+        if solver not in wanted:
+            continue
+        row = _row(solver, gate, rows)
+        where = f"{reading.name}: {solver}"
+        if row is None:
+            at = f" at rtol {gate.at:g}" if gate.at is not None else ""
+            failures.append(f"{where} has no row{at}")
+            continue
+        failures += [f"{where}{_setting(row)}: {words}" for words in _broken(gate, row)]
+    return failures
+
+
+def _row(solver: str, gate: Gate, rows: Sequence[Row]) -> Row | None:
+    """The row that a gate speaks of: at its tolerance, or the tightest."""
+    own = [row for row in rows if row["solver"] == solver]
+    if gate.at is not None:
+        own = [row for row in own if row["rtol"] == gate.at]
+    return min(own, key=_tightness, default=None)
+
+
+def _tightness(row: Row) -> float:
+    value = row["rtol"] if row["rtol"] is not None else row["step_s"]
+    return float(value) if isinstance(value, int | float) else float("inf")
+
+
+def _setting(row: Row) -> str:
+    return f" (rtol {row['rtol']:g})" if row["rtol"] is not None else f" (step {row['step_s']:g} s)"
+
+
+def _broken(gate: Gate, row: Row) -> list[str]:
+    words: list[str] = []
+    if row["status"] != gate.status:
+        reason = f" ({row['status_reason']})" if row["status_reason"] else ""
+        words.append(f"status {row['status']}{reason}, wanted {gate.status}")
+    for name, column, bound in (
+        ("worst time error", "max_time_error_s", gate.max_time_error),
+        ("worst stick error", "max_stick_error_s", gate.max_stick_error),
+    ):
+        value = row[column]
+        if bound is None:
+            continue
+        if not isinstance(value, float):
+            words.append(f"{name} unknown, wanted <= {bound:g} s")
+        elif value > bound:
+            words.append(f"{name} {value:.3g} s, wanted <= {bound:g} s")
+    return words

@@ -1,0 +1,79 @@
+"""How a campaign is run, and who is told how it gets on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from henon_ref.model.case import Case
+from henon_ref.score.results import ReadingResult
+from henon_ref.score.rows import Record
+from henon_ref.score.worker import Job
+from henon_ref.solver import Solver
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a campaign is run."""
+
+    solvers: tuple[str | Solver, ...] | None = None
+    """Solvers to run, out of those that a case lists; None: all that it lists."""
+    tolerances: tuple[float, ...] | None = None
+    """In place of the cases' own."""
+    repeats: int | None = None
+    """Timing samples a row; None: as many as fit a fraction of a second."""
+    timeout: float = 10.0
+    """Seconds one run may take."""
+    processes: int = 2
+    """Runs at work at once."""
+    memory: int = 4 * 2**30
+    """Bytes one worker may hold."""
+    folder: Path | None = None
+    """Where journals are kept, a folder a case; None: no journal."""
+    resume: bool = False
+    """Whether rows that a journal holds are used."""
+
+
+class ReadingJob(Job, Protocol):
+    """A job that belongs to a reading."""
+
+    @property
+    def reading(self) -> str: ...
+
+
+Deliver = Callable[[Case, list[ReadingResult], list[Record]], None]
+"""Takes a case, its readings' results and its rows, once the last of them is in."""
+
+Draw = Callable[[ReadingResult, list[Record]], ReadingJob]
+"""Makes the job that draws a reading's figures."""
+
+
+class Observer(Protocol):
+    """Is told how a campaign gets on."""
+
+    def truths(self, readings: int) -> None: ...
+    def runs(self, rows: int, kept: int) -> None: ...
+    def begun(self, case: str, what: str) -> None: ...
+    def row(self, finished: Record) -> None: ...
+    def tick(self) -> None: ...
+
+
+class Silent:
+    """An observer that shows nothing."""
+
+    def truths(self, readings: int) -> None:
+        """The truths of so many readings are being read or computed."""
+
+    def runs(self, rows: int, kept: int) -> None:
+        """So many rows are to be made, so many of them are kept from before."""
+
+    def begun(self, case: str, what: str) -> None:
+        """A run is begun."""
+
+    def row(self, finished: Record) -> None:
+        """A row is finished."""
+
+    def tick(self) -> None:
+        """Some time has passed."""

@@ -1,0 +1,138 @@
+"""The plan of a campaign: which solver runs which reading at which setting, and what a journal has already."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from henon_ref import registry
+from henon_ref.errors import CaseError
+from henon_ref.model.case import Case, Reading
+from henon_ref.score.fence import Lane
+from henon_ref.score.journal import Journal, row_key
+from henon_ref.score.options import Options, ReadingJob
+from henon_ref.score.results import CaseState, ReadingResult
+from henon_ref.score.runjob import RunJob, SampleJob, sample_times
+from henon_ref.score.settings import Setting, settings, state_scale
+from henon_ref.score.truthjob import Statement
+from henon_ref.solver import Solver
+
+SAMPLERS = ("henon", "scipy-dop853")
+"""Solvers that draw the motion for the figures: the first that can."""
+SAMPLE_RTOL = 1e-10
+"""Tolerance of that run: far below the width of a line."""
+
+
+@dataclass
+class CaseLane(Lane):
+    """A lane that knows its case."""
+
+    state: CaseState | None = None
+
+    @property
+    def case(self) -> CaseState:
+        """The case that the lane belongs to."""
+        if self.state is None:
+            raise TypeError(f"the lane {self.name} belongs to no case")
+        return self.state
+
+
+def check_solvers(cases: Sequence[Case], options: Options) -> None:
+    """Refuse unknown solvers, and a case for which none of those asked for is meant.
+
+    Raises
+    ------
+    CaseError
+    """
+    for entry in options.solvers or ():
+        if isinstance(entry, str):
+            registry.check(entry)
+    for case in cases:
+        if not any(chosen_solvers(reading, options) for reading in case.readings):
+            listed = sorted({name for reading in case.readings for name in reading.solvers or ()})
+            raise CaseError(
+                f"none of the solvers asked for is among those of the case '{case.name}': {', '.join(listed)}",
+                file=str(case.path) if case.path else None,
+            )
+
+
+def chosen_solvers(reading: Reading, options: Options) -> dict[str, str | Solver]:
+    """Name -> solver of everything that runs on a reading, in the registry's order."""
+    if options.solvers is None:
+        listed = reading.solvers or registry.default_names()
+        return {name: name for name in registry.names() if name in listed}
+    chosen: dict[str, str | Solver] = {}
+    for entry in options.solvers:
+        if not isinstance(entry, str):
+            chosen[entry.name] = entry
+        elif reading.solvers is None or entry in reading.solvers:
+            chosen[entry] = entry
+    return chosen
+
+
+def case_lanes(
+    case: Case, statements: dict[tuple[str, str], Statement], options: Options, *, figures: bool
+) -> tuple[CaseState, list[CaseLane]]:
+    """One lane a solver, the slow ones first; a row that the journal has is taken from there."""
+    journal = Journal(options.folder / case.name, resume=options.resume) if options.folder else None
+    results = {
+        reading.name: ReadingResult(reading, statements[case.name, reading.name])
+        for reading in case.readings
+        if chosen_solvers(reading, options)
+    }
+    state = CaseState(case, results, journal)
+    jobs: dict[str, deque[ReadingJob]] = {}
+    for result in results.values():
+        for name, solver in chosen_solvers(result.reading, options).items():
+            jobs.setdefault(name, deque()).extend(_run_jobs(state, result, name, solver, options))
+        if figures:
+            jobs.setdefault(SAMPLERS[0], deque()).append(sample_job(result, SAMPLERS[0], options.timeout))
+    state.pending = Counter(job.reading for queue in jobs.values() for job in queue)
+    # The registry names the fast solvers first: begun last, they fill the gaps that the slow ones leave.
+    return state, [CaseLane(case.name, deque(queue), state) for queue in reversed(jobs.values()) if queue]
+
+
+def _run_jobs(
+    state: CaseState, result: ReadingResult, name: str, solver: str | Solver, options: Options
+) -> list[RunJob]:
+    """The runs of one solver on one reading that are still to be made, loosest first."""
+    reading = result.reading
+    fixed = registry.fixed_step(solver) if isinstance(solver, str) else solver.fixed_step
+    jobs = []
+    for setting in settings(
+        fixed_step=fixed,
+        tolerances=options.tolerances or reading.tolerances,
+        steps=reading.steps,
+        scale=state_scale(reading.problem, result.expected),
+    ):
+        slot = (reading.name, name, setting)
+        state.keys[slot] = row_key(
+            mathematics=reading.mathematics_hash,
+            expected=result.expected,
+            after=reading.measure_after,
+            solver=name,
+            version=registry.library_version(solver) if isinstance(solver, str) else "",
+            setting=setting,
+            timeout=options.timeout,
+            repeats=options.repeats,
+        )
+        kept = state.journal.get(state.keys[slot]) if state.journal else None
+        if kept is not None:
+            state.rows[slot] = kept
+            continue
+        jobs.append(RunJob(reading.name, name, solver, reading.problem, setting, options.timeout, options.repeats))
+    return jobs
+
+
+def sample_job(result: ReadingResult, name: str, timeout: float) -> SampleJob:
+    """The job that samples a reading's motion for its figures."""
+    problem, expected = result.reading.problem, result.expected
+    times = sample_times(
+        float(problem.start),
+        result.reading.measure_after,
+        float(problem.until) if expected is None else expected.end_time,
+        [] if expected is None else [event.time for event in expected.transitions],
+    )
+    setting = Setting(rtol=SAMPLE_RTOL, atol=SAMPLE_RTOL * state_scale(problem, expected))
+    return SampleJob(result.reading.name, name, name, problem, setting, times, timeout)

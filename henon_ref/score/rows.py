@@ -1,0 +1,213 @@
+"""One run as rows of the result files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from henon_ref.model.case import Reading
+from henon_ref.model.modes import Mode, mode_text
+from henon_ref.score.columns import RUN_COLUMNS, STICK_COLUMNS, Row
+from henon_ref.score.metrics import Expected, Score, score
+from henon_ref.score.settings import Setting
+from henon_ref.score.sticks import Stick, published_partners, sticks
+from henon_ref.score.timing import summarise
+from henon_ref.score.worker import Failure
+from henon_ref.trajectory import Counts, Trajectory
+
+SCORED = ("ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "failed")
+"""Statuses of runs that have an answer, whole or in part."""
+
+
+@dataclass
+class Outcome:
+    """Everything that is known of one run, filled in stage by stage."""
+
+    case: str
+    reading: Reading
+    solver: str
+    setting: Setting
+    library_version: str = ""
+    landing: str = ""
+    compile_s: float | None = None
+    trajectory: Trajectory | None = None
+    first_s: float | None = None
+    samples: tuple[float, ...] = ()
+    failure: Failure | None = None
+    score: Score | None = None
+
+
+@dataclass(frozen=True)
+class Record:
+    """One run, scored: its row, its transitions' and sticks' rows, its raw timing samples."""
+
+    run: Row
+    transitions: list[Row] = field(default_factory=list)
+    sticks: list[Row] = field(default_factory=list)
+    samples: list[float] = field(default_factory=list)
+
+
+def score_outcome(outcome: Outcome, expected: Expected | None) -> None:
+    """Score the outcome's trajectory, where there is one and something to score it against."""
+    if outcome.trajectory is not None and expected is not None:
+        outcome.score = score(outcome.trajectory, expected, tolerance=outcome.setting.rtol)
+
+
+def record(outcome: Outcome, expected: Expected | None) -> Record:
+    """The rows of one outcome; :func:`score_outcome` comes first."""
+    identity: Row = {
+        "case": outcome.case,
+        "reading": outcome.reading.name,
+        "solver": outcome.solver,
+        "rtol": outcome.setting.rtol,
+        "step_s": outcome.setting.step,
+    }
+    transitions: list[Row] = []
+    stick_rows: list[Row] = []
+    if outcome.trajectory is not None and expected is not None and outcome.score is not None:
+        transitions = _transition_rows(identity, outcome.trajectory, expected, outcome.score, outcome.reading)
+        stick_rows = _stick_rows(identity, outcome.trajectory, expected, outcome.score, outcome.reading)
+    return Record(_run_row(outcome, expected, identity, stick_rows), transitions, stick_rows, list(outcome.samples))
+
+
+def _run_row(outcome: Outcome, expected: Expected | None, identity: Row, stick_rows: list[Row]) -> Row:
+    row: Row = dict.fromkeys(RUN_COLUMNS)
+    row.update(identity, library_version=outcome.library_version or None, atol=outcome.setting.atol)
+    row.update(landing=outcome.landing or None, compile_s=outcome.compile_s)
+    if expected is not None:
+        counted = [event for event in expected.transitions if event.kind != "graze"]
+        row.update(reference_transitions=len(counted), expected_status=expected.status)
+        row.update(reference_radius_s=expected.radius if expected.transitions else None)
+    if outcome.trajectory is not None:
+        row.update(_trajectory_values(outcome.trajectory))
+    if outcome.score is not None:
+        row.update(_score_values(outcome.score))
+        errors = [abs(r["error_s"]) for r in stick_rows if isinstance(r["error_s"], float)]
+        row.update(stick_count=sum(r["duration_s"] is not None for r in stick_rows))
+        row.update(max_stick_error_s=max(errors, default=None))
+    if outcome.failure is not None:
+        row.update(status=outcome.failure.status, status_reason=outcome.failure.reason or None)
+        row.update(verdict="not run" if outcome.failure.status in ("unsupported", "unavailable") else "solver defect")
+    timing = summarise(outcome.samples)
+    if timing is not None:
+        row.update(wall_s=timing.median, wall_s_iqr=timing.iqr, wall_s_low=timing.low, wall_s_high=timing.high)
+        row.update(timed_runs=len(outcome.samples))
+    return row
+
+
+def _trajectory_values(trajectory: Trajectory) -> Row:
+    """What a run says of itself. Counts that a solver leaves at nought it did not count."""
+    landings = sorted({event.landing for event in trajectory.transitions if event.landing})
+    counts: Counts = trajectory.counts
+    values: Row = {
+        "status": trajectory.status,
+        "status_reason": trajectory.reason or None,
+        "found_transitions": sum(event.kind != "graze" for event in trajectory.transitions),
+        "max_surface_drift": trajectory.max_surface_drift,
+        "steps": counts.steps or None,
+        "rhs_evaluations": counts.rhs_evaluations or None,
+        "event_evaluations": counts.event_evaluations or None,
+        "end_time_s": trajectory.end_time,
+    }
+    return values | ({"landing": "+".join(landings)} if landings else {})
+
+
+def _score_values(score: Score) -> Row:
+    matching = score.matching
+    return {
+        "status": score.status,
+        "status_reason": score.reason or None,
+        "verdict": score.verdict,
+        "matched": len(matching.pairs),
+        "missed": len(matching.missed),
+        "spurious": len(matching.spurious),
+        "missed_touches": len(matching.missed_touches),
+        "spurious_touches": len(matching.spurious_touches),
+        "cut_off": len(matching.cut_reference) + len(matching.cut_found),
+        "max_time_error_s": score.max_time_error,
+        "rms_time_error_s": score.rms_time_error,
+        "max_state_error": score.max_state_error,
+        "digits": score.digits,
+    }
+
+
+def _transition_rows(
+    identity: Row, trajectory: Trajectory, expected: Expected, score: Score, reading: Reading
+) -> list[Row]:
+    """The union of the truth's transitions and the run's, in order of time."""
+    system = reading.problem.system
+    matching = score.matching
+    partner = dict(matching.pairs + matching.touch_pairs)
+    matched_runs = set(partner.values())
+    order: list[tuple[float, int | None, int | None]] = [
+        (event.time, i, partner.get(i)) for i, event in enumerate(expected.transitions)
+    ]
+    order += [(event.time, None, j) for j, event in enumerate(trajectory.transitions) if j not in matched_runs]
+    order.sort(key=lambda entry: entry[0])
+    rows: list[Row] = []
+    for index, (_, i, j) in enumerate(order):
+        exact = None if i is None else expected.transitions[i]
+        found = None if j is None else trajectory.transitions[j]
+        event = exact if exact is not None else found
+        if event is None:
+            continue
+        row: Row = dict(identity, index=index, kind=event.kind, surface=system.sign_names[event.surface])
+        row.update(from_mode=_text(event.from_mode, reading), to_mode=_text(event.to_mode, reading))
+        row.update(
+            reference_time_s=None if exact is None else exact.time,
+            reference_radius_s=None if exact is None else exact.radius,
+            time_s=None if found is None else found.time,
+            time_error_s=None if i is None else score.time_errors.get(i),
+            conditioning=None if exact is None else exact.conditioning,
+        )
+        state = (None,) * len(system.states) if found is None else found.state
+        row.update(zip(system.state_names, state, strict=False))
+        rows.append(row)
+    return rows
+
+
+def _text(mode: Mode, reading: Reading) -> str:
+    return mode_text(mode, reading.problem.system.sign_names)
+
+
+def _stick_rows(identity: Row, trajectory: Trajectory, expected: Expected, score: Score, reading: Reading) -> list[Row]:
+    """The union of the truth's sticks and the run's within the measured window, in order of their ends."""
+    after = reading.measure_after
+    exact = sticks(expected.transitions, start=expected.start, after=after)
+    found = sticks(trajectory.transitions, start=expected.start, after=after)
+    partner = dict(score.matching.pairs)
+    by_ends = {(stick.begin, stick.end): stick for stick in found}
+    pairs: list[tuple[Stick | None, Stick | None]] = []
+    for stick in exact:
+        begin = None if stick.begin is None else partner.get(stick.begin, -1)
+        pairs.append((stick, by_ends.pop((begin, partner.get(stick.end, -1)), None)))
+    pairs += [(None, stick) for stick in by_ends.values()]
+    pairs.sort(key=lambda pair: _end(pair, expected, trajectory))
+    durations = [None if run is None else run.duration for _, run in pairs]
+    published = reading.published.stick_durations if reading.published else ()
+    partners = published_partners(durations, [float(value) for value in published])
+    rows: list[Row] = []
+    for index, ((truth, run), printed) in enumerate(zip(pairs, partners, strict=True)):
+        row: Row = dict.fromkeys(STICK_COLUMNS)
+        row.update(identity, index=index, reference_s=None if truth is None else truth.duration, published_s=printed)
+        if run is not None:
+            row.update(start_s=run.start, duration_s=run.duration, length=_length(run, trajectory, reading))
+            row.update(error_s=None if truth is None else run.duration - truth.duration)
+            row.update(published_error_s=None if printed is None else run.duration - printed)
+        rows.append(row)
+    return rows
+
+
+def _end(pair: tuple[Stick | None, Stick | None], expected: Expected, trajectory: Trajectory) -> float:
+    truth, run = pair
+    if truth is not None:
+        return expected.transitions[truth.end].time
+    return trajectory.transitions[run.end].time if run is not None else 0.0
+
+
+def _length(stick: Stick, trajectory: Trajectory, reading: Reading) -> float:
+    """How far the first state moves during a stick."""
+    last = trajectory.transitions[stick.end].state[0]
+    first = float(reading.problem.initial[0])
+    if stick.begin is not None:
+        first = trajectory.transitions[stick.begin].state[0]
+    return abs(last - first)

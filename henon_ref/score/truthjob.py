@@ -1,0 +1,75 @@
+"""What a reading is scored against, fetched (or computed, where nothing is stored) behind a fence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from henon_ref.model.case import Case, Reading
+from henon_ref.score.metrics import Expected
+from henon_ref.score.worker import Stages
+
+KNOWN = "known"
+"""Stage at which the truth is known; its payload is a :class:`Statement`."""
+TRUTH_SECONDS = 900.0
+"""Time that a truth which is not stored may take [s]."""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """The truth of one reading, and what the report says of it."""
+
+    expected: Expected | None
+    """None where no truth could be had."""
+    methods: tuple[tuple[str, tuple[int, ...], float], ...] = ()
+    """(method, bits, seconds taken) of every route, the one that the digits come from first."""
+    certified: bool = False
+    """Every transition has a proven radius, and it is proven that there is no other."""
+    proven: int = 0
+    """Transitions whose radius is proven."""
+    closed_forms: int = 0
+    """Transitions whose time is a closed form of the case."""
+    near_grazes: int = 0
+    """Instants at which a surface is nearly touched."""
+    reason: str = ""
+    """Why there is none, or how the exact run ends where that is not at the horizon."""
+    uncertified_because: str = ""
+
+
+@dataclass(frozen=True)
+class TruthJob:
+    """Fetch the truth of one reading."""
+
+    case: Case
+    reading: Reading
+
+    @property
+    def seconds(self) -> float:
+        return TRUTH_SECONDS
+
+    def stages(self) -> Stages:
+        yield KNOWN, statement_of(self.case, self.reading)
+
+
+def statement_of(case: Case, reading: Reading) -> Statement:
+    """The truth of a reading as this package's scoring wants it."""
+    from henon_ref.truth import truth_for
+
+    truth = truth_for(case, reading)
+    problem = reading.problem
+    expected = Expected(
+        status=truth.status,
+        transitions=truth.transitions,
+        start=float(problem.start),
+        until=float(problem.until),
+        end_time=truth.end_time,
+    )
+    return Statement(
+        expected,
+        methods=truth.methods,
+        certified=truth.certified,
+        proven=truth.proven,
+        closed_forms=sum(event.closed_form for event in truth.transitions),
+        near_grazes=len(truth.near_grazes),
+        reason=truth.reason,
+        uncertified_because=truth.uncertified_because,
+    )
