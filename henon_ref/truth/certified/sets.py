@@ -9,7 +9,8 @@ the solutions of ordinary initial and boundary value problems* (1987).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import log2
 
 import numpy as np
 from flint import arb, arb_mat, ctx
@@ -29,13 +30,27 @@ class PointSet:
     axes: arb_mat
     """Exact matrix of order n + 1."""
     radii: tuple[arb, ...]
+    scales: tuple[float, ...]
+    """Size of each component, as powers of two: what "orthogonal" means where units differ."""
 
     @classmethod
     def box(cls, enclosures: Sequence[arb]) -> PointSet:
         """The set of a box."""
         size = len(enclosures)
         axes = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
-        return cls(tuple(b.mid() for b in enclosures), axes, tuple(b.rad() for b in enclosures))
+        return cls(tuple(b.mid() for b in enclosures), axes, tuple(b.rad() for b in enclosures), (0.0,) * size)
+
+    def scaled(self, sizes: Sequence[float]) -> PointSet:
+        """The same set, told how large its components are; scales only ever grow, and by powers of two.
+
+        They must not follow a component's oscillation: axes that are orthogonal in one metric are skew in
+        the next, and the set is then wrapped step after step after all.
+        """
+        scales = tuple(
+            max(old, 2.0 ** round(log2(size)) if size > 0 else 0.0)
+            for old, size in zip(self.scales, sizes, strict=True)
+        )
+        return replace(self, scales=scales)
 
     def deviations(self, rows: arb_mat) -> list[arb]:
         """Enclosures of ``rows @ (X - centre)`` over the set."""
@@ -64,7 +79,7 @@ class PointSet:
         with ctx.workprec(MATRIX_BITS):
             spread = derivative * self.axes
             errors = [c.rad() for c in centre]
-            axes, inverse = _axes(spread.mid(), self.radii, errors)
+            axes, inverse = _axes(spread.mid(), self.radii, self.scales)
             turned = inverse * spread
             size = len(centre)
             radii = tuple(
@@ -75,21 +90,20 @@ class PointSet:
             )
         if not all(r.is_finite() for r in radii):
             raise UndecidedError("the enclosure of the state has become unbounded", "enclosure")
-        return PointSet(tuple(c.mid() for c in centre), axes, radii)
+        return PointSet(tuple(c.mid() for c in centre), axes, radii, self.scales)
 
 
-def _axes(spread: arb_mat, radii: Sequence[arb], errors: Sequence[arb]) -> tuple[arb_mat, arb_mat]:
+def _axes(spread: arb_mat, radii: Sequence[arb], scales: Sequence[float]) -> tuple[arb_mat, arb_mat]:
     """Orthonormal axes (in scaled components), the longest edge of the moved set first, and an enclosed inverse."""
     size = len(radii)
-    edges = [[spread[i, j] * radii[j] for j in range(size)] for i in range(size)]
-    sizes = [max(log2_size(e) for e in (*row, error)) for row, error in zip(edges, errors, strict=True)]
-    # Each component in units of its own size: a state in nanometres is turned as well as one in metres.
-    largest = max((s for s in sizes if s > -1e6), default=0.0)
-    scales = [arb(2) ** int(s if s > -1e6 else largest) for s in sizes]
-    matrix = np.array([[float(e.mid() / scale) for e in row] for row, scale in zip(edges, scales, strict=True)])
+    units = [arb(scale or 1.0) for scale in scales]
+    edges = [[(spread[i, j] * radii[j] / units[i]).mid() for j in range(size)] for i in range(size)]
+    longest = max(log2_size(e) for row in edges for e in row)
+    common = arb(2) ** int(longest if longest > -1e6 else 0)
+    matrix = np.array([[float(e / common) for e in row] for row in edges])
     order = np.argsort(-np.linalg.norm(matrix, axis=0), kind="stable")
     q, _ = np.linalg.qr(matrix[:, order])
     turn = arb_mat([[arb(float(value)) for value in row] for row in q])
-    stretch = arb_mat(size, size, [s if i == j else 0 for i, s in enumerate(scales) for j in range(size)])
-    shrink = arb_mat(size, size, [1 / s if i == j else 0 for i, s in enumerate(scales) for j in range(size)])
+    stretch = arb_mat(size, size, [units[i] if i == j else 0 for i in range(size) for j in range(size)])
+    shrink = arb_mat(size, size, [1 / units[i] if i == j else 0 for i in range(size) for j in range(size)])
     return stretch * turn, turn.inv() * shrink

@@ -100,6 +100,7 @@ class Walk:
         made = self.model.mode(self.mode)
         names = self.model.system.sign_names
         flow, tangent, reach = self._expansions(made)
+        self.points = self.points.scaled([self.unit * reach, *flow.sizes[: len(flow.states)]])
         remaining = (horizon - self.points.hull()[0]) / arb(self.unit)
         left = float(remaining.upper()) * (1 + 2.0**-50)
         curves = self._guards(made, flow, tangent)
