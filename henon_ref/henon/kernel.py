@@ -11,7 +11,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from henon_ref.henon.polynomial import BRACKET, NONE, TOUCH, excluded, first_falling_root, land, value
+from henon_ref.henon.polynomial import BRACKET, NONE, ROOT, TOUCH, excluded, first_falling_root, land, value
 from henon_ref.jit import njit
 
 # Why the loop came back.
@@ -194,9 +194,17 @@ def _first_event(integers, c, n, order, layout, multiplicity, lower, theta, meth
         degree = order - zeros
         if zeros > 0 and q[0] > 0.0 and excluded(q, powers, degree):
             continue
+        steepest = 0.0
+        end = 0.0
         for k in range(degree + 1):
             scaled[k] = q[k] * powers[k]
-        outcome, low, high = first_falling_root(scaled, degree, table, stack, bounds)
+            end += scaled[k]
+            if k > 0:
+                steepest += k * scaled[k] if k == 1 else max(k * scaled[k], 0.0)
+        if steepest < 0.0 and q[0] > 0.0:  # falls all the way: one root or none
+            outcome, low, high = ROOT if end < 0.0 else NONE, 0.0, 1.0
+        else:
+            outcome, low, high = first_falling_root(scaled, degree, table, stack, bounds)
         if outcome == NONE:
             continue
         if outcome == TOUCH:
@@ -221,6 +229,50 @@ def _move(x, x_low, change):  # type: ignore[no-untyped-def]
         x[i] = total
         bounded = bounded and abs(total) < HUGE
     return bounded
+
+
+@njit()
+def _glide(
+    floats, integers, x, x_low, expansion, closing, constants, c, change,
+    guards, until, until_low, order, tolerance, alone, stop_at,
+):  # type: ignore[no-untyped-def]  # fmt: skip
+    """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
+
+    ``alone``: look at the very first one. Returns the step proposed in units of sigma; 0 where the budget of
+    steps is used up, -1 where the step size fell to zero, -2 where the state blew up.
+    """
+    n = x.size
+    while True:
+        if integers[I_STEPS] >= stop_at:
+            return 0.0
+        remaining = (until - floats[F_TIME]) + (until_low - floats[F_LOW])
+        sigma = floats[F_SIGMA]
+        _call_expand(expansion, floats[F_TIME], floats[F_LOW], sigma, x, constants, c)
+        integers[I_RHS] += 1
+        theta = _step_size(c, n + guards, order, tolerance)
+        if theta < 1e-6 or (theta > 1e6 and sigma < remaining):
+            # sigma is far from the step: bring it there and expand again before anything is read off.
+            new = sigma * 1e-4 if theta == 0.0 else max(min(sigma * theta, remaining), 1e-290)
+            if sigma <= 1e-280 and new <= sigma:
+                return -1.0
+            if new < 0.5 * sigma or new > 2.0 * sigma:
+                floats[F_SIGMA] = new
+                continue
+        step = theta * sigma
+        integers[I_STALLED] = integers[I_STALLED] + 1 if step <= 0.25 * _EPS * abs(floats[F_TIME]) else 0
+        if integers[I_STALLED] > STALL:
+            return -1.0
+        if alone or step >= remaining:
+            return theta
+        _call_closing(closing, theta, c, change)
+        for g in range(guards):
+            if not change[n + g] > 0.0:
+                return theta
+        if not _move(x, x_low, change):
+            return -2.0
+        _add_time(floats, step)
+        integers[I_STEPS] += 1
+        floats[F_SIGMA] = min(step, 1e3 * sigma)
 
 
 @njit()
@@ -275,30 +327,26 @@ def advance(  # type: ignore[no-untyped-def]
         guards = layout[0, 0]
         if integers[I_COUNT] + 1 > times.shape[0]:
             return FULL
-        if integers[I_STEPS] >= stop_at:
-            return PAUSE
         remaining = (until - floats[F_TIME]) + (until_low - floats[F_LOW])
         if remaining <= 0.0:
             return HORIZON
+        alone = integers[I_SAMPLE] < sample_times.size
+        for g in range(guards):
+            alone = alone or multiplicity[g] > 0
+        theta = _glide(
+            floats, integers, x, x_low, addresses[mode, 0], addresses[mode, 1], constants[mode], c, change,
+            guards, until, until_low, order, tolerance, alone, stop_at,
+        )  # fmt: skip
+        if theta == 0.0:
+            return PAUSE
+        if theta < 0.0:
+            return STALLED if theta > -1.5 else DIVERGED
         sigma = floats[F_SIGMA]
-        _call_expand(addresses[mode, 0], floats[F_TIME], floats[F_LOW], sigma, x, constants[mode], c)
-        integers[I_RHS] += 1
-        theta = _step_size(c, n + guards, order, tolerance)
-        if theta == 0.0 or theta < 1e-6 or (theta > 1e6 and sigma < remaining):
-            # sigma is far from the step: bring it there and expand again before anything is read off.
-            new = sigma * 1e-4 if theta == 0.0 else max(min(sigma * theta, remaining), 1e-290)
-            if sigma <= 1e-280 and new <= sigma:
-                return STALLED
-            floats[F_SIGMA] = new
-            if new < 0.5 * sigma or new > 2.0 * sigma:
-                continue
         natural = theta * sigma
+        remaining = (until - floats[F_TIME]) + (until_low - floats[F_LOW])
         final = natural >= remaining
         if final:
             theta = remaining / sigma
-        integers[I_STALLED] = integers[I_STALLED] + 1 if theta * sigma <= 0.25 * _EPS * abs(floats[F_TIME]) else 0
-        if integers[I_STALLED] > STALL:
-            return STALLED
         _call_closing(addresses[mode, 1], theta, c, change)
         early = False
         for g in range(guards):

@@ -182,13 +182,13 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
         new = tau + delta
         if not left <= new <= right:
             new = min(max(new, left), right)
-            if new in (left, right) and abs(delta) > 8.0 * _EPS * high:
+            if new in (left, right) and abs(delta) > 8.0 * _EPS * right:
                 new = 0.5 * (left + right)
                 tau = new
                 continue
         moved = abs(new - tau)
         tau = new
-        if moved <= 2.0 * _EPS * high or (not order_one and ratio < 5e-4):
+        if moved <= 2.0 * _EPS * new or (not order_one and ratio**4 * moved <= 0.25 * _EPS * new):
             return tau, method, evaluations
     tau, more = _bisect(q, degree, left, right)
     return tau, BRACKET, evaluations + more
