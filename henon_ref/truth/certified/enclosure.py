@@ -13,10 +13,11 @@ from henon_ref.truth.certified.program import Program, Series
 
 UNIT_BALL = arb(0, 1)
 TRIES = 40
-WIDEST = 256.0
-"""Largest disc tried, in units (the unit follows from step to step, so a polynomial's steps still grow)."""
+NARROWEST, WIDEST = 2.0**-4, 2.0**6
+"""Discs tried, in units; the unit follows from step to step, so a polynomial's steps still grow."""
 SMALLEST = 1e-300
 """Stands for zero where a logarithm is taken."""
+LARGEST_EXPONENT = 900
 RIM = 0.75
 """A step goes no further than this part of the disc, so that derivatives of the tail are bounded too."""
 
@@ -142,7 +143,7 @@ def expand(
         The box it starts in (thin or not).
     order : int
     unit : float
-        A power of two; time is counted in it.
+        A power of two; time is counted in it (the result says if another was taken).
     radius : float, optional
         Disc to try first, in units; by default one estimated from the coefficients.
 
@@ -152,11 +153,16 @@ def expand(
         Where no disc is found: the field is not defined on the box, or the box is too wide.
     """
     series = program.run(ctx.prec, time, state, order, arb(unit))
-    sizes = magnitudes(series)
+    if not all(row[order].is_finite() for row in series) or not unit > SMALLEST:
+        raise _no_enclosure(time)
+    if radius is None:
+        radius = _estimate([series[i] for i in program.states + program.outputs], order)
+        if radius < NARROWEST:
+            # Far outside the unit's reach powers of the radius would leave the doubles: count in another unit.
+            return expand(program, time, state, order, unit * 2.0 ** round(log2(radius)))
     states = [series[i] for i in program.states]
     outputs = [series[i] for i in program.outputs]
-    if radius is None:
-        radius = _estimate(states + outputs, order)
+    sizes = magnitudes(series)
     for attempt in range(TRIES):
         tails = Tails(program, program.numbers(ctx.prec), sizes, radius, unit)
         proven = tails.validate()
@@ -164,10 +170,13 @@ def expand(
             norms = [tails.inner_norm(i) for i in program.states + program.outputs]
             return Expansion(order, unit, radius, states, outputs, proven[0], proven[1], norms)
         radius *= 0.8 if attempt < 6 else 0.5
-    raise UndecidedError(
-        f"no enclosure of the solution just after t = {time.str(20)}: the field is undefined or unbounded there",
-        "enclosure",
-    )
+    raise _no_enclosure(time)
+
+
+def _no_enclosure(time: arb) -> UndecidedError:
+    where = time.str(20, radius=False)
+    reason = f"no enclosure of the solution just after t = {where}: the field is undefined or unbounded there"
+    return UndecidedError(reason, "enclosure")
 
 
 def _estimate(rows: Sequence[Series], order: int) -> float:
@@ -179,7 +188,8 @@ def _estimate(rows: Sequence[Series], order: int) -> float:
         late = max(log2_size(c) for c in row[order - 2 :])
         if early > -1e6:
             growth = max(growth, (late - early) / (order - half))
-    return 0.9 * 2.0 ** min(-growth, log2(WIDEST))
+    # No power of the radius may leave the doubles.
+    return 0.9 * 2.0 ** min(-growth, log2(WIDEST), LARGEST_EXPONENT / order)
 
 
 def log2_size(c: arb) -> float:

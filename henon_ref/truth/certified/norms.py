@@ -88,7 +88,9 @@ class Tails:
         self.program = program
         self.order = sizes.shape[1] - 1
         self.gain = unit * radius * RAISE
-        terms = sizes * (radius ** np.arange(self.order + 1) * RAISE) + TINY
+        with np.errstate(over="ignore", invalid="ignore"):
+            # What overflows is found not to be finite, and refused, in validate().
+            terms = sizes * (radius ** np.arange(self.order + 1) * RAISE) + TINY
         self.terms = terms
         self.constants = [
             [(float(numbers[i].abs_lower()) / RAISE, float(numbers[i].abs_upper()) * RAISE) for i in o.constants]

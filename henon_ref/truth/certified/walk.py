@@ -132,6 +132,7 @@ class Walk:
         p = self.precision
         centre = self.points.centre
         flow = expand(made.flow, centre[0], centre[1:], p.order, self.unit)
+        self.unit = flow.unit
         reach = flow.reach(p.bits)
         hull = self.points.hull()
         size = len(hull)
