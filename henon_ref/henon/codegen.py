@@ -75,7 +75,8 @@ class _Writer:
 
     def vector(self, values: Sequence[str]) -> str:
         """A vector of scalar values."""
-        kind, result = f"<{len(values)} x double>", "poison"
+        kind = f"<{len(values)} x double>"
+        result = "poison"
         for at, value in enumerate(values):
             result = self.emit(f"insertelement {kind} {result}, double {value}, i64 {at}")
         return result
@@ -95,7 +96,7 @@ class _Writer:
         for at, (a, b) in enumerate(pairs):
             which = at % 2 if len(pairs) > 3 else 0
             chains[which] = self.add(chains[which], self.mul(a, b))
-        result = self.add(chains[1], chains[0])
+        result: Value = self.add(chains[1], chains[0])
         for a, b in new:
             result = self.add(result, self.mul(a, b))
         return result

@@ -11,15 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.henon import kernel as k
+from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.codegen import row_length
 from henon_ref.henon.compiled import CompiledSystem, double_double
 from henon_ref.henon.polynomial import DEPTH, LANDINGS, bernstein_table
 from henon_ref.model.modes import Mode, transition_kind
-from henon_ref.model.switching import Decision, Switching, exact_sign
+from henon_ref.model.switching import ZERO, Decision, Switching, exact_sign
 from henon_ref.model.system import TIME, FilippovSystem, Guard
 from henon_ref.trajectory import Counts, Kind, Problem, Status, Trajectory, Transition
 
 _KINDS: tuple[Kind, ...] = ("stick", "release", "crossing", "graze")
+PROVEN = 1e-15
+"""Relative size below which a derivative counts as zero at a root that was found in multiprecision."""
 _BUDGET = 50_000
 """Steps between two looks at the clock."""
 _CHUNK = 1024
@@ -94,6 +97,7 @@ class Engine:
         self.order = order
         self.compiled = CompiledSystem(system, order)
         self.switching = Switching(system)
+        self.closer = CloserLook(system)
         self.table = bernstein_table(order)
 
     def start(self, problem: Problem) -> Start:
@@ -215,13 +219,13 @@ class Session:
                 return self._block()[0]
         return end
 
-    def _enter(self, mode: Mode, active: Sequence[int]) -> bool:
+    def _enter(self, mode: Mode, active: Sequence[int], zero: float) -> bool:
         """Make a mode the present one; ``active`` are the surfaces the state is on."""
         row = self.engine.compiled.compile(mode)
         if row is None:
             return False
         self.integers[k.I_MODE] = row
-        orders = self.engine.switching.contact_orders(self.time, self.x.tolist(), mode, active)
+        orders = self.engine.switching.contact_orders(self.time, self.x.tolist(), mode, active, zero=zero)
         self.multiplicity[: len(orders)] = orders
         return True
 
@@ -255,36 +259,71 @@ class Session:
             return self._end("ok", "")
         if code == k.FULL and not stop:
             self._close_block()
-        elif code == k.RESOLVE:
-            refused = self._resolve()
+        elif code in (k.RESOLVE, k.DOUBTFUL):
+            refused = None
+            if code == k.RESOLVE:
+                refused = self._resolve()
+            elif self._closer_look():
+                refused = self._resolve(zero=PROVEN)
             return None if refused is None else self._end(*refused)
         elif code not in (k.FULL, k.PAUSE):
             return self._end(*self._why(code))
         return None
 
-    def _resolve(self) -> tuple[Status, str] | None:
+    def _closer_look(self) -> bool:
+        """Decide a doubtful event in multiprecision; True if there is one to resolve."""
+        guard, floats = int(self.integers[k.I_GUARD]), self.floats
+        finding = self.engine.closer.look(
+            self.mode,
+            guard,
+            int(self.multiplicity[guard]),
+            (floats[k.F_TIME], floats[k.F_LOW]),
+            list(zip(self.x.tolist(), self.x_low.tolist(), strict=True)),
+            floats[k.F_NEAR],
+            floats[k.F_REACH],
+        )
+        floats[k.F_TIME], floats[k.F_LOW] = finding.time
+        self.x[:] = [high for high, _ in finding.state]
+        self.x_low[:] = [low for _, low in finding.state]
+        self.integers[k.I_STEPS] += 1
+        self.multiplicity[:] = 0
+        self.hits[:] = 0
+        if finding.what == "root":
+            self.hits[guard] = 1
+            return True
+        self.multiplicity[guard] = 2
+        if finding.what == "touch":
+            row, index = self.integers[k.I_MODE], self.engine.system.equations(self.mode).guards[guard].index
+            self._record(_KINDS.index("graze"), index, row, row)
+        return False
+
+    def _record(self, kind: int, surface: int, source: int, target: int) -> None:
+        if self.integers[k.I_COUNT] >= self.block:
+            self._close_block()
+        n = self.integers[k.I_COUNT]
+        self.times[n] = self.floats[k.F_TIME], self.floats[k.F_LOW]
+        self.marks[n] = kind, surface, source, target, self.integers[k.I_LANDING]
+        self.states[n] = self.x
+        self.integers[k.I_COUNT] = n + 1
+
+    def _resolve(self, zero: float = ZERO) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
         before = self.mode
         guards = self.engine.system.equations(before).guards
         hits: list[Guard] = [g for g, hit in zip(guards, self.hits, strict=False) if hit]
-        decision = self.engine.switching.after_event(self.time, self.x.tolist(), before, hits)
+        x = self.x.tolist()
+        decision = self.engine.switching.after_event(self.time, x, before, hits, zero=zero)
         if decision.mode is None:
             return _refusal(decision)
         active = sorted({g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0})
         source = self.integers[k.I_MODE]
-        if not self._enter(decision.mode, active):
+        if not self._enter(decision.mode, active, zero):
             return "failed", f"the mode after t = {self.time:.17g} has no equations"
         changed = [i for i in active if decision.mode[i] != before[i]]
-        touched = sorted({g.index for g in hits}) if not changed else changed
+        touched = changed or sorted({g.index for g in hits})
         for i in touched:
-            if self.integers[k.I_COUNT] >= self.block:
-                self._close_block()
-            n = self.integers[k.I_COUNT]
             kind = _KINDS.index(transition_kind(before[i], decision.mode[i]))
-            self.times[n] = self.floats[k.F_TIME], self.floats[k.F_LOW]
-            self.marks[n] = kind, i, source, self.integers[k.I_MODE], self.integers[k.I_LANDING]
-            self.states[n] = self.x
-            self.integers[k.I_COUNT] = n + 1
+            self._record(kind, i, int(source), int(self.integers[k.I_MODE]))
         if k.crowded(self.floats, self.integers):
             return self._why(k.ACCUMULATED)
         return None

@@ -11,17 +11,18 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from henon_ref.henon.polynomial import BRACKET, NONE, ROOT, TOUCH, excluded, first_falling_root, land, value
+from henon_ref.henon.polynomial import BRACKET, NONE, ROOT, TOUCH, excluded, first_falling_root, land, steepness, value
 from henon_ref.jit import njit
 
 # Why the loop came back.
-HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED = range(8)
+HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL = range(9)
 # Kinds of guards.
 SURFACE, RELEASE, VALID = 0, 1, 2
 # Kinds of transitions.
-STICK, FREE, CROSS, GRAZE = 0, 1, 2, 3
-# Floats kept between calls: t and what rounding it lost, sigma, time of the last event and what it lost.
-F_TIME, F_LOW, F_SIGMA, F_LAST, F_LAST_LOW, F_SIZE = range(6)
+STICK, FREE, CROSS = 0, 1, 2
+# Floats kept between calls: t and what rounding it lost, sigma, time of the last event and what it lost;
+# where on the step a doubtful event is, and the step's end, both counted from its start.
+F_TIME, F_LOW, F_SIGMA, F_LAST, F_LAST_LOW, F_NEAR, F_REACH, F_SIZE = range(8)
 # Integers kept between calls: mode; counts; last guard hit and its landing; steps that time cannot tell apart,
 # events that it cannot tell apart; next sample.
 I_MODE, I_STEPS, I_RHS, I_EVENTS, I_COUNT, I_GUARD, I_LANDING, I_STALLED, I_CROWDED, I_SAMPLE, I_SIZE = range(11)
@@ -29,6 +30,8 @@ I_MODE, I_STEPS, I_RHS, I_EVENTS, I_COUNT, I_GUARD, I_LANDING, I_STALLED, I_CROW
 _EPS = 2.220446049250313e-16
 TANGENT = 1e-9
 """Relative normal velocity below which a contact is left to Python's closer look."""
+FLAT = 1e-5
+"""Relative steepness of a guard at its root below which the root is left to a closer look in multiprecision."""
 HUGE = 1e100
 """A state beyond this has blown up (no smaller bound is safe whatever the units)."""
 FAR = 1e30
@@ -178,9 +181,9 @@ def _sample(floats, integers, c, order, part, sigma, mode, sample_times, samples
 
 @njit()
 def _first_event(integers, c, n, order, layout, multiplicity, lower, theta, method, table, work, bounds):  # type: ignore[no-untyped-def]
-    """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, touch, landing used)."""
+    """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used)."""
     powers, scaled, stack = work[0], work[1], work[2:]
-    best, hit, touch, used = 2.0, -1, False, 0
+    best, hit, doubtful, used = 2.0, -1, False, 0
     powers[0] = 0.0
     for g in range(layout[0, 0]):
         zeros = multiplicity[g]
@@ -213,8 +216,9 @@ def _first_event(integers, c, n, order, layout, multiplicity, lower, theta, meth
             tau, landing, evaluations = land(scaled, degree, low, high, method)
         integers[I_EVENTS] += evaluations
         if tau < best:
-            best, hit, touch, used = tau, g, outcome == TOUCH, landing
-    return best, hit, touch, used
+            flat = outcome == TOUCH or steepness(scaled, degree, tau) < FLAT
+            best, hit, doubtful, used = tau, g, flat, landing
+    return best, hit, doubtful, used
 
 
 @njit()
@@ -232,10 +236,10 @@ def _move(x, x_low, change):  # type: ignore[no-untyped-def]
 
 
 @njit()
-def _glide(
+def _glide(  # type: ignore[no-untyped-def]
     floats, integers, x, x_low, expansion, closing, constants, c, change,
     guards, until, until_low, order, tolerance, alone, stop_at,
-):  # type: ignore[no-untyped-def]  # fmt: skip
+):  # fmt: skip
     """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
 
     ``alone``: look at the very first one. Returns the step proposed in units of sigma; 0 where the budget of
@@ -317,7 +321,7 @@ def advance(  # type: ignore[no-untyped-def]
     Returns
     -------
     int
-        HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID or ACCUMULATED.
+        HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED or DOUBTFUL.
     """
     n = x.size
     stop_at = integers[I_STEPS] + budget
@@ -354,10 +358,14 @@ def advance(  # type: ignore[no-untyped-def]
             early = early or hits[g] == 1
         if early:  # on a surface and not leaving it: Python looks closer
             return RESOLVE
-        best, hit, touch, used = _first_event(
+        best, hit, doubtful, used = _first_event(
             integers, c, n, order, layout, multiplicity, change[n:], theta, method, table, work, bounds
         )
         part = theta if hit < 0 else best * theta
+        if doubtful:
+            integers[I_GUARD], integers[I_LANDING] = hit, BRACKET
+            floats[F_NEAR], floats[F_REACH] = part * sigma, theta * sigma
+            return DOUBTFUL
         if integers[I_SAMPLE] < sample_times.size:
             _sample(floats, integers, c, order, part, sigma, mode, sample_times, samples, sample_modes)
         together = False
@@ -383,36 +391,31 @@ def advance(  # type: ignore[no-untyped-def]
         integers[I_LANDING] = used
         if kind == VALID:
             return INVALID
-        if touch:
-            _record(floats, integers, x, times, marks, states, GRAZE, index, mode, mode, used)
-            multiplicity[:guards] = 0
-            multiplicity[hit] = 2
-        else:
-            which, zeros, what = 0, 1, CROSS
-            if kind == SURFACE:
-                if together or layout[0, 1] > 0:
-                    return RESOLVE
-                _call_expand(addresses[mode, 2], floats[F_TIME], floats[F_LOW], 1.0, x, probes[mode], speeds)
-                integers[I_RHS] += 1
-                inside, beyond = speeds[n + 2 * hit, 0], speeds[n + 2 * hit + 1, 0]
-                if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
-                    return RESOLVE
-                if beyond < 0.0:
-                    which, zeros, what = 1, 0, STICK
-            else:
-                what, zeros = FREE, targets[mode, hit, 1]
-            target = targets[mode, hit, which]
-            if together or target < 0:
+        which, zeros, what = 0, 1, CROSS
+        if kind == SURFACE:
+            if together or layout[0, 1] > 0:
                 return RESOLVE
-            if zeros == 0 and what == FREE:
-                _call_expand(addresses[target, 2], floats[F_TIME], floats[F_LOW], 1.0, x, probes[target], speeds)
-                integers[I_RHS] += 1
-                zeros = _zeros_at_release(layouts[target], index, speeds[n:, 0])
-                if zeros == 0:
-                    return RESOLVE
-            _record(floats, integers, x, times, marks, states, what, index, mode, target, used)
-            integers[I_MODE] = target
-            _start(multiplicity, layouts[target], index, zeros)
+            _call_expand(addresses[mode, 2], floats[F_TIME], floats[F_LOW], 1.0, x, probes[mode], speeds)
+            integers[I_RHS] += 1
+            inside, beyond = speeds[n + 2 * hit, 0], speeds[n + 2 * hit + 1, 0]
+            if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
+                return RESOLVE
+            if beyond < 0.0:
+                which, zeros, what = 1, 0, STICK
+        else:
+            what, zeros = FREE, targets[mode, hit, 1]
+        target = targets[mode, hit, which]
+        if together or target < 0:
+            return RESOLVE
+        if zeros == 0 and what == FREE:
+            _call_expand(addresses[target, 2], floats[F_TIME], floats[F_LOW], 1.0, x, probes[target], speeds)
+            integers[I_RHS] += 1
+            zeros = _zeros_at_release(layouts[target], index, speeds[n:, 0])
+            if zeros == 0:
+                return RESOLVE
+        _record(floats, integers, x, times, marks, states, what, index, mode, target, used)
+        integers[I_MODE] = target
+        _start(multiplicity, layouts[target], index, zeros)
         if crowded(floats, integers):
             return ACCUMULATED
 

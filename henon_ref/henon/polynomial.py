@@ -125,6 +125,17 @@ def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-unty
 
 
 @njit(fastmath=_POLY)
+def steepness(q, degree, tau):  # type: ignore[no-untyped-def]
+    """How steeply q falls at tau, relative to the size of its terms there: small near a double root."""
+    slope, size, power = 0.0, abs(q[0]), 1.0
+    for k in range(1, degree + 1):
+        slope += k * q[k] * power
+        power *= tau
+        size += abs(q[k]) * power
+    return -slope * tau / size
+
+
+@njit(fastmath=_POLY)
 def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     """Put the step's end on the root of q that [low, high] brackets, q falling.
 

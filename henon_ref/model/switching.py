@@ -82,10 +82,13 @@ class Switching:
             return Decision("unique", tuple(mode))
         return self._decide(float(start), [float(v) for v in initial], tuple(mode), tuple(active))
 
-    def after_event(self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard]) -> Decision:
+    def after_event(
+        self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard], *, zero: float = ZERO
+    ) -> Decision:
         """Mode after the guards ``hits`` of ``mode`` fell to zero at (t, x).
 
-        The states of the surfaces hit are taken to be on them, whatever rounding says.
+        The states of the surfaces hit are taken to be on them, whatever rounding says. ``zero`` is the relative
+        size below which a derivative counts as zero.
         """
         for guard in hits:
             if guard.kind == "valid":
@@ -95,9 +98,11 @@ class Switching:
             # The equivalent sign reaches +-1 continuously, so the field does not jump and nothing else changes.
             return Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign))
         active = {g.index for g in hits} | {i for i, s in enumerate(mode) if s == 0}
-        return self._decide(t, list(x), mode, tuple(sorted(active)))
+        return self._decide(t, list(x), mode, tuple(sorted(active)), zero)
 
-    def contact_orders(self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int]) -> list[int]:
+    def contact_orders(
+        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], *, zero: float = ZERO
+    ) -> list[int]:
         """Known zeros of each guard of a mode at (t, x): how often the surfaces in ``active`` are touched.
 
         For a surface just left: 1 where it is left with a speed, 2 where tangentially, and so on; 0 for
@@ -115,17 +120,17 @@ class Switching:
             if guard.kind == "valid" or guard.index not in active or guard.rising_only:
                 orders.append(0)
             else:
-                found = _leading(series, first, rate, self._size(t, x, mode, guard.index))
+                found = _leading(series, first, rate, self._size(t, x, mode, guard.index), zero)
                 orders.append(found if found is not None else first)
         return orders
 
-    def _decide(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...]) -> Decision:
+    def _decide(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float = ZERO) -> Decision:
         if len(active) > EXHAUSTIVE:
-            return self._search(t, x, mode, active)
+            return self._search(t, x, mode, active, zero)
         found = [
             candidate
             for choice in product((-1, 0, 1), repeat=len(active))
-            if self._violations(t, x, candidate := _with(mode, active, choice), active) == ()
+            if self._violations(t, x, candidate := _with(mode, active, choice), active, zero) == ()
         ]
         if len(found) == 1:
             return Decision("unique", found[0])
@@ -135,11 +140,11 @@ class Switching:
         modes = " or ".join(mode_text(m, names) for m in found)
         return Decision("nonunique", None, f"the future is not unique at t = {t:.17g}: {modes}")
 
-    def _search(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...]) -> Decision:
+    def _search(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:
         """Start from all sliding; let go what cannot be held, hold what comes back, until nothing changes."""
         candidate = _with(mode, active, (0,) * len(active))
         for _ in range(4 * len(active)):
-            broken = self._violations(t, x, candidate, active)
+            broken = self._violations(t, x, candidate, active, zero)
             if broken is None:
                 return Decision("none", None, f"sliding on all of {active} at t = {t:.17g} has no equations")
             if not broken:
@@ -161,7 +166,9 @@ class Switching:
                 self._tapes[mode] = (equations, tape, numbers)
         return self._tapes[mode]
 
-    def _violations(self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int]) -> tuple[Guard, ...] | None:
+    def _violations(
+        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float
+    ) -> tuple[Guard, ...] | None:
         """Guards of the mode that do not hold just after (t, x); None where the mode has no equations."""
         made = self._equations(mode)
         if made is None:
@@ -183,7 +190,7 @@ class Switching:
                 continue
             first = 1 if guard.kind == "surface" else 0
             size = self._size(t, x, mode, guard.index)
-            if _leading_sign(series, first, rate, size) <= 0:
+            if _leading_sign(series, first, rate, size, zero) <= 0:
                 broken.append(guard)
         return tuple(broken)
 
@@ -231,17 +238,17 @@ def _rate(states: Sequence[Sequence[float]]) -> float:
     return rate or 1.0
 
 
-def _leading(series: Sequence[float], first: int, rate: float, size: float) -> int | None:
+def _leading(series: Sequence[float], first: int, rate: float, size: float, zero: float) -> int | None:
     """Index of the first coefficient from ``first`` on that is not zero, or None."""
     scaled = [c / rate**k for k, c in enumerate(series)]
     unit = max(size / rate if first else size, max((abs(c) for c in scaled[first:]), default=0.0))
     for k in range(first, len(scaled)):
-        if abs(scaled[k]) > ZERO * unit:
+        if abs(scaled[k]) > zero * unit:
             return k
     return None
 
 
-def _leading_sign(series: Sequence[float], first: int, rate: float, size: float) -> int:
+def _leading_sign(series: Sequence[float], first: int, rate: float, size: float, zero: float) -> int:
     """Sign of the first coefficient from ``first`` on that is not zero; 0 if there is none."""
-    k = _leading(series, first, rate, size)
+    k = _leading(series, first, rate, size, zero)
     return 0 if k is None else (1 if series[k] > 0 else -1)
