@@ -48,8 +48,12 @@ class Rig(Contact):
         return (self.x1, self.velocity, self.x3, self.x4)
 
     def _linear(self, factor: sp.Expr, forces: sp.Expr) -> sp.Expr:
-        """Forces with one factor a state, so that nothing is multiplied twice."""
-        return sp.collect(sp.expand(forces), self.states, lambda coefficient: sp.factor(factor * coefficient))
+        """Forces with one coefficient a state, so that nothing is multiplied twice in a run."""
+        # The root of omega stays out of the algebra: SymPy would take it apart.
+        root = sp.Dummy()
+        expanded = sp.expand(forces.xreplace({self.frequency: root}))
+        terms = [sp.factor(factor * expanded.coeff(x)).xreplace({root: self.frequency}) * x for x in self.states]
+        return sp.Add(*terms)
 
     def _block_acceleration(self) -> sp.Expr:
         return self._linear(self.block_factor, self.block)
