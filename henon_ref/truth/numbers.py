@@ -1,0 +1,77 @@
+"""Exact numbers to digits, and digits between heyoka, ball arithmetic and doubles; no double on the way."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal, localcontext
+from functools import lru_cache
+from typing import Any
+
+import heyoka as hy
+import sympy as sp
+from flint import arb
+
+from henon_ref.errors import ModelError
+
+GUARD_BITS = 32
+"""Ball arithmetic works with so many bits more than heyoka, so that it adds no rounding of its own."""
+
+
+def decimal_digits(bits: int) -> int:
+    """Decimal digits that hold a number of so many bits, a few to spare."""
+    return math.ceil(bits * math.log10(2)) + 5
+
+
+@lru_cache(maxsize=4096)
+def exact_text(number: sp.Expr, bits: int) -> str:
+    """An exact number in decimal digits, right to the precision asked for.
+
+    Parameters
+    ----------
+    number : Expr
+        An exact real number (``Rational(1, 10)``, ``sqrt(3)/9``).
+    bits : int
+
+    Raises
+    ------
+    ModelError
+        Where it is no real number.
+    """
+    digits = decimal_digits(bits)
+    value = sp.N(number, digits, maxn=10 * digits)
+    if not value.is_Float and not value.is_Rational:
+        raise ModelError(f"{number} is not a real number")
+    return str(sp.Float(value, digits))
+
+
+def exact_ball(number: sp.Expr, bits: int) -> arb:
+    """An exact number as a ball that holds it to so many bits."""
+    if number.is_Rational:
+        return arb(int(number.p)) / arb(int(number.q))
+    return arb(exact_text(number, bits + GUARD_BITS))
+
+
+def to_real(value: arb, bits: int) -> Any:
+    """The midpoint of a ball as a heyoka number."""
+    return hy.real(value.mid().str(decimal_digits(bits), radius=False), bits)
+
+
+def to_ball(value: Any) -> arb:
+    """A heyoka number as a ball without radius (exact but for the last guard bits of ``flint.ctx``)."""
+    return arb(str(value)).mid()
+
+
+def ball_text(value: arb, radius: float) -> str:
+    """The midpoint in as many digits as a radius is worth, and two more.
+
+    Examples
+    --------
+    >>> ball_text(arb(2) / 3, 1e-5)
+    '0.6666667'
+    """
+    places = 2 - math.floor(math.log10(radius))
+    with localcontext() as context:
+        context.prec = 1000
+        digits = Decimal(value.mid().str(max(places, 0) + 330, radius=False))
+        rounded = digits.quantize(Decimal(1).scaleb(-places))
+        return format(rounded + 0, "f" if -6 < rounded.adjusted() < 30 or not rounded else "e")

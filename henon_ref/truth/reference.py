@@ -1,0 +1,147 @@
+"""What truth is made of: reference transitions in decimal digits with a radius, and how they were come by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from decimal import Decimal, localcontext
+from functools import cached_property
+from itertools import accumulate, groupby
+from math import inf
+
+from henon_ref.errors import HenonRefError
+from henon_ref.model.modes import Mode
+from henon_ref.trajectory import Kind, Status
+
+
+class TruthError(HenonRefError):
+    """Two routes to the truth contradict each other, so that there is none to store."""
+
+
+@dataclass(frozen=True)
+class ReferenceTransition:
+    """One transition, known to far more digits than a double holds."""
+
+    kind: Kind
+    surface: int
+    """Index of the surface that changes (or is touched)."""
+    from_mode: Mode
+    to_mode: Mode
+    time_digits: str
+    """Time [s] in decimal digits."""
+    radius: float
+    """The true time is within this of ``time_digits`` [s]: proven, or what two precisions agree to."""
+    state: tuple[str, ...]
+    """State in decimal digits."""
+    state_radius: float
+    """The largest radius among the states."""
+    transversality: float = 0.0
+    """Speed with which the guard falls through zero [unit of the guard / s]; 0: it only touches."""
+    conditioning: float = inf
+    """Largest growth of an earlier error into this time [s / unit of state]; see truth.conditioning."""
+    proven: bool = False
+    """The radius is a theorem of ball arithmetic."""
+    closed_form: bool = False
+    """The time is the case's closed form, with which the computed digits agree."""
+
+    @cached_property
+    def time(self) -> float:
+        """Time [s], rounded to double."""
+        return split_double(self.time_digits)[0]
+
+    @cached_property
+    def time_low(self) -> float:
+        """What rounding ``time`` lost [s]."""
+        return split_double(self.time_digits)[1]
+
+
+@dataclass(frozen=True)
+class NearGraze:
+    """An instant at which a surface is nearly touched."""
+
+    time: float
+    """[s]."""
+    surface: int
+    distance: float
+    """abs(h) there [unit of the surface]."""
+
+
+@dataclass(frozen=True)
+class Route:
+    """What one way of computing the truth found."""
+
+    method: str
+    """In words, with the library: ``heyoka 7.13.2, Taylor``."""
+    bits: tuple[int, ...]
+    """Precisions it ran at, the one that the digits come from first."""
+    seconds: float
+    """Time taken [s]."""
+    status: Status
+    """How the exact run ends: ``ok``, ``diverged``, ``nonunique``, ``invalid``, or ``failed``."""
+    reason: str
+    """Why the status is not ``ok``."""
+    end_digits: str
+    """Every transition up to this time is known [s]: the horizon, or where the run ends."""
+    end_radius: float
+    transitions: tuple[ReferenceTransition, ...]
+    near_grazes: tuple[NearGraze, ...] = ()
+    undecided: str = ""
+    """What kept it from going on, where it is the method and not the system that ends the run."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The reference of one reading."""
+
+    case: str
+    reading: str
+    mathematics_hash: str
+    """Hash of the reading's mathematics that this is the truth of."""
+    status: Status
+    reason: str
+    end_digits: str
+    """Every transition up to this time is known [s]: the horizon, or where the exact run ends."""
+    end_radius: float
+    transitions: tuple[ReferenceTransition, ...]
+    near_grazes: tuple[NearGraze, ...]
+    methods: tuple[tuple[str, tuple[int, ...], float], ...]
+    """(method, bits, seconds taken) of every route, the one that the digits come from first."""
+    certified: bool
+    """Every transition has a proven radius, and it is proven that there is no other."""
+    uncertified_because: str = ""
+    """Why it is not certified."""
+
+    @cached_property
+    def end_time(self) -> float:
+        """Where the exact run ends [s]: the horizon, or before it."""
+        return split_double(self.end_digits)[0]
+
+    @property
+    def radius(self) -> float:
+        """Largest radius of its transition times [s]; errors below it cannot be claimed."""
+        return max((t.radius for t in self.transitions), default=0.0)
+
+    @property
+    def proven(self) -> int:
+        """How many transitions have a proven radius."""
+        return sum(t.proven for t in self.transitions)
+
+
+def instants(transitions: tuple[ReferenceTransition, ...]) -> list[range]:
+    """Indices of the transitions of each instant (several surfaces may change at one)."""
+    sizes = [len(list(g)) for _, g in groupby(transitions, lambda t: (t.time_digits, t.from_mode, t.to_mode))]
+    return [range(end - size, end) for size, end in zip(sizes, accumulate(sizes), strict=True)]
+
+
+def split_double(digits: str) -> tuple[float, float]:
+    """The double nearest to a decimal number, and what that rounding lost.
+
+    Examples
+    --------
+    >>> split_double("0.1")
+    (0.1, -5.551115123125783e-18)
+    """
+    with localcontext() as context:
+        context.prec = 1000
+        exact = Decimal(digits)
+        high = float(exact)
+        return high, float(exact - Decimal(high))

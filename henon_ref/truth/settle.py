@@ -1,0 +1,194 @@
+"""The truth of a reading: read where it is stored, else computed by two routes that have to agree, and stored.
+
+What is proven comes first: where ball arithmetic encloses a transition, its digits and radius are the truth, and
+heyoka's digits must lie within the enclosure, or there is no truth at all. Where the proof stops, heyoka's
+digits go on, and the truth says that it is not certified and why. Closed forms of the case replace computed
+times once they have been found to agree with them.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from decimal import Decimal, localcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from henon_ref.truth import store
+from henon_ref.truth.reference import ReferenceTransition, Route, Truth, TruthError
+
+if TYPE_CHECKING:
+    from henon_ref.model.case import Case, Reading
+
+log = logging.getLogger(__name__)
+
+PROOF_SECONDS = 120.0
+"""Time a proof may take where a truth is computed because none is stored [s]."""
+
+Progress = Callable[[str, float], None]
+"""Told a stage's name and the part of it that is done, 0 to 1."""
+
+
+def truth_for(
+    case: Case,
+    reading: Reading,
+    *,
+    folder: Path | None = None,
+    recompute: bool = False,
+    progress: Progress | None = None,
+) -> Truth:
+    """The truth of a reading.
+
+    Parameters
+    ----------
+    case : Case
+    reading : Reading
+        One of the case's.
+    folder : Path, optional
+        Where truths are stored; by default ``cases/truth`` (see :func:`henon_ref.truth.store.folder_of`).
+    recompute : bool
+        Do not look at what is stored.
+    progress : callable, optional
+
+    Returns
+    -------
+    Truth
+        From the store where the hash of the mathematics matches. Otherwise computed, and stored if the folder
+        can be written.
+
+    Raises
+    ------
+    TruthError
+        Where two routes, or a route and a closed form, contradict each other; nothing is stored then.
+    """
+    folder = store.folder_of(case.path) if folder is None else folder
+    if not recompute and (stored := stored_truth(case, reading, folder)) is not None:
+        return stored
+    truth = compute(case, reading, proof_seconds=PROOF_SECONDS, progress=progress)
+    try:
+        store.save(folder, truth)
+    except OSError as error:
+        log.warning("the truth of %s, %s is not kept: %s", case.name, reading.name, error)
+    return truth
+
+
+def stored_truth(case: Case, reading: Reading, folder: Path) -> Truth | None:
+    """The stored truth, if it is that of the reading's mathematics."""
+    try:
+        stored = store.load(folder, case.name, reading.name)
+    except TruthError as error:
+        log.warning("%s", error)
+        return None
+    return stored if stored is not None and stored.mathematics_hash == reading.mathematics_hash else None
+
+
+def compute(
+    case: Case, reading: Reading, *, proof_seconds: float | None = None, progress: Progress | None = None
+) -> Truth:
+    """Compute the truth of a reading by both routes.
+
+    Parameters
+    ----------
+    proof_seconds : float, optional
+        Give the proof up after so long; None: never.
+
+    Raises
+    ------
+    TruthError
+        Where the routes, or a route and a closed form, contradict each other.
+    """
+    # Libraries of half a second's import are not for those who only read a stored truth.
+    from henon_ref.truth.conditioning import conditioning
+    from henon_ref.truth.exact import with_closed_forms
+    from henon_ref.truth.multiprecision import multiprecision
+    from henon_ref.truth.proof import prove
+
+    problem = reading.problem
+    computed = multiprecision(problem, progress=_stage(progress, "heyoka"))
+    proof = prove(problem, seconds=proof_seconds, progress=_stage(progress, "proof"))
+    where = f"{case.name}, {reading.name}"
+    truth = _settled(case.name, reading, computed, proof, where)
+    transitions = truth.transitions
+    if reading.exact is not None:
+        try:
+            transitions = with_closed_forms(transitions, reading.exact.transition_times)
+        except TruthError as error:
+            raise TruthError(f"{where}: {error}") from None
+    numbers = conditioning(problem, transitions)
+    transitions = tuple(replace(t, conditioning=c) for t, c in zip(transitions, numbers, strict=True))
+    return replace(truth, transitions=transitions)
+
+
+def _stage(progress: Progress | None, name: str) -> Callable[[float], None] | None:
+    return None if progress is None else lambda done: progress(name, done)
+
+
+def _settled(case: str, reading: Reading, computed: Route, proof: Route, where: str) -> Truth:
+    """One truth of two routes."""
+    certified = not proof.undecided
+    proven = len(proof.transitions)
+    for index, (ours, theirs) in enumerate(zip(computed.transitions, proof.transitions, strict=False)):
+        if fault := difference(ours, theirs):
+            raise TruthError(f"{where}, transition {index}: heyoka and the proof differ: {fault}")
+    if proven > len(computed.transitions) and not computed.undecided:
+        raise TruthError(f"{where}: {proven} transitions are proven, heyoka found {len(computed.transitions)} only")
+    if certified and proven < len(computed.transitions):
+        raise TruthError(
+            f"{where}: {proven} transitions are proven to be all, heyoka found {len(computed.transitions)}"
+        )
+    if certified and not computed.undecided and proof.status != computed.status:
+        raise TruthError(f"{where}: heyoka ends with {computed.status}, the proof with {proof.status}")
+    leading = proof if certified or proven > len(computed.transitions) else computed
+    routes = (proof, computed) if proven else (computed, proof)
+    return Truth(
+        case=case,
+        reading=reading.name,
+        mathematics_hash=reading.mathematics_hash,
+        status=leading.status,
+        reason=leading.reason,
+        end_digits=leading.end_digits,
+        end_radius=leading.end_radius,
+        transitions=proof.transitions + computed.transitions[proven:],
+        near_grazes=computed.near_grazes,
+        methods=tuple((route.method, route.bits, route.seconds) for route in routes),
+        certified=certified,
+        uncertified_because=proof.undecided,
+    )
+
+
+def difference(a: ReferenceTransition, b: ReferenceTransition) -> str:
+    """In what two accounts of one transition contradict each other; empty where in nothing."""
+    for name in ("kind", "surface", "from_mode", "to_mode"):
+        if getattr(a, name) != getattr(b, name):
+            return f"{name} {getattr(a, name)} and {getattr(b, name)} at t = {a.time_digits[:19]}"
+    if far := _apart(a.time_digits, a.radius, b.time_digits, b.radius):
+        return f"times {far} s apart, radii {a.radius:g} and {b.radius:g}, at t = {a.time_digits[:19]}"
+    for mine, other in zip(a.state, b.state, strict=True):
+        if far := _apart(mine, a.state_radius, other, b.state_radius):
+            return f"states {far} apart, radii {a.state_radius:g} and {b.state_radius:g}, at t = {a.time_digits[:19]}"
+    return ""
+
+
+def _apart(a: str, radius_a: float, b: str, radius_b: float) -> str:
+    """How far apart two numbers are, where their radii do not overlap; else empty."""
+    with localcontext() as context:
+        context.prec = 1000
+        distance = abs(Decimal(a) - Decimal(b))
+        return f"{distance:.3g}" if distance > Decimal(radius_a) + Decimal(radius_b) else ""
+
+
+def differences(stored: Truth, fresh: Truth) -> list[str]:
+    """In what a stored truth and a recomputed one contradict each other."""
+    found = []
+    for name in ("mathematics_hash", "status", "certified"):
+        if getattr(stored, name) != getattr(fresh, name):
+            found.append(f"{name}: stored {getattr(stored, name)}, now {getattr(fresh, name)}")
+    if len(stored.transitions) != len(fresh.transitions):
+        found.append(f"transitions: stored {len(stored.transitions)}, now {len(fresh.transitions)}")
+    if far := _apart(stored.end_digits, stored.end_radius, fresh.end_digits, fresh.end_radius):
+        found.append(f"end: {far} s apart")
+    for index, (old, new) in enumerate(zip(stored.transitions, fresh.transitions, strict=False)):
+        if fault := difference(old, new):
+            found.append(f"transition {index}: {fault}")
+    return found

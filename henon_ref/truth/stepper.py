@@ -1,0 +1,143 @@
+"""heyoka's Taylor steps in multiprecision, for all modes that share their sliding surfaces.
+
+The guards are integrated beside the state, so that heyoka itself delivers their Taylor polynomials; their roots
+are found by :mod:`henon_ref.truth.roots`. heyoka's own event detection is not used: it misses exact double
+roots, and after an event at the very start of a step it can miss the next one (its cooldown).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import heyoka as hy
+import numpy as np
+import sympy as sp
+from flint import arb
+from numpy.typing import NDArray
+
+from henon_ref.model.modes import Mode
+from henon_ref.model.system import TIME, FilippovSystem, Guard
+from henon_ref.truth.numbers import to_ball, to_real
+from henon_ref.truth.roots import END
+from henon_ref.truth.translate import real_constants, to_heyoka
+
+PIECES = 16
+"""Pieces of a step on which a guard is first shown to be away from zero in double precision."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One Taylor step."""
+
+    finite: bool
+    """False: the field is not finite, nothing else holds."""
+    time: Any
+    """Its start, a heyoka number."""
+    length: Any
+    """A heyoka number."""
+    coefficients: NDArray[Any]
+    """(states + guards, order + 1) heyoka numbers, in units of the step."""
+    rough: NDArray[np.float64]
+    """The same in double precision."""
+
+
+class Stepper:
+    """Integrates every mode in which exactly these surfaces slide.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    sliding : frozenset of int
+    bits : int
+        Precision; heyoka takes its order and step from it.
+    """
+
+    def __init__(self, system: FilippovSystem, sliding: frozenset[int], bits: int) -> None:
+        equations = system.shared_equations(sliding)
+        self.bits = bits
+        self.guards: tuple[Guard, ...] = equations.guards
+        field = [system.numeric(f) for f in equations.field]
+        outputs = [system.numeric(g.expression) for g in equations.guards]
+        slopes = [
+            sp.diff(g, TIME) + sp.Add(*(sp.diff(g, x) * f for x, f in zip(system.states, field, strict=True)))
+            for g in outputs
+        ]
+        self._dimension = len(field)
+        names = [f"y{i}" for i in range(len(field) + len(slopes))]
+        variables = hy.make_vars(*names) if len(names) > 1 else [hy.make_vars(*names)]
+        symbols: dict[sp.Symbol, Any] = {TIME: hy.time}
+        symbols.update(zip(system.states, variables, strict=False))
+        used = set().union(*(e.free_symbols for e in (*field, *slopes)))
+        self._signs = [i for i, s in enumerate(system.signs) if s in used]
+        """Surfaces whose sign the equations hold: heyoka's run-time parameters, in this order."""
+        symbols.update((system.signs[i], hy.par[k]) for k, i in enumerate(self._signs))
+        constant = real_constants(bits)
+        rhs = [to_heyoka(e, symbols, constant) for e in [*field, *slopes]]
+        zero = hy.real("0", bits)
+        self._integrator = hy.taylor_adaptive(
+            list(zip(variables, rhs, strict=True)),
+            [zero] * len(rhs),
+            fp_type=hy.real,
+            prec=bits,
+            pars=[zero] * len(self._signs),
+            compact_mode=True,
+        )
+
+    @property
+    def order(self) -> int:
+        """Order of the Taylor polynomials."""
+        return int(self._integrator.order)
+
+    def start(self, mode: Mode, time: arb, state: Sequence[arb], guards: Sequence[arb]) -> None:
+        """Set a mode, a point, and the guards' values there."""
+        integrator = self._integrator
+        integrator.pars[:] = [hy.real(str(mode[i]), self.bits) for i in self._signs]
+        integrator.state[:] = [to_real(v, self.bits) for v in (*state, *guards)]
+        integrator.time = to_real(time, self.bits)
+
+    def step(self, limit: arb) -> Step:
+        """One step, not beyond a time."""
+        integrator = self._integrator
+        begin = integrator.time
+        outcome, length = integrator.step(to_real(limit, self.bits) - begin, write_tc=True)
+        finite = outcome in (hy.taylor_outcome.success, hy.taylor_outcome.time_limit)
+        powers = [hy.real("1", self.bits)]
+        for _ in range(self.order):
+            powers.append(powers[-1] * length)
+        scaled = integrator.tc * np.array(powers)
+        return Step(finite, begin, length, scaled, scaled.astype(float))
+
+    def state_at(self, time: arb) -> list[arb]:
+        """State within (or a little past) the last step."""
+        output = self._integrator.update_d_output(to_real(time, self.bits))
+        return [to_ball(v) for v in output[: self._dimension]]
+
+    def end(self) -> tuple[arb, list[arb]]:
+        """Time and state after the last step."""
+        return to_ball(self._integrator.time), [to_ball(v) for v in self._integrator.state[: self._dimension]]
+
+    def guard_polynomial(self, step: Step, guard: int) -> list[arb]:
+        """Coefficients of a guard on a step, in units of the step."""
+        return [to_ball(c) for c in step.coefficients[self._dimension + guard]]
+
+    def sizes(self, step: Step) -> list[float]:
+        """Largest value that each state can have reached on a step."""
+        return [float(s) for s in np.abs(step.rough[: self._dimension]).sum(axis=1)]
+
+    def clear_of_zero(self, step: Step, guard: int, skipped: int) -> bool:
+        """Whether double precision alone shows that a guard has no root on the step.
+
+        Parameters
+        ----------
+        skipped : int
+            Leading coefficients that are known to be zero.
+        """
+        c = step.rough[self._dimension + guard, skipped:]
+        if not np.isfinite(c).all():
+            return False
+        middles = END * (np.arange(PIECES) + 0.5) / PIECES
+        values = np.abs(np.polynomial.polynomial.polyval(middles, c))
+        slope = np.sum(np.arange(len(c)) * np.abs(c) * END ** np.arange(len(c)))
+        return bool(np.all(values > slope * END * 0.5 / PIECES + 1e-9 * np.abs(c).sum()))
