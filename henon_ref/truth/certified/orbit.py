@@ -11,7 +11,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, log2
+from math import ceil, inf, log2
 
 import sympy as sp
 from flint import acb, arb, arb_mat, ctx
@@ -20,7 +20,7 @@ from henon_ref.errors import HenonRefError
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 from henon_ref.trajectory import Problem
-from henon_ref.truth.certified.enclosure import UndecidedError
+from henon_ref.truth.certified.enclosure import UNIT_BALL, UndecidedError
 from henon_ref.truth.certified.exact import enclose
 from henon_ref.truth.certified.model import SystemModel
 from henon_ref.truth.certified.modes import EndedError, Entry
@@ -32,6 +32,8 @@ NEWTON_STEPS = 12
 MAX_STEPS = 20_000
 SPARE_BITS = 56
 SETTLED_RADIUS = 1e-8
+FIRST_BITS = 80
+BOXES = 4
 INFLATION = 16.0
 """The box that is tested, against the last Newton correction."""
 
@@ -83,8 +85,10 @@ class PeriodicOrbit:
     period: arb
     events: tuple[OrbitEvent, ...]
     """Over one period, from the start on."""
+    derivative: arb_mat
+    """Derivative of the return map in the coordinates that are free (saltation included)."""
     multipliers: tuple[acb, ...]
-    """Eigenvalues of the derivative of the return map in the coordinates that are free, largest first."""
+    """Its eigenvalues, largest first: Floquet multipliers."""
     dimension: int
     """How many coordinates are free."""
     unique_in: tuple[arb, ...]
@@ -110,7 +114,7 @@ def find_periodic_orbit(system: FilippovSystem, guess: Guess, *, radius: float =
     guess : Guess
         Good to a few digits: Newton's method does the rest.
     radius : float
-        Asked of state, period and multipliers.
+        Asked of state, period and derivative (the multipliers of a double eigenvalue are blurred to its root).
 
     Raises
     ------
@@ -123,7 +127,7 @@ def find_periodic_orbit(system: FilippovSystem, guess: Guess, *, radius: float =
     try:
         with ctx.workprec(bits):
             found = _Search(model, guess, bits).prove()
-            worst = max(float(b.rad()) for b in (*found.state, found.period, *(m.real for m in found.multipliers)))
+            worst = max(float(b.rad()) for b in (*found.state, found.period, *found.derivative.entries()))
     except (UndecidedError, EndedError) as stop:
         raise OrbitError(f"the return map near the guess is not smooth or not provable: {stop.reason}") from stop
     if not worst <= radius:
@@ -171,22 +175,16 @@ class _Search:
         """The orbit, or OrbitError."""
         size = len(self.free)
         point, correction = self._newton()
-        inverse = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
         floor = arb(2) ** -(self.bits - SPARE_BITS // 2)
-        for _ in range(4):
-            half = [
-                (abs(c) * INFLATION).upper() + floor * (1 + abs(p)).upper()
-                for c, p in zip(correction, point, strict=True)
-            ]
-            box = [p + h * arb(0, 1) for p, h in zip(point, half, strict=True)]
-            over = self._return(box, sharp=True)
-            slope = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)]) - over.derivative
+        residual = [p - q for p, q in zip(point, self._return(point, self.bits, sharp=False).end, strict=True)]
+        for _ in range(BOXES):
+            half = [abs(c) * INFLATION + floor * (1 + abs(p)) for c, p in zip(correction, point, strict=True)]
+            box = [p + h.upper() * UNIT_BALL for p, h in zip(point, half, strict=True)]
+            slope = _unit(size) - self._return(box, self.bits, sharp=True).derivative
             inverse = slope.mid().inv().mid()
-            residual = arb_mat(size, 1, [p - q for p, q in zip(point, self._return(point).end, strict=True)])
-            unit = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
-            rest = (unit - inverse * slope) * arb_mat(size, 1, [b - p for b, p in zip(box, point, strict=True)])
-            step = inverse * residual
-            krawczyk = [p - step[i, 0] + rest[i, 0] for i, p in enumerate(point)]
+            away = arb_mat(size, 1, [b - p for b, p in zip(box, point, strict=True)])
+            moved = (_unit(size) - inverse * slope) * away - inverse * arb_mat(size, 1, residual)
+            krawczyk = [p + moved[i, 0] for i, p in enumerate(point)]
             if all(b.contains_interior(k) for b, k in zip(box, krawczyk, strict=True)):
                 return self._describe(krawczyk, box)
             correction = [abs(k - p).upper() for k, p in zip(krawczyk, point, strict=True)]
@@ -194,30 +192,30 @@ class _Search:
 
     def _newton(self) -> tuple[list[arb], list[arb]]:
         """A point that the return map moves by next to nothing, and the last correction."""
-        size = len(self.free)
         point = [arb(self.guess.state[i]).mid() for i in self.free]
-        before = None
+        bits, before = min(FIRST_BITS, self.bits), inf
         for _ in range(NEWTON_STEPS):
-            made = self._return(point, sharp=False)
-            slope = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)]) - made.derivative
-            residual = arb_mat(size, 1, [p - q for p, q in zip(point, made.end, strict=True)])
-            step = slope.mid().solve(residual.mid())
-            correction = [step[i, 0].mid() for i in range(size)]
-            point = [(p - c).mid() for p, c in zip(point, correction, strict=True)]
+            with ctx.workprec(bits):
+                made = self._return(point, bits, sharp=False)
+                residual = arb_mat(len(point), 1, [p - q for p, q in zip(point, made.end, strict=True)])
+                step = (_unit(len(point)) - made.derivative).mid().solve(residual.mid())
+                correction = [step[i, 0].mid() for i in range(len(point))]
+                point = [(p - c).mid() for p, c in zip(point, correction, strict=True)]
             now = max(float(abs(c)) for c in correction)
-            if now < 2.0 ** -(self.bits - SPARE_BITS) or (before is not None and before < 1e-20 and now > before / 2):
+            rough = bits < self.bits
+            if not rough and (now < 2.0 ** -(self.bits - SPARE_BITS) or (before < 1e-20 and now > before / 2)):
                 return point, correction
-            before = now
+            bits, before = min(2 * bits, self.bits) if now < 2.0 ** -(bits // 4) else bits, now
         raise OrbitError(f"Newton's method does not converge from the guess: its last correction is {before:.3g}")
 
-    def _return(self, free: Sequence[arb], *, sharp: bool = False) -> _Returned:
+    def _return(self, free: Sequence[arb], bits: int, *, sharp: bool) -> _Returned:
         """The return map at a point or over a box."""
         state = self._state(free)
         walk = Walk(
             self.model,
             PointSet.box([self.time, *state]),
             self._entry(),
-            Precision.of(self.bits, sharp_tangent=sharp),
+            Precision.of(bits, sharp_tangent=sharp),
         )
         begin = walk.points.hull()
         events: list[Hit] = []
@@ -274,13 +272,14 @@ class _Search:
         )
 
     def _describe(self, free: Sequence[arb], box: Sequence[arb]) -> PeriodicOrbit:
-        made = self._return(free, sharp=True)
+        made = self._return(free, self.bits, sharp=True)
         return PeriodicOrbit(
             start=self.time,
             state=made.state,
             mode=self.guess.mode,
             period=made.elapsed,
             events=made.events,
+            derivative=made.derivative,
             multipliers=_eigenvalues(made.derivative),
             dimension=len(self.free),
             unique_in=tuple(box),
@@ -296,6 +295,10 @@ class _Returned:
     elapsed: arb
     events: tuple[OrbitEvent, ...]
     state: tuple[arb, ...]
+
+
+def _unit(size: int) -> arb_mat:
+    return arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
 
 
 def _eigenvalues(matrix: arb_mat) -> tuple[acb, ...]:

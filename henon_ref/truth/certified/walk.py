@@ -118,14 +118,15 @@ class Walk:
             self.armed, self.zeros = armed, (0,) * len(armed)
             self.done = left < reach
             self._advance(flow, tangent, reach, horizon if self.done else None)
-            self._follow_unit(flow)
+            self._follow_unit(flow, left)
             return None
         result = self._land(made, flow, tangent, *hit)
-        self._follow_unit(flow)
+        self._follow_unit(flow, left)
         return result
 
-    def _follow_unit(self, flow: Expansion) -> None:
-        self.unit *= 2.0 ** round(log2(flow.radius))
+    def _follow_unit(self, flow: Expansion, left: float) -> None:
+        """Count time in what the last disc was, but in no more than what is left."""
+        self.unit *= 2.0 ** round(min(log2(flow.radius), log2(left) + 1 if left > 0 else 0.0))
 
     def _expansions(self, made: ModeModel) -> tuple[Expansion, Expansion, float]:
         """The centre's solution, the variational equations over the whole set, and how far both hold."""
