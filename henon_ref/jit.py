@@ -30,6 +30,11 @@ def cache_folder() -> Path:
     return (Path(root) if root else user_cache_path("henon_ref")) / f"numba-{digest.hexdigest()[:16]}"
 
 
+def inner(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """:func:`njit` for functions that only compiled code calls: no wrappers for Python, a third less to compile."""
+    return njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
+
+
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """``numba.njit(cache=True, error_model="numpy", **options)``, cached in :func:`cache_folder`."""
 

@@ -12,7 +12,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from henon_ref.henon.polynomial import BRACKET, NONE, ROOT, TOUCH, excluded, first_falling_root, land, steepness, value
-from henon_ref.jit import njit
+from henon_ref.jit import inner, njit
 
 # Why the loop came back.
 HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL = range(9)
@@ -59,7 +59,7 @@ def _call_expand(typing, address, t, low, sigma, x, constants, out):  # type: ig
     return signature, codegen
 
 
-@njit()
+@inner()
 def _add_time(floats, step):  # type: ignore[no-untyped-def]
     """t += step as a compensated sum (Neumaier), so that late times lose no digits of a duration."""
     t = floats[F_TIME]
@@ -99,7 +99,7 @@ def _bits(typing, number):  # type: ignore[no-untyped-def]
     return signature, codegen
 
 
-@njit()
+@inner()
 def _root(ratio, degree):  # type: ignore[no-untyped-def]
     """ratio ** (1 / degree) to about one part in 200: a step size needs no more.
 
@@ -111,7 +111,7 @@ def _root(ratio, degree):  # type: ignore[no-untyped-def]
     return np.ldexp(1.0 + part * (0.6565 + 0.3435 * part), int(whole))
 
 
-@njit(fastmath={"contract", "nsz"})
+@inner(fastmath={"contract", "nsz"})
 def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
     """Largest relative size of the last two coefficients over states and guards on a step of theta sigma."""
     last, before = 0.0, 0.0
@@ -123,7 +123,7 @@ def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
     return last, before
 
 
-@njit()
+@inner()
 def _step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
     """Step in units of sigma at which the last two terms fall below the tolerance (Jorba and Zou 2005, Sec. 3).
 
@@ -146,7 +146,7 @@ def _step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
     return theta
 
 
-@njit()
+@inner()
 def _record(floats, integers, x, times, marks, states, kind, index, source, target, landing):  # type: ignore[no-untyped-def]
     n = integers[I_COUNT]
     times[n, 0], times[n, 1] = floats[F_TIME], floats[F_LOW]
@@ -165,7 +165,7 @@ def crowded(floats, integers):  # type: ignore[no-untyped-def]
     return integers[I_CROWDED] >= CROWD
 
 
-@njit()
+@inner()
 def _sample(floats, integers, c, order, part, sigma, mode, sample_times, samples, sample_modes):  # type: ignore[no-untyped-def]
     """Fill the samples that lie on the step just taken, up to ``part`` (in units of sigma)."""
     while integers[I_SAMPLE] < sample_times.size:
@@ -179,7 +179,7 @@ def _sample(floats, integers, c, order, part, sigma, mode, sample_times, samples
         integers[I_SAMPLE] = k + 1
 
 
-@njit()
+@inner()
 def _first_event(integers, c, n, order, layout, multiplicity, lower, theta, method, table, work, bounds):  # type: ignore[no-untyped-def]
     """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used)."""
     powers, scaled, stack = work[0], work[1], work[2:]
@@ -221,7 +221,7 @@ def _first_event(integers, c, n, order, layout, multiplicity, lower, theta, meth
     return best, hit, doubtful, used
 
 
-@njit()
+@inner()
 def _move(x, x_low, change):  # type: ignore[no-untyped-def]
     """x += change as a compensated sum; False where the state has blown up."""
     bounded = True
@@ -235,7 +235,7 @@ def _move(x, x_low, change):  # type: ignore[no-untyped-def]
     return bounded
 
 
-@njit()
+@inner()
 def _glide(  # type: ignore[no-untyped-def]
     floats, integers, x, x_low, expansion, closing, constants, c, change,
     guards, until, until_low, order, tolerance, alone, stop_at,
@@ -420,7 +420,7 @@ def advance(  # type: ignore[no-untyped-def]
             return ACCUMULATED
 
 
-@njit()
+@inner()
 def _start(multiplicity, layout, surface, zeros):  # type: ignore[no-untyped-def]
     """Known zeros of the guards at the start of a mode: those of the surface just left."""
     for g in range(layout[0, 0]):
@@ -428,7 +428,7 @@ def _start(multiplicity, layout, surface, zeros):  # type: ignore[no-untyped-def
         multiplicity[g] = zeros if same else 0
 
 
-@njit()
+@inner()
 def _zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
     """1 if the surface is left with a speed, 2 if tangentially, 0 if the new mode's field points back at it."""
     for g in range(layout[0, 0]):
@@ -440,7 +440,7 @@ def _zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
     return 0
 
 
-@njit()
+@inner()
 def _at_zero(row, zeros, order, tau, rising_only):  # type: ignore[no-untyped-def]
     """True if a guard is at zero at the event of another one, as far as rounding can tell."""
     q = row[zeros:]

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.jit import njit
+from henon_ref.jit import inner, njit
 
 NONE, ROOT, TOUCH = 0, 1, 2
 """Outcome of :func:`first_falling_root`."""
@@ -124,7 +124,7 @@ def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-unty
     return NONE, 0.0, 0.0
 
 
-@njit(fastmath=_POLY)
+@inner(fastmath=_POLY)
 def steepness(q, degree, tau):  # type: ignore[no-untyped-def]
     """How steeply q falls at tau, relative to the size of its terms there: small near a double root."""
     slope, size, power = 0.0, abs(q[0]), 1.0
@@ -205,7 +205,7 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     return tau, BRACKET, evaluations + more
 
 
-@njit(fastmath=_POLY)
+@inner(fastmath=_POLY)
 def _bisect(q, degree, left, right):  # type: ignore[no-untyped-def]
     evaluations = 0
     while right - left > 2.0 * _EPS * right and evaluations < 200:
@@ -220,7 +220,7 @@ def _bisect(q, degree, left, right):  # type: ignore[no-untyped-def]
     return 0.5 * (left + right), evaluations
 
 
-@njit(fastmath=_POLY)
+@inner(fastmath=_POLY)
 def _brent(q, degree, low, high, below, above):  # type: ignore[no-untyped-def]
     """Brent's method (*Algorithms for Minimization without Derivatives*, 1973, Ch. 4)."""
     a, b, fa, fb = low, high, below, above
