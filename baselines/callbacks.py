@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.flow import LIMIT
-from baselines.functions import ARITHMETIC, Callbacks, compiled
+from baselines.functions import ARITHMETIC, Callbacks, compiled, scalar
 from baselines.mode_functions import ModeFunctions
 from baselines.work import Work
 
@@ -19,7 +19,7 @@ Field = Callable[[float, NDArray[np.float64]], Any]
 
 
 def counted_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Field:
-    """x' of a mode on an array; NaN where the field has no value.
+    """Time derivatives of a mode's unknowns on an array; NaN where the field has no value.
 
     Parameters
     ----------
@@ -29,10 +29,10 @@ def counted_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Fie
     work : Work
         Every call counts, and past the deadline raises.
     """
-    n = len(model.states)
+    n = len(model.unknowns)
     count = work.count_rhs
     if callbacks == "numba":
-        fill = compiled(model.states, model.field_expressions)
+        fill = compiled(model.unknowns, model.right)
         fill(0.0, np.ones(n), np.empty(n))  # compiles now, not in the run
 
         def jitted(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -42,7 +42,7 @@ def counted_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Fie
             return out
 
         return jitted
-    field, nowhere = model.field, (math.nan,) * n
+    field, nowhere = scalar(model.unknowns, model.right), (math.nan,) * n
 
     def plain(t: float, x: NDArray[np.float64]) -> tuple[float, ...]:
         count()
@@ -55,14 +55,14 @@ def counted_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Fie
 
 
 def filling_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Callable[..., None]:
-    """``rhs(t, x, out)`` that writes x' into the library's array.
+    """``rhs(t, x, out)`` that writes the time derivatives of a mode's unknowns into the library's array.
 
     The compiled one is handed over as it is: the library counts its calls, and the deadline is looked at in
     the event function.
     """
     if callbacks == "numba":
-        fill = compiled(model.states, model.field_expressions)
-        point = np.ones(len(model.states))
+        fill = compiled(model.unknowns, model.right)
+        point = np.ones(len(model.unknowns))
         point.flags.writeable = False  # as the library hands it in: a type of its own to numba
         fill(0.0, point, np.empty(point.size))
         return fill
@@ -77,10 +77,11 @@ def filling_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Cal
 class LastSeen:
     """The function ``1e12 - max abs(x)``, whose root is divergence; remembers the latest point it was asked at.
 
-    Libraries evaluate it at every accepted step, so what it remembers is where a run was when it failed.
+    ``states`` is the number of leading entries of x that are the state. Libraries evaluate it at every accepted step, so what it remembers is where a run was when it failed.
     """
 
-    def __init__(self, count: Callable[[], None]) -> None:
+    def __init__(self, states: int, count: Callable[[], None]) -> None:
+        self._states = states
         self._count = count
         self.t = -math.inf
         self.x: tuple[float, ...] = ()
@@ -92,7 +93,7 @@ class LastSeen:
     def value(self, t: float, x: NDArray[np.float64]) -> float:
         """1e12 - max abs(x)."""
         self._count()
-        values = x.tolist()
+        values = x[: self._states].tolist()
         if t > self.t:
             self.t, self.x = t, tuple(values)
         return LIMIT - max(map(abs, values))

@@ -40,6 +40,8 @@ _LOG = logging.getLogger(__name__)
 
 GROWTH = 1e3
 """A step that underflows means blow-up only where the state has grown this much since the mode began ..."""
+LATE = 1e3
+"""A guard below zero by so many times what the tolerances make of it has been stepped over."""
 RUSH = 1e-3
 """... and would change by this part within 1024 units in the last place of the time."""
 
@@ -135,54 +137,64 @@ class Driver:
             t, low, x = stop.t, stop.low, stop.x
             hits, unsettled = stop.hits, ()
             if entry.several or not hits:
-                hits, unsettled = self._together(entry, stop, fresh)
+                hits, unsettled, missed = self._together(entry, stop, fresh)
+                if missed:
+                    return record.finish("failed", t, x, mode, record.explained("failed", missed))
                 if not hits:
                     record.drift = max(record.drift, self.table.drift(entry, t, x))
                     return record.finish("ok", t, x, mode)
-            after = entry.ordinary(hits, t, x) if len(hits) == 1 else None
-            if after is None:
+            take = entry.exits[hits[0]] if len(hits) == 1 else None
+            followed = take(t, x) if take is not None else None
+            touched: Sequence[int] = ()
+            if followed is None:
                 after = self.table.decided(entry, hits, t, x)
                 if after.mode is None:
                     return record.finish(after.status, t, x, mode, record.explained(after.status, after.reason))
-            record.drift = max(record.drift, after.drift)
-            x = after.x
-            record.event(t, low, x, mode, after.mode, after.touched)
+                followed, touched = after[:4], after.touched
+            before, (after_mode, x, starting, drift) = entry, followed
+            if drift > record.drift:
+                record.drift = drift
+            record.event(t, low, x, mode, after_mode, touched)
             reason = record.accumulated()
             if reason:
-                return record.finish("failed", t, x, after.mode, reason)
-            before, entry = entry, self.table[after.mode]
-            mode, fresh = after.mode, after.fresh
-            if unsettled:
-                fresh += entry.still_fresh(before, unsettled, fresh)
+                return record.finish("failed", t, x, after_mode, reason)
+            mode, entry = after_mode, self.table[after_mode]
+            fresh = starting + entry.still_fresh(before, unsettled, starting) if unsettled else starting
 
     def _together(
         self, entry: ModeEntry, stop: Stop, fresh: Sequence[Fresh]
-    ) -> tuple[tuple[int, ...], tuple[Fresh, ...]]:
-        """The guards that fell at this stop, and those of ``fresh`` that still cannot be told from zero.
+    ) -> tuple[tuple[int, ...], tuple[Fresh, ...], str]:
+        """What the guards say at a stop.
 
-        Those fell that the library named, and those within its location error. A guard well below zero here
-        was stepped over by the library: it is taken now, late.
+        Returns
+        -------
+        hits : tuple of int
+            Guards that fell: those the library named, and those within its location error.
+        unsettled : tuple of Fresh
+            Guards that started at zero and have not yet been seen to leave it.
+        missed : str
+            A guard that is below zero by more than the tolerances explain: the library stepped over its root
+            without a word, and what it has computed since belongs to no mode.
         """
+        model, t, x = entry.model, stop.t, stop.x
         try:
-            rates = entry.model.rates(stop.t, *stop.x)
+            rates = model.rates(t, *x)
         except ARITHMETIC:
-            return stop.hits, ()
-        near = self.library.location_error(stop.t)
-        started = {item.guard: item for item in fresh}
-        hits, unsettled = set(stop.hits), []
-        for k, guard in enumerate(entry.model.guards):
+            return stop.hits, (), ""
+        near = self.library.location_error(t)
+        started, hits, unsettled = {item[0]: item for item in fresh}, set(stop.hits), []
+        for k, guard in enumerate(model.guards):
             value, rate = rates[2 * k], rates[2 * k + 1]
             reach = -rate * near
-            if k in hits or value > max(reach, 0.0) or rate * (self.until - self.start) > -value:
+            if k in hits or value > max(reach, 0.0) or (guard.rising_only and value < -abs(reach)):
                 continue
-            if guard.rising_only and value < -reach:
-                continue
-            # A guard that started at zero and is within the noise of it has not been seen to leave.
-            if k in started and value > -entry.model.size(k, stop.t, stop.x, *self.library.errors):
+            if value < -abs(reach) - LATE * model.size(k, t, x, *self.library.accuracy):
+                return (), (), f"a root of {guard.expression} was stepped over: it is {value:.3g} at t = {t:.17g}"
+            if k in started and value > -model.size(k, t, x, *self.library.errors):
                 unsettled.append(started[k])
-            else:
+            elif rate * (self.until - self.start) <= -value:
                 hits.add(k)
-        return tuple(sorted(hits)), tuple(unsettled)
+        return tuple(sorted(hits)), tuple(unsettled), ""
 
 
 def prepared(
@@ -191,10 +203,21 @@ def prepared(
     *,
     sample_times: NDArray[np.float64] | None,
     deadline: float | None,
+    warm_up: bool = False,
 ) -> Run:
-    """A problem on a library, every mode compiled: what a baseline's ``prepare`` returns."""
+    """A problem on a library, every mode compiled: what a baseline's ``prepare`` returns.
+
+    Parameters
+    ----------
+    problem, library, sample_times, deadline
+        See :class:`Driver` and :meth:`henon_ref.solver.Solver.prepare`.
+    warm_up : bool
+        Run once, for a library whose compilation costs more than a run: no mode is compiled in a run then.
+    """
     driver = Driver(problem, library, Work(deadline), sample_times)
     driver.compile()
+    if warm_up:
+        driver.run()
     return driver.run
 
 

@@ -75,6 +75,11 @@ class Library(Protocol):
         """Relative and absolute error that the library leaves in a state just after a start."""
         ...
 
+    @property
+    def accuracy(self) -> tuple[float, float]:
+        """Relative and absolute error that the tolerances allow a step."""
+        ...
+
     def flow(self, model: ModeFunctions, work: Work, horizon: float) -> Flow:
         """All that is done once a mode (compilation too).
 

@@ -44,6 +44,37 @@ class ModeFunctions:
         self.surface_guard = {g.index: k for k, g in enumerate(self.guards) if g.kind == "surface"}
 
     @cached_property
+    def followed(self) -> tuple[int, ...]:
+        """Guards that are not linear in the states: error control on the states alone does not see them."""
+        return tuple(k for k, g in enumerate(self.guard_expressions) if not _linear(g, self.states))
+
+    @cached_property
+    def unknowns(self) -> tuple[sp.Symbol, ...]:
+        """The states, then a copy of each followed guard."""
+        return (*self.states, *(sp.Dummy(f"g{k}", real=True) for k in self.followed))
+
+    @cached_property
+    def right(self) -> tuple[sp.Expr, ...]:
+        """Time derivatives of the unknowns."""
+        return (*self.field_expressions, *(self.along(self.guard_expressions[k]) for k in self.followed))
+
+    def start(self, t: float, x: Sequence[float]) -> NDArray[np.float64]:
+        """The unknowns at (t, x).
+
+        A library chooses its steps by the error of what it integrates. In a stick the states may move along a
+        straight line while a release guard swings to and fro, and steps that are right for the states leap
+        over pairs of its roots. So the guard's value is integrated along (heyoka does the like by itself);
+        events are still located on the guard as a function of time and state.
+        """
+        values = list(x)
+        for k in self.followed:
+            try:
+                values.append(self.guard[k](t, *x)[0])
+            except ARITHMETIC:
+                values.append(0.0)
+        return np.array(values)
+
+    @cached_property
     def field(self) -> Scalar:
         """x' -> n floats."""
         return scalar(self.states, self.field_expressions)
@@ -78,8 +109,8 @@ class ModeFunctions:
         return math.fsum(abs(d) * (rtol * abs(v) + atol) for d, v in zip(slopes, x, strict=True))
 
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
-        """df/dx of this mode."""
-        return Jacobian(self.states, self.field_expressions, callbacks)
+        """Of :attr:`right` in :attr:`unknowns`."""
+        return Jacobian(self.unknowns, self.right, callbacks)
 
     @cached_property
     def _tape(self) -> tuple[object, list[float]]:
@@ -96,6 +127,11 @@ class ModeFunctions:
         """
         tape, numbers = self._tape
         return expand(tape, numbers, t, list(x), order)[1]  # type: ignore[arg-type]
+
+
+def _linear(expression: sp.Expr, states: Sequence[sp.Symbol]) -> bool:
+    slopes = [sp.diff(expression, v) for v in (TIME, *states)]
+    return not any(d.free_symbols & {TIME, *states} for d in slopes)
 
 
 class Landing:

@@ -1,8 +1,8 @@
 """The modes of one problem on one library, made when first visited, and what follows an event in each.
 
-Where one guard alone has fallen, no other surface slides, and neither normal velocity is near zero, what
-follows is settled by two signs, and costs a few microseconds; every other event is
-:class:`~henon_ref.model.switching.Switching`'s.
+Where one guard alone has fallen, its surface and those that slide do not act on each other, and neither normal
+velocity is near zero, what follows is settled by two signs, and costs a few microseconds; every other event
+is :class:`~henon_ref.model.switching.Switching`'s.
 """
 
 from __future__ import annotations
@@ -44,6 +44,12 @@ class After(NamedTuple):
     reason: str = ""
 
 
+Followed = tuple[Mode, tuple[float, ...], tuple[Fresh, ...], float]
+"""The first four fields of :class:`After` (bare: this is on the path that every ordinary event takes)."""
+Exit = Callable[[float, Sequence[float]], Followed | None]
+"""What follows an ordinary event at (t, x); None where two signs do not settle it."""
+
+
 class ModeEntry:
     """One mode: its functions, its flow, and its ordinary exits."""
 
@@ -51,55 +57,61 @@ class ModeEntry:
         self.model = model
         self.flow = flow
         self.several = len(model.guards) > 1
-        self._exits = [self._exit(guard) for guard in model.guards]
+        self.exits: list[Exit | None] = [self._exit(guard) for guard in model.guards]
+        """A guard -> what follows where it fell alone and two signs settle it; None where they never do."""
         if self.several:
             model.rates  # noqa: B018  (made on first access)
 
-    def ordinary(self, hits: Sequence[int], t: float, x: Sequence[float]) -> After | None:
-        """What follows where one guard fell and two signs settle it; None elsewhere."""
-        take = self._exits[hits[0]]
-        return None if take is None else take(t, x)
-
     def still_fresh(self, before: ModeEntry, unsettled: Sequence[Fresh], fresh: Sequence[Fresh]) -> tuple[Fresh, ...]:
         """Guards of this mode for the surfaces whose guards had not left zero when the mode before ended."""
-        known = {item.guard for item in fresh}
+        known = {guard for guard, *_ in fresh}
         found = []
-        for item in unsettled:
-            guard = before.model.guards[item.guard]
-            k = self.model.surface_guard.get(guard.index) if guard.kind == "surface" else None
+        for guard, speed, rate in unsettled:
+            left = before.model.guards[guard]
+            k = self.model.surface_guard.get(left.index) if left.kind == "surface" else None
             if k is not None and k not in known:
-                found.append(Fresh(k, item.speed))
+                found.append((k, speed, rate))
         return tuple(found)
 
-    def _exit(self, guard: Guard) -> Callable[[float, Sequence[float]], After | None] | None:
-        mode, i = self.model.mode, guard.index
-        sliding = [j for j, s in enumerate(mode) if s == 0]
-        if guard.kind == "valid" or sliding != ([i] if guard.kind == "release" else []):
+    def _exit(self, guard: Guard) -> Exit | None:
+        model, mode, i = self.model, self.model.mode, guard.index
+        if guard.kind == "valid" or (guard.kind == "surface" and not self._stands_alone(i)):
             return None
-        system = self.model.system
-        landing = Landing(system, mode, i).values
-        slip = {s: replaced(mode, i, s) for s in (-1, 1)}
-        stick = replaced(mode, i, 0)
-        # Guards of surfaces come first, by index: with no other surface sliding, surface i's is number i.
+        landing = Landing(model.system, mode, i).values
+        stick, slip = replaced(mode, i, 0), {s: replaced(mode, i, s) for s in (-1, 1)}
         beyond = guard.to_sign
         released = slip[beyond] if guard.kind == "release" else None
+        # Guards of the surfaces in slip come first, by index.
+        position = sum(s != 0 for s in mode[:i])
 
-        def take(t: float, x: Sequence[float]) -> After | None:
+        def take(t: float, x: Sequence[float]) -> Followed | None:
             try:
-                h, below, above, *point = landing(t, *x)
+                values = landing(t, *x)
             except ARITHMETIC:
                 return None
+            h, below, above = values[:3]
             speed = abs(below) + abs(above)
             clear = CLEAR * speed
             if released is not None:
-                return After(released, tuple(point), (Fresh(i, speed),), abs(h))
+                return released, values[3:], ((position, speed, beyond * (above if beyond > 0 else below)),), abs(h)
             if below > clear and above < -clear:
-                return After(stick, tuple(point), (), abs(h))
+                return stick, values[3:], (), abs(h)
             if below * beyond > clear and above * beyond > clear:
-                return After(slip[beyond], tuple(point), (Fresh(i, speed),), abs(h))
+                return slip[beyond], values[3:], ((position, speed, speed),), abs(h)
             return None
 
         return take
+
+    def _stands_alone(self, i: int) -> bool:
+        """Whether surface i neither feels the signs of the sliding surfaces nor changes how they slide."""
+        system = self.model.system
+        return all(
+            j not in system.overrides
+            and not system.normal_velocity(i).has(system.signs[j])
+            and not system.normal_velocity(j).has(system.signs[i])
+            for j, s in enumerate(self.model.mode)
+            if s == 0
+        )
 
 
 class ModeTable:
@@ -164,7 +176,7 @@ class ModeTable:
                     continue
                 if abs(value) > ON * model.size(k, t, x, EPSILON, 0.0):
                     continue
-            found.append(Fresh(k, self._speed(model.mode, guard.index, t, x)))
+            found.append((k, *self._speed(model.mode, guard.index, t, x)))
         return tuple(found)
 
     def drift(self, entry: ModeEntry, t: float, x: Sequence[float]) -> float:
@@ -172,15 +184,17 @@ class ModeTable:
         sliding = [i for i, s in enumerate(entry.model.mode) if s == 0]
         return max((abs(self._surface(i)[0](t, *x)[0]) for i in sliding), default=0.0)
 
-    def _speed(self, mode: Mode, index: int, t: float, x: Sequence[float]) -> float:
+    def _speed(self, mode: Mode, index: int, t: float, x: Sequence[float]) -> tuple[float, float]:
+        """abs(dh/dt) below plus above a surface, and the rate at which its guard rises in this mode."""
         key = (mode, index)
         if key not in self._landings:
             self._landings[key] = Landing(self.system, mode, index)
         try:
             _, below, above, *_ = self._landings[key].values(t, *x)
         except ARITHMETIC:
-            return 0.0
-        return abs(below) + abs(above)
+            return 0.0, 0.0
+        speed = abs(below) + abs(above)
+        return speed, {-1: -below, 0: speed, 1: above}[mode[index]]
 
     def _surface(self, index: int) -> tuple[Scalar, Scalar]:
         if index not in self._surfaces:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from baselines.mode_functions import EPSILON
 from baselines.work import Work
 from henon_ref.model.modes import Mode, transition_kind
-from henon_ref.trajectory import Status, Trajectory, Transition
+from henon_ref.trajectory import Kind, Status, Trajectory, Transition
 
 WINDOW = 32
 """This many events (and four a surface more) ..."""
@@ -26,6 +27,33 @@ GROUP = 4
 """A chain of groups of so many events, each group at most half as long as the one before, ..."""
 CHAIN = 5
 """... of so many groups, that has shrunk to the floor which an absolute tolerance sets, accumulates too."""
+
+
+Event = tuple[Kind, int, Mode, Mode, float, tuple[float, ...], float]
+"""kind, surface, mode before, mode after, time, state, what rounding the time lost."""
+
+
+class Transitions(Sequence[Transition]):
+    """The transitions of a run; each becomes a :class:`Transition` when it is looked at.
+
+    Building one costs as much as a step of the fastest library here, and a run is timed.
+    """
+
+    def __init__(self, events: list[Event], landing: str) -> None:
+        self._events = events
+        self._landing = landing
+
+    def __len__(self) -> int:
+        return len(self._events)
+
+    @overload
+    def __getitem__(self, at: int) -> Transition: ...
+    @overload
+    def __getitem__(self, at: slice) -> Transitions: ...
+    def __getitem__(self, at: int | slice) -> Transition | Transitions:
+        if isinstance(at, slice):
+            return Transitions(self._events[at], self._landing)
+        return Transition(*self._events[at], self._landing)
 
 
 class Record:
@@ -58,7 +86,7 @@ class Record:
     ) -> None:
         self.work = work
         self.landing = landing
-        self.transitions: list[Transition] = []
+        self.events: list[Event] = []
         self.drift = 0.0
         self._times: list[float] = []
         self._window = WINDOW + 4 * surfaces
@@ -75,21 +103,24 @@ class Record:
         self._times.append(t)
         for i, (old, new) in enumerate(zip(before, after, strict=True)):
             if old != new or i in touched:
-                self.transitions.append(
-                    Transition(transition_kind(old, new), i, before, after, t, x, low, self.landing)
-                )
+                self.events.append((transition_kind(old, new), i, before, after, t, x, low))
 
     def accumulated(self) -> str:
-        """Why the run has to end here: events accumulate, or are too many; empty while neither."""
+        """Why the run has to end here: events accumulate, or are too many; empty while neither.
+
+        Looked at once a group of events.
+        """
         times = self._times
         count = len(times)
+        if count % GROUP != 1:
+            return ""
         if count > self._window:
             t, latest = times[-1], times[-1] - times[-1 - self._window]
             if latest <= max(ULPS * EPSILON * abs(t), self._span):
                 return f"events accumulate at t = {t:.17g}: the last {self._window} took {latest:.3g} s"
             if count >= MOST:
                 return f"more than {MOST} events by t = {t:.17g}"
-        if self._floor and count % GROUP == 1 and count > GROUP * CHAIN:
+        if self._floor and count > GROUP * CHAIN:
             return self._shrunk()
         return ""
 
@@ -141,7 +172,7 @@ class Record:
             modes = tuple(self._sample_modes) + (mode,) * (len(self._samples) - len(self._sample_modes))
         return Trajectory(
             status=status,
-            transitions=tuple(self.transitions),
+            transitions=Transitions(self.events, self.landing),
             end_time=t,
             end_state=tuple(x),
             end_mode=mode,

@@ -20,7 +20,7 @@ library makes of a root at its starting point differs (each adapter's docstring 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,26 +41,42 @@ ORDER = 4
 """Highest Taylor coefficient looked at for the length of the event-free step."""
 SPAN = 1e-9
 """Part of the horizon over which a surface's normal velocity gives the rounding of a guard whose terms vanish."""
+TANGENT = 1e-12
+"""A rate below this part of the speed is rounding: the lift covers what it does."""
+NEARLY_TANGENT = 1e-2
+"""A falling rate above this part of the speed is no tangential release."""
 LONGEST = 1e-3
 """Longest event-free step, as a part of the horizon."""
 LEAST = 1e-300
 """Smallest lift: anything but an exact zero."""
 
 
-class Fresh(NamedTuple):
-    """A guard that starts at zero."""
-
-    guard: int
-    """Its index among the mode's guards."""
-    speed: float
-    """abs(dh/dt) below plus above the surface: what its rate is small or large against."""
+Fresh = tuple[int, float, float]
+"""A guard that starts at zero: its index among the mode's guards, abs(dh/dt) below plus above its surface, and its
+own rate, which is small against that after a tangential release."""
 
 
 def lift(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float], horizon: float) -> float:
     """How far ``offset`` lifts a guard (negative for one that is armed only once it has risen)."""
-    value = LIFT * EPSILON * (model.size(fresh.guard, t, x, 1.0, 0.0) + fresh.speed * SPAN * horizon)
-    value = max(value, LEAST)
-    return -value if model.guards[fresh.guard].rising_only else value
+    guard, speed, rate = fresh
+    value = max(LIFT * EPSILON * (model.size(guard, t, x, 1.0, 0.0) + speed * SPAN * horizon), LEAST)
+    if model.guards[guard].rising_only:
+        return -value
+    return value + dip(model, fresh, t, x) if dips(speed, rate) else value
+
+
+def dips(speed: float, rate: float) -> bool:
+    """Whether a guard falls before it rises: a tangential release found a little early or late."""
+    return -NEARLY_TANGENT * speed < rate < -TANGENT * speed
+
+
+def dip(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float]) -> float:
+    """Twice the depth to which a guard falls before it rises (0 where it does not rise)."""
+    try:
+        _, slope, bend = model.guard_series(t, x, 2)[fresh[0]]
+    except ARITHMETIC:
+        return 0.0
+    return slope * slope / (2.0 * bend) if bend > 0.0 else 0.0
 
 
 def quiet_until(
@@ -84,8 +100,8 @@ def quiet_until(
     except ARITHMETIC:
         series = [[0.0] * (ORDER + 1)] * len(model.guards)
     ends = []
-    for item, level in zip(fresh, levels, strict=True):
-        coefficients = series[item.guard]
+    for (guard, *_), level in zip(fresh, levels, strict=True):
+        coefficients = series[guard]
         whiles = [
             (MARGIN * level / abs(c)) ** (1.0 / k) for k, c in enumerate(coefficients[1:], start=1) if c and abs(c) > 0
         ]
@@ -133,15 +149,15 @@ class GatedGuards:
             return
         if self.policy == "offset":
             for item in fresh:
-                self.lifts[item.guard] = lift(self.model, item, t, x, horizon)
+                self.lifts[item[0]] = lift(self.model, item, t, x, horizon)
         elif self.policy == "event-free-step":
-            levels = [self._level(item, t, x, horizon) for item in fresh]
+            levels = [self._level(guard, speed, t, x, horizon) for guard, speed, _ in fresh]
             ends = quiet_until(self.model, fresh, t, x, levels, LONGEST * horizon)
-            for item, end in zip(fresh, ends, strict=True):
-                self.quiet[item.guard] = end
+            for (guard, *_), end in zip(fresh, ends, strict=True):
+                self.quiet[guard] = end
 
-    def _level(self, item: Fresh, t: float, x: Sequence[float], horizon: float) -> float:
-        return self.model.size(item.guard, t, x, *self.errors) + EPSILON * item.speed * SPAN * horizon
+    def _level(self, guard: int, speed: float, t: float, x: Sequence[float], horizon: float) -> float:
+        return self.model.size(guard, t, x, *self.errors) + EPSILON * speed * SPAN * horizon
 
     def watcher(self, k: int, count: Callable[[], None], value: Watcher | None = None) -> Watcher:
         """Guard k as the library sees it.
@@ -155,8 +171,8 @@ class GatedGuards:
             ``g(t, x)`` in place of the mode's own guard, where a library has another function of the same zero.
         """
         quiet, lifts, resting = self.quiet, self.lifts, self.resting[k]
-        guard = self.model.guard[k]
-        plain = value or (lambda t, x: guard(t, *x.tolist())[0])
+        guard, n = self.model.guard[k], len(self.model.states)
+        plain = value or (lambda t, x: guard(t, *x[:n].tolist())[0])
 
         def watched(t: float, x: NDArray[np.float64]) -> float:
             count()

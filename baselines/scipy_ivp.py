@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from baselines.callbacks import LastSeen, counted_field
 from baselines.driver import prepared, tolerances
-from baselines.flow import Stop
+from baselines.flow import Library, Stop
 from baselines.functions import Callbacks
 from baselines.mode_functions import EPSILON, ModeFunctions
 from baselines.restart import Fresh, GatedGuards, Restart
@@ -79,14 +79,16 @@ class ScipyIvp:
         deadline: float | None = None,
     ) -> Run:
         """Lambdify (or compile) every mode; see :meth:`henon_ref.solver.Solver.prepare`."""
-        rtol, atol = tolerances(self.name, rtol, atol, step)
+        library = self.library(*tolerances(self.name, rtol, atol, step))
+        return prepared(problem, library, sample_times=sample_times, deadline=deadline)
+
+    def library(self, rtol: float, atol: float) -> Library:
+        """``solve_ivp`` at these tolerances, for the driver."""
         try:
             from scipy.integrate import solve_ivp
         except ImportError as error:
             raise UnavailableError("SciPy is not installed") from error
-        return prepared(
-            problem, _Library(self, solve_ivp, max(rtol, LEAST_RTOL), atol), sample_times=sample_times, deadline=deadline
-        )
+        return _Library(self, solve_ivp, max(rtol, LEAST_RTOL), atol)
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,10 @@ class _Library:
     @property
     def landing(self) -> str:
         return self.solver.landing
+
+    @property
+    def accuracy(self) -> tuple[float, float]:
+        return self.rtol, self.atol
 
     @property
     def errors(self) -> tuple[float, float]:
@@ -123,10 +129,10 @@ class _Flow:
     def __init__(self, library: _Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         solver = library.solver
         implicit = solver.method in IMPLICIT
-        self._library, self._work, self._horizon = library, work, horizon
+        self._library, self._model, self._work, self._horizon = library, model, work, horizon
         self._rhs = counted_field(model, solver.callbacks, work)
         self._gates = GatedGuards(model, solver.restart, library.errors)
-        self._last = LastSeen(work.count_event)
+        self._last = LastSeen(len(model.states), work.count_event)
         self._options = {"jac": model.jacobian(solver.callbacks)} if implicit else {}
         direction = self._gates.direction
         guards = self._gates.watchers(work.count_event)
@@ -142,7 +148,7 @@ class _Flow:
         wanted: NDArray[np.float64] | None,
     ) -> Stop:
         """See :class:`baselines.flow.Flow`."""
-        library, last = self._library, self._last
+        library, last, n = self._library, self._last, len(self._model.states)
         self._gates.open(t, x, fresh, self._horizon)
         last.start(t, tuple(x))
         with warnings.catch_warnings(record=True) as said, np.errstate(all="ignore"):
@@ -151,7 +157,7 @@ class _Flow:
                 result = library.solve(
                     self._rhs,
                     (t, until),
-                    np.array(x),
+                    self._model.start(t, x),
                     method=library.solver.method,
                     rtol=library.rtol,
                     atol=library.atol,
@@ -163,10 +169,10 @@ class _Flow:
                 # SciPy's linear algebra refuses NaN and infinity; where it was is what the last step saw.
                 return Stop("failed", last.t, 0.0, last.x, reason=str(error))
         self._work.steps += result.t.size - 1
-        end, state = float(result.t[-1]), tuple(result.y[:, -1].tolist())
+        end, state = float(result.t[-1]), tuple(result.y[:n, -1].tolist())
         samples = None
         if wanted is not None and result.sol is not None:
-            samples = np.ascontiguousarray(result.sol(wanted[wanted <= end]).T)
+            samples = np.ascontiguousarray(result.sol(wanted[wanted <= end])[:n].T)
         if result.status < 0:
             words = " ".join([result.message, *(str(w.message) for w in said)])
             return Stop("failed", end, 0.0, state, reason=words, samples=samples)

@@ -47,15 +47,15 @@ def event_function(watchers: Sequence[Watcher], last: LastSeen, direction: int) 
 
 
 def event_function_of_dae(
-    watchers: Sequence[Watcher], last: LastSeen, direction: int, states: int
+    watchers: Sequence[Watcher], last: LastSeen, direction: int
 ) -> Callable[..., None]:
-    """``eventsfn(t, y, yp, out)``, for IDA; the first ``states`` entries of y are the state."""
+    """``eventsfn(t, y, yp, out)``, for IDA."""
     count = len(watchers)
 
     def eventsfn(t: float, y: NDArray[np.float64], yp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         for k, watcher in enumerate(watchers):
             out[k] = watcher(t, y)
-        out[count] = last.value(t, y[:states])
+        out[count] = last.value(t, y)
 
     _mark(eventsfn, len(watchers), direction)
     return eventsfn

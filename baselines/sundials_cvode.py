@@ -100,6 +100,10 @@ class _Library:
         return self.solver.landing
 
     @property
+    def accuracy(self) -> tuple[float, float]:
+        return self.rtol, self.atol
+
+    @property
     def errors(self) -> tuple[float, float]:
         return self.rtol, self.atol
 
@@ -118,9 +122,9 @@ class _Flow:
 
     def __init__(self, library: _Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         solver = library.solver
-        self._cvode, self._work, self._horizon = library.cvode, work, horizon
+        self._cvode, self._model, self._work, self._horizon = library.cvode, model, work, horizon
         self._gates = GatedGuards(model, solver.restart, library.errors)
-        self._last = LastSeen(work.count_event)
+        self._last = LastSeen(len(model.states), work.count_event)
         self._rhs = filling_field(model, solver.callbacks, work)
         jacobian = model.jacobian(solver.callbacks)
 
@@ -152,7 +156,7 @@ class _Flow:
         """See :class:`baselines.flow.Flow`."""
         self._gates.open(t, x, fresh, self._horizon)
         self._last.start(t, tuple(x))
-        work, said, start = self._work, io.StringIO(), np.array(x)
+        work, said, start, n = self._work, io.StringIO(), self._model.start(t, x), len(x)
         before = work.rhs
         # scikit-sundae prints its errors.
         with redirect_stdout(said), np.errstate(all="ignore"):
@@ -162,12 +166,12 @@ class _Flow:
                 return Stop("failed", self._last.t, 0.0, self._last.x, reason=f"{error} {said.getvalue().strip()}")
             work.steps += result.t.size - 1
             work.rhs = before + int(result.nfev)
-            stop = stopped(result, start.size, until, said.getvalue())
+            stop = stopped(result, n, until, said.getvalue())
             if wanted is None:
                 return stop
             kept = work.rhs
             samples = sampled(
-                lambda times: self._cvode(self._rhs, **self._options).solve(times, start), wanted, t, stop.t, start.size
+                lambda times: self._cvode(self._rhs, **self._options).solve(times, start), wanted, t, stop.t, n
             )
             work.rhs = kept
         return stop._replace(samples=samples)

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from baselines.callbacks import LastSeen
 from baselines.driver import prepared, tolerances
 from baselines.flow import Stop
-from baselines.functions import ARITHMETIC, Callbacks, Jacobian, Scalar, compiled, scalar
+from baselines.functions import ARITHMETIC, Callbacks, Jacobian, compiled, scalar
 from baselines.mode_functions import ModeFunctions
 from baselines.restart import Fresh, GatedGuards, Restart, Watcher
 from baselines.sundials import (
@@ -43,6 +43,7 @@ from baselines.sundials import (
 )
 from baselines.work import Work
 from henon_ref.errors import UnavailableError
+from henon_ref.model.system import Guard
 from henon_ref.solver import Run
 from henon_ref.trajectory import Problem
 
@@ -102,6 +103,10 @@ class _Library:
         return self.solver.landing
 
     @property
+    def accuracy(self) -> tuple[float, float]:
+        return self.rtol, self.atol
+
+    @property
     def errors(self) -> tuple[float, float]:
         return self.rtol, self.atol
 
@@ -116,30 +121,39 @@ class _Library:
 
 
 class _Equations:
-    """A mode as ``y = (x, s of the sliding surfaces)`` with ``x' = f(t, y)`` and ``0 = c(t, y)``."""
+    """A mode as ``y = (x, g, s)``: ``y' = f(t, y)`` for the first two, ``0 = c(t, y)`` for the last.
+
+    g are copies of the followed guards (:meth:`ModeFunctions.start`), s the equivalent signs.
+    """
 
     def __init__(self, model: ModeFunctions) -> None:
         system, mode = model.system, model.mode
         self.sliding = tuple(model.equations.equivalent_signs)
         """Surfaces whose equivalent sign is an unknown, in order (none in slip or under an override)."""
-        self.unknowns = (*system.states, *(system.signs[i] for i in self.sliding))
+        seen = [k for k in model.followed if not self.by_sign(model.guards[k])]
         slip = {s: sp.Integer(v) for s, v in zip(system.signs, mode, strict=True) if v}
         free = {system.signs[i] for i in self.sliding}
 
         def convex(expression: sp.Expr) -> sp.Expr:
             return system.numeric(_between_signs(expression.xreplace(slip), free))
 
-        self.right = model.field_expressions
-        if self.sliding:
-            self.right = (
-                *(convex(f) for f in system.field),
-                *(convex(system.normal_velocity(i)) for i in self.sliding),
-            )
+        field = tuple(convex(f) for f in system.field) if self.sliding else model.field_expressions
+        copies = tuple(sp.Dummy(f"g{k}", real=True) for k in seen)
+        guards = [model.guard_expressions[k] for k in seen]
+        swings = tuple(model.along(g) for g in guards)
         signs = [system.numeric(e) for e in model.equations.equivalent_signs.values()]
-        self.consistent = scalar(
-            system.states, [*signs, *model.field_expressions, *(model.along(e) for e in signs)]
+        self.differential = len(system.states) + len(seen)
+        """Number of unknowns that have a time derivative."""
+        self.unknowns = (*system.states, *copies, *(system.signs[i] for i in self.sliding))
+        self.right = (*field, *swings, *(convex(system.normal_velocity(i)) for i in self.sliding))
+        self.start = scalar(
+            system.states, [*guards, *signs, *model.field_expressions, *swings, *(model.along(e) for e in signs)]
         )
-        """(t, *x) -> (s, x', s')."""
+        """(t, *x) -> (g, s, x', g', s')."""
+
+    def by_sign(self, guard: Guard) -> bool:
+        """Whether a guard is a stick's end, which is read off its unknown."""
+        return guard.kind == "release" and guard.index in self.sliding
 
 
 def _between_signs(expression: sp.Expr, signs: set[sp.Symbol]) -> sp.Expr:
@@ -158,37 +172,38 @@ class _Flow:
         solver = library.solver
         self._ida, self._work, self._horizon = library.ida, work, horizon
         self._states = n = len(model.states)
-        self._equations = _Equations(model)
+        self._equations = equations = _Equations(model)
         self._gates = GatedGuards(model, solver.restart, library.errors)
-        self._last = LastSeen(work.count_event)
-        jacobian = Jacobian(self._equations.unknowns, self._equations.right, solver.callbacks)
-        self._resfn = _residual(self._equations, n, solver.callbacks, work)
+        self._last = LastSeen(n, work.count_event)
+        jacobian = Jacobian(equations.unknowns, equations.right, solver.callbacks)
+        self._resfn = _residual(equations, solver.callbacks, work)
+        moving = np.arange(equations.differential)
 
         def jacfn(t: float, y: Any, yp: Any, res: Any, cj: float, out: NDArray[np.float64]) -> None:
             jacobian.fill(t, y, out)
             np.negative(out, out=out)
-            out[np.arange(n), np.arange(n)] += cj
+            out[moving, moving] += cj
 
         self._options = {
             "rtol": library.rtol,
             "atol": library.atol,
             "jacfn": jacfn,
-            "algebraic_idx": list(range(n, len(self._equations.unknowns))) or None,
+            "algebraic_idx": list(range(equations.differential, len(equations.unknowns))) or None,
             "max_num_steps": STEPS_BETWEEN_OUTPUTS,
         }
         watchers = [self._watcher(model, k) for k in range(len(model.guards))]
         self._events = {
-            "eventsfn": event_function_of_dae(watchers, self._last, self._gates.direction, n),
+            "eventsfn": event_function_of_dae(watchers, self._last, self._gates.direction),
             "num_events": len(watchers) + 1,
         }
 
     def _watcher(self, model: ModeFunctions, k: int) -> Watcher:
         """Guard k as a function of (t, y): a stick ends where its unknown reaches -1 or +1."""
-        guard, function, n = model.guards[k], model.guard[k], self._states
-        if guard.kind == "release" and guard.index in self._equations.sliding:
-            at, side = n + self._equations.sliding.index(guard.index), guard.to_sign
-            return self._gates.watcher(k, self._work.count_event, lambda t, y: 1.0 - side * float(y[at]))
-        return self._gates.watcher(k, self._work.count_event, lambda t, y: function(t, *y[:n].tolist())[0])
+        guard, equations, count = model.guards[k], self._equations, self._work.count_event
+        if not equations.by_sign(guard):
+            return self._gates.watcher(k, count)
+        at, side = equations.differential + equations.sliding.index(guard.index), guard.to_sign
+        return self._gates.watcher(k, count, lambda t, y: 1.0 - side * float(y[at]))
 
     def advance(
         self,
@@ -204,11 +219,11 @@ class _Flow:
         self._gates.open(t, x, fresh, self._horizon)
         self._last.start(t, tuple(x))
         try:
-            found = self._equations.consistent(t, *x)
+            found = self._equations.start(t, *x)
         except ARITHMETIC as error:
             return Stop("failed", t, 0.0, tuple(x), reason=f"the field has no value at the start: {error}")
-        unknown = len(self._equations.sliding)
-        y, yp = np.array([*x, *found[:unknown]]), np.array(found[unknown:])
+        further = len(self._equations.unknowns) - n
+        y, yp = np.array([*x, *found[:further]]), np.array(found[further:])
         before = work.rhs
         # scikit-sundae prints its errors.
         with redirect_stdout(said), np.errstate(all="ignore"):
@@ -229,13 +244,13 @@ class _Flow:
         return stop._replace(samples=samples)
 
 
-def _residual(equations: _Equations, n: int, callbacks: Callbacks, work: Work) -> Callable[..., None]:
-    """``resfn(t, y, yp, res)``: x' - f(t, y), then -c(t, y)."""
+def _residual(equations: _Equations, callbacks: Callbacks, work: Work) -> Callable[..., None]:
+    """``resfn(t, y, yp, res)``: y' - f(t, y) of the differential unknowns, then -c(t, y)."""
     if callbacks == "numba":
-        return _compiled_residual(equations, n)
+        return _compiled_residual(equations)
     right = scalar(equations.unknowns, equations.right)
     nowhere = (np.nan,) * len(equations.unknowns)
-    count = work.count_rhs
+    count, n = work.count_rhs, equations.differential
 
     def resfn(t: float, y: NDArray[np.float64], yp: NDArray[np.float64], res: NDArray[np.float64]) -> None:
         count()
@@ -249,11 +264,11 @@ def _residual(equations: _Equations, n: int, callbacks: Callbacks, work: Work) -
     return resfn
 
 
-def _compiled_residual(equations: _Equations, n: int) -> Callable[..., None]:
+def _compiled_residual(equations: _Equations) -> Callable[..., None]:
     """The same, compiled: the library counts its calls, the deadline is looked at in the event function."""
     import numba
 
-    fill = compiled(equations.unknowns, equations.right)
+    fill, n = compiled(equations.unknowns, equations.right), equations.differential
 
     def resfn(t: float, y: Any, yp: Any, res: Any) -> None:
         fill(t, y, res)

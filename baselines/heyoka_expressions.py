@@ -1,0 +1,79 @@
+"""SymPy expressions as heyoka's.
+
+heyoka's own ``from_sympy`` refuses rationals whose denominator is no power of two (and sign, Abs, Piecewise,
+of which a mode has none). Here every constant part is one double, as for all other libraries.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import sympy as sp
+
+from baselines.functions import rounded
+from henon_ref.errors import UnsupportedError
+from henon_ref.model.system import TIME
+
+FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")
+
+
+def to_heyoka(expression: sp.Expr, variables: Mapping[sp.Symbol, Any]) -> Any:
+    """One expression in heyoka's form.
+
+    Parameters
+    ----------
+    expression : Expr
+        In time and the states, parameters put in.
+    variables : mapping
+        State -> heyoka variable.
+
+    Raises
+    ------
+    UnsupportedError
+        For a function that heyoka does not have.
+    """
+    import heyoka as hy
+
+    def number(value: sp.Expr) -> Any:
+        return hy.expression(float(value))
+
+    def converted(e: sp.Expr) -> Any:
+        if e.is_number:
+            return number(e)
+        if e == TIME:
+            return hy.time
+        if e in variables:
+            return variables[e]
+        if e.is_Add:
+            return hy.sum([converted(a) for a in e.args])
+        if e.is_Mul:
+            return product(e)
+        if e.is_Pow:
+            return power(e)
+        name = e.func.__name__
+        if name not in FUNCTIONS:
+            raise UnsupportedError(f"heyoka has no {name}")
+        return getattr(hy, name)(converted(e.args[0]))
+
+    def product(e: sp.Expr) -> Any:
+        above, below = [], []
+        for factor in e.args:
+            if factor.is_Pow and factor.exp.is_Rational and factor.exp.is_negative:
+                below.append(sp.Pow(factor.base, -factor.exp))
+            else:
+                above.append(factor)
+        numerator = hy.prod([converted(a) for a in above]) if above else number(sp.Integer(1))
+        return numerator / hy.prod([converted(b) for b in below]) if below else numerator
+
+    def power(e: sp.Expr) -> Any:
+        if e.base == sp.E:
+            return hy.exp(converted(e.exp))
+        base = converted(e.base)
+        if e.exp == sp.Rational(1, 2):
+            return hy.sqrt(base)
+        if e.exp.is_Rational and e.exp.is_negative:
+            return number(sp.Integer(1)) / converted(sp.Pow(e.base, -e.exp))
+        return base ** (float(e.exp) if e.exp.is_number else converted(e.exp))
+
+    return converted(rounded(expression))

@@ -1,0 +1,274 @@
+"""heyoka: Taylor integration with terminal events, one compiled integrator a mode.
+
+What heyoka does with a root at its starting point: without a direction an event that is exactly zero there
+stops the integrator at once; with a direction it does not, but then the next true root of the step is lost
+(x = 0, v = 1, a = -1, falling: the root at t = 2 is never reported). A guard that starts one rounding
+above zero is treated rightly. Hence the ``offset`` as default: the fresh guard is lifted by a few roundings
+of its terms through a heyoka parameter, which costs no step and makes its next root late by that lift over
+the guard's rate, about one rounding of the state over its rate. heyoka finds a root on the guard's Taylor
+polynomial, so at a loose tolerance a tangential release is a little early or late and the guard may first fall
+by the square of that: the lift then covers this, too. ``event-free-step`` takes a short step
+with a second integrator without events; ``direction`` and ``none`` show what happens without either.
+
+An exact double root inside a step is not seen. heyoka keeps its time as two doubles, and so do the
+transitions here (``time_low``). heyoka has one tolerance: it gets ``rtol``; ``atol`` is not used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from math import isfinite
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from baselines.driver import prepared, tolerances
+from baselines.flow import LIMIT, Library, Stop
+from baselines.heyoka_expressions import to_heyoka
+from baselines.mode_functions import EPSILON, ModeFunctions
+from baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
+from baselines.work import Work
+from henon_ref.errors import UnavailableError
+from henon_ref.solver import Run
+from henon_ref.trajectory import Problem
+
+CHUNK = 4096
+"""Steps between two looks at the clock and at the size of the state."""
+COMPACT = 20
+"""From so many states on heyoka compiles in compact mode (shorter compilation, slower steps)."""
+OUTCOMES = -(2**32)
+"""heyoka's own outcomes lie at and below this; terminal events, as -index - 1, above."""
+TIME_LIMIT = OUTCOMES - 3
+"""``taylor_outcome.time_limit``: the end of the interval was reached."""
+
+
+@dataclass(frozen=True)
+class HeyokaTaylor:
+    """heyoka's adaptive Taylor integrator on one smooth mode after another.
+
+    Preparing compiles every mode that a first run visits. Counts: ``steps`` are Taylor steps (those cut off
+    by an event too); heyoka evaluates a Taylor expansion and all events once a step, so
+    ``rhs_evaluations`` (expansions) and ``event_evaluations`` (event polynomials, one guard each) follow.
+    """
+
+    name: str
+    restart: Restart = "offset"
+    fast_math: bool = False
+    """Let the compiler reorder sums (heyoka's own switch, off by default there too)."""
+    fixed_step: bool = False
+    landing: str = "taylor"
+
+    @property
+    def version(self) -> str:
+        """heyoka's version."""
+        try:
+            return metadata.version("heyoka")
+        except metadata.PackageNotFoundError:
+            return ""
+
+    def prepare(
+        self,
+        problem: Problem,
+        *,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        sample_times: NDArray[np.float64] | None = None,
+        deadline: float | None = None,
+    ) -> Run:
+        """Compile every mode and run once; see :meth:`henon_ref.solver.Solver.prepare`."""
+        rtol, _ = tolerances(self.name, rtol, atol, step)
+        try:
+            import heyoka
+        except ImportError as error:
+            raise UnavailableError("heyoka is not installed") from error
+        # heyoka's warnings go to the standard output of the process, past Python.
+        heyoka.set_logger_level_error()
+        library = _Library(self, heyoka, rtol)
+        return prepared(problem, library, sample_times=sample_times, deadline=deadline, warm_up=True)
+
+
+@dataclass(frozen=True)
+class _Library:
+    """heyoka with its tolerance."""
+
+    solver: HeyokaTaylor
+    heyoka: Any
+    rtol: float
+
+    @property
+    def landing(self) -> str:
+        return self.solver.landing
+
+    @property
+    def accuracy(self) -> tuple[float, float]:
+        return max(self.rtol, EPSILON), max(self.rtol, EPSILON)
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        # A Taylor expansion starts exactly at its state.
+        return EPSILON, 0.0
+
+    def loosened(self) -> Library:
+        # Which modes are visited is found out without compiling for it.
+        from baselines.scipy_ivp import DOP853
+
+        return DOP853.library(1e-6, 1e-6)
+
+    def location_error(self, t: float) -> float:
+        return 4.0 * EPSILON * abs(t)
+
+    def flow(self, model: ModeFunctions, work: Work, horizon: float) -> _Flow:
+        return _Flow(self, model, work, horizon)
+
+
+class _Flow:
+    """heyoka on one mode."""
+
+    def __init__(self, library: _Library, model: ModeFunctions, work: Work, horizon: float) -> None:
+        solver, hy = library.solver, library.heyoka
+        self._model, self._work, self._horizon = model, work, horizon
+        self._policy, self._guards, self._rtol = solver.restart, len(model.guards), library.rtol
+        names = [f"x{k}" for k in range(len(model.states))]
+        variables = {x: hy.expression(name) for x, name in zip(model.states, names, strict=True)}
+        field = [
+            (variables[x], to_heyoka(f, variables)) for x, f in zip(model.states, model.field_expressions, strict=True)
+        ]
+        options = {"tol": library.rtol, "fast_math": solver.fast_math, "compact_mode": len(field) >= COMPACT}
+        start = [0.0] * len(field)
+        # The twin without events takes the event-free step, and what is beyond the last event.
+        self._quiet = hy.taylor_adaptive(field, start, **options) if solver.restart == "event-free-step" else None
+        if self._guards:
+            direction = hy.event_direction.any if solver.restart == "none" else hy.event_direction.negative
+            # A cooldown of zero: after an event the state goes to another mode, or starts this one afresh.
+            options["t_events"] = [
+                hy.t_event(to_heyoka(g, variables) + hy.par[k], direction=direction, cooldown=0.0)
+                for k, g in enumerate(model.guard_expressions)
+            ]
+            options["pars"] = [0.0] * self._guards
+        self._taylor = hy.taylor_adaptive(field, start, **options)
+        self._state, self._lifts = self._taylor.state, self._taylor.pars
+        self._weights = [_constant_slope(model, g) for g in model.guard_expressions]
+
+    def advance(
+        self,
+        t: float,
+        low: float,
+        x: Sequence[float],
+        until: float,
+        fresh: Sequence[Fresh],
+        wanted: NDArray[np.float64] | None,
+    ) -> Stop:
+        """See :class:`baselines.flow.Flow`."""
+        lifted: Sequence[Fresh] = ()
+        if fresh:
+            if self._policy == "offset":
+                lifted = fresh
+                for item in fresh:
+                    self._lifts[item[0]] = self._lift(item, t, x)
+            elif self._quiet is not None:
+                late = self._event_free_step(t, low, x, until, fresh)
+                if late.status != "horizon" or late.t >= until:
+                    return late
+                t, low, x = late.t, late.low, late.x
+        stop = self._propagate(t, low, x, until)
+        for guard, *_ in lifted:
+            self._lifts[guard] = 0.0
+        return stop if wanted is None else stop._replace(samples=self._sampled(t, low, x, wanted[wanted <= stop.t]))
+
+    def _begin(self, t: float, low: float, x: Sequence[float]) -> None:
+        self._taylor.dtime = (t, low)
+        state = self._state
+        for k, value in enumerate(x):
+            state[k] = value
+        if self._guards:
+            self._taylor.reset_cooldowns()
+
+    def _propagate(self, t: float, low: float, x: Sequence[float], until: float) -> Stop:
+        taylor, work, tolist = self._taylor, self._work, self._state.tolist
+        propagate = taylor.propagate_until
+        self._begin(t, low, x)
+        while True:
+            outcome, _, _, steps, _, _ = propagate(until, max_steps=CHUNK)
+            work.steps += steps
+            work.rhs += steps
+            work.events += steps * self._guards
+            code, (now, rest), point = int(outcome), taylor.dtime, tuple(tolist())
+            for value in point:
+                if not -LIMIT <= value <= LIMIT:
+                    return self._overflow(t, low, x, until)
+            if code > OUTCOMES:
+                return Stop("event", now, rest, point, (-code - 1,))
+            if code == TIME_LIMIT:
+                return Stop("horizon", now, rest, point)
+            if now == t and rest == low:
+                return Stop("failed", now, rest, point, reason=f"heyoka does not advance from t = {now:.17g}")
+            t, low, x = now, rest, point
+            work.check()
+
+    def _sampled(self, t: float, low: float, x: Sequence[float], times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """States at some times by a second pass, with heyoka's continuous output."""
+        if not times.size:
+            return np.empty((0, len(x)))
+        self._begin(t, low, x)
+        output = self._taylor.propagate_until(float(times[-1]), c_output=True)[4]
+        return np.array([output(time) for time in times.tolist()])
+
+    def _overflow(self, t: float, low: float, x: Sequence[float], until: float) -> Stop:
+        """Repeat a chunk step by step up to the first state beyond the limit."""
+        taylor, point = self._taylor, tuple(x)
+        self._begin(t, low, x)
+        for _ in range(CHUNK):
+            taylor.step(max_delta_t=until - t)
+            ahead = tuple(self._state.tolist())
+            if not all(map(isfinite, ahead)):
+                return Stop("failed", t, low, point, reason=f"heyoka: the state is not finite after t = {t:.17g}")
+            t, low = taylor.dtime
+            if max(map(abs, ahead)) > LIMIT:
+                return Stop("diverged", t, low, ahead)
+            point = ahead
+        return Stop("failed", t, low, point, reason="heyoka: the state was not finite")
+
+    def _lift(self, item: Fresh, t: float, x: Sequence[float]) -> float:
+        guard, speed, rate = item
+        weights = self._weights[guard]
+        if weights is None or dips(speed, rate):
+            return lift(self._model, item, t, x, self._horizon)
+        size = speed * SPAN * self._horizon
+        for k, weight in weights:
+            size += weight * abs(x[k])
+        return max(LIFT * EPSILON * size, LEAST)
+
+    def _event_free_step(
+        self, t: float, low: float, x: Sequence[float], until: float, fresh: Sequence[Fresh]
+    ) -> Stop:
+        """A first step with the twin that has no events; an event, late, where a guard ends it below zero."""
+        model, quiet = self._model, self._quiet
+        levels = [model.size(guard, t, x, self._rtol, self._rtol) for guard, *_ in fresh]
+        end = min(max(quiet_until(model, fresh, t, x, levels, 1e-3 * self._horizon)), until)
+        quiet.dtime = (t, low)
+        quiet.state[:] = x
+        steps = quiet.propagate_until(end)[3]
+        self._work.steps += steps
+        self._work.rhs += steps
+        t, low = quiet.dtime
+        point = tuple(quiet.state.tolist())
+        below = tuple(
+            k for k, g in enumerate(model.guard) if not model.guards[k].rising_only and g(t, *point)[0] < 0.0
+        )
+        return Stop("event" if below else "horizon", t, low, point, below)
+
+
+def _constant_slope(model: ModeFunctions, guard: sp.Expr) -> list[tuple[int, float]] | None:
+    """(state, abs(dg/dx)) of a guard that is linear in the states; None for any other."""
+    slopes = [sp.diff(guard, x) for x in model.states]
+    if not all(d.is_number for d in slopes):
+        return None
+    return [(k, abs(float(d))) for k, d in enumerate(slopes) if d != 0]
+
+
+HEYOKA = HeyokaTaylor("heyoka")
