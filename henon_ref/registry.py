@@ -84,15 +84,19 @@ def fixed_step(name: str) -> bool:
     return _BUILT_IN[name].fixed_step if name in _BUILT_IN else solver(name).fixed_step
 
 
+def distribution(name: str) -> str:
+    """The package that a solver comes from; empty where that is not known."""
+    if name in _BUILT_IN:
+        return _BUILT_IN[name].distribution
+    point = _third_party().get(name)
+    return point.dist.name if point is not None and point.dist else ""
+
+
 def library_version(name: str) -> str:
     """Version of the package a solver comes from, without importing it; empty where it is not installed."""
-    if name in _BUILT_IN:
-        distribution = _BUILT_IN[name].distribution
-    else:
-        point = _third_party()[name]
-        distribution = point.dist.name if point.dist else ""
+    package = distribution(name)
     try:
-        return version(distribution) if distribution else ""
+        return version(package) if package else ""
     except PackageNotFoundError:
         return ""
 

@@ -141,10 +141,7 @@ def test_what_a_worker_started_dies_with_it():
     seen = run(["children"], collector=Collector(seconds=0.5))
     session = seen.pids["children"]
     sessions = [
-        stat.rsplit(")", 1)[1].split()
-        for entry in Path("/proc").glob("[0-9]*/stat")
-        for stat in [_read(entry)]
-        if stat
+        stat.rsplit(")", 1)[1].split() for entry in Path("/proc").glob("[0-9]*/stat") for stat in [_read(entry)] if stat
     ]
     assert not [fields for fields in sessions if int(fields[3]) == session and fields[0] != "Z"]
 

@@ -38,7 +38,9 @@ def run(reference: list[Ev], found: list[Ev], **options: float | bool):
     return match(reference, found, start=0.0, until=until, **options)
 
 
-KEYS = st.sampled_from([("stick", (1,), (0,)), ("release", (0,), (1,)), ("crossing", (1,), (-1,)), ("crossing", (-1,), (1,))])
+KEYS = st.sampled_from(
+    [("stick", (1,), (0,)), ("release", (0,), (1,)), ("crossing", (1,), (-1,)), ("crossing", (-1,), (1,))]
+)
 
 
 @st.composite
@@ -113,9 +115,10 @@ def test_a_run_that_went_wrong_half_way_is_not_credited_with_chance_matches():
     reference = belt(200)
     wrong = [replace(e, time=99.0 + rng.uniform(0, 1) + i) for i, e in enumerate(belt(101)[1:])]
     result = run(reference, reference[:100] + wrong)
-    assert 100 <= len(result.pairs) <= 115
-    shifted = [replace(e, time=e.time + 0.3) for e in reference[101:]]
-    assert len(run(reference, reference[:100] + shifted).pairs) == 100
+    assert 100 <= len(result.pairs) <= 103
+    for shift in (0.3, 0.07):
+        driven = [replace(e, time=e.time + shift) for e in reference[101:]]
+        assert len(run(reference, reference[:100] + driven).pairs) == 100
 
 
 def test_crowded_transitions_are_matched_by_order():

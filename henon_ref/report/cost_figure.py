@@ -45,11 +45,11 @@ def _draw_ladder(axes: Axes, solver: str, ladder: Sequence[Row], floor: float) -
     look = style.line_of(solver)
     x = np.array([_value(row["wall_s"]) for row in ladder])
     y = np.array([max(_value(row["max_time_error_s"]), floor) for row in ladder])
-    axes.plot(x, y, look.dashes, color=look.colour, lw=look.width, zorder=2)
+    right = np.array([row["verdict"] == "right" for row in ladder])
+    axes.plot(x[right], y[right], look.dashes, color=look.colour, lw=look.width, zorder=2)
     axes.hlines(
         y, [_value(r["wall_s_low"]) for r in ladder], [_value(r["wall_s_high"]) for r in ladder], look.colour, lw=0.8
     )
-    right = np.array([row["verdict"] == "right" for row in ladder])
     for chosen, face in ((right, look.colour), (~right, "white")):
         axes.plot(x[chosen], y[chosen], look.marker, mfc=face, mec=look.colour, mew=1.0, zorder=3)
 

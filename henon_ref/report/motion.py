@@ -89,6 +89,7 @@ def draw_portrait(reading: Reading, motion: Motion) -> Figure | None:
     with style.figure(4.3, width=5.6) as figure:
         axes = figure.add_axes((0.13, 0.12, 0.84, 0.74))
         drawn = _draw_modes(axes, motion, x, y)
+        _draw_arrows(axes, motion, x, y)
         _pad(axes, motion.states[:, x], motion.states[:, y])
         boundary = _draw_boundary(axes, system, x, y)
         axes.set_xlabel(_symbol(system, x))
@@ -114,6 +115,23 @@ def _draw_modes(axes: Axes, motion: Motion, x: int, y: int) -> list[tuple[str, s
         seen[label] = (label, colour, width, "-")
     order = ["slip, s = −1", "slip, s = +1", "slip", "stick"]
     return sorted(seen.values(), key=lambda entry: order.index(entry[0]) if entry[0] in order else len(order))
+
+
+def _draw_arrows(axes: Axes, motion: Motion, x: int, y: int) -> None:
+    """The direction of motion, in the middle of the longest piece of every slip mode."""
+    starts = [0] + [k for k in range(1, len(motion.modes)) if motion.modes[k] != motion.modes[k - 1]]
+    longest: dict[Mode, slice] = {}
+    for begin, end in zip(starts, [*starts[1:], len(motion.modes) - 1], strict=True):
+        mode = motion.modes[begin]
+        if 0 not in mode and (mode not in longest or end - begin > longest[mode].stop - longest[mode].start):
+            longest[mode] = slice(begin, end)
+    for mode, piece in longest.items():
+        middle = (piece.start + piece.stop) // 2
+        if piece.stop - piece.start < 8:
+            continue
+        tail, tip = motion.states[middle - 2, [x, y]], motion.states[middle + 2, [x, y]]
+        arrow = {"arrowstyle": "-|>", "color": _look(mode)[1], "lw": 0.0, "mutation_scale": 14}
+        axes.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=arrow, zorder=4)
 
 
 def _look(mode: Mode) -> tuple[str, str, float]:
@@ -150,10 +168,10 @@ def draw_modes(reading: Reading, motion: Motion) -> Figure:
     """Every surface's h over time in the measured window, the modes shaded."""
     system = reading.problem.system
     count = min(len(system.surfaces), MOST_SURFACES)
-    with style.figure(1.15 + 1.55 * count) as figure:
+    with style.figure(0.85 + 1.55 * count) as figure:
         panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-        top = 1 - 0.5 / (1.15 + 1.55 * count)
-        figure.subplots_adjust(left=0.1, right=0.985, bottom=0.5 / (1.15 + 1.55 * count), top=top, hspace=0.12)
+        inch = 1 / (0.85 + 1.55 * count)
+        figure.subplots_adjust(left=0.1, right=0.985, bottom=0.48 * inch, top=1 - 0.32 * inch, hspace=0.12)
         for k, axes in enumerate(panels):
             _draw_surface(axes, system, motion, k)
         panels[-1].set_xlabel("time t [s]")

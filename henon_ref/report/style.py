@@ -104,29 +104,38 @@ def save(figure: Figure, target: Path | BinaryIO, kind: str = "svg") -> None:
         figure.savefig(target, format=kind, metadata=metadata, dpi=150)
 
 
-def spread(positions: list[float], gap: float) -> list[float]:
-    """Move labels apart as little as needed so that neighbours are at least ``gap`` apart, in their order.
+def spread(positions: Sequence[float], gap: float, low: float, high: float) -> list[float]:
+    """Move labels apart so that neighbours are at least ``gap`` apart, in their order and between two ends.
 
     Examples
     --------
-    >>> spread([0.0, 0.1, 2.0], 1.0)
-    [-0.45, 0.55, 2.0]
+    >>> spread([0.0, 0.1, 2.0], 1.0, 0.0, 3.0)
+    [0.0, 1.0, 2.0]
+    >>> spread([1.0, 1.0], 0.5, 0.0, 3.0)
+    [0.75, 1.25]
     """
     order = sorted(range(len(positions)), key=positions.__getitem__)
-    clusters: list[tuple[float, list[int]]] = []
+    clusters: list[list[int]] = []
     for k in order:
-        clusters.append((positions[k], [k]))
+        clusters.append([k])
         while len(clusters) > 1:
-            (low, lower), (high, upper) = clusters[-2:]
-            if high - low >= gap * (len(lower) + len(upper)) / 2:
+            (lower, lower_middle), (upper, upper_middle) = ((c, _mean(positions, c)) for c in clusters[-2:])
+            if upper_middle - lower_middle >= gap * (len(lower) + len(upper)) / 2:
                 break
-            members = lower + upper
-            clusters[-2:] = [(sum(positions[m] for m in members) / len(members), members)]
+            clusters[-2:] = [lower + upper]
+    ideal = [_mean(positions, c) + gap * (n - (len(c) - 1) / 2) for c in clusters for n in range(len(c))]
+    for n, value in enumerate(ideal):
+        ideal[n] = max(value, low if n == 0 else ideal[n - 1] + gap)
+    for n in reversed(range(len(ideal))):
+        ideal[n] = min(ideal[n], high if n == len(ideal) - 1 else ideal[n + 1] - gap)
     placed = [0.0] * len(positions)
-    for centre, members in clusters:
-        for n, k in enumerate(members):
-            placed[k] = round(centre + gap * (n - (len(members) - 1) / 2), 12)
+    for k, value in zip(order, ideal, strict=True):
+        placed[k] = value
     return placed
+
+
+def _mean(positions: Sequence[float], members: Sequence[int]) -> float:
+    return sum(positions[k] for k in members) / len(members)
 
 
 def label_points(axes: Axes, points: Sequence[tuple[str, float, float, str]], *, x: float, gap: float) -> None:
@@ -145,14 +154,13 @@ def label_points(axes: Axes, points: Sequence[tuple[str, float, float, str]], *,
     """
     to_axes = axes.transScale + axes.transLimits
     heights = [min(max(float(to_axes.transform((px, py))[1]), 0.0), 1.0) for _, px, py, _ in points]
-    gap = min(gap, 1.08 / max(len(points), 1))
-    placed = spread(heights, gap)
-    shift = max(0.0, -0.04 - min(placed, default=0.0)) - max(0.0, max(placed, default=0.0) - 1.04)
+    gap = min(gap, 1.04 / max(len(points) - 1, 1))
+    placed = spread(heights, gap, -0.02, 1.02)
     for (text, px, py, colour), height in zip(points, placed, strict=True):
         axes.annotate(
             text,
             xy=(px, py),
-            xytext=(x, height + shift),
+            xytext=(x, height),
             textcoords="axes fraction",
             va="center",
             fontsize=8.0,

@@ -215,9 +215,11 @@ class _Truths:
 
     def finished(self, lane: Lane, job: Job, failure: Failure | None) -> None:
         """Where there is none, the runs are not scored, and the report says why."""
-        if isinstance(job, TruthJob) and failure is not None:
+        if not isinstance(job, TruthJob):
+            return
+        if failure is not None:
             self.statements[job.case.name, job.reading.name] = Statement(None, reason=failure.reason)
-        self.observer.tick()
+        self.observer.truth(f"{job.case.name} {job.reading.name}")
 
     def tick(self) -> None:
         """Pass the time on to the observer."""

@@ -8,15 +8,16 @@ RUN_COLUMNS = (
     "max_time_error_s", "rms_time_error_s", "max_state_error", "max_surface_drift",
     "stick_count", "max_stick_error_s", "wall_s", "wall_s_iqr", "compile_s",
     "steps", "rhs_evaluations", "event_evaluations",
-    "status_reason", "expected_status", "verdict", "digits", "end_time_s",
+    "status_reason", "expected_status", "verdict", "digits", "time_unit_s", "end_time_s",
     "reference_radius_s", "missed_touches", "spurious_touches", "cut_off", "wall_s_low", "wall_s_high", "timed_runs",
 )  # fmt: skip
 """A row a reading, solver and setting. From ``status_reason`` on beyond the contract:
 
-``expected_status``: how the truth ends; ``verdict``: see :mod:`henon_ref.score.metrics`; ``digits``: decimal digits
-of the worst transition time; ``missed_touches`` and ``spurious_touches``: touch-and-go events, which are not counted
-as missed or spurious; ``cut_off``: transitions that the horizon cuts off; ``wall_s_low``, ``wall_s_high``: 95 %
-bootstrap interval of the median; ``timed_runs``: number of samples behind it.
+* ``expected_status``: how the truth ends; ``verdict``: see :mod:`henon_ref.score.metrics`;
+* ``digits``: decimal digits of the worst transition time, counted from ``time_unit_s``;
+* ``missed_touches``, ``spurious_touches``: touch-and-go events, not counted as missed or spurious;
+* ``cut_off``: transitions that the horizon cuts off;
+* ``wall_s_low``, ``wall_s_high``: 95 % bootstrap interval of the median; ``timed_runs``: samples behind it.
 """
 
 TRANSITION_COLUMNS = (

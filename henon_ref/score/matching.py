@@ -5,8 +5,8 @@ only transitions of the same kind, surface, mode before and mode after. Times do
 ties, and they bound what may be paired. Until the first edit the bound is half the longest distance between
 reference transitions of that kind, so that an error of any honest size stays an error and a chain of
 transitions that crowd together is matched by order alone. From the first edit on a pair must agree to a
-twentieth of the distance to its neighbours (or to ten times the median error before the edit): a run that
-went wrong half way gets no credit for what it meets by chance.
+thousandth of the distance to its neighbours or to ten times the median error before the edit: a run that went
+wrong half way gets no credit for what it meets by chance, or because the same drive moves both.
 
 Touches (``graze``: touch and go, no mode changes) do not change a trajectory and few solvers report them.
 They are matched apart, and a touch missed or reported in vain counts neither as missed nor as spurious.
@@ -27,10 +27,14 @@ from numpy.typing import NDArray
 from henon_ref.model.modes import Mode
 from henon_ref.score.alignment import align
 
-IN_STEP_FRACTION = 0.05
+IN_STEP_FRACTION = 1e-3
 """After an edit, a pair agrees to this fraction of the distance to the neighbouring transitions of its kind."""
 IN_STEP_FACTOR = 10.0
 """... or to this multiple of the median error before the edit."""
+IN_STEP_PAIRS = 3
+"""Pairs before the edit that it takes to know that median; with fewer, a pair agrees to ``ROUGH_FRACTION``."""
+ROUGH_FRACTION = 0.05
+"""Fraction of the distance to the neighbours that counts as agreement where the error is not known yet."""
 HORIZON_FACTOR = 3.0
 """A transition this many worst errors before the horizon may fall on its other side."""
 
@@ -155,14 +159,12 @@ def _align(
     ref_times = np.array([reference[i].time for i in ref_slots])
     run_times = np.array([found[j].time for j in run_slots])
     ref_keys, run_keys = _codes(reference, ref_slots, found, run_slots, radius)
-    loose, tight = _bounds(ref_times, ref_keys[:, 0], span)
+    loose, gaps = _bounds(ref_times, ref_keys[:, 0], span)
     first = align(ref_keys, ref_times, run_keys, run_times, loose)
     edit = _first_edit(first, len(ref_slots), len(run_slots))
     if edit < len(first) or len(first) < max(len(ref_slots), len(run_slots)):
         head = first[:edit]
-        slips = np.abs(ref_times[head[:, 0]] - run_times[head[:, 1]])
-        usual = IN_STEP_FACTOR * float(np.median(slips)) if slips.size else 0.0
-        bound = np.minimum(loose, np.maximum(tight, usual))[edit:]
+        bound = np.minimum(loose, _in_step_bound(gaps, np.abs(ref_times[head[:, 0]] - run_times[head[:, 1]])))[edit:]
         tail = align(ref_keys[edit:], ref_times[edit:], run_keys[edit:], run_times[edit:], bound)
         first = np.concatenate([head, tail + edit])
     return [(ref_slots[i], run_slots[j]) for i, j in first.tolist()]
@@ -192,17 +194,23 @@ def _codes(
 
 
 def _bounds(times: NDArray[np.float64], keys: NDArray[np.int64], span: float) -> tuple[NDArray[np.float64], ...]:
-    """How far a pair may be apart [s]: before the first edit, and after it."""
+    """How far a pair may be apart before the first edit, and how far the nearest of its kind is [s]."""
     loose = np.full(times.size, span / 2)
-    tight = np.full(times.size, span * IN_STEP_FRACTION)
+    nearest = np.full(times.size, span)
     for key in np.unique(keys):
         where = np.nonzero(keys == key)[0]
         gaps = np.diff(times[where])
         if gaps.size:
             loose[where] = gaps.max() / 2
-            near = np.minimum(np.append(gaps, np.inf), np.insert(gaps, 0, np.inf))
-            tight[where] = near * IN_STEP_FRACTION
-    return loose, tight
+            nearest[where] = np.minimum(np.append(gaps, np.inf), np.insert(gaps, 0, np.inf))
+    return loose, nearest
+
+
+def _in_step_bound(gaps: NDArray[np.float64], slips: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far a pair may be apart after the first edit [s], given the errors before it."""
+    if slips.size < IN_STEP_PAIRS:
+        return gaps * ROUGH_FRACTION
+    return np.maximum(gaps * IN_STEP_FRACTION, IN_STEP_FACTOR * float(np.median(slips)))
 
 
 def _groups(events: Sequence[Event], slots: list[int], radius: float) -> list[set[int]]:
@@ -250,7 +258,7 @@ def _horizon_margin(
 ) -> float:
     """How near the horizon the run's own time error may move a transition across it [s]."""
     worst = max((abs(reference[i].time - found[j].time) for i, j in pairs), default=0.0)
-    return max(min(HORIZON_FACTOR * worst, span * IN_STEP_FRACTION), 4 * float(np.spacing(abs(until))))
+    return max(min(HORIZON_FACTOR * worst, span * ROUGH_FRACTION), 4 * float(np.spacing(abs(until))))
 
 
 def _cut_off(

@@ -49,6 +49,15 @@ class ReferenceEvent(Protocol):
     def state(self) -> Sequence[object]: ...
 
 
+class NearTouch(Protocol):
+    """An instant at which a surface is nearly touched."""
+
+    @property
+    def time(self) -> float: ...
+    @property
+    def distance(self) -> float: ...
+
+
 @dataclass(frozen=True)
 class Expected:
     """What a run is scored against: the truth of one reading, in doubles and double-doubles."""
@@ -63,6 +72,7 @@ class Expected:
     """Horizon [s]."""
     end_time: float
     """Where the exact run ends: the horizon, or before it [s]."""
+    near_grazes: Sequence[NearTouch] = ()
 
     @property
     def radius(self) -> float:
@@ -74,6 +84,11 @@ class Expected:
         """Power of ten that digits are counted from [s]: 1 unless transitions are 10 times rarer or denser."""
         gap = (self.end_time - self.start) / max(len(self.transitions), 1)
         return 10.0 ** math.trunc(math.log10(gap)) if 0 < gap < math.inf else 1.0
+
+    @property
+    def state_size(self) -> float:
+        """Largest entry of a state at a transition; 0 where there is none."""
+        return max((abs(float(str(value))) for event in self.transitions for value in event.state), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -192,15 +207,24 @@ def _verdict(
     if expected.status == "nonunique":
         return "not unique"
     where = _first_edit_time(matching, expected, found)
-    if where is not None and expected.transitions:
-        times = np.array([e.time for e in expected.transitions])
-        nearest = int(np.argmin(np.abs(times - where)))
-        gaps = np.abs(np.delete(times, nearest) - times[nearest])
-        gap = float(gaps.min()) if gaps.size else expected.until - expected.start
-        slip = expected.transitions[nearest].conditioning * (HALF_ULP if tolerance is None else tolerance)
-        if slip >= gap:
-            return "ill-conditioned"
+    slack = (HALF_ULP if tolerance is None else tolerance) * max(expected.state_size, HALF_ULP)
+    if where is not None and _within_reach(where, slack, expected):
+        return "ill-conditioned"
     return "solver defect"
+
+
+def _within_reach(where: float, slack: float, expected: Expected) -> bool:
+    """Whether an error of this size in the state could have made or unmade a transition at this time."""
+    times = np.array([event.time for event in expected.transitions])
+    gap = expected.until - expected.start
+    if times.size:
+        nearest = int(np.argmin(np.abs(times - where)))
+        others = np.abs(np.delete(times, nearest) - times[nearest])
+        gap = float(others.min()) if others.size else gap
+        if expected.transitions[nearest].conditioning * slack >= gap:
+            return True
+    touches = [touch for touch in expected.near_grazes if touch.distance <= slack]
+    return any(abs(touch.time - where) <= gap for touch in touches)
 
 
 def _first_edit_time(matching: Matching, expected: Expected, found: Sequence[Transition]) -> float | None:

@@ -54,6 +54,7 @@ class Observer(Protocol):
     """Is told how a campaign gets on."""
 
     def truths(self, readings: int) -> None: ...
+    def truth(self, name: str) -> None: ...
     def runs(self, rows: int, kept: int) -> None: ...
     def begun(self, case: str, what: str) -> None: ...
     def row(self, finished: Record) -> None: ...
@@ -65,6 +66,9 @@ class Silent:
 
     def truths(self, readings: int) -> None:
         """The truths of so many readings are being read or computed."""
+
+    def truth(self, name: str) -> None:
+        """The truth of a reading is known, or that there is none."""
 
     def runs(self, rows: int, kept: int) -> None:
         """So many rows are to be made, so many of them are kept from before."""

@@ -53,6 +53,6 @@ def state_scale(problem: Problem, expected: Expected | None) -> float:
     """
     sizes = [abs(float(value)) for value in problem.initial]
     if expected is not None:
-        sizes += [abs(float(str(value))) for event in expected.transitions for value in event.state]
+        sizes.append(expected.state_size)
     largest = max((size for size in sizes if math.isfinite(size)), default=0.0)
     return 10.0 ** math.trunc(math.log10(largest)) if largest > 0 else 1.0

@@ -62,6 +62,7 @@ def statement_of(case: Case, reading: Reading) -> Statement:
         start=float(problem.start),
         until=float(problem.until),
         end_time=truth.end_time,
+        near_grazes=truth.near_grazes,
     )
     return Statement(
         expected,

@@ -1,0 +1,187 @@
+"""The answer: what a reading shows, in sentences made from its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from decimal import Decimal
+
+from henon_ref.comparison import Comparison
+from henon_ref.report.ranking import best_of, by_solver, floor, most_accurate, name, number, prices, right
+from henon_ref.report.words import code, duration, error, listing, printed_alike, setting, significant, times_as_long
+from henon_ref.score.columns import Row
+from henon_ref.score.results import ReadingResult
+from henon_ref.score.sticks import published_partners, sticks
+
+NOT_RUN = ("unsupported", "unavailable")
+
+
+def answer(comparison: Comparison, result: ReadingResult) -> list[str]:
+    """Paragraphs on one reading: accuracy, cost, who is wrong, and the published figures."""
+    rows = [record.run for record in comparison.of_reading(result.reading.name)]
+    if result.expected is None:
+        return [f"No truth could be had, so that nothing is scored: {result.statement.reason}."]
+    paragraphs = [
+        " ".join([_accuracy(rows, result), *_cost(rows)]),
+        " ".join(_failures(rows)),
+        " ".join(published(comparison, result)),
+    ]
+    return [text for text in paragraphs if text]
+
+
+def _accuracy(rows: Sequence[Row], result: ReadingResult) -> str:
+    """How many solvers are right, and who is right to the most digits."""
+    expected = result.expected
+    if expected is None:
+        return ""
+    solvers = by_solver(rows)
+    tried = [solver for solver, own in solvers.items() if own[-1]["status"] not in NOT_RUN]
+    good = [solver for solver in tried if right_at_all(solvers[solver])]
+    transitions = sum(event.kind != "graze" for event in expected.transitions)
+    what = "its only transition" if transitions == 1 else f"all {transitions} transitions"
+    if expected.status == "ok":
+        if not transitions:
+            return f"The exact run has no transition; {_who(good, tried, 'agree')}."
+        return f"{_capital(_who(good, tried, f'find {what} in order'))}. {_best(rows)}".strip()
+    why = f": {result.statement.reason.rstrip('.')}" if result.statement.reason else ""
+    ends = f"The exact run ends at t = {significant(expected.end_time, 9)} s, {expected.status}{why}."
+    found = f", with {what} before it" if transitions else ""
+    return f"{ends} {_capital(_who(good, tried, 'say so'))}{found}. {_best(rows)}".strip()
+
+
+def _who(good: Sequence[str], tried: Sequence[str], verb: str) -> str:
+    """So many of the solvers do something."""
+    if len(tried) == 1:
+        first, _, rest = verb.partition(" ")
+        done = f"{first}s" if good else f"does not {first}"
+        return f"`{tried[0]}` {done} {rest}".rstrip()
+    if len(good) == len(tried):
+        return f"all {len(tried)} solvers {verb}"
+    return f"{len(good) or 'none'} of {len(tried)} solvers {verb}"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def right_at_all(rows: Sequence[Row]) -> bool:
+    """Whether a solver is right at one setting at least."""
+    return any(row["verdict"] == "right" for row in rows)
+
+
+def _best(rows: Sequence[Row]) -> str:
+    best = most_accurate(rows)
+    if best is None:
+        return ""
+    worst = error(best["max_time_error_s"], floor(best))
+    text = (
+        f"**`{name(best)}` is right to {significant(number(best, 'digits'), 3)} digits** "
+        f"(worst error {worst} s at {setting(best['rtol'], best['step_s'])}) in **{duration(best['wall_s'])}**"
+    )
+    rest = [row for row in right(rows) if row["solver"] != best["solver"]]
+    second = most_accurate(rest)
+    if second is None:
+        return text + "."
+    times = times_as_long(number(second, "wall_s") / number(best, "wall_s"))
+    reached = significant(number(second, "digits"), 3)
+    return f"{text}; next comes `{name(second)}`, right to {reached} digits in {duration(second['wall_s'])}, {times}."
+
+
+def _cost(rows: Sequence[Row]) -> list[str]:
+    """Cheapest solver per number of digits, in one sentence."""
+    reached = [price for price in prices(rows) if price.row is not None]
+    if len(by_solver(right(rows))) < 2 or not reached:
+        return []
+    winners: dict[str, list[str]] = {}
+    for price in reached:
+        if price.row is not None:
+            winners.setdefault(name(price.row), []).append(f"{price.digits}")
+    phrases = [f"`{solver}` for {listing(levels)} digits" for solver, levels in winners.items()]
+    return [f"The cheapest is {listing(phrases)}."]
+
+
+def _failures(rows: Sequence[Row]) -> list[str]:
+    """Who is wrong, how, and who was not run."""
+    groups: dict[str, list[str]] = {}
+    for solver, own in by_solver(rows).items():
+        last = best_of(own)
+        if last["status"] in NOT_RUN:
+            groups.setdefault(str(last["status"]), []).append(solver)
+        elif not right_at_all(own):
+            groups.setdefault("never", []).append(f"`{solver}` ({_how(last)})")
+        elif own[-1]["verdict"] != "right":
+            groups.setdefault("tightest", []).append(f"`{solver}` ({_how(own[-1])})")
+        elif any(row["verdict"] != "right" for row in own):
+            loose = [setting(row["rtol"], row["step_s"]) for row in own if row["verdict"] != "right"]
+            groups.setdefault("loose", []).append(f"`{solver}` (at {listing(loose)})")
+    sentences = []
+    if "never" in groups:
+        sentences.append(f"Wrong at every setting: {listing(groups['never'])}.")
+    if "tightest" in groups:
+        sentences.append(f"Wrong at the tightest setting: {listing(groups['tightest'])}.")
+    if "loose" in groups:
+        sentences.append(f"Wrong at looser settings only: {listing(groups['loose'])}.")
+    for status in NOT_RUN:
+        if status in groups:
+            sentences.append(f"{status.capitalize()} here: {code(groups[status])}.")
+    return sentences
+
+
+def _how(row: Row) -> str:
+    """What went wrong in a row, in a few words."""
+    missed, spurious = number(row, "missed"), number(row, "spurious")
+    if row["status"] == "wrong" and missed + spurious > 0:
+        return f"{missed:.0f} missed, {spurious:.0f} spurious"
+    words = str(row["status"])
+    if row["verdict"] in ("ill-conditioned", "not unique"):
+        words += f", {row['verdict']}"
+    return words
+
+
+def published(comparison: Comparison, result: ReadingResult) -> list[str]:
+    """What became of the source's stick durations in this reading."""
+    reading, expected = result.reading, result.expected
+    if reading.published is None or not reading.published.stick_durations or expected is None:
+        return []
+    printed = reading.published.stick_durations
+    named = listing([f"{value}" for value in printed])
+    exact = [s.duration for s in sticks(expected.transitions, start=expected.start, after=reading.measure_after)]
+    if not exact:
+        after = f" after t = {reading.measure_after:g} s" if reading.measure_after else ""
+        return [f"The published stick durations ({named} s) have no counterpart: the exact run has no stick{after}."]
+    partners = published_partners(exact, [float(value) for value in printed])
+    pairs = dict(
+        sorted({_nearest(p, printed): d for p, d in zip(partners, exact, strict=True) if p is not None}.items())
+    )
+    values = listing([significant(pairs[value], 11) for value in printed if value in pairs])
+    alike = all(printed_alike(duration_s, value) for value, duration_s in pairs.items())
+    sentences = [f"The exact stick durations are {values} s where the source prints {named} s"]
+    if alike:
+        sentences[0] += ": the printed digits hold."
+    else:
+        off = listing([error(float(value) - pairs[value]) for value in printed if value in pairs])
+        sentences[0] += f": they are off by {off} s."
+    return sentences + _reproduced(comparison, result, printed)
+
+
+def _nearest(value: float, printed: Sequence[Decimal]) -> Decimal:
+    return min(printed, key=lambda candidate: abs(float(candidate) - value))
+
+
+def _reproduced(comparison: Comparison, result: ReadingResult, printed: Sequence[Decimal]) -> list[str]:
+    """The runs that give the printed digits, and the lengths they give."""
+    lengths = result.reading.published.stick_lengths if result.reading.published else ()
+    sentences = []
+    for record in comparison.of_reading(result.reading.name):
+        own = [row for row in record.sticks if row["duration_s"] is not None and row["published_s"] is not None]
+        if not own or not all(
+            printed_alike(number(r, "duration_s"), _nearest(number(r, "published_s"), printed)) for r in own
+        ):
+            continue
+        shown = listing(list(dict.fromkeys(f"{number(row, 'duration_s'):.5f}" for row in own)))
+        label = f"`{name(record.run)}` at {setting(record.run['rtol'], record.run['step_s'])}"
+        text = f"{label} gives the printed digits: {shown} s"
+        if lengths:
+            carried = listing(list(dict.fromkeys(f"{number(row, 'length'):.5f}" for row in own)))
+            text += f", lengths {carried} (printed {listing([str(value) for value in lengths])})"
+        sentences.append(text + ".")
+    return sentences[:3]

@@ -1,0 +1,205 @@
+"""What the command does: read the cases, run the campaign, write each report as it is done, then the index."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from henon_ref import registry
+from henon_ref.comparison import Comparison, compare_all
+from henon_ref.errors import CaseError
+from henon_ref.model.case import Case, load_case
+from henon_ref.report.figures import figure_job, preload
+from henon_ref.report.index import write_index
+from henon_ref.report.manifest import Provenance, provenance
+from henon_ref.report.write import check_writable, write_report
+from henon_ref.score.journal import FILE, read
+from henon_ref.score.options import Options, Silent
+from henon_ref.score.plan import check_solvers
+from henon_ref.score.rows import Record
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+SUFFIXES = (".yaml", ".yml")
+
+
+@dataclass(frozen=True)
+class Request:
+    """The command's arguments."""
+
+    cases: tuple[Path, ...]
+    out: Path
+    solvers: tuple[str, ...] | None
+    tolerances: tuple[float, ...] | None
+    repeats: int | None
+    timeout: float
+    processes: int
+    resume: bool
+
+
+def run(request: Request) -> list[str]:
+    """Compare and report; the bounds of the gate that are not met.
+
+    Raises
+    ------
+    CaseError
+        For a case file or an argument that cannot be used; nothing has been written then.
+    """
+    check_writable(request.out)
+    cases = load_cases(request.cases)
+    options = Options(
+        solvers=request.solvers,
+        tolerances=request.tolerances,
+        repeats=request.repeats,
+        timeout=request.timeout,
+        processes=request.processes,
+        folder=request.out,
+        resume=request.resume,
+    )
+    check_solvers(cases, options)
+    _mention_unfinished(cases, request)
+    written: list[Path] = []
+    failures: list[str] = []
+    origin: list[Provenance] = []
+
+    def meanwhile() -> None:
+        preload()
+        origin.append(provenance(rerun_command(request)))
+
+    def deliver(comparison: Comparison) -> None:
+        written.append(write_report(comparison, (origin or [provenance(rerun_command(request))])[0], request.out))
+        failures.extend(f"{comparison.case.name}: {words}" for words in comparison.gate_failures())
+
+    with Shown() as shown:
+        compare_all(cases, options, deliver, draw=figure_job, meanwhile=meanwhile, observer=shown)
+    index = write_index(request.out)
+    bounds = sum(len(reading.gate) for case in cases for reading in case.readings)
+    where = written[0] if len(written) == 1 else index
+    print(f"{where}" + (f"; gate {'not met' if failures else 'met'}" if bounds else ""))
+    return failures
+
+
+def load_cases(paths: Sequence[Path]) -> list[Case]:
+    """Read the case files; a folder stands for all of its cases, ``truth`` apart.
+
+    Raises
+    ------
+    CaseError
+        For a file that is no case, a folder without any, and two cases of one name.
+    """
+    cases: dict[str, Case] = {}
+    known = registry.names()
+    for file in dict.fromkeys(found for path in paths for found in case_files(path)):
+        case = load_case(file, solvers=known)
+        if case.name in cases:
+            raise CaseError(f"the name '{case.name}' is also that of {cases[case.name].path}", file=str(file))
+        cases[case.name] = case
+    return list(cases.values())
+
+
+def case_files(path: Path) -> list[Path]:
+    """The case files that a path stands for, in order."""
+    if not path.is_dir():
+        return [path]
+    found = sorted(
+        file
+        for file in path.rglob("*")
+        if file.suffix in SUFFIXES and "truth" not in file.relative_to(path).parts[:-1] and file.is_file()
+    )
+    if not found:
+        raise CaseError(f"no case file (*{SUFFIXES[0]}) in this folder", file=str(path))
+    return found
+
+
+def rerun_command(request: Request) -> str:
+    """The command that makes the same reports again."""
+    words = ["python", "-m", "henon_ref.compare", *(_relative(path) for path in request.cases)]
+    for option, value in (
+        ("--solvers", ",".join(request.solvers) if request.solvers else None),
+        ("--tolerances", ",".join(f"{value:g}" for value in request.tolerances) if request.tolerances else None),
+        ("--repeats", request.repeats),
+        ("--timeout", f"{request.timeout:g}" if request.timeout != Options().timeout else None),
+    ):
+        if value is not None:
+            words += [option, str(value)]
+    return shlex.join(words)
+
+
+def _relative(path: Path) -> str:
+    """A path as it is seen from here, so that a report does not name folders of this machine."""
+    absolute, here = path.absolute(), Path.cwd()
+    return absolute.relative_to(here).as_posix() if absolute.is_relative_to(here) else path.name
+
+
+def _mention_unfinished(cases: Sequence[Case], request: Request) -> None:
+    """Say that there are rows which --resume would keep."""
+    if request.resume:
+        return
+    for case in cases:
+        rows = len(read(request.out / case.name / FILE))
+        if rows:
+            print(f"starting afresh: --resume would keep {rows} rows of {case.name}", file=sys.stderr)
+
+
+class Shown(Silent, AbstractContextManager["Shown"]):
+    """Progress on a terminal; elsewhere nothing. It never starts a thread, so that workers can be forked."""
+
+    def __init__(self) -> None:
+        self._progress: Progress | None = None
+        self._task: TaskID | None = None
+
+    def __enter__(self) -> Shown:
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+            columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+            self._progress = Progress(*columns, console=Console(stderr=True), transient=True, auto_refresh=False)
+            self._progress.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._progress is not None:
+            self._progress.stop()
+
+    def truths(self, readings: int) -> None:
+        """The truths of so many readings are being read or computed."""
+        if self._progress is not None:
+            self._task = self._progress.add_task("truth", total=readings)
+
+    def truth(self, name: str) -> None:
+        """The truth of a reading is known."""
+        self._step(f"truth of {name}")
+
+    def runs(self, rows: int, kept: int) -> None:
+        """So many rows are to be made, so many of them are kept from before."""
+        if self._progress is not None:
+            if self._task is not None:
+                self._progress.remove_task(self._task)
+            self._task = self._progress.add_task("runs", total=rows, completed=kept)
+
+    def begun(self, case: str, what: str) -> None:
+        """A run is begun."""
+        if self._progress is not None and self._task is not None:
+            self._progress.update(self._task, description=f"{case} {what}")
+
+    def row(self, finished: Record) -> None:
+        """A row is finished."""
+        self._step(None)
+
+    def tick(self) -> None:
+        """Some time has passed."""
+        if self._progress is not None:
+            self._progress.refresh()
+
+    def _step(self, description: str | None) -> None:
+        if self._progress is not None and self._task is not None:
+            if description is not None:
+                self._progress.update(self._task, description=description)
+            self._progress.advance(self._task)

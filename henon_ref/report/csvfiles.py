@@ -1,0 +1,51 @@
+"""The result files: rows as CSV, numbers in full, a missing value an empty field."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from henon_ref.score.columns import Row
+
+
+def csv_text(columns: Sequence[str], rows: Iterable[Row]) -> str:
+    """Rows as CSV (RFC 4180, with plain line feeds)."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(columns)
+    for row in rows:
+        writer.writerow([field(row.get(column)) for column in columns])
+    return buffer.getvalue()
+
+
+def field(value: object) -> str:
+    """One value: floats with the fewest digits that read back the same, missing ones empty, never 0.
+
+    Examples
+    --------
+    >>> field(1e-12), field(3), field(None), field(float("nan")), field("ok")
+    ('1e-12', '3', '', '', 'ok')
+    """
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    if isinstance(value, float):
+        return repr(float(value))
+    return str(value)
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Rows of a result file; empty fields come back as None, numbers as float, the rest as text."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return [{key: _value(text) for key, text in row.items()} for row in csv.DictReader(file)]
+
+
+def _value(text: str | None) -> object:
+    if not text:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return text

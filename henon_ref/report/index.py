@@ -1,0 +1,137 @@
+"""The index of all reports in a folder: who is right where, to how many digits, and who is cheapest."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from henon_ref import registry
+from henon_ref.report.csvfiles import read_rows
+from henon_ref.report.markdown import environment
+from henon_ref.report.ranking import LEVELS, best_of, by_solver, name, number, prices, right
+from henon_ref.report.tables import Table
+from henon_ref.report.words import count, significant
+from henon_ref.report.write import MANIFEST, REPORT, RUNS, replace_file
+from henon_ref.score.columns import Row
+
+INDEX = "README.md"
+MARKS = {"unsupported": "–", "unavailable": "·", "timeout": "timeout", "failed": "failed"}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One reading of one report."""
+
+    case: str
+    title: str
+    reading: str
+    rows: list[Row]
+
+    @property
+    def label(self) -> str:
+        """Link to the report, with the reading where the case has several."""
+        text = self.case if self.reading == "default" else f"{self.case}, {self.reading}"
+        anchor = "" if self.reading == "default" else f"#{self.reading}"
+        return f"[{text}]({self.case}/{REPORT}{anchor})"
+
+
+def write_index(folder: Path) -> Path:
+    """Write the index of all reports in a folder."""
+    path = folder / INDEX
+    replace_file(path, index_text(entries(folder)).encode())
+    return path
+
+
+def entries(folder: Path) -> list[Entry]:
+    """The readings of all reports in a folder, by case and reading."""
+    found: list[Entry] = []
+    for manifest in sorted(folder.glob(f"*/{MANIFEST}")):
+        runs = manifest.with_name(RUNS)
+        if not runs.exists():
+            continue
+        title = str(json.loads(manifest.read_text(encoding="utf-8")).get("title", manifest.parent.name))
+        by_reading: dict[str, list[Row]] = {}
+        for row in read_rows(runs):
+            by_reading.setdefault(str(row["reading"]), []).append(row)
+        found += [Entry(manifest.parent.name, title, reading, rows) for reading, rows in by_reading.items()]
+    return found
+
+
+def index_text(found: Sequence[Entry]) -> str:
+    """The index as markdown."""
+    solvers = _solvers(found)
+    return (
+        environment()
+        .get_template("index.md.j2")
+        .render(
+            answer=_answer(found, solvers),
+            matrix=_matrix(found, solvers).markdown,
+            cheapest=_cheapest(found).markdown,
+            titles=[(entry.label, entry.title) for entry in found],
+        )
+    )
+
+
+def _solvers(found: Sequence[Entry]) -> list[str]:
+    """Solvers that ran anywhere, in the registry's order."""
+    present = {name(row) for entry in found for row in entry.rows}
+    order = [solver for solver in registry.names() if solver in present]
+    return order + sorted(present - set(order))
+
+
+def _answer(found: Sequence[Entry], solvers: Sequence[str]) -> list[str]:
+    """Sentences on the whole suite."""
+    tally = []
+    for solver in solvers:
+        own = [rows for entry in found if (rows := by_solver(entry.rows).get(solver))]
+        tried = [rows for rows in own if rows[-1]["status"] not in ("unsupported", "unavailable")]
+        good = [rows for rows in tried if any(row["verdict"] == "right" for row in rows)]
+        if tried:
+            tally.append((solver, len(good), len(tried)))
+    best = max((good / tried for _, good, tried in tally), default=0.0)
+    leaders = [f"`{solver}` ({good} of {tried})" for solver, good, tried in tally if good / tried == best]
+    sentences = [f"{count(len(found), 'reading')} of {count(len({e.case for e in found}), 'case')}."]
+    if leaders:
+        sentences.append(f"Right most often, at one setting at least: {', '.join(leaders)}.")
+    return sentences
+
+
+def _matrix(found: Sequence[Entry], solvers: Sequence[str]) -> Table:
+    """Digits that each solver reaches on each reading, or what became of it."""
+    lines = []
+    for entry in found:
+        own = by_solver(entry.rows)
+        lines.append((entry.label, *(_cell(own[solver]) if solver in own else "" for solver in solvers)))
+    return Table(("case", *(f"`{solver}`" for solver in solvers)), "l" + "r" * len(solvers), lines)
+
+
+def _cell(rows: Sequence[Row]) -> str:
+    best = best_of(rows)
+    if best["verdict"] == "right":
+        reached = significant(number(best, "digits"), 3) if best["digits"] is not None else "ok"
+        return reached if all(row["verdict"] == "right" for row in rows) else f"{reached} *"
+    if any(row["verdict"] == "right" for row in rows):
+        return "ok"
+    if best["verdict"] in ("ill-conditioned", "not unique"):
+        return str(best["verdict"])
+    return MARKS.get(str(best["status"]), str(best["status"]))
+
+
+def _cheapest(found: Sequence[Entry]) -> Table:
+    """How often each solver is the cheapest for so many digits, over all readings that two solvers get right."""
+    wins: dict[str, dict[int, int]] = {}
+    reached = dict.fromkeys(LEVELS, 0)
+    for entry in found:
+        if len(by_solver(right(entry.rows))) < 2:
+            continue
+        for price in prices(entry.rows):
+            if price.row is not None:
+                reached[price.digits] += 1
+                own = wins.setdefault(name(price.row), dict.fromkeys(LEVELS, 0))
+                own[price.digits] += 1
+    order = sorted(wins, key=lambda solver: -sum(wins[solver].values()))
+    lines = [(f"`{solver}`", *(f"{wins[solver][level] or ''}" for level in LEVELS)) for solver in order]
+    lines.append(("readings that somebody gets to so many digits", *(f"{reached[level]}" for level in LEVELS)))
+    return Table(("cheapest solver", *(f"{level} digits" for level in LEVELS)), "l" + "r" * len(LEVELS), lines)

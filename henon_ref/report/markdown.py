@@ -1,0 +1,137 @@
+"""The report as markdown: everything in it is taken from the comparison, then set by the template."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from henon_ref.comparison import Comparison
+from henon_ref.model.case import DEFAULT_READING
+from henon_ref.report.answer import answer
+from henon_ref.report.figures import COST, ERRORS, MODES, PORTRAIT, file_name
+from henon_ref.report.manifest import Provenance
+from henon_ref.report.modeltext import general_form, mode_equations, modes_of, parameters, truth_sentences
+from henon_ref.report.ranking import name
+from henon_ref.report.tables import price_table, reason_table, run_table, stick_table
+from henon_ref.report.words import count, listing
+from henon_ref.score.results import ReadingResult
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+NOTES = (
+    "Transitions are matched with the truth by order and mode (kind, surface, modes before and after) before any error "
+    "is taken, so that one missed transition counts once; touches that change no mode count apart. "
+    "**Digits** are −log₁₀ of the worst error of a transition time in seconds{unit}, never more than the truth's "
+    "radius and double precision allow. "
+    "**Times** are medians of repeated runs in one process after one run as a warm-up, with the interquartile range; "
+    "† marks samples that scatter by more than a tenth. Compilation, code generation and other one-time work is in the "
+    "column **compile**. "
+    "**Steps**, **fields** (right-hand sides) and **events** (evaluations of event functions) are what each solver's "
+    "docstring says they are."
+)
+
+
+@cache
+def environment() -> Environment:
+    """The templates' environment."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    return Environment(
+        loader=PackageLoader("henon_ref.report"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=False,
+    )
+
+
+def report_text(comparison: Comparison, provenance: Provenance) -> str:
+    """The report of one case."""
+    case = comparison.case
+    single = [result.reading.name for result in comparison.readings] == [DEFAULT_READING]
+    text = (
+        environment()
+        .get_template("report.md.j2")
+        .render(
+            title=case.title,
+            single=single,
+            sub="##" if single else "###",
+            readings=[_reading(comparison, result) for result in comparison.readings],
+            gate=_gate(comparison),
+            notes=NOTES.format(unit=_unit(comparison)),
+            source=(case.source or "").rstrip("."),
+            links=list(dict.fromkeys(link for result in comparison.readings for link in result.reading.links)),
+            rerun=provenance.rerun,
+            versions=_versions(comparison, provenance),
+            machine=provenance.machine_text,
+            commit=provenance.commit[:12],
+        )
+    )
+    return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
+
+
+def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
+    reading = result.reading
+    system = reading.problem.system
+    rows = [record.run for record in comparison.of_reading(reading.name)]
+    prices, reasons, sticks = price_table(rows), reason_table(rows), stick_table(comparison, result)
+    return {
+        "name": reading.name,
+        "title": reading.title,
+        "answer": answer(comparison, result),
+        "figures": _figures(result),
+        "figures_note": f"Figures could not be drawn: {result.figures_reason}." if result.figures_reason else "",
+        "prices": prices.markdown if prices else "",
+        "sticks": sticks.markdown if sticks else "",
+        "runs": run_table(rows).markdown,
+        "reasons": reasons.markdown if reasons else "",
+        "truth": truth_sentences(result),
+        "story": reading.story or "",
+        "effects": ", ".join(f"`{effect}`" for effect in system.effects),
+        "equations": general_form(system),
+        "modes": [mode_equations(system, mode) for mode in modes_of(result)],
+        "parameters": parameters(result),
+    }
+
+
+CAPTIONS = {
+    PORTRAIT: "Phase portrait in the measured window; sticks lie on the surface",
+    MODES: "Distance from the surface over time, the modes shaded",
+    ERRORS: "Error of every transition time, each solver at its tightest setting",
+    COST: "Worst error of a transition time against the wall time of a run",
+}
+
+
+def _figures(result: ReadingResult) -> list[dict[str, str]]:
+    """The figures that were drawn, what matters most first."""
+    found = []
+    for kind in (COST, ERRORS, PORTRAIT, MODES):
+        file = file_name(result.reading.name, kind)
+        if file in result.figures:
+            found.append({"file": file, "caption": CAPTIONS[kind]})
+    return found
+
+
+def _gate(comparison: Comparison) -> str:
+    """What became of the case's gate."""
+    bounds = sum(len(result.reading.gate) for result in comparison.readings)
+    if not bounds:
+        return ""
+    failures = comparison.gate_failures()
+    if not failures:
+        return f"The gate ({count(bounds, 'bound')}) is met."
+    return "\n".join(["The gate is **not** met:", "", *(f"- {words}" for words in failures)])
+
+
+def _unit(comparison: Comparison) -> str:
+    units = {result.expected.time_unit for result in comparison.readings if result.expected is not None}
+    other = sorted(units - {1.0})
+    return f" (here in units of {listing([f'{unit:g} s' for unit in other])})" if other else ""
+
+
+def _versions(comparison: Comparison, provenance: Provenance) -> str:
+    """The versions of the packages whose solvers ran."""
+    ran = {name(record.run): str(record.run["library_version"] or "") for record in comparison.records}
+    return listing([f"{package} {version}".strip() for package, version in provenance.packages(ran).items()])

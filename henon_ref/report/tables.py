@@ -1,0 +1,161 @@
+"""The tables of a report, as rows of text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from henon_ref.comparison import Comparison
+from henon_ref.report.ranking import floor, name, number, prices, right
+from henon_ref.report.words import duration, error, setting, significant
+from henon_ref.score.columns import Row
+from henon_ref.score.results import ReadingResult
+from henon_ref.score.sticks import published_partners, sticks
+from henon_ref.score.timing import UNSTABLE
+
+MOST_STICKS = 12
+"""Sticks shown for a reading; all are in sticks.csv."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Headings, alignment (``l`` or ``r``) and rows of text."""
+
+    headings: tuple[str, ...]
+    alignment: str
+    rows: list[tuple[str, ...]]
+
+    @property
+    def markdown(self) -> str:
+        """As a markdown table."""
+        marks = {"l": "---", "r": "---:"}
+        lines = [self.headings, tuple(marks[side] for side in self.alignment), *self.rows]
+        return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def price_table(rows: Sequence[Row]) -> Table | None:
+    """The cheapest solver for so many digits, and what the next one costs."""
+    found = [price for price in prices(rows) if price.row is not None]
+    if not found:
+        return None
+    lines = []
+    for price in prices(rows):
+        cells = [f"{price.digits}"]
+        for row in (price.row, price.next_row):
+            cells += ["none", "", ""] if row is None else [
+                f"`{name(row)}`", setting(row["rtol"], row["step_s"]), duration(row["wall_s"])
+            ]  # fmt: skip
+        ratio = ""
+        if price.row is not None and price.next_row is not None:
+            ratio = significant(number(price.next_row, "wall_s") / number(price.row, "wall_s"), 3)
+        lines.append((*cells, ratio))
+    headings = ("digits", "cheapest", "setting", "time", "next", "setting", "time", "times as long")
+    return Table(headings, "rlrrlrrr", lines)
+
+
+def run_table(rows: Sequence[Row]) -> Table:
+    """Every run that could be made: what was found, how well, at what cost."""
+    lines = []
+    for row in (row for row in rows if row["status"] not in ("unsupported", "unavailable")):
+        found = f"{number(row, 'matched'):.0f}" if row["matched"] is not None else ""
+        edits = "" if row["missed"] is None else f"{number(row, 'missed'):.0f} / {number(row, 'spurious'):.0f}"
+        lines.append(
+            (
+                f"`{name(row)}`",
+                setting(row["rtol"], row["step_s"]),
+                status(row),
+                found,
+                edits,
+                error(row["max_time_error_s"], floor(row)),
+                significant(number(row, "digits"), 3) if row["digits"] is not None else "",
+                error(row["max_stick_error_s"], floor(row)),
+                wall(row),
+                duration(row["compile_s"]),
+                *(f"{number(row, column):.0f}" if row[column] is not None else "" for column in COUNTS),
+            )
+        )
+    headings = (
+        "solver", "setting", "status", "matched", "missed / spurious", "worst error [s]", "digits",
+        "stick error [s]", "time (IQR)", "compile", "steps", "fields", "events",
+    )  # fmt: skip
+    return Table(headings, "lrlrrrrrrrrrr", lines)
+
+
+COUNTS = ("steps", "rhs_evaluations", "event_evaluations")
+
+
+def status(row: Row) -> str:
+    """Status, with the verdict where the solver is not to blame."""
+    text = str(row["status"])
+    return f"{text} ({row['verdict']})" if row["verdict"] in ("ill-conditioned", "not unique") else text
+
+
+def wall(row: Row) -> str:
+    """Median wall time, its interquartile range, and a mark where the samples scatter too much."""
+    if row["wall_s"] is None:
+        return ""
+    text = duration(row["wall_s"])
+    if row["wall_s_iqr"] is None:
+        return text
+    unstable = number(row, "wall_s_iqr") > UNSTABLE * number(row, "wall_s")
+    return f"{text} ({duration(row['wall_s_iqr'])})" + (" †" if unstable else "")
+
+
+def reason_table(rows: Sequence[Row]) -> Table | None:
+    """Why a run is not right."""
+    lines = [
+        (f"`{name(row)}`", setting(row["rtol"], row["step_s"]), status(row), str(row["status_reason"]))
+        for row in rows
+        if row["verdict"] != "right" and row["status_reason"]
+    ]
+    # One line for a solver that says the same at every setting.
+    merged: dict[tuple[str, str, str], list[str]] = {}
+    for solver, at, kind, reason in lines:
+        merged.setdefault((solver, kind, reason), []).append(at)
+    if not merged:
+        return None
+    return Table(
+        ("solver", "setting", "status", "reason"),
+        "lrll",
+        [(solver, ", ".join(at), kind, reason) for (solver, kind, reason), at in merged.items()],
+    )
+
+
+def stick_table(comparison: Comparison, result: ReadingResult) -> Table | None:
+    """The sticks of the measured window: truth, source, and every solver's most accurate right run."""
+    expected, reading = result.expected, result.reading
+    if expected is None:
+        return None
+    exact = sticks(expected.transitions, start=expected.start, after=reading.measure_after)
+    if not exact:
+        return None
+    printed = [float(value) for value in reading.published.stick_durations] if reading.published else []
+    partners = published_partners([stick.duration for stick in exact], printed)
+    rows = []
+    best = _best_stick_run(comparison, reading.name)
+    for index, (stick, partner) in enumerate(list(zip(exact, partners, strict=True))[:MOST_STICKS]):
+        cells = [f"{index}", reading.problem.system.sign_names[stick.surface], f"{stick.start:.9f}"]
+        cells.append(f"{stick.duration:.13f}")
+        if printed:
+            cells.append("" if partner is None else f"{partner:g}")
+            cells.append("" if partner is None else error(partner - stick.duration))
+        if best is not None:
+            own = next((row for row in best[1] if row["index"] == index), None)
+            cells.append("" if own is None else error(own["error_s"]))
+            cells.append("" if own is None or own["length"] is None else f"{number(own, 'length'):.9f}")
+        rows.append(tuple(cells))
+    headings = ["stick", "surface", "begins at [s]", "exact duration [s]"]
+    if printed:
+        headings += ["printed [s]", "printed − exact [s]"]
+    if best is not None:
+        headings += [f"error of `{best[0]}` [s]", "length"]
+    return Table(tuple(headings), "rl" + "r" * (len(headings) - 2), rows)
+
+
+def _best_stick_run(comparison: Comparison, reading: str) -> tuple[str, list[Row]] | None:
+    """Solver and stick rows of the most accurate right run of a reading."""
+    records = [record for record in comparison.of_reading(reading) if record.sticks and right([record.run])]
+    if not records:
+        return None
+    best = max(records, key=lambda record: number(record.run, "digits"))
+    return name(best.run), best.sticks

@@ -1,0 +1,138 @@
+"""Numbers as a reader wants them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from decimal import Decimal
+
+
+def duration(seconds: object) -> str:
+    """A wall time with three digits and a unit.
+
+    Examples
+    --------
+    >>> duration(3.456e-4), duration(0.0123), duration(12.0), duration(None)
+    ('0.346 ms', '12.3 ms', '12 s', '')
+    """
+    if not isinstance(seconds, float | int) or math.isnan(seconds):
+        return ""
+    if seconds < 1e-4:
+        return f"{significant(seconds * 1e6)} µs"
+    if seconds < 1.0:
+        return f"{significant(seconds * 1e3)} ms"
+    return f"{significant(seconds)} s"
+
+
+def significant(value: float, places: int = 3) -> str:
+    """A number rounded to so many significant places, without an exponent where that reads well.
+
+    Examples
+    --------
+    >>> significant(0.34567), significant(1234.5), significant(12.0), significant(0.000001234)
+    ('0.346', '1230', '12', '1.23e-6')
+    """
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    exponent = math.floor(math.log10(abs(value)))
+    if -3 <= exponent < 6:
+        rounded = round(value, places - 1 - exponent)
+        return (
+            f"{rounded:.{max(places - 1 - exponent, 0)}f}".rstrip("0").rstrip(".")
+            if exponent < places - 1
+            else (f"{rounded:.0f}")
+        )
+    return exponential(value, places)
+
+
+def exponential(value: float, places: int = 2) -> str:
+    """A number in scientific notation, without zeros in the exponent.
+
+    Examples
+    --------
+    >>> exponential(1.234e-13), exponential(-5e-5), exponential(1e-6, 1)
+    ('1.2e-13', '-5.0e-5', '1e-6')
+    """
+    mantissa, _, power = f"{value:.{places - 1}e}".partition("e")
+    return f"{mantissa}e{int(power)}"
+
+
+def error(value: object, floor: float = 0.0) -> str:
+    """An error of a time [s]; one that is below what can be claimed is not claimed.
+
+    Examples
+    --------
+    >>> error(3.21e-13), error(1e-40, 1e-30), error(0.0), error(None)
+    ('3.2e-13', '< 1e-30', '0', '')
+    """
+    if not isinstance(value, float | int) or math.isnan(value):
+        return ""
+    if abs(value) < floor:
+        return f"< {exponential(floor, 1)}"
+    return "0" if value == 0 else exponential(float(value))
+
+
+def setting(rtol: object, step: object) -> str:
+    """What a run was asked for.
+
+    Examples
+    --------
+    >>> setting(1e-9, None), setting(None, 0.0001)
+    ('1e-9', 'h = 0.0001 s')
+    """
+    if isinstance(rtol, float | int):
+        return exponential(float(rtol), 1) if float(f"{rtol:.0e}") == rtol else f"{rtol:g}"
+    return f"h = {step:g} s" if isinstance(step, float | int) else ""
+
+
+def listing(items: Sequence[str], last: str = "and") -> str:
+    """Items as a phrase.
+
+    Examples
+    --------
+    >>> listing(["a"]), listing(["a", "b"]), listing(["a", "b", "c"])
+    ('a', 'a and b', 'a, b and c')
+    """
+    if len(items) < 2:
+        return "".join(items)
+    return f"{', '.join(items[:-1])} {last} {items[-1]}"
+
+
+def code(names: Sequence[str]) -> str:
+    """Names as a phrase of code."""
+    return listing([f"`{name}`" for name in names])
+
+
+def count(number: int, noun: str) -> str:
+    """A number with its noun.
+
+    Examples
+    --------
+    >>> count(1, "transition"), count(2, "transition"), count(0, "crossing")
+    ('1 transition', '2 transitions', 'no crossings')
+    """
+    return f"{number or 'no'} {noun}" + ("" if number == 1 else "s")
+
+
+def times_as_long(ratio: float) -> str:
+    """A ratio of two times.
+
+    Examples
+    --------
+    >>> times_as_long(12.34), times_as_long(1.01), times_as_long(0.5)
+    ('12 times as long', 'as long', '0.5 times as long')
+    """
+    return "as long" if abs(ratio - 1) < 0.05 else f"{significant(ratio, 2)} times as long"
+
+
+def printed_alike(value: float, printed: Decimal) -> bool:
+    """Whether a value rounds to a printed number's digits.
+
+    Examples
+    --------
+    >>> printed_alike(1.17463, Decimal("1.1746")), printed_alike(1.1743, Decimal("1.1746"))
+    (True, False)
+    """
+    exponent = printed.as_tuple().exponent
+    unit = Decimal(1).scaleb(exponent) if isinstance(exponent, int) else Decimal(1)
+    return abs(Decimal(value) - printed) <= unit / 2
