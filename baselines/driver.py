@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from baselines.flow import LIMIT, Library, Stop
 from baselines.functions import ARITHMETIC
 from baselines.mode_functions import EPSILON
-from baselines.mode_table import ModeEntry, ModeTable
+from baselines.mode_table import ModeEntry, ModeTable, status_of
 from baselines.record import Record
 from baselines.restart import Fresh
 from baselines.work import DeadlinePassed, Work
@@ -94,7 +94,7 @@ class Driver:
             modes = scout.table.visited
         for mode in modes:
             try:
-                self.table[mode]  # noqa: B018  (made on first access)
+                self.table[mode]
             except ModelError as error:
                 _LOG.debug("mode %s has no equations: %s", mode, error)
 
@@ -112,9 +112,8 @@ class Driver:
             self.library.errors[1],
         )
         if self.decision.mode is None:
-            status = {"nonunique": "nonunique", "invalid": "invalid"}.get(self.decision.status, "failed")
             unknown = (0,) * len(system.surfaces)
-            return record.finish(status, self.start, x, unknown, self.decision.reason)  # type: ignore[arg-type]
+            return record.finish(status_of(self.decision), self.start, x, unknown, self.decision.reason)
         return self._march(record, self.decision.mode)
 
     def _march(self, record: Record, mode: Mode) -> Trajectory:
@@ -135,7 +134,8 @@ class Driver:
             if stop.status == "failed" or stop.status == "diverged":
                 return _ended(record, entry, x, stop)
             t, low, x = stop.t, stop.low, stop.x
-            hits, unsettled = stop.hits, ()
+            hits = stop.hits
+            unsettled: tuple[Fresh, ...] = ()
             if entry.several or not hits:
                 hits, unsettled, missed = self._together(entry, stop, fresh)
                 if missed:
@@ -150,7 +150,7 @@ class Driver:
                 after = self.table.decided(entry, hits, t, x)
                 if after.mode is None:
                     return record.finish(after.status, t, x, mode, record.explained(after.status, after.reason))
-                followed, touched = after[:4], after.touched
+                followed, touched = (after.mode, after.x, after.fresh, after.drift), after.touched
             before, (after_mode, x, starting, drift) = entry, followed
             if drift > record.drift:
                 record.drift = drift

@@ -67,8 +67,10 @@ class Flow(Protocol):
 class Library(Protocol):
     """A library with its tolerances: makes one flow a mode."""
 
-    landing: str
-    """Its way of putting an event on the surface, as in the solver's ``landing``."""
+    @property
+    def landing(self) -> str:
+        """Its way of putting an event on the surface, as in the solver's ``landing``."""
+        ...
 
     @property
     def errors(self) -> tuple[float, float]:

@@ -8,7 +8,7 @@ of states; the compiled ones are numba's, for libraries that take a callback on 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -64,31 +64,39 @@ class _ScalarPrinter(PythonCodePrinter):
     """``math`` names, and a non-integer power that raises on a negative base instead of turning complex."""
 
     def __init__(self) -> None:
-        super().__init__({"fully_qualified_modules": False, "inline": True})
+        super().__init__({"fully_qualified_modules": False, "inline": True, "allow_unknown_functions": True})
 
-    def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:
+    def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:  # noqa: N802  (SymPy's name)
         if expr.exp.is_Integer or abs(expr.exp) == sp.Rational(1, 2):
             return str(super()._print_Pow(expr, rational=rational))
         return f"pow({self._print(expr.base)}, {self._print(expr.exp)})"
 
-    def _print_Float(self, expr: sp.Float) -> str:
+    def _print_Float(self, expr: sp.Float) -> str:  # noqa: N802  (SymPy's name)
         return repr(float(expr))
 
 
-def scalar(states: Sequence[sp.Symbol], expressions: Iterable[sp.Expr], extra: Sequence[sp.Symbol] = ()) -> Scalar:
-    """``f(t, *states, *extra)`` in ``math``, common subexpressions shared.
+def scalar(
+    states: Sequence[sp.Symbol],
+    expressions: Iterable[sp.Expr],
+    functions: Mapping[str, Callable[[float], float]] | None = None,
+) -> Scalar:
+    """``f(t, *states)`` in ``math``, common subexpressions shared.
 
     Parameters
     ----------
     states : sequence of Symbol
     expressions : iterable of Expr
-        In time, states and ``extra`` only (parameters already put in).
-    extra : sequence of Symbol
-        Further arguments.
+        In time and states only (parameters already put in).
+    functions : mapping, optional
+        Name -> what is called for a function that ``math`` does not have.
     """
     exprs = tuple(_float(e) if e.is_number else rounded(e) for e in expressions)
-    return sp.lambdify(  # type: ignore[no-any-return]
-        [TIME, *states, *extra], exprs, modules=[{"pow": math.pow}, "math"], printer=_ScalarPrinter(), cse=True,
+    return sp.lambdify(
+        [TIME, *states],
+        exprs,
+        modules=[{"pow": math.pow, **(functions or {})}, "math"],
+        printer=_ScalarPrinter(),
+        cse=True,
         dummify=True,
     )
 
@@ -111,9 +119,7 @@ def compiled(states: Sequence[sp.Symbol], expressions: Iterable[sp.Expr]) -> Cal
     names = {TIME: clock, **{x: array[k] for k, x in enumerate(states)}}
     # A constant entry is written as a double, so that all entries have one type and numba can index them.
     exprs = tuple(_float(e) if e.is_number else rounded(e).xreplace(names) for e in expressions)
-    source = sp.lambdify(
-        [clock, array], exprs, modules=[{"pow": math.pow}, "math"], printer=_ScalarPrinter(), cse=True
-    )
+    source = sp.lambdify([clock, array], exprs, modules=[{"pow": math.pow}, "math"], printer=_ScalarPrinter(), cse=True)
     values = numba.njit(source, error_model="numpy")
 
     def fill(t: float, x: Any, out: Any) -> None:
@@ -121,7 +127,7 @@ def compiled(states: Sequence[sp.Symbol], expressions: Iterable[sp.Expr]) -> Cal
         for k in range(len(results)):
             out[k] = results[k]
 
-    return numba.njit(fill, error_model="numpy")  # type: ignore[no-any-return]
+    return numba.njit(fill, error_model="numpy")
 
 
 class Jacobian:

@@ -138,10 +138,14 @@ class _Flow:
         field = [
             (variables[x], to_heyoka(f, variables)) for x, f in zip(model.states, model.field_expressions, strict=True)
         ]
-        options = {"tol": library.rtol, "fast_math": solver.fast_math, "compact_mode": len(field) >= COMPACT}
+        options: dict[str, Any] = {
+            "tol": library.rtol,
+            "fast_math": solver.fast_math,
+            "compact_mode": len(field) >= COMPACT,
+        }
         start = [0.0] * len(field)
         # The twin without events takes the event-free step, and what is beyond the last event.
-        self._quiet = hy.taylor_adaptive(field, start, **options) if solver.restart == "event-free-step" else None
+        self._quiet: Any = hy.taylor_adaptive(field, start, **options) if solver.restart == "event-free-step" else None
         if self._guards:
             direction = hy.event_direction.any if solver.restart == "none" else hy.event_direction.negative
             # A cooldown of zero: after an event the state goes to another mode, or starts this one afresh.
@@ -243,9 +247,7 @@ class _Flow:
             size += weight * abs(x[k])
         return max(LIFT * EPSILON * size, LEAST)
 
-    def _event_free_step(
-        self, t: float, low: float, x: Sequence[float], until: float, fresh: Sequence[Fresh]
-    ) -> Stop:
+    def _event_free_step(self, t: float, low: float, x: Sequence[float], until: float, fresh: Sequence[Fresh]) -> Stop:
         """A first step with the twin that has no events; an event, late, where a guard ends it below zero."""
         model, quiet = self._model, self._quiet
         levels = [model.size(guard, t, x, self._rtol, self._rtol) for guard, *_ in fresh]
@@ -257,9 +259,7 @@ class _Flow:
         self._work.rhs += steps
         t, low = quiet.dtime
         point = tuple(quiet.state.tolist())
-        below = tuple(
-            k for k, g in enumerate(model.guard) if not model.guards[k].rising_only and g(t, *point)[0] < 0.0
-        )
+        below = tuple(k for k, g in enumerate(model.guard) if not model.guards[k].rising_only and g(t, *point)[0] < 0.0)
         return Stop("event" if below else "horizon", t, low, point, below)
 
 

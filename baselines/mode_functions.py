@@ -14,7 +14,7 @@ from baselines.functions import ARITHMETIC, Callbacks, Jacobian, Scalar, scalar
 from henon_ref.model.modes import Mode, replaced
 from henon_ref.model.system import TIME, FilippovSystem, Guard
 from henon_ref.taylor.expand import expand
-from henon_ref.taylor.tape import build_tape
+from henon_ref.taylor.tape import Tape, build_tape
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -113,7 +113,7 @@ class ModeFunctions:
         return Jacobian(self.unknowns, self.right, callbacks)
 
     @cached_property
-    def _tape(self) -> tuple[object, list[float]]:
+    def _tape(self) -> tuple[Tape, list[float]]:
         tape = build_tape(self.states, self.field_expressions, self.guard_expressions)
         return tape, [float(c) for c in tape.constants]
 
@@ -126,7 +126,7 @@ class ModeFunctions:
             Where the field has no value.
         """
         tape, numbers = self._tape
-        return expand(tape, numbers, t, list(x), order)[1]  # type: ignore[arg-type]
+        return expand(tape, numbers, t, list(x), order)[1]
 
 
 def _linear(expression: sp.Expr, states: Sequence[sp.Symbol]) -> bool:
@@ -152,8 +152,10 @@ class Landing:
         gradient = [sp.diff(h, x) for x in system.states]
         square = sp.Add(*(d**2 for d in gradient))
         # Expanding lets a linear surface cancel to its own solution: x2 - (x2 - vp) is vp, with no rounding left.
-        point = [x - sp.expand(h * d / square) if square.is_number else x - h * d / square
-                 for x, d in zip(system.states, gradient, strict=True)]
+        point = [
+            x - sp.expand(h * d / square) if square.is_number else x - h * d / square
+            for x, d in zip(system.states, gradient, strict=True)
+        ]
         self.index = index
         self.values = scalar(system.states, [h, below, above, *point])
 

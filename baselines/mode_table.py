@@ -18,7 +18,7 @@ from baselines.mode_functions import EPSILON, Landing, ModeFunctions, projected
 from baselines.restart import Fresh
 from baselines.work import Work
 from henon_ref.model.modes import Mode, replaced
-from henon_ref.model.switching import Switching
+from henon_ref.model.switching import Decision, Switching
 from henon_ref.model.system import FilippovSystem, Guard
 from henon_ref.trajectory import Status
 
@@ -48,6 +48,11 @@ Followed = tuple[Mode, tuple[float, ...], tuple[Fresh, ...], float]
 """The first four fields of :class:`After` (bare: this is on the path that every ordinary event takes)."""
 Exit = Callable[[float, Sequence[float]], Followed | None]
 """What follows an ordinary event at (t, x); None where two signs do not settle it."""
+
+
+def status_of(decision: Decision) -> Status:
+    """Status of a run that ends because no one mode follows."""
+    return decision.status if decision.status in ("nonunique", "invalid") else "failed"
 
 
 class ModeEntry:
@@ -155,15 +160,14 @@ class ModeTable:
         x, drift = projected([self._surface(i) for i in sorted(involved)], t, x)
         decision = self.switching.after_event(t, x, model.mode, guards)
         if decision.mode is None:
-            status: Status = "failed" if decision.status == "none" else decision.status  # type: ignore[assignment]
-            return After(None, x, (), drift, (), status, decision.reason)
-        touched = tuple(g.index for g in guards if g.kind == "surface" and decision.mode[g.index] == model.mode[g.index])
+            return After(None, x, (), drift, (), status_of(decision), decision.reason)
+        touched = tuple(
+            g.index for g in guards if g.kind == "surface" and decision.mode[g.index] == model.mode[g.index]
+        )
         fresh = self.fresh_at(self[decision.mode], t, x, tuple(involved))
         return After(decision.mode, x, fresh, drift, touched)
 
-    def fresh_at(
-        self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]
-    ) -> tuple[Fresh, ...]:
+    def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]) -> tuple[Fresh, ...]:
         """Guards of a mode that start at zero: of the surfaces just left, and any other within rounding of it."""
         model, found = entry.model, []
         for k, guard in enumerate(model.guards):

@@ -125,7 +125,7 @@ class Record:
         return ""
 
     def _shrunk(self) -> str:
-        marks = self._times[:: -GROUP]
+        marks = self._times[::-GROUP]
         lengths = [later - earlier for later, earlier in pairwise(marks)]
         chain = 1
         while chain < len(lengths) and lengths[chain - 1] <= 0.5 * lengths[chain]:

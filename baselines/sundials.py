@@ -46,9 +46,7 @@ def event_function(watchers: Sequence[Watcher], last: LastSeen, direction: int) 
     return eventsfn
 
 
-def event_function_of_dae(
-    watchers: Sequence[Watcher], last: LastSeen, direction: int
-) -> Callable[..., None]:
+def event_function_of_dae(watchers: Sequence[Watcher], last: LastSeen, direction: int) -> Callable[..., None]:
     """``eventsfn(t, y, yp, out)``, for IDA."""
     count = len(watchers)
 

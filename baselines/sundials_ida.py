@@ -279,7 +279,7 @@ def _compiled_residual(equations: _Equations) -> Callable[..., None]:
     point = np.ones(len(equations.unknowns))
     point.flags.writeable = False  # as the library hands it in: a type of its own to numba
     made(0.0, point, point, np.empty(point.size))
-    return made  # type: ignore[no-any-return]
+    return made
 
 
 IDA = SundialsIda("ida")

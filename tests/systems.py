@@ -59,9 +59,7 @@ def stribeck_belt(until: str = "40") -> Problem:
 def rotating_crossing(until: str = "1.5") -> Problem:
     """x' = A2 x inside the unit circle, A1 x outside, from (1/e, 0): crosses at t = 1, at (1, 0)."""
     turn = 2 * sp.pi
-    system = FilippovSystem(
-        (X1, X2), (S,), (X1**2 + X2**2 - 1,), (X1 + S * turn * X2, X2 - S * turn * X1)
-    )
+    system = FilippovSystem((X1, X2), (S,), (X1**2 + X2**2 - 1,), (X1 + S * turn * X2, X2 - S * turn * X1))
     return Problem(system, sp.Integer(0), (sp.exp(-1), sp.Integer(0)), number(until))
 
 
