@@ -1,0 +1,40 @@
+"""The package itself: importing it is cheap, and its names are there on first use."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+import henon_ref
+
+HEAVY = ("numpy", "sympy", "pandas", "numba", "pydantic", "ruamel.yaml", "matplotlib", "heyoka", "typer")
+
+
+def fresh(code: str) -> str:
+    """What a new interpreter prints."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def test_importing_the_package_loads_nothing_heavy() -> None:
+    assert fresh(f"import sys, henon_ref; print([m for m in {HEAVY} if m in sys.modules])") == "[]"
+
+
+@pytest.mark.parametrize("name", henon_ref.__all__)
+def test_every_public_name_is_there(name: str) -> None:
+    assert callable(getattr(henon_ref, name))
+    assert name in dir(henon_ref)
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="no_such_name"):
+        _ = henon_ref.no_such_name
+
+
+@pytest.mark.parametrize("before", ["", "import henon_ref.compare; ", "from henon_ref.compare import app; "])
+def test_compare_is_the_function_whoever_imported_the_command_first(before: str) -> None:
+    """``henon_ref.compare(case)`` works although the command's module has the same name."""
+    code = f"{before}import henon_ref\ntry: henon_ref.compare()\nexcept TypeError as e: print(e)"
+    assert fresh(code) == "compare() missing 1 required positional argument: 'case'"
