@@ -9,6 +9,7 @@ from decimal import Decimal
 import sympy as sp
 
 from henon_ref.model.grammar import did_you_mean, listed
+from henon_ref.model.modes import Mode
 from henon_ref.model.schema import CaseForm, ExpectedStatus, GateStatus
 from henon_ref.model.source import Names, Source
 from henon_ref.model.switching import exact_sign
@@ -32,6 +33,8 @@ class Exact:
 
     transition_times: tuple[sp.Expr, ...]
     """[s], in order, from the first transition on."""
+    modes: tuple[Mode, ...] = ()
+    """Mode after each transition, of all of them (there may be more than closed forms); empty where not given."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,15 @@ def exact(source: Source, form: CaseForm, names: Names, problem: Problem) -> Exa
         if exact_sign(problem.until - time) < 0:
             raise source.error(path, "this exact transition time lies beyond 'until'")
         times.append(time)
-    return Exact(tuple(times))
+    modes = tuple(tuple(mode) for mode in form.exact.modes)
+    for i, mode in enumerate(modes):
+        if len(mode) != len(problem.system.surfaces):
+            message = f"a mode has an entry for each surface ({len(problem.system.surfaces)}), not {len(mode)}"
+            raise source.error(("exact", "modes", i), message)
+    if modes and len(modes) < len(times):
+        message = f"{len(times)} transition times but {len(modes)} modes; give the mode after every transition"
+        raise source.error(("exact", "modes"), message)
+    return Exact(tuple(times), modes)
 
 
 def orbit(source: Source, form: CaseForm, names: Names) -> Orbit | None:

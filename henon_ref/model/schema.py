@@ -18,7 +18,7 @@ from henon_ref.model.grammar import shortened
 DEFAULT_TOLERANCES = (1e-6, 1e-9, 1e-12)
 DEFAULT_STEPS = (1e-3,)
 
-ExpectedStatus = Literal["ok", "diverged", "nonunique", "invalid"]
+ExpectedStatus = Literal["ok", "diverged", "nonunique", "invalid", "failed"]
 GateStatus = Literal["ok", "wrong", "diverged", "nonunique", "invalid", "unsupported"]
 
 
@@ -159,7 +159,8 @@ class PublishedForm(Form):
 class ExactForm(Form):
     """Closed forms; they outrank computed truth."""
 
-    transition_times: list[Expression] = Field(description="[s]")
+    transition_times: list[Expression] = Field(description="[s], from the first transition on")
+    modes: list[list[ModeEntry]] = Field([], description="mode after each transition, of all of them, by surface")
 
 
 class OrbitForm(Form):
