@@ -77,7 +77,14 @@ def filling_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Cal
 class LastSeen:
     """The function ``1e12 - max abs(x)``, whose root is divergence; remembers the latest point it was asked at.
 
-    ``states`` is the number of leading entries of x that are the state. Libraries evaluate it at every accepted step, so what it remembers is where a run was when it failed.
+    Libraries evaluate it at every accepted step, so what it remembers is where a run was when it failed.
+
+    Parameters
+    ----------
+    states : int
+        The state is the first so many entries of the arrays.
+    count : callable
+        Called at every evaluation.
     """
 
     def __init__(self, states: int, count: Callable[[], None]) -> None:

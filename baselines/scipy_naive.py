@@ -211,7 +211,7 @@ class _Naive:
         return "ok", ""
 
     def _left_model(self, t_old: float, t: float, dense: Dense) -> float | None:
-        """When, in one step, the first expression of ``valid`` falls to zero at the step's end; None while none does."""
+        """When in a step the first expression of ``valid`` falls to zero; None while none does."""
         ends = []
         for expression in self.valid:
 
