@@ -226,7 +226,10 @@ def test_the_hash_is_of_the_mathematics_alone() -> None:
 
 
 def test_the_optional_answers_are_read() -> None:
-    text = SLIDE + "orbit: {period: 2*pi, sticks: [0.50], crossings: [1]}\nexpect: {status: diverged, reason: r, time: F}\n"
+    text = (
+        SLIDE
+        + "orbit: {period: 2*pi, sticks: [0.50], crossings: [1]}\nexpect: {status: diverged, reason: r, time: F}\n"
+    )
     reading = parse_case(text).readings[0]
     assert reading.orbit is not None
     assert (reading.orbit.period, reading.orbit.sticks) == (2 * sp.pi, (Decimal("0.50"),))
