@@ -20,6 +20,8 @@ from henon_ref.taylor.tape import Tape, build_tape
 
 DIGITS = 60
 ORDER = 48
+NOTHING = mpmath.mpf(10) ** -30
+"""Relative size below which a value found with 60 digits counts as zero."""
 _NAMES = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt")
 _RING = Ring({name: getattr(mpmath, name) for name in _NAMES}, mpmath.power)
 Pair = tuple[float, float]
@@ -109,15 +111,26 @@ def _newton(series: Sequence[mpmath.mpf], tau: mpmath.mpf) -> mpmath.mpf | None:
     return None
 
 
+def _is_touch(q: Sequence[mpmath.mpf], tau: mpmath.mpf, size: mpmath.mpf) -> bool:
+    """True where q and its slope are zero to many more digits than a double has."""
+    return abs(_value(q, tau)) <= size * NOTHING and abs(_value(_derivative(q), tau)) * tau <= size * NOTHING
+
+
 def _first_root(
     q: Sequence[mpmath.mpf], near: mpmath.mpf, reach: mpmath.mpf
 ) -> tuple[Literal["root", "touch", "miss"], mpmath.mpf]:
     slope = _derivative(q)
+    size = sum(abs(c) * reach**k for k, c in enumerate(q))
+    higher = slope
+    for _ in range(3):  # touches of fourth and higher order: roots of higher derivatives
+        higher = _derivative(_derivative(higher))
+        candidate = _newton(higher, near)
+        if candidate is not None and 0 < candidate < 2 * reach and _is_touch(q, candidate, size):
+            return "touch", candidate
     lowest = _newton(slope, near)
     if lowest is not None and 0 < lowest < 2 * reach:
         depth, bend = _value(q, lowest), _value(_derivative(slope), lowest) / 2
-        size = sum(abs(c) * reach**k for k, c in enumerate(q))
-        if bend > 0 and abs(depth) <= size * mpmath.mpf(10) ** (-30):
+        if bend > 0 and abs(depth) <= size * NOTHING:
             return "touch", lowest
         if bend > 0 and depth > 0:
             return "miss", lowest

@@ -14,6 +14,8 @@ from henon_ref.taylor.tape import Node, Tape
 
 LANES = 4
 """Doubles in a vector; a row of coefficients is padded with zeros to whole vectors."""
+SWING = 8.0
+"""How far the argument of an exponential may move on one step."""
 LIBM = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt", "pow")
 _FAST = "contract nsz arcp"
 """Fused multiply-adds are welcome; the order of a sum stays as written (newest coefficients come last)."""
@@ -114,7 +116,8 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str) -> str:
     ``K`` holds the constants rounded to double, then what that rounding lost. ``C`` receives the Taylor
     coefficients in units of sigma, a row of :func:`row_length` a state, then one an output; and behind the
     rows, for ``order`` >= 3, the largest last and last but one coefficient relative to the row's size on a
-    step of sigma, and a sum that is not finite where any coefficient is not.
+    step of sigma, a sum that is not finite where any coefficient is not, and the longest step that the
+    exponentials allow.
 
     Parameters
     ----------
@@ -164,7 +167,7 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str) -> str:
         for k in range(order + 1):
             w.store(row[k] or _literal(0.0), "%C", r * width + k)
     if order >= 3:
-        for at, value in enumerate(_norms(w, rows, order)):
+        for at, value in enumerate([*_norms(w, rows, order), _longest(w, expander)]):
             w.store(value, "%C", len(rows) * width + at)
     body = "\n".join(w.lines)
     return (
@@ -195,6 +198,25 @@ def _norms(w: _Writer, rows: Sequence[Sequence[Value]], order: int) -> list[str]
             total = w.binary("fadd", total, ratio) if total else ratio
             largest[at] = w.larger(largest[at], ratio) if largest[at] else ratio
     return [value or _literal(0.0) for value in (*largest, total)]
+
+
+def _longest(w: _Writer, expander: _Expander) -> str:
+    """Longest step, in units of sigma, on which no exponential's argument moves by more than SWING.
+
+    An exponential that is zero in double precision (a drive that sleeps) has no Taylor coefficient that could
+    tell of its waking: its argument does.
+    """
+    result = _literal(1e30)
+    for node in expander.tape.nodes:
+        if node.op in ("exp", "sinh", "tanh"):
+            terms = [w.call("fabs", a) for a in expander.series[node.args[0]][1:3] if a is not None]
+            if terms:
+                total = terms[0] if len(terms) == 1 else w.binary("fadd", terms[0], terms[1])
+                ratio = w.exact("fdiv", _literal(SWING), w.binary("fadd", total, _literal(1e-300)))
+                result = w.emit(
+                    f"select i1 {w.emit(f'fcmp olt double {ratio}, {result}')}, double {ratio}, double {result}"
+                )
+    return result
 
 
 def closing_ir(states: int, outputs: int, order: int, name: str) -> str:

@@ -28,7 +28,7 @@ def double_double(number: sp.Expr) -> tuple[float, float]:
         If it is not a finite real number.
     """
     value = sp.N(number, 50)
-    if not value.is_real or not value.is_finite:
+    if not value.is_number or not value.is_real or not value.is_finite:
         raise ModelError(f"not a finite real number: {number}")
     high = float(value)
     return high, float(value - sp.Float(high, 60))
@@ -115,7 +115,7 @@ class CompiledSystem:
         return self._shapes[sliding]
 
     def _append(self, mode: Mode, shape: _Shape) -> None:
-        signs = {self.system.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
+        signs = {self.system.signs[i]: sp.Integer(s) for i, s in enumerate(mode)}
         addresses = [shape.code.address(name) for name in ("expansion", "closing", "probe")]
         self.addresses = np.vstack([self.addresses, [addresses]])
         self.constants = _stacked(self.constants, self._numbers(shape.expansion, signs))

@@ -328,11 +328,22 @@ class Session:
             return self._why(k.ACCUMULATED)
         return None
 
+    def _ended(self) -> int | None:
+        """A ``valid`` expression that has shrunk to nothing where the run stalled (the field may be singular there)."""
+        for g, guard in enumerate(self.engine.system.equations(self.mode).guards):
+            row = self.c[self.x.size + g]
+            if guard.kind == "valid" and abs(row[0]) <= 1e-14 * max(1.0, abs(self.start.time[0]), abs(self.time)):
+                return guard.index
+        return None
+
     def _why(self, code: int) -> tuple[Status, str]:
         at = f"t = {self.time:.17g}"
         grown = np.abs(self.x).max() > 1e8 * max(1.0, *(abs(v[0]) for v in self.start.x))
         if code == k.DIVERGED or (code == k.STALLED and grown):
             return "diverged", f"the state leaves every bound at {at}"
+        ended = self._ended() if code == k.STALLED else None
+        if ended is not None:
+            return "invalid", f"the model ends: {self.engine.system.valid[ended]} fell to 0 at {at}"
         if code == k.STALLED:
             return "failed", f"the step size fell to zero at {at}: the field is singular there"
         if code == k.ACCUMULATED:

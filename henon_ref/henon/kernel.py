@@ -36,7 +36,7 @@ HUGE = 1e100
 """A state beyond this has blown up (no smaller bound is safe whatever the units)."""
 FAR = 1e30
 """A step, in units of sigma, that no coefficient limits."""
-STALL = 200
+STALL = 1000
 """Steps in a row too short to move a double's time before the run counts as stalled."""
 CROWD = 64
 """Events in a row, each closer to the last than the resolution of time, before they count as accumulating."""
@@ -133,6 +133,7 @@ def _step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
     if not c[rows, 2] < np.inf:
         return 0.0
     theta = 1.0
+    longest = min(c[rows, 3], FAR)
     for _ in range(4):
         new = FAR
         if last > 0.0:
@@ -140,10 +141,10 @@ def _step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
         if before > 0.0:
             new = min(new, _root(tolerance / before, order - 1))
         if new >= 0.5 * theta:
-            return new
+            return min(new, longest)
         theta = new
         last, before = _error_norms(c, rows, order, theta)
-    return theta
+    return min(theta, longest)
 
 
 @inner()
@@ -361,6 +362,10 @@ def advance(  # type: ignore[no-untyped-def]
         best, hit, doubtful, used = _first_event(
             integers, c, n, order, layout, multiplicity, change[n:], theta, method, table, work, bounds
         )
+        if final and hit < 0:  # the horizon belongs to the run: an event at it counts
+            for g in range(guards):
+                if _ends_at_zero(c[n + g], multiplicity[g], order, theta):
+                    best, hit, used = 1.0, g, method
         part = theta if hit < 0 else best * theta
         if doubtful:
             integers[I_GUARD], integers[I_LANDING] = hit, BRACKET
@@ -438,6 +443,18 @@ def _zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
                 return 2
             return 1 if towards < 0.0 else 0
     return 0
+
+
+@inner()
+def _ends_at_zero(row, zeros, order, theta):  # type: ignore[no-untyped-def]
+    """True if a guard falls to zero at the end of a step, as far as rounding can tell."""
+    if row[zeros] <= 0.0 or not _at_zero(row, zeros, order, theta, 0):
+        return False
+    slope, power = 0.0, 1.0
+    for k in range(1, order + 1):
+        slope += k * row[k] * power
+        power *= theta
+    return slope < 0.0
 
 
 @inner()

@@ -125,6 +125,14 @@ class Switching:
         return orders
 
     def _decide(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float = ZERO) -> Decision:
+        """Try with what rounding may have made of a zero first; then, where no mode fits, with less and less."""
+        decision = self._decided(t, x, mode, active, zero)
+        for finer in (1e-15, 0.0):
+            if decision.status == "none" and finer < zero:
+                decision = self._decided(t, x, mode, active, finer)
+        return decision
+
+    def _decided(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:
         if len(active) > EXHAUSTIVE:
             return self._search(t, x, mode, active, zero)
         found = [
