@@ -98,10 +98,10 @@ class _Writer:
         for at, (a, b) in enumerate(pairs):
             which = at % 2 if len(pairs) > 3 else 0
             chains[which] = self.add(chains[which], self.mul(a, b))
-        result: Value = self.add(chains[1], chains[0])
-        for a, b in new:
-            result = self.add(result, self.mul(a, b))
-        return result
+        total: Value = self.add(chains[1], chains[0])
+        for first, second in new:
+            total = self.add(total, self.mul(first, second))
+        return total
 
 
 def _literal(value: float) -> str:

@@ -244,7 +244,8 @@ def _filippov_sliding(
         try:
             solution = sp.Matrix(slope).LUsolve(-sp.Matrix(rest))
         except sp.matrices.exceptions.NonInvertibleMatrixError as error:
-            raise ModelError(f"the field does not settle the signs of the surfaces it should slide on: {signs}") from error
+            names = ", ".join(s.name for s in signs)
+            raise ModelError(f"the field does not settle the signs of the surfaces it should slide on: {names}") from error
         equivalent = {s: solution[i] for i, s in enumerate(signs)}
         for i, s in zip(sliding, signs, strict=True):
             guards.append(Guard("release", i, 1, 1 - equivalent[s]))
