@@ -101,6 +101,7 @@ class LastSeen:
         """1e12 - max abs(x)."""
         self._count()
         values = x[: self._states].tolist()
-        if t > self.t:
-            self.t, self.x = t, tuple(values)
-        return LIMIT - max(map(abs, values))
+        largest = max(map(abs, values))
+        if t > self.t and all(map(math.isfinite, values)):
+            self.t, self.x = float(t), tuple(values)
+        return LIMIT - largest

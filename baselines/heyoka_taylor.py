@@ -220,7 +220,8 @@ class _Flow:
             return np.empty((0, len(x)))
         self._begin(t, low, x)
         output = self._taylor.propagate_until(float(times[-1]), c_output=True)[4]
-        return np.array([output(time) for time in times.tolist()])
+        # heyoka hands out the same array every time.
+        return np.array([output(time).copy() for time in times.tolist()])
 
     def _overflow(self, t: float, low: float, x: Sequence[float], until: float) -> Stop:
         """Repeat a chunk step by step up to the first state beyond the limit."""
@@ -231,11 +232,20 @@ class _Flow:
             ahead = tuple(self._state.tolist())
             if not all(map(isfinite, ahead)):
                 return Stop("failed", t, low, point, reason=f"heyoka: the state is not finite after t = {t:.17g}")
-            t, low = taylor.dtime
+            t_old, (t, low) = t, taylor.dtime
             if max(map(abs, ahead)) > LIMIT:
-                return Stop("diverged", t, low, ahead)
+                return self._passing(t_old, t)
             point = ahead
         return Stop("failed", t, low, point, reason="heyoka: the state was not finite")
+
+    def _passing(self, inside: float, beyond: float) -> Stop:
+        """Where in the last step the state passes the limit, by bisection on the step's polynomial."""
+        while (middle := 0.5 * (inside + beyond)) not in (inside, beyond):
+            if max(map(abs, self._taylor.update_d_output(middle).tolist())) > LIMIT:
+                beyond = middle
+            else:
+                inside = middle
+        return Stop("diverged", beyond, 0.0, tuple(self._taylor.update_d_output(beyond).tolist()))
 
     def _lift(self, item: Fresh, t: float, x: Sequence[float]) -> float:
         guard, speed, rate = item

@@ -41,6 +41,7 @@ class ModeFunctions:
         self.guards: tuple[Guard, ...] = self.equations.guards
         self.field_expressions = tuple(system.numeric(f) for f in self.equations.field)
         self.guard_expressions = tuple(system.numeric(g.expression) for g in self.guards)
+        self._bends: dict[int, Scalar] = {}
         self.surface_guard = {g.index: k for k, g in enumerate(self.guards) if g.kind == "surface"}
 
     @cached_property
@@ -111,6 +112,13 @@ class ModeFunctions:
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
         """Of :attr:`right` in :attr:`unknowns`."""
         return Jacobian(self.unknowns, self.right, callbacks)
+
+    def bend(self, index: int) -> Scalar:
+        """One guard's first and second time derivative along this mode's field."""
+        if index not in self._bends:
+            rate = self.along(self.guard_expressions[index])
+            self._bends[index] = scalar(self.states, [rate, self.along(rate)])
+        return self._bends[index]
 
     @cached_property
     def _tape(self) -> tuple[Tape, list[float]]:

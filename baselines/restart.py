@@ -41,7 +41,7 @@ ORDER = 4
 """Highest Taylor coefficient looked at for the length of the event-free step."""
 SPAN = 1e-9
 """Part of the horizon over which a surface's normal velocity gives the rounding of a guard whose terms vanish."""
-TANGENT = 1e-12
+TANGENT = 1e-11
 """A rate below this part of the speed is rounding: the lift covers what it does."""
 NEARLY_TANGENT = 1e-2
 """A falling rate above this part of the speed is no tangential release."""
@@ -73,10 +73,10 @@ def dips(speed: float, rate: float) -> bool:
 def dip(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float]) -> float:
     """Twice the depth to which a guard falls before it rises (0 where it does not rise)."""
     try:
-        _, slope, bend = model.guard_series(t, x, 2)[fresh[0]]
+        slope, bend = model.bend(fresh[0])(t, *x)
     except ARITHMETIC:
         return 0.0
-    return slope * slope / (2.0 * bend) if bend > 0.0 else 0.0
+    return slope * slope / bend if bend > 0.0 else 0.0
 
 
 def quiet_until(

@@ -17,6 +17,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib import metadata
+from math import isfinite
 from typing import Any, Literal
 
 import numpy as np
@@ -176,6 +177,8 @@ class _Flow:
         if result.status < 0:
             words = " ".join([result.message, *(str(w.message) for w in said)])
             return Stop("failed", end, 0.0, state, reason=words, samples=samples)
+        if not all(map(isfinite, state)):
+            return Stop("failed", last.t, 0.0, last.x, reason=f"the state is not finite after t = {last.t:.17g}")
         if result.status == 0:
             return Stop("horizon", end, 0.0, state, samples=samples)
         hits = tuple(k for k, times in enumerate(result.t_events[:-1]) if times.size)

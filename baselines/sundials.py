@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from importlib import metadata
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,9 @@ from baselines.callbacks import LastSeen
 from baselines.flow import Stop
 from baselines.mode_functions import EPSILON
 from baselines.restart import Watcher
+
+# SUNDIALS' own logger writes its warnings ("t + h = t") to the standard output of the process, past Python.
+os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
 LEAST_RTOL = 1e-15
 """scikit-sundae's documentation asks for no smaller ``rtol``."""
@@ -65,7 +70,7 @@ def _mark(eventsfn: Callable[..., None], count: int, direction: int) -> None:
     eventsfn.direction = [direction] * count + [-1]  # type: ignore[attr-defined]
 
 
-def stopped(result: Any, states: int, until: float, said: str) -> Stop:
+def stopped(result: Any, states: int, until: float, said: str, last: LastSeen) -> Stop:
     """A :class:`~baselines.flow.Stop` from a result of ``solve``.
 
     Parameters
@@ -77,10 +82,14 @@ def stopped(result: Any, states: int, until: float, said: str) -> Stop:
         Horizon.
     said : str
         What the library wrote while it ran.
+    last : LastSeen
+        The last finite point.
     """
     t, x = float(result.t[-1]), tuple(result.y[-1, :states].tolist())
     if not result.success:
         return Stop("failed", t, 0.0, x, reason=" ".join([result.message, *said.split()]))
+    if not all(map(isfinite, x)):
+        return Stop("failed", last.t, 0.0, last.x, reason=f"the state is not finite after t = {last.t:.17g}")
     if result.t_events is None:
         return Stop("horizon", until, 0.0, x)
     # The last row: the object is new for every run of a mode, but a reader of this line should not have to know.

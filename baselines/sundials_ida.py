@@ -233,7 +233,7 @@ class _Flow:
                 return Stop("failed", self._last.t, 0.0, self._last.x, reason=f"{error} {said.getvalue().strip()}")
             work.steps += result.t.size - 1
             work.rhs = before + int(result.nfev)
-            stop = stopped(result, n, until, said.getvalue())
+            stop = stopped(result, n, until, said.getvalue(), self._last)
             if wanted is None:
                 return stop
             kept = work.rhs
