@@ -1,0 +1,98 @@
+"""The page: every section computed, drawn and written, and the table of all claims in front.
+
+A section is a module with ``section(folder) -> Section`` that saves its figures in the folder. The two-body rig
+and the Lyapunov exponents of Sec. 5 belong in ``henon_ref/paper/section5.py``, between Fig. 8 and the appendix.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+from henon_ref.paper import appendix, fig8, section2, section3, section4
+from henon_ref.paper.claims import Claim, Section
+
+PAGE = "README.md"
+
+SECTIONS: dict[str, Callable[[Path], Section]] = {
+    "Section 2": lambda folder: section2.section(),
+    "Section 3": section3.section,
+    "Section 4.1": section4.section,
+    "Section 4.2, Fig. 8": fig8.section,
+    "Appendix": appendix.section,
+}
+"""What the page is made of, in the paper's order."""
+
+_VERDICTS = ("reproduced", "corrected", "not reproducible", "fails")
+
+
+def write_page(folder: Path, tell: Callable[[str], None]) -> list[Section]:
+    """Compute everything and write the page and its figures.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is not there.
+    tell : callable
+        Told the name of each section as its work begins.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    made = []
+    for name, section in SECTIONS.items():
+        tell(name)
+        made.append(section(folder))
+    (folder / PAGE).write_text(page_text(made), encoding="utf-8")
+    return made
+
+
+def page_text(sections: list[Section]) -> str:
+    """The page as markdown."""
+    claims = [claim for section in sections for claim in section.claims]
+    counts = Counter[str](claim.verdict for claim in claims)
+    tally = ", ".join(f"{counts[verdict]} {verdict}" for verdict in _VERDICTS if counts[verdict])
+    parts = [_HEAD.format(count=len(claims), tally=tally), _table(sections)]
+    parts += [f"## {section.title}\n\n{section.text}" for section in sections]
+    parts.append(_FOOT)
+    return "\n".join(part.rstrip("\n") + "\n" for part in parts)
+
+
+def _table(sections: list[Section]) -> str:
+    lines = ["## Every number and equation", "", "| where | what it says | verdict | evidence |", "|---|---|---|---|"]
+    lines += [_row(claim) for section in sections for claim in section.claims]
+    return "\n".join(lines) + "\n"
+
+
+def _row(claim: Claim) -> str:
+    cells = (claim.where, claim.says, f"**{claim.verdict}**", claim.how)
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+_HEAD = """\
+# The paper, computed again
+
+P. Olejnik, J. Awrejcewicz, *Application of Hénon method in numerical estimation of the stick-slip transitions existing
+in Filippov-type discontinuous dynamical systems with dry friction*, Nonlinear Dynamics 73 (2013) 723-736,
+[doi:10.1007/s11071-013-0826-7](https://doi.org/10.1007/s11071-013-0826-7).
+
+**What holds.** The analysis holds: transition function, tangent points and boundary values of mu0 come out of SymPy as
+printed. The idea of the method holds: swapping the independent variable keeps order 4 at the transitions. **What does
+not:** the stick durations and lengths of Fig. 8 are not those of Eqs. (17) and (18), which do not stick on their
+attractor; they come from two mistakes of the listing together, and their last digit from its step. Sticks do occur in
+Fig. 4. Eqs. (1), (15) and (17) have misprints.
+
+Of {count} numbers, equations, figures and statements below: {tally}.
+What can be checked by computing was, when this page was written; the evidence holds the figures of that run.
+"""
+
+_FOOT = """\
+## Made by
+
+`python -m henon_ref.paper` writes this page and its figures, `audit.csv` holds the tables of the appendix in full.
+Figures and starts that the paper does not give are ours, as said where they are used.
+"""
