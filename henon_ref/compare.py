@@ -21,6 +21,7 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 import typer  # noqa: E402
 
 from henon_ref.errors import HenonRefError  # noqa: E402
+from henon_ref.report.request import Request  # noqa: E402
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -41,11 +42,9 @@ def main(
     jobs: Annotated[int | None, typer.Option(min=1, help="Runs at work at once; two if there are two cores.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Keep the rows of an interrupted comparison.")] = False,
     gate: Annotated[bool, typer.Option("--gate", help="Exit with 1 if a bound of a case's gate is not met.")] = False,
-) -> int:
+) -> Request:
     """Run every solver on every case, score it against the truth, and write a report."""
-    from henon_ref.report.command import Request, run
-
-    request = Request(
+    return Request(
         cases=tuple(cases),
         out=out,
         solvers=_parts(solvers),
@@ -54,11 +53,8 @@ def main(
         timeout=timeout,
         processes=jobs or min(2, os.cpu_count() or 1),
         resume=resume,
+        gate=gate,
     )
-    failures = run(request)
-    for words in failures:
-        print(f"gate: {words}", file=sys.stderr)
-    return GATE if gate and failures else DONE
 
 
 def _parts(text: str | None) -> tuple[str, ...] | None:
@@ -89,7 +85,9 @@ def command(arguments: Sequence[str] | None = None) -> int:
     """Run the command; the exit status. Whatever goes wrong is one message on standard error."""
     signal.signal(signal.SIGTERM, _terminate)
     try:
-        return int(app(arguments, prog_name="python -m henon_ref.compare", standalone_mode=False) or DONE)
+        # Run outside of typer, which has its own way with an interrupt.
+        request = app(arguments, prog_name="python -m henon_ref.compare", standalone_mode=False)
+        return DONE if request is None or isinstance(request, int) else _run(request)
     except USAGE_ERROR as error:
         return _say(f"{error.format_message()} (see --help)")
     except HenonRefError as error:
@@ -102,6 +100,15 @@ def command(arguments: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, typer.Abort):
         print(f"interrupted; {KEPT}", file=sys.stderr)
         return INTERRUPTED
+
+
+def _run(request: Request) -> int:
+    from henon_ref.report.command import run
+
+    failures = run(request)
+    for words in failures:
+        print(f"gate: {words}", file=sys.stderr)
+    return GATE if request.gate and failures else DONE
 
 
 def _say(message: str) -> int:

@@ -7,7 +7,17 @@ from decimal import Decimal
 
 from henon_ref.comparison import Comparison
 from henon_ref.report.ranking import best_of, by_solver, floor, most_accurate, name, number, prices, right
-from henon_ref.report.words import code, duration, error, listing, printed_alike, setting, significant, times_as_long
+from henon_ref.report.words import (
+    code,
+    digits,
+    duration,
+    error,
+    listing,
+    printed_alike,
+    setting,
+    significant,
+    times_as_long,
+)
 from henon_ref.score.columns import Row
 from henon_ref.score.results import ReadingResult
 from henon_ref.score.sticks import published_partners, sticks
@@ -74,7 +84,7 @@ def _best(rows: Sequence[Row]) -> str:
         return ""
     worst = error(best["max_time_error_s"], floor(best))
     text = (
-        f"**`{name(best)}` is right to {significant(number(best, 'digits'), 3)} digits** "
+        f"**`{name(best)}` is right to {digits(number(best, 'digits'))} digits** "
         f"(worst error {worst} s at {setting(best['rtol'], best['step_s'])}) in **{duration(best['wall_s'])}**"
     )
     rest = [row for row in right(rows) if row["solver"] != best["solver"]]
@@ -82,7 +92,7 @@ def _best(rows: Sequence[Row]) -> str:
     if second is None:
         return text + "."
     times = times_as_long(number(second, "wall_s") / number(best, "wall_s"))
-    reached = significant(number(second, "digits"), 3)
+    reached = digits(number(second, "digits"))
     return f"{text}; next comes `{name(second)}`, right to {reached} digits in {duration(second['wall_s'])}, {times}."
 
 

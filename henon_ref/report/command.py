@@ -6,7 +6,6 @@ import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +16,8 @@ from henon_ref.model.case import Case, load_case
 from henon_ref.report.figures import figure_job, preload
 from henon_ref.report.index import write_index
 from henon_ref.report.manifest import Provenance, provenance
+from henon_ref.report.markdown import environment
+from henon_ref.report.request import Request
 from henon_ref.report.write import check_writable, write_report
 from henon_ref.score.journal import FILE, read
 from henon_ref.score.options import Options, Silent
@@ -27,20 +28,6 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
 SUFFIXES = (".yaml", ".yml")
-
-
-@dataclass(frozen=True)
-class Request:
-    """The command's arguments."""
-
-    cases: tuple[Path, ...]
-    out: Path
-    solvers: tuple[str, ...] | None
-    tolerances: tuple[float, ...] | None
-    repeats: int | None
-    timeout: float
-    processes: int
-    resume: bool
 
 
 def run(request: Request) -> list[str]:
@@ -70,6 +57,7 @@ def run(request: Request) -> list[str]:
 
     def meanwhile() -> None:
         preload()
+        environment()
         origin.append(provenance(rerun_command(request)))
 
     def deliver(comparison: Comparison) -> None:

@@ -12,7 +12,7 @@ from henon_ref.report.csvfiles import read_rows
 from henon_ref.report.markdown import environment
 from henon_ref.report.ranking import LEVELS, best_of, by_solver, name, number, prices, right
 from henon_ref.report.tables import Table
-from henon_ref.report.words import count, significant
+from henon_ref.report.words import count, digits
 from henon_ref.report.write import MANIFEST, REPORT, RUNS, replace_file
 from henon_ref.score.columns import Row
 
@@ -110,7 +110,7 @@ def _matrix(found: Sequence[Entry], solvers: Sequence[str]) -> Table:
 def _cell(rows: Sequence[Row]) -> str:
     best = best_of(rows)
     if best["verdict"] == "right":
-        reached = significant(number(best, "digits"), 3) if best["digits"] is not None else "ok"
+        reached = digits(number(best, "digits")) if best["digits"] is not None else "ok"
         return reached if all(row["verdict"] == "right" for row in rows) else f"{reached} *"
     if any(row["verdict"] == "right" for row in rows):
         return "ok"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from henon_ref.comparison import Comparison
 from henon_ref.report.ranking import floor, name, number, prices, right
-from henon_ref.report.words import duration, error, setting, significant
+from henon_ref.report.words import digits, duration, error, setting, significant
 from henon_ref.score.columns import Row
 from henon_ref.score.results import ReadingResult
 from henon_ref.score.sticks import published_partners, sticks
@@ -67,7 +67,7 @@ def run_table(rows: Sequence[Row]) -> Table:
                 found,
                 edits,
                 error(row["max_time_error_s"], floor(row)),
-                significant(number(row, "digits"), 3) if row["digits"] is not None else "",
+                digits(number(row, "digits")) if row["digits"] is not None else "",
                 error(row["max_stick_error_s"], floor(row)),
                 wall(row),
                 duration(row["compile_s"]),

@@ -72,6 +72,17 @@ def error(value: object, floor: float = 0.0) -> str:
     return "0" if value == 0 else exponential(float(value))
 
 
+def digits(value: float) -> str:
+    """A number of digits, rounded down.
+
+    Examples
+    --------
+    >>> digits(11.99996), digits(9.0), digits(-0.04)
+    ('11.9', '9', '-0.1')
+    """
+    return f"{math.floor(value * 10 + 1e-9) / 10:g}"
+
+
 def setting(rtol: object, step: object) -> str:
     """What a run was asked for.
 

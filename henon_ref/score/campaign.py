@@ -180,7 +180,7 @@ class Campaign:
         following = SAMPLERS.index(job.name) + 1
         if result.samples is None and following < len(SAMPLERS):
             _LOG.info("%s cannot sample %s: %s", job.name, job.reading, failure.reason if failure else "no samples")
-            lane.jobs.append(sample_job(result, SAMPLERS[following], self.options.timeout))
+            lane.jobs.append(sample_job(result, SAMPLERS[following], self.options))
             state.pending[job.reading] += 1
 
     def _done(self, state: CaseState, reading: str, *, drawable: bool) -> None:

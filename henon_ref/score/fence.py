@@ -25,8 +25,10 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from pickle import PicklingError
 from typing import IO, Any, Protocol
 
+from henon_ref.errors import HenonRefError
 from henon_ref.score.worker import DONE, FAILURE, Failure, Job, serve
 
 POLL = 0.05
@@ -163,6 +165,10 @@ class Fence:
             slot.worker.connection.send(job)
         except BrokenPipeError:  # it died at once: seen as a crash on the next look
             return
+        except (PicklingError, AttributeError, TypeError) as error:
+            raise HenonRefError(
+                f"a job of {lane.name} cannot be sent to its worker ({error}); define solvers at the top of a module"
+            ) from error
 
     def _wait(self, consumer: Consumer) -> None:
         """Take the messages that arrive before the next look at the clock."""

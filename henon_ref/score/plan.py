@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 from henon_ref import registry
 from henon_ref.errors import CaseError
@@ -20,8 +21,6 @@ from henon_ref.solver import Solver
 
 SAMPLERS = ("henon", "scipy-dop853")
 """Solvers that draw the motion for the figures: the first that can."""
-SAMPLE_RTOL = 1e-10
-"""Tolerance of that run: far below the width of a line."""
 
 
 @dataclass
@@ -74,7 +73,10 @@ def chosen_solvers(reading: Reading, options: Options) -> dict[str, str | Solver
 def case_lanes(
     case: Case, statements: dict[tuple[str, str], Statement], options: Options, *, figures: bool
 ) -> tuple[CaseState, list[CaseLane]]:
-    """One lane a solver, the slow ones first; a row that the journal has is taken from there."""
+    """One lane a solver (or, where those are few, a solver and reading), the slow ones first.
+
+    A row that the journal has is taken from there.
+    """
     journal = Journal(options.folder / case.name, resume=options.resume) if options.folder else None
     results = {
         reading.name: ReadingResult(reading, statements[case.name, reading.name])
@@ -87,10 +89,13 @@ def case_lanes(
         for name, solver in chosen_solvers(result.reading, options).items():
             jobs.setdefault(name, deque()).extend(_run_jobs(state, result, name, solver, options))
         if figures:
-            jobs.setdefault(SAMPLERS[0], deque()).append(sample_job(result, SAMPLERS[0], options.timeout))
+            jobs.setdefault(SAMPLERS[0], deque()).append(sample_job(result, SAMPLERS[0], options))
     state.pending = Counter(job.reading for queue in jobs.values() for job in queue)
     # The registry names the fast solvers first: begun last, they fill the gaps that the slow ones leave.
-    return state, [CaseLane(case.name, deque(queue), state) for queue in reversed(jobs.values()) if queue]
+    queues = [queue for queue in reversed(jobs.values()) if queue]
+    if len(queues) < options.processes:
+        queues = [deque(own) for queue in queues for _, own in groupby(queue, lambda job: job.reading)]
+    return state, [CaseLane(case.name, deque(queue), state) for queue in queues]
 
 
 def _run_jobs(
@@ -125,8 +130,8 @@ def _run_jobs(
     return jobs
 
 
-def sample_job(result: ReadingResult, name: str, timeout: float) -> SampleJob:
-    """The job that samples a reading's motion for its figures."""
+def sample_job(result: ReadingResult, name: str, options: Options) -> SampleJob:
+    """The job that samples a reading's motion for its figures, at the tightest tolerance of its runs."""
     problem, expected = result.reading.problem, result.expected
     times = sample_times(
         float(problem.start),
@@ -134,5 +139,6 @@ def sample_job(result: ReadingResult, name: str, timeout: float) -> SampleJob:
         float(problem.until) if expected is None else expected.end_time,
         [] if expected is None else [event.time for event in expected.transitions],
     )
-    setting = Setting(rtol=SAMPLE_RTOL, atol=SAMPLE_RTOL * state_scale(problem, expected))
-    return SampleJob(result.reading.name, name, name, problem, setting, times, timeout)
+    rtol = min(options.tolerances or result.reading.tolerances)
+    setting = Setting(rtol=rtol, atol=rtol * state_scale(problem, expected))
+    return SampleJob(result.reading.name, name, name, problem, setting, times, options.timeout)

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SAMPLES = 200
+SAMPLES = 100
 """Most samples taken where the caller does not say how many."""
 FEWEST = 3
 """Samples that are taken although the budget runs out, up to three times the budget."""
 SLOW = 5.0
 """A first run that took this many budgets is not repeated."""
-RESAMPLES = 2000
+RESAMPLES = 1000
 """Bootstrap resamples behind an interval."""
 UNSTABLE = 0.1
 """A sample whose interquartile range is above this fraction of its median is called unstable."""

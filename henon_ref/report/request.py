@@ -1,0 +1,21 @@
+"""What the command was asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Request:
+    """The command's arguments."""
+
+    cases: tuple[Path, ...]
+    out: Path
+    solvers: tuple[str, ...] | None
+    tolerances: tuple[float, ...] | None
+    repeats: int | None
+    timeout: float
+    processes: int
+    resume: bool
+    gate: bool = False

@@ -1,0 +1,158 @@
+"""Solvers that do what a test wants, and truths made of a list of times."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from henon_ref.errors import UnsupportedError
+from henon_ref.model.case import Case, parse_case
+from henon_ref.score.metrics import Expected
+from henon_ref.score.truthjob import Statement
+from henon_ref.trajectory import Counts, Problem, Trajectory, Transition
+
+TIMES = (0.5, 1.25, 2.0, 3.5, 4.0)
+CASE = """
+schema: 1
+name: {name}
+title: A made-up system
+source: none
+system:
+  state: [x]
+  parameters: {{F: 1}}
+  surfaces: {{s: x}}
+  field: ["cos(t) - F*s"]
+initial: {{t: 0, x: 1}}
+until: 5
+measure: {{after: 1}}
+published: {{stick_durations: [0.75]}}
+solvers: [henon, heyoka]
+tolerances: [1e-3, 1e-6]
+gate: {{henon: {{max_time_error: 1e-5}}}}
+"""
+
+
+def case(name: str = "made_up", text: str = CASE) -> Case:
+    """A small case whose mathematics nobody integrates here."""
+    return parse_case(text.format(name=name))
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A transition of a made-up truth."""
+
+    kind: str
+    surface: int
+    from_mode: tuple[int, ...]
+    to_mode: tuple[int, ...]
+    time: float
+    time_low: float = 0.0
+    radius: float = 1e-30
+    conditioning: float = 1.0
+    state: tuple[str, ...] = ("0.25",)
+
+
+_CYCLE = (("stick", 1, 0), ("release", 0, -1), ("crossing", -1, 1))
+
+
+def reference(times: tuple[float, ...] = TIMES) -> tuple[Reference, ...]:
+    """Stick, release, crossing, stick, ... at these times."""
+    return tuple(
+        Reference(kind, 0, (before,), (after,), t)
+        for i, t in enumerate(times)
+        for kind, before, after in [_CYCLE[i % len(_CYCLE)]]
+    )
+
+
+def expected(times: tuple[float, ...] = TIMES, **changes: object) -> Expected:
+    """What runs are scored against."""
+    return replace(Expected("ok", reference(times), 0.0, 5.0, 5.0), **changes)
+
+
+def found(times: tuple[float, ...] = TIMES, error: float = 0.0) -> tuple[Transition, ...]:
+    """The same transitions as a solver reports them, with a time error."""
+    return tuple(
+        Transition(e.kind, 0, e.from_mode, e.to_mode, e.time + error, (0.25,), landing="fake") for e in reference(times)
+    )
+
+
+def trajectory(transitions: tuple[Transition, ...], status: str = "ok", **changes: object) -> Trajectory:
+    """A run with these transitions."""
+    whole = Trajectory(status, transitions, 5.0, (0.0,), (1,), counts=Counts(10, 40, 20), max_surface_drift=1e-14)
+    return replace(whole, **changes)
+
+
+def statement(case: Case, reading: object) -> Statement:
+    """Takes the place of ``truthjob.statement_of``."""
+    return Statement(expected(), methods=(("made up", (256,), 0.1),), certified=True, proven=len(TIMES))
+
+
+@dataclass(frozen=True)
+class Fake:
+    """A solver whose time error is its tolerance, and which may misbehave."""
+
+    name: str = "fake"
+    what: str = "right"
+    log: str = ""
+    """A file to which each run adds a line."""
+    fixed_step: bool = False
+    landing: str = "fake"
+    version: str = "1.0"
+
+    def prepare(self, problem: Problem, *, rtol=None, atol=None, step=None, sample_times=None, deadline=None):
+        if self.what == "unsupported":
+            raise UnsupportedError("it cannot")
+        error = step if self.fixed_step else rtol
+
+        def run() -> Trajectory:
+            if self.log:
+                with open(self.log, "a", encoding="utf-8") as file:
+                    file.write(f"{self.name} {error:g}\n")
+            return _BEHAVIOURS[self.what](error, deadline)
+
+        return run
+
+
+def _right(error: float, deadline: float) -> Trajectory:
+    return trajectory(found(error=error))
+
+
+def _misses(error: float, deadline: float) -> Trajectory:
+    return trajectory(found(error=error)[:2] + found(error=error)[3:])
+
+
+def _raises(error: float, deadline: float) -> Trajectory:
+    raise ArithmeticError("the Newton iteration failed")
+
+
+def _hangs(error: float, deadline: float) -> Trajectory:
+    while True:
+        time.sleep(1)
+
+
+def _crashes(error: float, deadline: float) -> Trajectory:
+    os.kill(os.getpid(), signal.SIGSEGV)
+    return _right(error, deadline)
+
+
+def _stops(error: float, deadline: float) -> Trajectory:
+    return trajectory(found(error=error)[:3], "timeout", end_time=2.5, reason="stopped after the deadline")
+
+
+def _slow(error: float, deadline: float) -> Trajectory:
+    time.sleep(0.5)
+    return _right(error, deadline)
+
+
+_BEHAVIOURS: dict[str, Callable[[float, float], Trajectory]] = {
+    "right": _right,
+    "misses": _misses,
+    "raises": _raises,
+    "hangs": _hangs,
+    "crashes": _crashes,
+    "stops": _stops,
+    "slow": _slow,
+}

@@ -1,0 +1,250 @@
+"""A comparison of made-up solvers: every failure is a row, answers come before timings, finished rows survive."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass, replace
+
+import pytest
+from fakes import TIMES, Fake, case, statement
+
+from henon_ref import registry
+from henon_ref.comparison import Comparison, compare, compare_all
+from henon_ref.errors import CaseError, HenonRefError
+from henon_ref.score import truthjob
+from henon_ref.score.columns import RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
+from henon_ref.score.journal import FILE, read
+from henon_ref.score.options import Options
+from henon_ref.score.truthjob import Statement
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
+
+
+@pytest.fixture(autouse=True)
+def _made_up_truth(monkeypatch):
+    monkeypatch.setattr(truthjob, "statement_of", statement)
+
+
+def run(*solvers: Fake, **options: object) -> Comparison:
+    return compare(case(), solvers=solvers, **options)
+
+
+def test_right_runs_are_scored_against_their_tolerance_and_timed():
+    result = run(Fake(), repeats=3)
+    assert list(result.runs["rtol"]) == [1e-3, 1e-6]
+    assert list(result.runs["status"]) == ["ok", "ok"]
+    assert result.runs["max_time_error_s"].to_list() == pytest.approx([1e-3, 1e-6])
+    assert result.runs["digits"].to_list() == pytest.approx([3.0, 6.0])
+    assert list(result.runs["timed_runs"]) == [3, 3]
+    assert (result.runs["matched"] == len(TIMES)).all()
+    assert (result.runs["wall_s"] > 0).all()
+
+
+def test_columns_are_those_of_the_contract_in_their_order():
+    result = run(Fake())
+    assert tuple(result.runs.columns) == RUN_COLUMNS
+    assert " ".join(RUN_COLUMNS[:26]) == (
+        "case reading solver library_version rtol atol step_s status landing reference_transitions found_transitions "
+        "matched missed spurious max_time_error_s rms_time_error_s max_state_error max_surface_drift stick_count "
+        "max_stick_error_s wall_s wall_s_iqr compile_s steps rhs_evaluations event_evaluations"
+    )
+    assert tuple(result.transitions.columns) == (*TRANSITION_COLUMNS, "x")
+    assert tuple(result.sticks.columns) == STICK_COLUMNS
+
+
+def test_a_fixed_step_solver_has_a_step_and_no_tolerance():
+    result = run(Fake(fixed_step=True))
+    assert list(result.runs["step_s"]) == [1e-3]
+    assert result.runs["rtol"].isna().all()
+    assert result.runs["atol"].isna().all()
+
+
+@pytest.mark.parametrize(
+    ("what", "status", "words"),
+    [
+        ("raises", "failed", "ArithmeticError: the Newton iteration failed"),
+        ("crashes", "failed", "SIGSEGV"),
+        ("unsupported", "unsupported", "it cannot"),
+        ("misses", "wrong", "1 missed"),
+    ],
+)
+def test_a_failure_is_a_row_with_a_reason_and_the_others_go_on(what, status, words):
+    result = run(Fake("bad", what), Fake())
+    bad = result.runs[result.runs["solver"] == "bad"]
+    assert list(bad["status"]) == [status, status]
+    assert words in bad["status_reason"].iloc[0]
+    assert list(result.runs[result.runs["solver"] == "fake"]["status"]) == ["ok", "ok"]
+
+
+def test_missing_values_are_missing_and_never_nought():
+    result = run(Fake("bad", "raises"))
+    empty = ["found_transitions", "matched", "missed", "max_time_error_s", "wall_s", "stick_count", "steps", "digits"]
+    assert all(record.run[column] is None for record in result.records for column in empty)
+
+
+def test_a_run_that_hangs_is_a_timeout_and_is_not_tried_at_tighter_tolerances():
+    result = run(Fake("slow-poke", "hangs"), timeout=0.2)
+    assert list(result.runs["status"]) == ["timeout", "timeout"]
+    assert "stopped from outside" in result.runs["status_reason"][0]
+    assert "not tried: with rtol 0.001 it took more than 0.2 s" in result.runs["status_reason"][1]
+
+
+def test_a_run_that_keeps_its_deadline_keeps_what_it_found():
+    result = run(Fake("partial", "stops"))
+    assert result.runs["status"][0] == "timeout"
+    assert (result.runs["matched"][0], result.runs["missed"][0]) == (3, 2)
+    assert result.runs["wall_s"].isna().all()
+
+
+def test_only_a_right_answer_is_timed_again(tmp_path):
+    right, wrong = tmp_path / "right", tmp_path / "wrong"
+    run(Fake(log=str(right)), Fake("wrong", "misses", str(wrong)), repeats=5)
+    assert len(right.read_text().splitlines()) == 2 * (1 + 5)
+    assert len(wrong.read_text().splitlines()) == 2
+
+
+def test_transitions_are_the_union_of_the_truth_s_and_the_run_s():
+    result = run(Fake("misses-one", "misses"), tolerances=[1e-6])
+    rows = result.transitions
+    assert len(rows) == len(TIMES)
+    assert rows["time_s"].isna().to_list() == [False, False, True, False, False]
+    assert rows["x"].isna().to_list() == [False, False, True, False, False]
+    assert rows["reference_time_s"].to_list() == list(TIMES)
+    assert rows["from_mode"][0] == "s=+1"
+    assert rows["to_mode"][0] == "s=0"
+    assert rows["time_error_s"].dropna().to_list() == pytest.approx([1e-6] * 4, rel=1e-6)
+
+
+def test_sticks_are_held_against_truth_and_source():
+    sticks = run(Fake(), tolerances=[1e-6]).sticks
+    assert sticks["reference_s"].to_list() == [0.75, 0.5]
+    assert sticks["duration_s"].to_list() == pytest.approx([0.75, 0.5])
+    assert sticks["published_error_s"].to_list() == pytest.approx([0.0, -0.25], abs=1e-9)
+    assert sticks["length"].to_list() == [0.0, 0.0]
+
+
+def test_the_gate_names_what_is_not_met():
+    assert compare(case(), solvers=[replace(Fake(), name="henon")]).gate_failures() == []
+    (words,) = compare(case(), solvers=[Fake("henon", "misses")]).gate_failures()
+    assert words.startswith("default: henon (rtol 1e-06): status wrong (1 missed")
+    (words,) = compare(case(), solvers=[replace(Fake(), name="henon")], tolerances=[1e-4]).gate_failures()
+    assert "worst time error 0.0001 s, wanted <= 1e-05 s" in words
+
+
+def test_a_bound_of_a_solver_that_was_not_asked_for_is_left_out():
+    assert run(Fake()).gate_failures() == []
+
+
+def test_without_a_truth_runs_are_kept_and_not_scored(monkeypatch):
+    def contradiction(case, reading):
+        raise ValueError("the routes disagree")
+
+    monkeypatch.setattr(truthjob, "statement_of", contradiction)
+    result = run(Fake())
+    assert list(result.runs["status"]) == ["ok", "ok"]
+    assert result.runs["max_time_error_s"].isna().all()
+    assert "the routes disagree" in result.readings[0].statement.reason
+
+
+def test_an_unknown_solver_is_refused_with_the_nearest_name():
+    with pytest.raises(CaseError, match="did you mean 'henon'"):
+        compare(case(), solvers=["henn"])
+
+
+def test_a_solver_that_the_case_does_not_list_is_refused():
+    with pytest.raises(CaseError, match="henon, heyoka"):
+        compare(case(), solvers=["ida"])
+
+
+def test_finished_rows_survive_an_interrupt_and_are_used_again(tmp_path):
+    class Interrupting:
+        def __getattr__(self, name):
+            return lambda *arguments: None
+
+        def row(self, finished):
+            raise KeyboardInterrupt
+
+    log = tmp_path / "log"
+    options = Options(solvers=(Fake(log=str(log)),), repeats=1, folder=tmp_path, resume=True)
+    with pytest.raises(KeyboardInterrupt):
+        compare_all([case()], options, pytest.fail, observer=Interrupting())
+    assert len(read(tmp_path / "made_up" / FILE)) == 1
+    assert log.read_text().splitlines() == ["fake 0.001"] * 2
+    found: list[Comparison] = []
+    compare_all([case()], options, found.append)
+    assert log.read_text().splitlines() == ["fake 0.001"] * 2 + ["fake 1e-06"] * 2
+    assert list(found[0].runs["rtol"]) == [1e-3, 1e-6]
+    assert list(found[0].runs["matched"]) == [5, 5]
+    assert len(found[0].transitions) == 2 * len(TIMES)
+    assert not (tmp_path / "made_up" / FILE).exists()
+
+
+@pytest.mark.parametrize(
+    "change", [{"repeats": 2}, {"timeout": 3.0}, {"solvers": (Fake(version="1.0", name="other"),)}, {"resume": False}]
+)
+def test_rows_of_other_settings_are_not_used(tmp_path, change):
+    class Keeping:
+        def __getattr__(self, name):
+            return lambda *arguments: None
+
+    log = tmp_path / "log"
+    options = Options(solvers=(Fake(log=str(log)),), repeats=1, folder=tmp_path, resume=True)
+    with pytest.raises(RuntimeError, match="the disk is full"):
+        compare_all([case()], options, _raise, observer=Keeping())
+    assert len(read(tmp_path / "made_up" / FILE)) == 2
+    before = len(log.read_text().splitlines())
+    solvers = change.get("solvers", options.solvers)
+    again = replace(options, **{**change, "solvers": tuple(replace(s, log=str(log)) for s in solvers)})
+    compare_all([case()], again, lambda comparison: None)
+    assert len(log.read_text().splitlines()) > before
+
+
+def _raise(comparison: Comparison) -> None:
+    raise RuntimeError("the disk is full")
+
+
+def test_a_line_that_was_cut_short_is_ignored(tmp_path):
+    path = tmp_path / FILE
+    path.write_text(json.dumps({"key": "a", "run": {}}) + "\n" + '{"key": "b", "ru')
+    assert list(read(path)) == ["a"]
+
+
+def test_cases_are_delivered_as_they_are_done():
+    done: list[str] = []
+    options = Options(solvers=(Fake(),), repeats=1)
+    compare_all([case("first"), case("second")], options, lambda comparison: done.append(comparison.case.name))
+    assert sorted(done) == ["first", "second"]
+
+
+@dataclass(frozen=True)
+class Drawing:
+    reading: str
+    seconds: float = 20.0
+
+    def stages(self):
+        yield "drawn", {f"{self.reading}.svg": b"<svg/>"}
+
+
+def test_figures_are_drawn_behind_the_fence_too(monkeypatch):
+    monkeypatch.setattr(registry, "solver", lambda name: Fake(name))
+    found: list[Comparison] = []
+    compare_all(
+        [case()],
+        Options(solvers=(Fake(),), repeats=1),
+        found.append,
+        draw=lambda result, records: Drawing(result.reading.name),
+    )
+    assert found[0].readings[0].figures == {"default.svg": b"<svg/>"}
+
+
+def test_a_solver_that_cannot_be_sent_to_a_worker_is_named():
+    class Local(Fake):
+        pass
+
+    with pytest.raises(HenonRefError, match="top of a module"):
+        run(Local())
+
+
+def test_the_statement_of_the_truth_reaches_the_result():
+    assert isinstance(run(Fake()).readings[0].statement, Statement)

@@ -1,0 +1,254 @@
+"""The command: exit status, one message for what is wrong, nothing half-written, nothing lost."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import importlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from fakes import CASE, Fake, statement
+
+from henon_ref import registry
+from henon_ref.errors import CaseError
+from henon_ref.report import command as report_command
+from henon_ref.report.command import case_files
+from henon_ref.score import journal, truthjob
+from henon_ref.score.columns import RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
+
+compare = importlib.import_module("henon_ref.compare")
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork")
+SOLVERS = {"henon": Fake("henon"), "heyoka": Fake("heyoka", "misses"), "scipy-dop853": Fake("scipy-dop853")}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Takes the place of the figures, which take longer than all the rest."""
+
+    reading: str
+    seconds: float = 20.0
+
+    def stages(self):
+        yield "drawn", {f"{self.reading}_cost.svg": b"<svg/>"}
+
+
+@pytest.fixture(autouse=True)
+def _made_up(monkeypatch, tmp_path):
+    monkeypatch.setattr(report_command, "figure_job", lambda result, records: Drawing(result.reading.name))
+    monkeypatch.setattr(report_command, "preload", lambda: None)
+    monkeypatch.setattr(truthjob, "statement_of", statement)
+    monkeypatch.setattr(registry, "solver", SOLVERS.__getitem__)
+    monkeypatch.chdir(tmp_path)
+    handler = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, handler)
+
+
+@pytest.fixture
+def made_up(tmp_path) -> Path:
+    path = tmp_path / "made_up.yaml"
+    path.write_text(CASE.format(name="made_up"))
+    return path
+
+
+def run(*arguments: object) -> int:
+    return compare.command([str(argument) for argument in arguments])
+
+
+def test_a_report_holds_what_the_contract_says(made_up, tmp_path, capsys):
+    assert run(made_up, "--out", "out", "--repeats", 2) == 0
+    folder = tmp_path / "out" / "made_up"
+    assert {"report.md", "runs.csv", "transitions.csv", "sticks.csv", "manifest.json"} <= set(os.listdir(folder))
+    with (folder / "runs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == RUN_COLUMNS
+    assert [row["solver"] for row in rows] == ["henon", "henon", "heyoka", "heyoka"]
+    assert [row["step_s"] for row in rows] == [""] * 4
+    assert (folder / "transitions.csv").read_text().splitlines()[0] == ",".join((*TRANSITION_COLUMNS, "x"))
+    assert (folder / "sticks.csv").read_text().splitlines()[0] == ",".join(STICK_COLUMNS)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["rerun"] == "python -m henon_ref.compare made_up.yaml --repeats 2"
+    assert manifest["readings"]["default"]["parameters"]["F"] == {"exact": "1", "value": 1.0}
+    assert len(manifest["samples"][0]["samples_ns"]) == 2
+    assert sorted(manifest["files"]) == sorted(os.listdir(folder))
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    assert captured.out.splitlines() == ["out/made_up/report.md; gate met"]
+
+
+def test_the_report_opens_with_the_answer(made_up, tmp_path):
+    run(made_up, "--out", "out")
+    lines = (tmp_path / "out/made_up/report.md").read_text().splitlines()
+    assert lines[0] == "# A made-up system"
+    assert lines[2].startswith("1 of 2 solvers find all 5 transitions in order. **`henon` is right to 6 digits**")
+    assert "Wrong at every setting: `heyoka` (1 missed, 0 spurious)." in lines
+    assert (tmp_path / "out/README.md").read_text().startswith("# Reports")
+
+
+def test_the_gate_decides_the_exit_status_only_where_asked(made_up, monkeypatch, capsys):
+    monkeypatch.setattr(registry, "solver", {**SOLVERS, "henon": Fake("henon", "misses")}.__getitem__)
+    assert run(made_up) == 0
+    assert run(made_up, "--gate") == 1
+    assert "gate: made_up: default: henon" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--solvers", "henn"], "did you mean 'henon'"),
+        (["--solvers", "ida"], "none of the solvers asked for"),
+        (["--solvers", ","], "empty list"),
+        (["--tolerances", "1e-3,abc"], "not 'abc'"),
+        (["--tolerances", "nan"], "between 1e-16 and 1"),
+        (["--repeats", "0"], "repeats"),
+        (["--timeout", "soon"], "timeout"),
+        (["--out", "made_up.yaml"], "is a file"),
+        (["--bogus"], "--bogus"),
+        (["nowhere.yaml"], "nowhere.yaml"),
+        (["made_up.yaml", "copy.yaml"], "the name 'made_up' is also that of"),
+        (["empty"], "no case file"),
+    ],
+)
+def test_a_bad_argument_is_one_message_and_nothing_is_written(made_up, tmp_path, capsys, arguments, words):
+    (tmp_path / "copy.yaml").write_text(made_up.read_text())
+    (tmp_path / "empty").mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    assert run(made_up, *arguments) == 2
+    captured = capsys.readouterr()
+    assert words in captured.err
+    assert captured.err.count("\n") == 1
+    assert captured.out == ""
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_bad_case_is_named_with_line_and_column(tmp_path, capsys):
+    (tmp_path / "bad.yaml").write_text(CASE.format(name="bad").replace("until: 5", "until: soon"))
+    assert run("bad.yaml") == 2
+    assert "bad.yaml:" in capsys.readouterr().err
+    assert not (tmp_path / "reports").exists()
+
+
+def test_no_case_at_all_is_a_bad_argument(capsys):
+    assert compare.command([]) == 2
+    assert "Missing argument" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.geteuid() == 0 if hasattr(os, "geteuid") else True, reason="root writes anywhere")
+def test_a_folder_that_cannot_be_written_is_refused_at_once(made_up, tmp_path, capsys):
+    (tmp_path / "locked").mkdir(mode=0o500)
+    assert run(made_up, "--out", "locked") == 2
+    assert "cannot write into" in capsys.readouterr().err
+
+
+def test_a_folder_below_a_file_system_without_files_is_refused(made_up, capsys):
+    assert run(made_up, "--out", "/proc/reports") == 2
+    assert "cannot write into /proc" in capsys.readouterr().err
+
+
+def test_a_folder_stands_for_all_its_cases_but_not_for_truths(tmp_path):
+    for name in ("b.yaml", "a/c.yml", "truth/x.yaml", "a/truth/y.yaml"):
+        (tmp_path / "cases" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "cases" / name).write_text("")
+    assert [path.name for path in case_files(tmp_path / "cases")] == ["c.yml", "b.yaml"]
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(CaseError, match="no case file"):
+        case_files(tmp_path / "empty")
+
+
+def test_a_full_disk_is_one_message_and_loses_no_finished_row(made_up, tmp_path, monkeypatch, capsys):
+    written = []
+    real = os.fsync
+
+    def full(descriptor: int) -> None:
+        written.append(descriptor)
+        if len(written) == 3:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(descriptor)
+
+    monkeypatch.setattr(os, "fsync", full)
+    assert run(made_up, "--out", "out", "--jobs", 1) == 2
+    captured = capsys.readouterr()
+    assert captured.err.count("\n") == 1
+    assert "No space left" in captured.err
+    assert len(journal.read(tmp_path / "out" / "made_up" / journal.FILE)) >= 2
+    assert not (tmp_path / "out" / "made_up" / "report.md").exists()
+    monkeypatch.setattr(os, "fsync", real)
+    assert run(made_up, "--out", "out", "--resume") == 0
+
+
+def test_a_report_that_cannot_be_finished_leaves_the_old_one(made_up, tmp_path, monkeypatch):
+    assert run(made_up, "--out", "out") == 0
+    report = tmp_path / "out/made_up/report.md"
+    before, entries = report.read_text(), sorted(os.listdir(tmp_path / "out"))
+    from henon_ref.report import write
+
+    def full(path: Path, content: bytes) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    monkeypatch.setattr(write, "write_through", full)
+    assert run(made_up, "--out", "out", "--solvers", "henon") == 2
+    assert report.read_text() == before
+    assert sorted(os.listdir(tmp_path / "out")) == entries
+
+
+def test_files_of_an_earlier_report_that_this_one_lacks_are_removed(made_up, tmp_path):
+    assert run(made_up, "--out", "out") == 0
+    folder = tmp_path / "out" / "made_up"
+    (folder / "mine.txt").write_text("kept")
+    manifest = json.loads((folder / "manifest.json").read_text())
+    (folder / "old.svg").write_text("stale")
+    manifest["files"] += ["old.svg", "../escape"]
+    (tmp_path / "out" / "escape").write_text("kept")
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    assert run(made_up, "--out", "out") == 0
+    assert not (folder / "old.svg").exists()
+    assert (folder / "mine.txt").exists()
+    assert (tmp_path / "out" / "escape").exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_keeps_finished_rows_and_says_how_to_go_on(made_up, tmp_path, number):
+    script = tmp_path / "run.py"
+    script.write_text(
+        textwrap.dedent(f"""
+        import sys
+        sys.path.insert(0, {str(Path(__file__).parent)!r})
+        from fakes import Fake, statement
+        from henon_ref import compare, registry
+        from henon_ref.score import truthjob
+        truthjob.statement_of = statement
+        from henon_ref.report import command
+        command.preload = lambda: None
+        registry.solver = lambda name: Fake(name, "right" if name == "henon" else "hangs")
+        sys.exit(compare.command(["made_up.yaml", "--out", "out", "--timeout", "60"]))
+        """)
+    )
+    process = subprocess.Popen([sys.executable, str(script)], stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    partial = tmp_path / "out" / "made_up" / journal.FILE
+    deadline = time.monotonic() + 20
+    while len(journal.read(partial)) < 2 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "interrupted" in errors
+    assert "--resume" in errors
+    assert len(journal.read(partial)) == 2
+    assert not (tmp_path / "out" / "made_up" / "report.md").exists()
+
+
+def test_rows_that_could_have_been_kept_are_mentioned(made_up, tmp_path, capsys):
+    folder = tmp_path / "out" / "made_up"
+    folder.mkdir(parents=True)
+    (folder / journal.FILE).write_text('{"key": "a"}\n')
+    assert run(made_up, "--out", "out", "--solvers", "henon") == 0
+    assert "--resume would keep 1 rows of made_up" in capsys.readouterr().err

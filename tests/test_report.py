@@ -1,0 +1,296 @@
+"""Reports say what the rows say: sentences, tables, figures, index, and whether stored ones still hold."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from decimal import Decimal
+
+import numpy as np
+import pytest
+from fakes import TIMES, Fake, case, expected, found, reference, statement, trajectory
+
+from henon_ref.comparison import Comparison
+from henon_ref.report import check, index
+from henon_ref.report.answer import answer
+from henon_ref.report.csvfiles import csv_text, read_rows
+from henon_ref.report.figures import FigureJob
+from henon_ref.report.latex import latex, symbol
+from henon_ref.report.manifest import Provenance
+from henon_ref.report.markdown import report_text
+from henon_ref.report.modeltext import general_form, mode_equations, parameters
+from henon_ref.report.motion import motion_of
+from henon_ref.report.ranking import prices
+from henon_ref.report.style import spread
+from henon_ref.report.tables import price_table, run_table, stick_table
+from henon_ref.report.write import write_report
+from henon_ref.score.options import Options
+from henon_ref.score.results import ReadingResult
+from henon_ref.score.rows import Outcome, Record, record, score_outcome
+from henon_ref.score.runjob import Samples
+from henon_ref.score.settings import Setting
+from henon_ref.score.worker import Failure
+
+ORIGIN = Provenance(
+    "python -m henon_ref.compare made_up.yaml",
+    "0123456789abcdef",
+    {"processor": "A processor", "cores": 2, "memory_bytes": 2**34, "system": "Linux", "python": "CPython 3.11"},
+    {"henon-ref": "1.0", "heyoka": "7.0", "scipy": "1.0"},
+)
+
+
+def made(solver: str, rtol: float, wall: float, *, what: str = "right", truth=None) -> Record:
+    """One run's rows, with a time error of rtol and given wall times."""
+    truth = truth or expected()
+    outcome = Outcome("made_up", case().readings[0], solver, Setting(rtol=rtol, atol=rtol), compile_s=0.1)
+    if what == "unavailable":
+        outcome.failure = Failure("unavailable", "it is not installed")
+    else:
+        transitions = found(error=0.99 * rtol)
+        outcome.trajectory = trajectory(transitions if what == "right" else transitions[:2] + transitions[3:])
+        outcome.samples = (wall, wall * 1.01, wall * 0.99)
+        score_outcome(outcome, truth)
+    return record(outcome, truth)
+
+
+def compared(*records: Record, **changes: object) -> Comparison:
+    result = ReadingResult(case().readings[0], replace(statement(None, None), **changes))
+    return Comparison(case(), [result], list(records), Options())
+
+
+@pytest.fixture
+def comparison() -> Comparison:
+    return compared(
+        made("henon", 1e-6, 2e-4),
+        made("henon", 1e-12, 3e-4),
+        made("heyoka", 1e-6, 1e-3),
+        made("heyoka", 1e-12, 9e-4),
+        made("scipy-rk45", 1e-6, 0.1, what="misses"),
+        made("scipy-rk45", 1e-12, 0.3),
+        made("scipy-sign", 1e-6, 0.5, what="misses"),
+        made("ida", 1e-6, 0.0, what="unavailable"),
+    )
+
+
+def test_the_answer_names_who_is_right_and_what_it_costs(comparison):
+    first, second, third = answer(comparison, comparison.readings[0])
+    assert first.startswith("3 of 4 solvers find all 5 transitions in order. **`henon` is right to 12 digits**")
+    assert "(worst error 9.9e-13 s at 1e-12) in **0.3 ms**" in first
+    assert "next comes `heyoka`, right to 12 digits in 0.9 ms, 3 times as long" in first
+    assert first.endswith("The cheapest is `henon` for 3, 6, 9 and 12 digits.")
+    assert "Wrong at every setting: `scipy-sign` (1 missed, 0 spurious)." in second
+    assert "Wrong at looser settings only: `scipy-rk45` (at 1e-6)." in second
+    assert "Unavailable here: `ida`." in second
+    assert "0.75 and 0.5 s where the source prints 0.75 s" in third or "exact stick durations" in third
+
+
+def test_published_durations_that_hold_and_that_do_not():
+    whole = compared(made("henon", 1e-6, 1e-4))
+    reading = replace(whole.readings[0].reading, published=replace(_published(), stick_durations=_decimals("0.8")))
+    text = " ".join(answer(whole, replace(whole.readings[0], reading=reading)))
+    assert "they are off by" in text
+    exact = replace(
+        whole.readings[0].reading, published=replace(_published(), stick_durations=_decimals("0.750", "0.5"))
+    )
+    assert "the printed digits hold" in " ".join(answer(whole, replace(whole.readings[0], reading=exact)))
+    none = replace(exact, measure_after=4.5)
+    assert "no counterpart" in " ".join(answer(whole, replace(whole.readings[0], reading=none)))
+
+
+def _published():
+    return case().readings[0].published
+
+
+def _decimals(*texts: str) -> tuple[Decimal, ...]:
+    return tuple(Decimal(text) for text in texts)
+
+
+def test_an_exact_run_that_ends_early_is_told_first():
+    truth = expected(TIMES[:3], status="nonunique", end_time=2.7)
+    outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6))
+    outcome.trajectory = trajectory(found(TIMES[:3]), "nonunique", end_time=2.7)
+    score_outcome(outcome, truth)
+    whole = compared(record(outcome, truth), expected=truth, reason="both sides repel")
+    text = answer(whole, whole.readings[0])[0]
+    assert text.startswith("The exact run ends at t = 2.7 s, nonunique: both sides repel. `henon` says so, with all 3")
+
+
+def test_without_a_truth_the_answer_says_so():
+    whole = compared(made("henon", 1e-6, 1e-4), expected=None, reason="the routes disagree")
+    assert answer(whole, whole.readings[0]) == [
+        "No truth could be had, so that nothing is scored: the routes disagree."
+    ]
+
+
+def test_prices_count_only_right_rows_and_never_a_faster_wrong_one(comparison):
+    three, six, nine, twelve = prices(comparison.run_rows)
+    assert [p.row["rtol"] for p in (three, six, nine, twelve)] == [1e-6, 1e-6, 1e-12, 1e-12]
+    assert {p.next_row["solver"] for p in (three, six, nine, twelve)} == {"heyoka"}
+    assert (
+        "| 12 | `henon` | 1e-12 | 0.3 ms | `heyoka` | 1e-12 | 0.9 ms | 3 |" in price_table(comparison.run_rows).markdown
+    )
+
+
+def test_an_error_below_the_radius_is_not_claimed():
+    truth = expected(transitions=tuple(replace(e, radius=1e-9) for e in reference()))
+    row = made("henon", 1e-12, 1e-4, truth=truth).run
+    assert row["digits"] == pytest.approx(9.0)
+    assert "< 1e-9" in run_table([row]).markdown
+
+
+def test_the_stick_table_has_truth_source_and_the_best_run(comparison):
+    table = stick_table(comparison, comparison.readings[0]).markdown
+    assert "| 0 | s | 0.500000000 | 0.7500000000000 | 0.75 | 0 |" in table
+
+
+def test_the_report_states_model_truth_and_provenance(comparison):
+    text = report_text(comparison, ORIGIN)
+    assert text.startswith("# A made-up system\n\n3 of 4 solvers")
+    assert "Certified: every one of the 5 transitions is enclosed" in text
+    assert "The largest radius of a transition time is 1e-30 s; no error is claimed below it." in text
+    assert r"\dot{x} &= - F s + \cos{\left(t \right)}" in text
+    assert "    python -m henon_ref.compare made_up.yaml" in text
+    assert "A processor (2 cores, 16 GiB)" in text
+    assert "from commit 0123456789ab." in text
+    assert not re.search(r"\b(None|nan)\b|\{\{", text)
+
+
+def test_modes_and_parameters_in_formulas():
+    result = compared().readings[0]
+    system = result.reading.problem.system
+    assert r"s &= \operatorname{sgn}\left(x\right)" in general_form(system)
+    stick = mode_equations(system, (0,))
+    assert stick.title == "Stick, `s=0`"
+    assert any(note.startswith("equivalent sign $s =") for note in stick.notes)
+    assert parameters(result) == ["$F = 1$", "$x(0) = 1$", r"$t_{\mathrm{end}} = 5$"]
+
+
+def test_formulas_keep_the_names_a_reader_expects():
+    import sympy as sp
+
+    x2, vp = sp.symbols("x2 vp", real=True)
+    assert latex(x2 - vp) == "x_{2} - v_{p}"
+    assert [symbol(n) for n in ("mu0", "a_b", "_x")] == [r"\mu_{0}", "a_{b}", r"\mathrm{\_x}"]
+
+
+def test_csv_reads_back_the_same():
+    rows = [{"a": 0.1 + 0.2, "b": None, "c": "x,y", "d": 3}]
+    text = csv_text(("a", "b", "c", "d"), rows)
+    assert text == 'a,b,c,d\n0.30000000000000004,,"x,y",3\n'
+
+
+def test_labels_keep_their_distance_and_their_place():
+    placed = spread([0.5, 0.5, 0.5, 0.0, 1.0], 0.1, 0.0, 1.0)
+    assert sorted(placed) == pytest.approx([0.0, 0.4, 0.5, 0.6, 1.0])
+    crowded = spread([0.02] * 5, 0.1, 0.0, 1.0)
+    assert sorted(crowded) == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+
+
+def job(comparison: Comparison, **changes: object) -> FigureJob:
+    times = np.linspace(1.0, 5.0, 81)
+    samples = Samples(times, np.sin(times)[:, None], None)
+    result = comparison.readings[0]
+    return replace(FigureJob(result.reading, result.expected, samples, tuple(comparison.records)), **changes)
+
+
+def drawn(job: FigureJob) -> dict[str, bytes]:
+    ((_, files),) = job.stages()
+    return files
+
+
+def test_figures_are_the_same_bytes_for_the_same_data(comparison):
+    first, second = drawn(job(comparison)), drawn(job(comparison))
+    assert set(first) == {"default_modes.svg", "default_errors.svg", "default_cost.svg"}
+    assert first == second
+    assert all(b"dc:date" not in content for content in first.values())
+
+
+def test_figures_stand_any_lack_of_data(comparison):
+    assert drawn(job(comparison, expected=None)) == {}
+    empty = drawn(job(comparison, samples=None, records=()))
+    assert empty == {}
+    nothing = Samples(np.array([1.0, 2.0]), np.full((2, 1), np.nan), None)
+    assert "default_modes.svg" not in drawn(job(comparison, samples=nothing))
+    one = (made("henon", 1e-12, 1e-4),)
+    assert "default_cost.svg" in drawn(job(comparison, records=one))
+    failed = (made("ida", 1e-6, 0.0, what="unavailable"),)
+    assert set(drawn(job(comparison, records=failed))) == {"default_modes.svg"}
+
+
+def test_motion_has_a_corner_at_every_transition():
+    samples = Samples(np.linspace(1.0, 3.0, 5), np.zeros((5, 1)), None)
+    motion = motion_of(samples, reference())
+    assert motion.times.tolist() == [1.0, 1.25, 1.5, 2.0, 2.0, 2.5, 3.0]
+    assert motion.modes == ((0,), (-1,), (-1,), (1,), (1,), (1,), (1,))
+
+
+@pytest.fixture
+def stored(tmp_path, comparison):
+    """A folder with one stored report, and one that has just been made."""
+    write_report(comparison, ORIGIN, tmp_path / "reports")
+    shutil.copytree(tmp_path / "reports", tmp_path / "fresh")
+    return tmp_path / "reports" / "made_up", tmp_path / "fresh" / "made_up"
+
+
+def rewrite(folder, change) -> None:
+    rows = read_rows(folder / "runs.csv")
+    change(rows)
+    (folder / "runs.csv").write_text(csv_text(tuple(rows[0]), rows))
+
+
+def test_a_report_that_still_holds(stored):
+    old, fresh = stored
+    rewrite(fresh, lambda rows: [row.update(wall_s=9.0, wall_s_iqr=1.0, compile_s=7.0) for row in rows])
+    rewrite(fresh, lambda rows: rows[0].update(max_time_error_s=2e-6))
+    assert check.differences(old, fresh) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"max_time_error_s": 2e-4}, "max_time_error_s was 9.90e-07, is 2.00e-04"),
+        ({"max_time_error_s": None}, "max_time_error_s was"),
+        ({"status": "wrong", "verdict": "solver defect"}, "was ok (right), is wrong (solver defect)"),
+        ({"matched": 4.0}, "matched was 5.0, is 4.0"),
+        ({"solver": "new"}, "is not stored"),
+    ],
+)
+def test_a_report_that_no_longer_holds(stored, change, words):
+    old, fresh = stored
+    rewrite(fresh, lambda rows: rows[0].update(change))
+    assert any(words in line for line in check.differences(old, fresh))
+
+
+def test_a_timeout_is_the_machine_s_doing(stored):
+    old, fresh = stored
+    rewrite(fresh, lambda rows: rows[0].update(status="timeout", verdict="solver defect", matched=2.0))
+    assert check.differences(old, fresh) == []
+
+
+def test_texts_and_files_are_checked_too(stored):
+    old, fresh = stored
+    report = fresh / "report.md"
+    report.write_text(report.read_text().replace("Certified:", "Not certified:"))
+    listed = json.loads((old / "manifest.json").read_text())["files"]
+    (old / "sticks.csv").unlink()
+    assert "sticks.csv" in listed
+    assert check.differences(old, fresh) == ["Truth: the text differs", "the file sticks.csv is gone"]
+    shutil.rmtree(old)
+    assert check.differences(old, fresh) == [f"there is no report in {old}"]
+
+
+def test_the_index_is_a_matrix_of_digits(stored):
+    text = index.index_text(index.entries(stored[0].parent))
+    assert "1 reading of 1 case. Right most often, at one setting at least: `henon` (1 of 1)" in text
+    row = next(line for line in text.splitlines() if line.startswith("| [made_up](made_up/report.md)"))
+    assert row == "| [made_up](made_up/report.md) | 12 | 12 | · | 12 * | wrong |"
+    assert "| `henon` | 1 | 1 | 1 | 1 |" in text
+    assert "- [made_up](made_up/report.md): A made-up system" in text
+
+
+def test_fakes_meet_the_contract():
+    from henon_ref.solver import Solver
+
+    assert isinstance(Fake(), Solver)
