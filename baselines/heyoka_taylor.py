@@ -282,3 +282,4 @@ def _constant_slope(model: ModeFunctions, guard: sp.Expr) -> list[tuple[int, flo
 
 
 HEYOKA = HeyokaTaylor("heyoka")
+HEYOKA_FAST_MATH = HeyokaTaylor("heyoka+fastmath", fast_math=True)
