@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import pytest
 import sympy as sp
@@ -194,3 +195,28 @@ def test_units_of_a_billionth_change_no_digit(problem: Callable[..., Problem]) -
     with ctx.workprec(300):
         for a, b in zip(plain.transitions, run.transitions, strict=True):
             assert a.time.overlaps(b.time * 10**9)
+
+
+def test_accumulating_events_are_called_so() -> None:
+    run = certify(systems.twisting())
+    assert (run.status, run.ended) == ("not provable", "budget")
+    assert run.reason.startswith("events accumulate at t = 3.23205080757")
+    assert len(run.transitions) > 50
+    assert run.radius <= RADIUS
+
+
+def test_an_override_that_leaves_its_surface_is_refused() -> None:
+    """All that follows a stick takes the surface for zero, so that it has to be."""
+    belt = systems.static_belt("14")
+    stick = belt.system.overrides[0]
+    drifting = replace(stick, field=(stick.field[0], sp.Rational(1, 100)))
+    wrong = replace(belt, system=replace(belt.system, overrides={0: drifting}))
+    run = certify(wrong)
+    assert run.status == "not provable"
+    assert "not proven to keep its surface" in run.reason
+
+
+def test_a_start_outside_the_model_is_told(problem: Callable[..., Problem]) -> None:
+    run = certify(problem("x", ["-1"], {"s": "x + 1"}, [1], 3, valid=["x - 2"]))
+    assert run.ended == "invalid"
+    assert run.transitions == ()

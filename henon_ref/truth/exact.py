@@ -8,7 +8,8 @@ from dataclasses import replace
 import sympy as sp
 from flint import arb, ctx
 
-from henon_ref.truth.numbers import ball_text, exact_ball
+from henon_ref.truth.certified.exact import enclose
+from henon_ref.truth.numbers import ball_text
 from henon_ref.truth.reference import ReferenceTransition, TruthError
 
 BITS = 320
@@ -40,7 +41,7 @@ def with_closed_forms(
             "were found: check 'exact' and 'until'"
         )
     with ctx.workprec(BITS):
-        balls = [exact_ball(time, BITS) for time in times]
+        balls = [enclose(time) for time in times]
         for index, (ball, found) in enumerate(zip(balls, transitions, strict=False)):
             apart = abs(ball - arb(found.time_digits))
             if not apart.lower() <= found.radius:

@@ -54,8 +54,11 @@ class Tail:
         return arb(self.bound) * (abs(s).upper() / arb(self.radius)) ** self.power
 
     def slope(self, s: arb) -> arb:
-        """Bound of the derivative at s: ``sum k |e_k| s^(k-1)``, whose factors fall from k = power on."""
-        return arb(self.bound) * self.power * (abs(s).upper() / arb(self.radius)) ** (self.power - 1) / arb(self.radius)
+        """Bound of the derivative at s, ``sum k |e_k| s^(k-1)``, as long as its factors fall from the first on."""
+        part = abs(s).upper() / arb(self.radius)
+        if not part * (self.power + 1) <= self.power:
+            return arb.pos_inf()
+        return arb(self.bound) * self.power * part ** (self.power - 1) / arb(self.radius)
 
 
 @dataclass(frozen=True)
@@ -90,6 +93,8 @@ class Curve:
         """Enclosures of value (mean-value form, met with the plain one) and derivative over an interval."""
         s, middle = interval(low, high), arb(0.5 * (low + high))
         plain, slope = self.at(s), self.slope(s)
+        if not slope.is_finite():
+            return plain, slope
         centred = self.at(middle) + slope * (s - middle)
         return (plain.intersection(centred) if plain.overlaps(centred) else plain), slope
 

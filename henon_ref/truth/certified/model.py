@@ -12,7 +12,8 @@ from flint import arb
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import TIME, FilippovSystem, Guard
 from henon_ref.taylor.tape import build_tape
-from henon_ref.truth.certified.exact import enclose
+from henon_ref.truth.certified.enclosure import UndecidedError
+from henon_ref.truth.certified.exact import enclose, proves_zero
 from henon_ref.truth.certified.program import Program
 
 
@@ -29,6 +30,13 @@ class SolvedState:
 class ModeModel:
     """One mode: its field and guards in exact numbers, and the programs that expand them.
 
+    Raises
+    ------
+    ModelError
+        Where the mode has no equations.
+    UndecidedError
+        Where an override's field is not proven to keep its surface.
+
     Attributes
     ----------
     field : tuple of Expr
@@ -44,6 +52,18 @@ class ModeModel:
         self.guards = tuple(
             Guard(g.kind, g.index, g.to_sign, system.numeric(g.expression), g.rising_only) for g in equations.guards
         )
+
+        for i in set(system.overrides) & {i for i, s in enumerate(mode) if s == 0}:
+            self._check_kept(system.numeric(system.surfaces[i]), system.sign_names[i])
+
+    def _check_kept(self, surface: sp.Expr, name: str) -> None:
+        """An override's field must keep its surface: all that is proven in the stick takes h for zero."""
+        velocity = self.lie_derivative(surface)
+        for solved in solve_for_states([surface], self.states):
+            velocity = velocity.xreplace({self.states[solved.index]: solved.value})
+        if not proves_zero(velocity):
+            reason = f"the 'sliding' field of {name} is not proven to keep its surface: dh/dt = {velocity}"
+            raise UndecidedError(reason, "mode")
 
     @cached_property
     def flow(self) -> Program:

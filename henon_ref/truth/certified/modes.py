@@ -18,7 +18,7 @@ from flint import arb, ctx
 
 from henon_ref.errors import ModelError
 from henon_ref.model.modes import Mode, mode_text, replaced
-from henon_ref.model.system import TIME, Guard
+from henon_ref.model.system import Guard
 from henon_ref.trajectory import Problem
 from henon_ref.truth.certified.enclosure import UndecidedError
 from henon_ref.truth.certified.exact import enclose, proves_zero
@@ -92,12 +92,15 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
     """
     system = problem.system
     numbers = [system.numeric(e) for e in (problem.start, *problem.initial)]
-    at = Identities(dict(zip((TIME, *system.states), numbers, strict=True)))
+    at = Identities(dict(zip(model.symbols, numbers, strict=True)))
     box = [enclose(e) for e in numbers]
+    for expression in system.valid:
+        if enclose(system.numeric(expression), dict(zip(model.symbols, box, strict=True))) < 0:
+            raise EndedError(f"the model does not hold at the start: {expression} < 0", "invalid")
     mode: list[int] = []
     on: list[int] = []
     for i, h in enumerate(model.surfaces):
-        sign = _sign(enclose(h, dict(zip((TIME, *system.states), box, strict=True))))
+        sign = _sign(enclose(h, dict(zip(model.symbols, box, strict=True))))
         if sign == 0:
             if not at.vanishes(h):
                 raise UndecidedError(f"the start's side of {system.sign_names[i]} cannot be told", "start")
@@ -237,7 +240,7 @@ class _Judge:
         """Whether both fields point at a surface whose sliding is overridden (or run along it, exactly)."""
         system = self.model.system
         normal = system.numeric(system.normal_velocity(index))
-        values = dict(zip((TIME, *system.states), self.box, strict=True))
+        values = dict(zip(self.model.symbols, self.box, strict=True))
         for side in (-1, 1):
             signs = {s: sp.Integer(v) for s, v in zip(system.signs, replaced(mode, index, side), strict=True)}
             velocity = normal.xreplace(signs)

@@ -27,6 +27,9 @@ MAX_STEPS = 400_000
 SHORTEST = 2.0**-100
 """A step this much shorter than the run so far says that the solution, or the events, run into a point."""
 
+CROWD, CROWDED = 16, 1e-9
+"""So many events within this part of the run count as accumulating."""
+
 Ended = Literal["horizon", "invalid", "nonunique", "none", "undecided", "budget"]
 Progress = Callable[[float, int], None]
 
@@ -138,8 +141,11 @@ def _trimmed(run: CertifiedRun, radius: float) -> CertifiedRun:
         return run
     reason = f"the radius {radius:.3g} is not met from transition {good} on at {run.bits} bits"
     reached = run.transitions[good - 1].time if good else run.time
+    ended: Ended = "undecided"
+    if run.ended == "budget":
+        ended, reason = run.ended, f"{run.reason}; {reason}"
     kept = run.transitions[:good]
-    return replace(run, status="not provable", ended="undecided", reason=reason, transitions=kept, time=reached)
+    return replace(run, status="not provable", ended=ended, reason=reason, transitions=kept, time=reached)
 
 
 class _Attempt:
@@ -173,7 +179,9 @@ class _Attempt:
             self.walk = Walk(self.model, PointSet.box(self.start), entry, self.precision, min(unit, 1.0))
             reason = self._advance(self.walk)
         except UndecidedError as stop:
-            return self._result("not provable", "undecided", stop.reason)
+            # Where events accumulate, more bits only buy a few more of them.
+            crowded = self._crowded()
+            return self._result("not provable", "budget" if crowded else "undecided", crowded + stop.reason)
         except EndedError as stop:
             certified = stop.ended == "invalid" and self.walk is not None
             return self._result("certified" if certified else "not provable", stop.ended, stop.reason)
@@ -200,6 +208,15 @@ class _Attempt:
             if self.until is not None and clock.monotonic() > self.until:
                 return f"the deadline passed at t = {now.str(17, radius=False)}"
         return ""
+
+    def _crowded(self) -> str:
+        """A word where the events before a stop came ever faster."""
+        if len(self.transitions) < CROWD:
+            return ""
+        spread = self.transitions[-1].time - self.transitions[-CROWD].time
+        if not spread < CROWDED * abs(self.horizon - self.start[0]):
+            return ""
+        return f"events accumulate at t = {self.transitions[-1].time.str(12, radius=False)}: "
 
     def _record(self, hit: Hit) -> None:
         """One transition for every surface whose entry changes, in the order of the surfaces."""
