@@ -113,7 +113,7 @@ class Switching:
             return []
         equations, tape, numbers = made
         states, outputs = expand(tape, numbers, t, x, ORDER)
-        rate, active = _rate(states), set(active)
+        rate, active = _rate(states, outputs), set(active)
         orders = []
         for guard, series in zip(equations.guards, outputs, strict=True):
             first = 1 if guard.kind == "surface" else 0
@@ -186,7 +186,7 @@ class Switching:
             states, outputs = expand(tape, numbers, t, x, ORDER)
         except (ZeroDivisionError, ValueError, OverflowError):
             return None
-        rate = _rate(states)
+        rate = _rate(states, outputs)
         active = set(active)
         broken: list[Guard] = []
         for guard, series in zip(equations.guards, outputs, strict=True):
@@ -235,14 +235,23 @@ def _with(mode: Mode, active: Sequence[int], choice: Sequence[int]) -> Mode:
     return mode
 
 
-def _rate(states: Sequence[Sequence[float]]) -> float:
-    """An inverse time in which the solution changes: makes coefficients of different order comparable."""
+def _rate(states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]] = ()) -> float:
+    """An inverse time in which the solution changes: makes coefficients of different order comparable.
+
+    From how the coefficients of the states grow on their slopes, and from the high orders of the guards
+    (whose low orders may be zeros that rounding has touched).
+    """
     rate = 0.0
     for series in states:
         slope = max(abs(c) for c in series[1:3])
         for k in range(2, len(series)):
             if slope > 0 and series[k] != 0:
                 rate = max(rate, (abs(series[k]) / slope) ** (1 / max(k - 1, 1)))
+    for series in guards:
+        for j in range(2, len(series) // 2 + 1):
+            for k in range(j + 2, len(series)):
+                if series[j] != 0 and series[k] != 0:
+                    rate = max(rate, (abs(series[k]) / abs(series[j])) ** (1 / (k - j)))
     return rate or 1.0
 
 
