@@ -136,16 +136,16 @@ class Driver:
                 record.sampled(stop.samples, mode)
             if stop.status == "failed" or stop.status == "diverged":
                 return _ended(record, entry, x, stop)
-            t, low, x = stop.t, stop.low, stop.x
             hits = stop.hits
             unsettled: tuple[Fresh, ...] = ()
             if entry.several or not hits:
                 hits, unsettled, missed = self._together(entry, stop, fresh)
                 if missed:
                     return record.finish("failed", t, x, mode, record.explained("failed", missed))
-                if not hits:
-                    record.drift = max(record.drift, self.table.drift(entry, t, x))
-                    return record.finish("ok", t, x, mode)
+            t, low, x = stop.t, stop.low, stop.x
+            if not hits:
+                record.drift = max(record.drift, self.table.drift(entry, t, x))
+                return record.finish("ok", t, x, mode)
             take = entry.exits[hits[0]] if len(hits) == 1 else None
             followed = take(t, x) if take is not None else None
             touched: Sequence[int] = ()

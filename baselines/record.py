@@ -26,7 +26,9 @@ MOST = 10_000_000
 GROUP = 4
 """A chain of groups of so many events, each group at most half as long as the one before, ..."""
 CHAIN = 5
-"""... of so many groups, that has shrunk to the floor which an absolute tolerance sets, accumulates too."""
+"""... of so many groups, accumulates too once it has shrunk to where an absolute tolerance makes it chatter:"""
+CHATTER = 16.0
+"""to this times the root of that tolerance, as a part of the chain's first group."""
 
 
 Event = tuple[Kind, int, Mode, Mode, float, tuple[float, ...], float]
@@ -91,7 +93,7 @@ class Record:
         self._times: list[float] = []
         self._window = WINDOW + 4 * surfaces
         self._span = SPAN * horizon
-        self._floor = min(1e-2, 4.0 * math.sqrt(blur))
+        self._floor = min(1e-2, CHATTER * math.sqrt(blur))
         self._sample_times = sample_times
         self._samples = None if sample_times is None else np.full((len(sample_times), states), np.nan)
         self._sample_modes: list[Mode] = []

@@ -172,8 +172,9 @@ class _Flow:
         self._work.steps += result.t.size - 1
         end, state = float(result.t[-1]), tuple(result.y[:n, -1].tolist())
         samples = None
-        if wanted is not None and result.sol is not None:
-            samples = np.ascontiguousarray(result.sol(wanted[wanted <= end])[:n].T)
+        if wanted is not None:
+            times = wanted[wanted <= end]
+            samples = np.ascontiguousarray(result.sol(times)[:n].T) if times.size else np.empty((0, n))
         if result.status < 0:
             words = " ".join([result.message, *(str(w.message) for w in said)])
             return Stop("failed", end, 0.0, state, reason=words, samples=samples)

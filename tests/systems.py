@@ -1,9 +1,12 @@
 """Systems with known answers, written as `FilippovSystem` objects, for the tests of any solver.
 
-Sources and closed forms stand with each; numbers are exact.
+Sources and closed forms stand with each; numbers are exact. Each is built once: deriving the equations of its
+modes costs more than most runs.
 """
 
 from __future__ import annotations
+
+from functools import cache
 
 import sympy as sp
 
@@ -19,12 +22,14 @@ def number(text: str | int) -> sp.Expr:
     return sp.Rational(str(text))
 
 
+@cache
 def leaving_slide(until: str = "3") -> Problem:
     """x' = t - sgn x from 0: slides to t = 1, then x = (t - 1)^2 / 2."""
     system = FilippovSystem((X,), (S,), (X,), (TIME - S,))
     return Problem(system, sp.Integer(0), (sp.Integer(0),), number(until))
 
 
+@cache
 def free_coulomb(start: str = "5.3", friction: str = "0.6", until: str = "20") -> Problem:
     """x'' + x = -F sgn x' from rest: turns at k pi, sticks for good at N pi, N = ceil((x0 - F) / (2 F))."""
     force = sp.Symbol("F", real=True)
@@ -32,6 +37,7 @@ def free_coulomb(start: str = "5.3", friction: str = "0.6", until: str = "20") -
     return Problem(system, sp.Integer(0), (number(start), sp.Integer(0)), number(until))
 
 
+@cache
 def static_belt(until: str = "20") -> Problem:
     """Belt with static > kinetic friction, (Fs, Fk, vb) = (1.5, 1, 0.5), from (Fs, vb) in slip.
 
@@ -45,6 +51,7 @@ def static_belt(until: str = "20") -> Problem:
     return Problem(system, sp.Integer(0), (static, belt), number(until), {0: -1})
 
 
+@cache
 def stribeck_belt(until: str = "40") -> Problem:
     """x'' + x = -sgn(v) / (1 + 3 abs(v)), v = x' - 0.2, from (1, 0.2) (Leine 1998).
 
@@ -56,6 +63,7 @@ def stribeck_belt(until: str = "40") -> Problem:
     return Problem(system, sp.Integer(0), (sp.Integer(1), belt), number(until))
 
 
+@cache
 def rotating_crossing(until: str = "1.5") -> Problem:
     """x' = A2 x inside the unit circle, A1 x outside, from (1/e, 0): crosses at t = 1, at (1, 0)."""
     turn = 2 * sp.pi
@@ -63,6 +71,7 @@ def rotating_crossing(until: str = "1.5") -> Problem:
     return Problem(system, sp.Integer(0), (sp.exp(-1), sp.Integer(0)), number(until))
 
 
+@cache
 def twisting(until: str = "4") -> Problem:
     """x1' = x2, x2' = -2 sgn x1 - sgn x2 from (0, 1.5): crossings accumulate at 3.2320508075688776 (Zeno)."""
     upper, lower = sp.symbols("s1 s2", real=True)
@@ -70,6 +79,7 @@ def twisting(until: str = "4") -> Problem:
     return Problem(system, sp.Integer(0), (sp.Integer(0), number("1.5")), number(until))
 
 
+@cache
 def relay_feedback(until: str = "5") -> Problem:
     """x' = A x - B sgn x1 (di Bernardo, Johansson, Vasca 2001): first release at 2.812403376023301."""
     w, z, g = sp.Integer(25), number("0.05"), sp.Integer(1)
@@ -83,6 +93,7 @@ def relay_feedback(until: str = "5") -> Problem:
     return Problem(system, sp.Integer(0), (sp.Integer(0), number("-0.001"), number("-0.02")), number(until))
 
 
+@cache
 def three_blocks(until: str = "12") -> Problem:
     """Three blocks with three contacts (Stewart 1996): several stick at once."""
     q, v, s = sp.symbols("q1:4", real=True), sp.symbols("v1:4", real=True), sp.symbols("s1:4", real=True)
@@ -94,16 +105,19 @@ def three_blocks(until: str = "12") -> Problem:
     return Problem(system, sp.Integer(0), start, number(until))
 
 
+@cache
 def spontaneous_switch() -> Problem:
     """x' = sgn x from 0: no unique future."""
     return Problem(FilippovSystem((X,), (S,), (X,), (S,)), sp.Integer(0), (sp.Integer(0),), sp.Integer(1))
 
 
+@cache
 def blow_up() -> Problem:
     """x' = x^2 from 1, far from the surface x = -1: leaves every bound at t = 1."""
     return Problem(FilippovSystem((X,), (S,), (X + 1,), (X**2,)), sp.Integer(0), (sp.Integer(1),), sp.Integer(3))
 
 
+@cache
 def fig8(reading: str = "listing_limit", until: str = "70") -> Problem:
     """Fig. 8 of Olejnik and Awrejcewicz (2013), Eqs. (17)-(18).
 

@@ -167,6 +167,7 @@ def test_a_library_that_steps_over_a_root_fails_and_says_which() -> None:
     assert found.status == "failed"
     assert "stepped over" in found.reason
     assert "-8" in found.reason
+    assert found.end_time == 0.0  # what came after the root belongs to no mode
 
 
 def test_a_crossing_goes_on_and_a_spontaneous_switch_is_not_unique() -> None:
