@@ -220,3 +220,16 @@ def test_a_start_outside_the_model_is_told(problem: Callable[..., Problem]) -> N
     run = certify(problem("x", ["-1"], {"s": "x + 1"}, [1], 3, valid=["x - 2"]))
     assert run.ended == "invalid"
     assert run.transitions == ()
+
+
+def test_release_from_an_intersection(problem: Callable[..., Problem]) -> None:
+    """x' = t - a - 3b/10, y' = -b - 3a/10 slides on both surfaces until a reaches 1, at t = 91/100.
+
+    The normal velocity after the release is zero by continuity of the field, and by nothing that algebra on the
+    surfaces alone could tell.
+    """
+    run = certify(problem("x y", ["t - a - 3*b/10", "-b - 3*a/10"], {"a": "x", "b": "y"}, [0, 0], 2))
+    check_times(run, [sp.Rational(91, 100)])
+    assert [(t.kind, t.surface, t.to_mode) for t in run.transitions] == [("release", 0, (1, 0))]
+    with ctx.workprec(200):
+        assert run.state[0].contains(enclose((2 - sp.Rational(91, 100)) ** 2 / 2))

@@ -106,6 +106,8 @@ def test_exact_numbers_are_enclosed_without_floats() -> None:
 def test_zero_is_proven_by_algebra_only() -> None:
     z = 2 / sp.sqrt(3) * sp.sin(sp.pi / 18)
     assert proves_zero(z**3 - z + sp.sqrt(3) / 9)
+    seventh = sp.pi / 7
+    assert proves_zero(sp.cos(seventh) - sp.cos(2 * seventh) + sp.cos(3 * seventh) - sp.Rational(1, 2))
     assert proves_zero((X + Y) ** 2 - X**2 - 2 * X * Y - Y**2)
     assert not proves_zero(z**3 - z + sp.sqrt(3) / 9 + sp.Rational(1, 10**40))
     assert not proves_zero(X - Y)

@@ -198,7 +198,10 @@ class _Search:
             with ctx.workprec(bits):
                 made = self._return(point, bits, sharp=False)
                 residual = arb_mat(len(point), 1, [p - q for p, q in zip(point, made.end, strict=True)])
-                step = (_unit(len(point)) - made.derivative).mid().solve(residual.mid())
+                try:
+                    step = (_unit(len(point)) - made.derivative).mid().solve(residual.mid())
+                except ZeroDivisionError:
+                    raise OrbitError("the return map leaves a direction as it is: no isolated orbit here") from None
                 correction = [step[i, 0].mid() for i in range(len(point))]
                 point = [(p - c).mid() for p, c in zip(point, correction, strict=True)]
             now = max(float(abs(c)) for c in correction)
