@@ -20,7 +20,7 @@ from henon_ref.taylor.tape import Tape, build_tape
 
 DIGITS = 60
 ORDER = 48
-NOTHING = mpmath.mpf(10) ** -30
+NOTHING = mpmath.mpf(10) ** -50
 """Relative size below which a value found with 60 digits counts as zero."""
 _NAMES = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt")
 _RING = Ring({name: getattr(mpmath, name) for name in _NAMES}, mpmath.power)
@@ -122,7 +122,7 @@ def _first_root(
     slope = _derivative(q)
     size = sum(abs(c) * reach**k for k, c in enumerate(q))
     higher = slope
-    for _ in range(3):  # touches of fourth and higher order: roots of higher derivatives
+    for _ in range(2):  # touches of fourth and higher order: roots of higher derivatives
         higher = _derivative(_derivative(higher))
         candidate = _newton(higher, near)
         if candidate is not None and 0 < candidate < 2 * reach and _is_touch(q, candidate, size):

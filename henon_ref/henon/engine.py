@@ -181,7 +181,9 @@ class Session:
         self.multiplicity[: len(start.zeros)] = start.zeros
         self.hits = np.zeros(most, dtype=np.int64)
         self.c = np.zeros((n + most + 1, row_length(order)))
+        self.ahead = np.zeros_like(self.c)
         self.change = np.zeros(n + most)
+        self.point = np.zeros(n)
         self.speeds = np.zeros((n + 2 * most, 1))
         self.work = np.zeros((4 + DEPTH, order + 1))
         self.bounds = np.zeros((2 + DEPTH, 2))
@@ -251,7 +253,7 @@ class Session:
             self.floats, self.integers, self.x, self.x_low, self.multiplicity, self.hits,
             *start.until, self.engine.order, self.tolerance, self.method, _BUDGET,
             compiled.addresses, compiled.constants, compiled.probes, compiled.layouts, compiled.targets,
-            self.c, self.change, self.speeds, self.engine.table, self.work, self.bounds,
+            self.c, self.ahead, self.change, self.point, self.speeds, self.engine.table, self.work, self.bounds,
             self.times, self.marks, self.states,
             self.wanted, self.samples, self.sample_modes,
         )  # fmt: skip
@@ -283,18 +285,25 @@ class Session:
             floats[k.F_REACH],
         )
         floats[k.F_TIME], floats[k.F_LOW] = finding.time
+        late = _later(finding.time, self.start.until)
+        if late:  # the guard reaches zero just behind the horizon
+            floats[k.F_TIME], floats[k.F_LOW] = self.start.until
         self.x[:] = [high for high, _ in finding.state]
         self.x_low[:] = [low for _, low in finding.state]
         self.integers[k.I_STEPS] += 1
         self.multiplicity[:] = 0
         self.hits[:] = 0
+        if late:
+            return False
         if finding.what == "root":
             self.hits[guard] = 1
             return True
-        self.multiplicity[guard] = 2
+        surface = self.engine.system.equations(self.mode).guards[guard].index
+        orders = self.engine.switching.contact_orders(self.time, self.x.tolist(), self.mode, [surface])
+        self.multiplicity[guard] = max(2, orders[guard])
         if finding.what == "touch":
-            row, index = self.integers[k.I_MODE], self.engine.system.equations(self.mode).guards[guard].index
-            self._record(_KINDS.index("graze"), index, row, row)
+            row = int(self.integers[k.I_MODE])
+            self._record(_KINDS.index("graze"), surface, row, row)
         return False
 
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:
@@ -375,6 +384,11 @@ class Session:
             if self.sample_times is None
             else tuple(modes[m] for m in self.sample_modes[: counts[k.I_SAMPLE]]),
         )
+
+
+def _later(time: tuple[float, float], horizon: tuple[float, float]) -> bool:
+    """True if a time lies behind the horizon by more than the rounding of a compensated sum."""
+    return (time[0] - horizon[0]) + (time[1] - horizon[1]) > 2e-17 * abs(horizon[0])
 
 
 def _refusal(decision: Decision) -> tuple[Status, str]:

@@ -34,6 +34,8 @@ FLAT = 1e-5
 """Relative steepness of a guard at its root below which the root is left to a closer look in multiprecision."""
 HUGE = 1e100
 """A state beyond this has blown up (no smaller bound is safe whatever the units)."""
+LEAP = 4.0
+"""A step this many times longer than the last is checked at its end before it is believed."""
 FAR = 1e30
 """A step, in units of sigma, that no coefficient limits."""
 STALL = 1000
@@ -181,6 +183,39 @@ def _sample(floats, integers, c, order, part, sigma, mode, sample_times, samples
 
 
 @inner()
+def _trusted(floats, integers, x, expansion, closing, constants, c, ahead, change, point, guards, order, theta):  # type: ignore[no-untyped-def]
+    """A step no longer than where the expansion still tells what lies there, ``theta`` if that is so.
+
+    Coefficients that are zero promise an endless step (a high power seen from where it is flat). The
+    expansion is made anew on the step and at its end: guards and slopes must be what was foretold.
+    """
+    n = x.size
+    sigma = floats[F_SIGMA]
+    for _ in range(200):
+        agreed = True
+        for part in (0.37, 1.0):
+            at = part * theta
+            _call_closing(closing, at, c, change)
+            for i in range(n):
+                point[i] = x[i] + change[i]
+            _call_expand(expansion, floats[F_TIME] + at * sigma, floats[F_LOW], sigma, point, constants, ahead)
+            integers[I_RHS] += 1
+            for r in range(n + guards):
+                first = 1 if r < n else 0  # slopes of states, values of guards
+                foretold, size, power = 0.0, abs(ahead[r, first]), 1.0
+                for k in range(first, order + 1):
+                    term = c[r, k] * power * (k if first == 1 else 1)
+                    foretold += term
+                    size += abs(term)
+                    power *= at
+                agreed = agreed and abs(foretold - ahead[r, first]) <= 1e-6 * size
+        if agreed:
+            return theta
+        theta *= 0.25
+    return theta
+
+
+@inner()
 def _first_event(integers, c, n, order, layout, multiplicity, lower, theta, method, table, work, bounds):  # type: ignore[no-untyped-def]
     """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used)."""
     powers, scaled, stack = work[0], work[1], work[2:]
@@ -267,7 +302,7 @@ def _glide(  # type: ignore[no-untyped-def]
         integers[I_STALLED] = integers[I_STALLED] + 1 if step <= 0.25 * _EPS * abs(floats[F_TIME]) else 0
         if integers[I_STALLED] > STALL:
             return -1.0
-        if alone or step >= remaining:
+        if alone or step >= remaining or theta > LEAP:
             return theta
         _call_closing(closing, theta, c, change)
         for g in range(guards):
@@ -285,7 +320,7 @@ def advance(  # type: ignore[no-untyped-def]
     floats, integers, x, x_low, multiplicity, hits,
     until, until_low, order, tolerance, method, budget,
     addresses, constants, probes, layouts, targets,
-    c, change, speeds, table, work, bounds,
+    c, ahead, change, point, speeds, table, work, bounds,
     times, marks, states,
     sample_times, samples, sample_modes,
 ):  # fmt: skip
@@ -316,6 +351,8 @@ def advance(  # type: ignore[no-untyped-def]
         with; -1 where not known yet.
     c : ndarray, shape (n + G + 1, row length)
         Taylor coefficients of states and guards in units of sigma, then the norms of the last ones.
+    ahead, point : ndarray, shapes of c and x
+        Work space: the expansion at the end of a step that is checked.
     change : ndarray, shape (n + G,)
         Change of the states over a step, bounds of the guards from below.
 
@@ -352,6 +389,14 @@ def advance(  # type: ignore[no-untyped-def]
         final = natural >= remaining
         if final:
             theta = remaining / sigma
+        if natural > LEAP * sigma:
+            trusted = _trusted(
+                floats, integers, x, addresses[mode, 0], addresses[mode, 1], constants[mode], c, ahead, change, point,
+                guards, order, theta,
+            )  # fmt: skip
+            if trusted < theta:
+                theta, final = trusted, False
+                natural = theta * sigma
         _call_closing(addresses[mode, 1], theta, c, change)
         early = False
         for g in range(guards):
@@ -365,7 +410,7 @@ def advance(  # type: ignore[no-untyped-def]
         if final and hit < 0:  # the horizon belongs to the run: an event at it counts
             for g in range(guards):
                 if _ends_at_zero(c[n + g], multiplicity[g], order, theta):
-                    best, hit, used = 1.0, g, method
+                    best, hit, doubtful = 1.0, g, True
         part = theta if hit < 0 else best * theta
         if doubtful:
             integers[I_GUARD], integers[I_LANDING] = hit, BRACKET

@@ -104,6 +104,8 @@ def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-unty
                 last = sign
         if before > 0 and first < 0:
             return ROOT, low, low
+        if before > 0 and first > 0 and b[0] <= noise:  # zero where the step was halved, positive on both sides
+            return TOUCH, low, low
         if changes == 0 or (changes == 1 and first < 0):
             before = last if last != 0 else before
             continue
