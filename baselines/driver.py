@@ -58,6 +58,8 @@ class Driver:
     work : Work
         Counters and deadline; the library's flows count into it.
     sample_times : ndarray, shape (k,), optional
+    known : ModeTable, optional
+        Modes of the same system on another library.
 
     Raises
     ------
@@ -66,7 +68,12 @@ class Driver:
     """
 
     def __init__(
-        self, problem: Problem, library: Library, work: Work, sample_times: NDArray[np.float64] | None = None
+        self,
+        problem: Problem,
+        library: Library,
+        work: Work,
+        sample_times: NDArray[np.float64] | None = None,
+        known: ModeTable | None = None,
     ) -> None:
         self.problem = problem
         self.library = library
@@ -75,7 +82,7 @@ class Driver:
         self.start = float(problem.start)
         self.until = float(problem.until)
         self.initial = tuple(float(v) for v in problem.initial)
-        self.table = ModeTable(problem.system, library, work, self.until - self.start)
+        self.table = ModeTable(problem.system, library, work, self.until - self.start, known)
         self.decision = self.table.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
         self._first_fresh: tuple[Fresh, ...] = ()
         if self.decision.mode is not None:
@@ -91,7 +98,7 @@ class Driver:
         if self.decision.mode is None:
             return
         if len(self.problem.system.surfaces) > 1:
-            scout = Driver(self.problem, self.library.loosened(), Work(self.work.deadline))
+            scout = Driver(self.problem, self.library.loosened(), Work(self.work.deadline), known=self.table)
             scout.run()
             modes = scout.table.visited
         for mode in modes:

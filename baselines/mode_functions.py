@@ -42,6 +42,7 @@ class ModeFunctions:
         self.field_expressions = tuple(system.numeric(f) for f in self.equations.field)
         self.guard_expressions = tuple(system.numeric(g.expression) for g in self.guards)
         self._bends: dict[int, Scalar] = {}
+        self._landings: dict[int, Landing] = {}
         self.surface_guard = {g.index: k for k, g in enumerate(self.guards) if g.kind == "surface"}
 
     @cached_property
@@ -113,6 +114,12 @@ class ModeFunctions:
         """Of :attr:`right` in :attr:`unknowns`."""
         return Jacobian(self.unknowns, self.right, callbacks)
 
+    def landing(self, index: int) -> Landing:
+        """What is needed of one surface when this mode begins or ends on it."""
+        if index not in self._landings:
+            self._landings[index] = Landing(self.system, self.mode, index)
+        return self._landings[index]
+
     def bend(self, index: int) -> Scalar:
         """One guard's first and second time derivative along this mode's field."""
         if index not in self._bends:
@@ -143,7 +150,7 @@ def _linear(expression: sp.Expr, states: Sequence[sp.Symbol]) -> bool:
 
 
 class Landing:
-    """What is needed of one surface when a mode ends on it.
+    """What is needed of one surface when a mode begins or ends on it.
 
     ``values(t, *x)`` -> ``(h, dh/dt below, dh/dt above, *point)``: the surface's value before anything is
     corrected, the normal velocities on both sides, and the nearest point on the surface (one Newton step

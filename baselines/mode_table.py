@@ -14,7 +14,7 @@ import sympy as sp
 
 from baselines.flow import Flow, Library
 from baselines.functions import ARITHMETIC, Scalar, scalar
-from baselines.mode_functions import EPSILON, Landing, ModeFunctions, projected
+from baselines.mode_functions import EPSILON, ModeFunctions, projected
 from baselines.restart import Fresh
 from baselines.work import Work
 from henon_ref.model.modes import Mode, replaced
@@ -82,7 +82,7 @@ class ModeEntry:
         model, mode, i = self.model, self.model.mode, guard.index
         if guard.kind == "valid" or (guard.kind == "surface" and not self._stands_alone(i)):
             return None
-        landing = Landing(model.system, mode, i).values
+        landing = model.landing(i).values
         stick, slip = replaced(mode, i, 0), {s: replaced(mode, i, s) for s in (-1, 1)}
         beyond = guard.to_sign
         released = slip[beyond] if guard.kind == "release" else None
@@ -129,21 +129,27 @@ class ModeTable:
     work : Work
     horizon : float
         Length of the whole run [s].
+    known : ModeTable, optional
+        One of the same system on another library, whose callables can be used again.
     """
 
-    def __init__(self, system: FilippovSystem, library: Library, work: Work, horizon: float) -> None:
+    def __init__(
+        self, system: FilippovSystem, library: Library, work: Work, horizon: float, known: ModeTable | None = None
+    ) -> None:
         self.system = system
-        self.switching = Switching(system)
+        self.switching: Switching = known.switching if known else Switching(system)
         self._library = library
         self._work = work
         self._horizon = horizon
         self._entries: dict[Mode, ModeEntry] = {}
-        self._landings: dict[tuple[Mode, int], Landing] = {}
+        self._models: dict[Mode, ModeFunctions] = known._models if known else {}
         self._surfaces: dict[int, tuple[Scalar, Scalar]] = {}
 
     def __getitem__(self, mode: Mode) -> ModeEntry:
         if mode not in self._entries:
-            model = ModeFunctions(self.system, mode)
+            if mode not in self._models:
+                self._models[mode] = ModeFunctions(self.system, mode)
+            model = self._models[mode]
             self._entries[mode] = ModeEntry(model, self._library.flow(model, self._work, self._horizon))
         return self._entries[mode]
 
@@ -180,7 +186,7 @@ class ModeTable:
                     continue
                 if abs(value) > ON * model.size(k, t, x, EPSILON, 0.0):
                     continue
-            found.append((k, *self._speed(model.mode, guard.index, t, x)))
+            found.append((k, *_speed(model, guard.index, t, x)))
         return tuple(found)
 
     def drift(self, entry: ModeEntry, t: float, x: Sequence[float]) -> float:
@@ -188,21 +194,19 @@ class ModeTable:
         sliding = [i for i, s in enumerate(entry.model.mode) if s == 0]
         return max((abs(self._surface(i)[0](t, *x)[0]) for i in sliding), default=0.0)
 
-    def _speed(self, mode: Mode, index: int, t: float, x: Sequence[float]) -> tuple[float, float]:
-        """abs(dh/dt) below plus above a surface, and the rate at which its guard rises in this mode."""
-        key = (mode, index)
-        if key not in self._landings:
-            self._landings[key] = Landing(self.system, mode, index)
-        try:
-            _, below, above, *_ = self._landings[key].values(t, *x)
-        except ARITHMETIC:
-            return 0.0, 0.0
-        speed = abs(below) + abs(above)
-        return speed, {-1: -below, 0: speed, 1: above}[mode[index]]
-
     def _surface(self, index: int) -> tuple[Scalar, Scalar]:
         if index not in self._surfaces:
             h = self.system.numeric(self.system.surfaces[index])
             gradient = [sp.diff(h, x) for x in self.system.states]
             self._surfaces[index] = (scalar(self.system.states, [h]), scalar(self.system.states, gradient))
         return self._surfaces[index]
+
+
+def _speed(model: ModeFunctions, index: int, t: float, x: Sequence[float]) -> tuple[float, float]:
+    """abs(dh/dt) below plus above a surface, and the rate at which its guard rises in this mode."""
+    try:
+        below, above = model.landing(index).values(t, *x)[1:3]
+    except ARITHMETIC:
+        return 0.0, 0.0
+    speed = abs(below) + abs(above)
+    return speed, {-1: -below, 0: speed, 1: above}[model.mode[index]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import sympy as sp
 import systems
 
 from baselines.bands import Band, joined
-from baselines.scipy_naive import BUDGET, SIGN, SMOOTHED
+from baselines.scipy_naive import SIGN, SMOOTHED
 from henon_ref.errors import UnsupportedError
 from henon_ref.model.system import FilippovSystem
 from henon_ref.trajectory import Problem
@@ -75,12 +76,12 @@ def test_smoothed_friction_creeps() -> None:
 
 
 def test_sign_in_the_right_hand_side_spends_its_budget_in_a_stick_and_keeps_its_transitions() -> None:
-    found = run(SIGN, systems.free_coulomb(), 1e-7)
+    found = run(replace(SIGN, budget=30_000), systems.free_coulomb(), 1e-6)
     assert found.status == "failed"
-    assert str(BUDGET) in found.reason
+    assert "budget of 30000" in found.reason
     assert [t.kind for t in found.transitions] == ["crossing", "crossing", "crossing", "stick"]
-    assert found.transitions[0].time == pytest.approx(math.pi, abs=1e-5)
-    assert found.counts.rhs_evaluations == BUDGET + 1
+    assert found.transitions[0].time == pytest.approx(math.pi, abs=1e-4)
+    assert found.counts.rhs_evaluations == 30_001
 
 
 def test_three_surfaces_are_read_off_jointly() -> None:

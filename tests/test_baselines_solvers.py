@@ -99,7 +99,9 @@ def test_relay_feedback_releases_where_lambert_s_w_says(solver: Any, rtol: float
     assert found.transitions[0].time == pytest.approx(2.812403376023301, abs=100 * bound)
 
 
-@EACH
+@pytest.mark.parametrize(
+    ("solver", "rtol", "bound"), [LADDER[0], LADDER[1], LADDER[6], LADDER[8]], ids=lambda v: getattr(v, "name", "")
+)
 def test_three_blocks_come_to_rest_one_after_another(solver: Any, rtol: float, bound: float) -> None:
     found = run(solver, systems.three_blocks(), rtol)
     assert [(t.kind, t.surface) for t in found.transitions] == [
