@@ -26,31 +26,11 @@ BOUND = 1e-11
 """Largest error of a well-conditioned transition time [s]."""
 DEADLINE = 20.0
 
-_COUPLED = "the normal velocity of a surface in slip holds the sign of one that slides: no number can be made of it"
-_HORIZON = "a root at the very end of the last step is left out"
-_HIDDEN = "what the expansion of the present does not show is stepped over, and the step's end is not held against it"
-_SMALL = "a side, or a guard, is taken for zero against one of another magnitude"
-_TOUCH = "an exact touch that no precision decides is reported as nothing or as two crossings"
 TROUBLE: dict[str, str] = {
-    "two_contacts.coupled": _COUPLED,
-    "sliding_intersection.leave": _COUPLED,
-    "sliding_intersection.enter": _COUPLED,
-    "sudden_event.power": _HIDDEN,
-    "sudden_event.tangent": _HIDDEN,
-    "sleeping_drive.w1": _HIDDEN,
-    "sleeping_drive.w1e1": _HIDDEN,
-    "sleeping_drive.w1e2": _HIDDEN,
-    "slider_with_stops.default": _SMALL,
-    "quick_restick.fast": _SMALL,
     "g_stays_zero.dead": "a far side whose field is exactly zero leaves no consistent mode",
-    "horizon_event.at": _HORIZON,
-    "horizon_event.stick": _HORIZON,
-    "horizon_event.release": _HORIZON,
-    "horizon_one_ulp.event_at_end": _HORIZON,
-    "grazing.exact": _TOUCH,
-    "grazing_fourth_order.exact": _TOUCH,
-    "nan_region.surface_valid": "the model's end is not found where the event function ends too",
-    "blow_up.slow": "a blow-up of low power is not told from a singular field",
+    "grazing.exact": "a touch that no precision decides is nothing at one tolerance and two crossings at another",
+    "grazing_fourth_order.outside1e14": "a miss by 1e-14, to fourth order, is taken for a touch",
+    "grazing_fourth_order.outside1e15": "a miss by 1e-15, to fourth order, is taken for a touch",
 }
 """Readings that the reference does not pass yet, with the reason; each must fail, so that none outlives its cure."""
 

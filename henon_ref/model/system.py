@@ -15,6 +15,7 @@ from itertools import product
 from typing import Literal
 
 import sympy as sp
+from sympy.solvers.solveset import NonlinearError
 
 from henon_ref.errors import ModelError
 from henon_ref.model.modes import Mode
@@ -245,7 +246,9 @@ def _filippov_sliding(
             solution = sp.Matrix(slope).LUsolve(-sp.Matrix(rest))
         except sp.matrices.exceptions.NonInvertibleMatrixError as error:
             names = ", ".join(s.name for s in signs)
-            raise ModelError(f"the field does not settle the signs of the surfaces it should slide on: {names}") from error
+            raise ModelError(
+                f"the field does not settle the signs of the surfaces it should slide on: {names}"
+            ) from error
         equivalent = {s: solution[i] for i, s in enumerate(signs)}
         for i, s in zip(sliding, signs, strict=True):
             guards.append(Guard("release", i, 1, 1 - equivalent[s]))
@@ -272,7 +275,10 @@ def _surface_substitution(system: FilippovSystem, solved: Mapping[int, int]) -> 
     if not solved:
         return {}
     unknown = [system.states[k] for k in solved.values()]
-    solution = sp.linsolve([system.surfaces[i] for i in solved], unknown)
+    try:
+        solution = sp.linsolve([system.surfaces[i] for i in solved], unknown)
+    except NonlinearError:  # each is linear in its own state, but not all of them in all
+        return {}
     if solution == sp.EmptySet or len(solution) != 1:
         return {}
     return dict(zip(unknown, next(iter(solution)), strict=True))
