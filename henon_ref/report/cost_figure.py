@@ -23,7 +23,7 @@ def draw_cost(rows: Sequence[Row], expected: Expected) -> Figure | None:
     for row in rows:
         if _number(row["wall_s"]) and row["max_time_error_s"] is not None:
             ladders.setdefault(str(row["solver"]), []).append(row)
-    if not ladders:
+    if sum(len(ladder) for ladder in ladders.values()) < 2:  # a single point compares with nothing
         return None
     with style.figure(4.6) as figure:
         axes = figure.add_axes((0.1, 0.11, 0.72, 0.8))

@@ -36,7 +36,7 @@ def draw_errors(records: Sequence[Record], expected: Expected) -> Figure | None:
     if not chosen or len(expected.transitions) == 0:
         return None
     with style.figure(4.2) as figure:
-        axes = figure.add_axes((0.095, 0.11, 0.635, 0.8))
+        axes = figure.add_axes((0.095, 0.11, 0.615, 0.79))
         axes.set_yscale("log")
         lowest, highest = _limits(chosen, expected)
         axes.set_ylim(lowest, highest)
@@ -47,7 +47,7 @@ def draw_errors(records: Sequence[Record], expected: Expected) -> Figure | None:
         style.label_points(axes, ends, x=1.05, gap=0.055)
         axes.set_xlabel("time of the transition [s]")
         axes.set_ylabel("absolute error of its time [s]")
-        axes.set_title("Error of every transition, each solver at its tightest setting")
+        axes.set_title("Error of every transition, tightest settings")
         return figure
 
 
@@ -77,7 +77,18 @@ def _draw(axes: Axes, record: Record, lowest: float) -> tuple[str, float, float,
     times, errors = _errors(record)
     shown = np.maximum(errors, lowest)
     marker = look.marker if len(times) <= MOST_MARKED else ""
-    axes.plot(times, shown, look.dashes, color=look.colour, lw=look.width, marker=marker, ms=3.2, clip_on=True)
+    strong = look.width > style.THIN
+    axes.plot(
+        times,
+        shown,
+        look.dashes,
+        color=look.colour,
+        lw=look.width if strong else 0.8,
+        alpha=1.0 if strong else 0.75,
+        marker=marker,
+        ms=3.2,
+        zorder=3 if strong else 2,
+    )
     label = f"{solver} {_setting(record)}"
     if record.run["verdict"] != "right":
         label += f" ({record.run['status']})"
@@ -94,11 +105,10 @@ def _draw_floor(axes: Axes, expected: Expected, lowest: float) -> None:
     times = np.linspace(expected.start, expected.end_time, 400)
     half_ulp = np.spacing(np.abs(times)) / 2
     axes.fill_between(times, lowest, np.maximum(half_ulp, lowest), color="#EDEDED", lw=0, zorder=0, step="mid")
-    top = float(half_ulp[-1])
-    if top > lowest * 3:
-        axes.text(
-            expected.end_time, top / 1.6, "below half a unit in the last place of t ", ha="right", va="top",
-            fontsize=7.5, color=style.GREY,
-        )  # fmt: skip
+    notes = []
+    if half_ulp[-1] > lowest:
+        notes.append("grey: less than half a unit in the last place of t")
     if expected.radius > lowest:
         axes.axhline(expected.radius, color=style.GREY, lw=0.8, ls="--")
+        notes.append("dashed: radius of the truth")
+    axes.set_title("; ".join(notes), loc="right", fontsize=7.5, color=style.GREY)

@@ -50,6 +50,10 @@ _RC: dict[Any, Any] = {
 }
 
 
+THIN = 1.1
+"""Width of an ordinary line [pt]; what is compared with all others is drawn wider."""
+
+
 @dataclass(frozen=True)
 class Line:
     """How a solver is drawn, in every figure the same."""
@@ -57,7 +61,7 @@ class Line:
     colour: str
     marker: str
     dashes: str = "-"
-    width: float = 1.1
+    width: float = THIN
 
 
 _LINES = {

@@ -1,0 +1,197 @@
+"""Lyapunov exponents and Floquet multipliers from the variational equations.
+
+Benettin's method: tangent vectors are carried along a trajectory (:mod:`henon_ref.analysis.variational`)
+and made orthonormal again and again by QR; the exponents are the mean logarithmic rates of the diagonal of
+R (Benettin et al., *Meccanica* 15, 1980; Geist, Parlitz and Lauterborn, *Prog. Theor. Phys.* 83, 1990). A
+stick that is entered takes a direction away for good. That is known from the transition, not read off an
+underflow: the vector is dropped and its exponent is -infinity.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from henon_ref.analysis.variational import Matrix, Passage, TangentFlow, fundamental_matrix
+from henon_ref.trajectory import Problem, Status
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Lyapunov exponents of one trajectory over a span of time."""
+
+    exponents: tuple[float, ...]
+    """n of them [1/s], the largest first; ``-inf`` for directions that a stick has taken away."""
+    times: NDArray[np.float64]
+    """(k,) times since the averages began [s]."""
+    history: NDArray[np.float64]
+    """(k, n) averages up to those times, in the order of the tangent vectors."""
+    span: float
+    """Time averaged over [s]."""
+    transitions: int
+    """Transitions in that time."""
+    stick_fraction: float
+    """Share of that time in which any surface slides."""
+    status: Status
+    """``ok``, or how the trajectory ended before the span was over."""
+    reason: str = ""
+
+    @property
+    def lost(self) -> int:
+        """Directions that sticks have taken away: exponents that are -infinity."""
+        return sum(e == -math.inf for e in self.exponents)
+
+    def kaplan_yorke(self, *, zero: float = 0.0) -> float:
+        """Kaplan and Yorke's dimension of the attractor; exponents within ``zero`` of 0 count as 0."""
+        total = 0.0
+        for i, exponent in enumerate(self.exponents):
+            counted = 0.0 if abs(exponent) <= zero else exponent
+            if total + counted < 0:
+                return i - total / counted
+            total += counted
+        return float(len(self.exponents))
+
+
+def lyapunov_spectrum(
+    problem: Problem, *, discard: float, span: float, tolerance: float = 1e-12, every: float = 20.0
+) -> Spectrum:
+    """All Lyapunov exponents of a problem's trajectory.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its own ``until`` is not used.
+    discard : float
+        Time before the averages begin, for the trajectory to reach its attractor and the vectors theirs [s].
+    span : float
+        Time to average over [s].
+    tolerance : float
+        Local error of a step.
+    every : float
+        Longest time between two QR factorisations [s]; every transition has one besides.
+
+    Raises
+    ------
+    UnsupportedError
+        Where several surfaces change at one instant.
+    """
+    frame = _Frame(TangentFlow(problem, tolerance=tolerance))
+    start = float(problem.start)
+    status, reason = frame.run(start + discard, every)
+    frame.reset()
+    if status == "ok":
+        status, reason = frame.run(start + discard + span, every)
+    times = np.array(frame.times)
+    history = np.array(frame.history).reshape(len(times), frame.logs.size)
+    final = history[-1] if len(times) else np.full(frame.logs.size, np.nan)
+    return Spectrum(
+        exponents=tuple(sorted(final.tolist(), reverse=True)),
+        times=times,
+        history=history,
+        span=float(times[-1]) if len(times) else 0.0,
+        transitions=frame.transitions,
+        stick_fraction=frame.stuck / times[-1] if len(times) else 0.0,
+        status=status,
+        reason=reason,
+    )
+
+
+class _Frame:
+    """Orthonormal tangent vectors and the logarithms of how they grew."""
+
+    def __init__(self, flow: TangentFlow) -> None:
+        self.flow = flow
+        n = flow.vectors.shape[0]
+        # Directions that belong to no axis: a stick's kernel is often one, and would then hit a vector in the middle.
+        flow.vectors = np.linalg.qr(np.random.default_rng(0).standard_normal((n, n)))[0]
+        self.rank = n
+        self.logs = np.zeros(n)
+        self._lose(n - sum(s == 0 for s in flow.mode))
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin the averages here."""
+        self.logs = np.where(np.arange(self.logs.size) < self.rank, 0.0, -np.inf)
+        self.began = self.last = self.flow.time
+        self.stuck = 0.0
+        self.transitions = 0
+        self.times: list[float] = []
+        self.history: list[Matrix] = []
+
+    def run(self, until: float, every: float) -> tuple[Status, str]:
+        """Go to a time, with QR at every transition and at least once ``every`` seconds."""
+        while True:
+            stop = min(self.last + every, until)
+            slides = 0 in self.flow.mode
+            event = self.flow.advance(stop)
+            if isinstance(event, Passage):
+                self.transitions += 1
+                self._lose(self.flow.vectors.shape[0] - event.sliding)
+            elif event.status != "ok":
+                return event.status, event.reason
+            self._orthonormalise(slides)
+            if self.flow.time >= until:
+                return "ok", ""
+
+    def _lose(self, rank: int) -> None:
+        if rank < self.rank:
+            self.logs[rank:] = -np.inf
+            self.rank = rank
+
+    def _orthonormalise(self, slides: bool) -> None:
+        now = self.flow.time
+        vectors = self.flow.vectors
+        basis, r = np.linalg.qr(vectors[:, : self.rank])
+        vectors[:, : self.rank] = basis
+        vectors[:, self.rank :] = 0.0
+        self.flow.vectors = vectors
+        self.logs[: self.rank] += np.log(np.abs(np.diag(r)))
+        self.stuck += now - self.last if slides else 0.0
+        self.last = now
+        if now > self.began:
+            self.times.append(now - self.began)
+            self.history.append(self.logs / (now - self.began))
+
+
+def floquet_multipliers(
+    problem: Problem, *, since: sp.Expr | float, period: sp.Expr | float, tolerance: float = 2e-16
+) -> NDArray[np.complex128]:
+    """Floquet multipliers of the periodic orbit that a problem's trajectory is on.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its own ``until`` is not used.
+    since : Expr or float
+        A time at which the trajectory is on the orbit [s].
+    period : Expr or float
+        Period, or a whole multiple of it [s]; exact numbers where they are known.
+    tolerance : float
+        Local error of a step.
+
+    Returns
+    -------
+    ndarray of complex, shape (n,)
+        The largest first; exactly 0 for directions that a stick has taken away.
+
+    Raises
+    ------
+    UnsupportedError
+        Where the solution ends early, or several surfaces change at one instant.
+    """
+    matrix, rank = fundamental_matrix(problem, since, since + period, tolerance=tolerance)
+    multipliers = np.linalg.eigvals(matrix).astype(complex)
+    multipliers = multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+    multipliers[rank:] = 0.0
+    return multipliers
+
+
+def floquet_exponents(multipliers: NDArray[np.complex128], period: float) -> NDArray[np.float64]:
+    """Lyapunov exponents of a periodic orbit [1/s]: ln abs(multiplier) / period, ``-inf`` for a multiplier of 0."""
+    size = np.abs(multipliers)
+    with np.errstate(divide="ignore"):
+        return np.log(size) / period

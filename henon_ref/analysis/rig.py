@@ -1,0 +1,127 @@
+"""The rig of Sec. 5 (Fig. 9, Eqs. 27-28) as a scene, the sets we run it in, and what its printed signs do.
+
+The paper gives no numbers for it. Ours: m = k1 = k2 = k3 = a = b = r = 1, c1 = c2 = 0.01, mu0 = 0.5,
+delta = 3, from rest on the belt with the bracket turned by 0.1; the speed of the belt makes the motion
+periodic, quasi-periodic or chaotic. Time is the paper's dimensionless tau = omega t.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from henon_ref.model.case import parse_case
+from henon_ref.model.system import FilippovSystem
+from henon_ref.trajectory import Problem
+
+SPEEDS: Mapping[str, str] = {"periodic": "0.40", "quasi-periodic": "1.00", "two-frequency": "0.75", "chaotic": "0.03"}
+"""Kind of motion -> speed of the belt. (``two-frequency`` is quasi-periodic as well, with a faster decay.)"""
+
+XI: tuple[sp.Symbol, ...] = sp.symbols("xi1:8", real=True)
+"""xi1 .. xi7 of Eq. (27)."""
+
+_CASE = """\
+schema: 1
+name: rig
+title: Block on a belt, coupled to a bracket (Sec. 5)
+scene:
+  body: two_dof_rig
+  parameters: {{m: 1, k1: 1, k2: 1, k3: 1, c1: 0.01, c2: 0.01, mu0: 0.5, delta: 3, a: 1, b: 1, r: 1, vp: {speed}}}
+  effects:
+    block_spring: {{stiffness: k1}}
+    coupling_spring: {{stiffness: k2}}
+    bracket_spring: {{stiffness: k3}}
+    coupling_damper: {{coefficient: c1}}
+    bracket_damper: {{coefficient: c2}}
+    load_coupling: {{friction: mu0, stiffness: k3, coefficient: c2}}
+    moving_belt: {{velocity: vp}}
+    stribeck_friction: {{force: mu0, slope: delta}}
+{printed}initial: {{t: 0, x1: 0, x2: {start}, x3: 0.1, x4: 0}}
+until: {until}
+"""
+
+
+def rig_problem(speed: str, *, until: str | float = 100, printed: bool = False, start: str | None = None) -> Problem:
+    """The rig at one speed of the belt, from ``[0, start, 0.1, 0]``.
+
+    Parameters
+    ----------
+    speed : str
+        vp, in decimal digits or as an expression in numbers.
+    until : str or float
+        Horizon.
+    printed : bool
+        With the signs of Eq. (27) as printed.
+    start : str, optional
+        Initial velocity of the block; the belt's if left out.
+    """
+    text = _CASE.format(
+        speed=speed,
+        until=until,
+        start=speed if start is None else start,
+        printed="    signs_as_printed: {}\n" if printed else "",
+    )
+    return parse_case(text).readings[0].problem
+
+
+def without_limit(problem: Problem) -> Problem:
+    """The same problem, the loss of contact (y <= 0) ignored."""
+    return replace(problem, system=replace(problem.system, valid=()))
+
+
+def parameters_of_eq27(system: FilippovSystem) -> dict[sp.Symbol, sp.Expr]:
+    """xi1 .. xi7 as the paper defines them, in the rig's own parameters."""
+    m, k1, k2, k3, c1, c2, mu0, a, b, r = (
+        sp.Symbol(name, real=True) for name in ("m", "k1", "k2", "k3", "c1", "c2", "mu0", "a", "b", "r")
+    )
+    omega = sp.sqrt((k1 + k2) / m)
+    inertia = m * (a**2 + b**2) / 3
+    values = (
+        k2 / (omega**2 * m),
+        c1 * omega / k2,
+        k2 * r**2 / (omega**2 * inertia),
+        (k2 + k3) / k2,
+        omega * (c1 + c2) / k2,
+        mu0 * k3 / k2,
+        omega * c2 * mu0 / k2,
+    )
+    return {symbol: system.numeric(value) for symbol, value in zip(XI, values, strict=True)}
+
+
+def eq27(system: FilippovSystem, *, printed: bool) -> tuple[sp.Expr, ...]:
+    """Eq. (27) with the friction of Eq. (28) in slip, written out by hand, in the states and sign of a rig.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+        A rig; its parameters give mu0, delta and vp.
+    printed : bool
+        The signs as printed, or ``x2' = -x1 - xi1 (xi2 (x2 + x4) + x3 + T)``.
+    """
+    x1, x2, x3, x4 = system.states
+    s = system.signs[0]
+    mu0, delta, vp = (system.parameters[sp.Symbol(name, real=True)] for name in ("mu0", "delta", "vp"))
+    xi1, xi2, xi3, xi4, xi5, xi6, xi7 = XI
+    load = 1 - xi6 * x3 - xi7 * x4
+    friction = s * load * mu0 / (1 + delta * s * (x2 - vp))
+    coupling = -x3 - friction if printed else x3 + friction
+    field = (
+        x2,
+        -x1 - xi1 * (xi2 * (x2 + x4) + coupling),
+        x4,
+        xi3 * (-x1 - xi2 * x2 - xi4 * x3 - xi5 * x4),
+    )
+    values = parameters_of_eq27(system)
+    return tuple(f.xreplace(values) for f in field)
+
+
+def frictionless_eigenvalues(system: FilippovSystem) -> NDArray[np.complex128]:
+    """Eigenvalues of the rig with the friction taken away, largest growth rate first."""
+    quiet = {system.signs[0]: sp.Integer(0)}
+    linear = sp.Matrix([system.numeric(f.xreplace(quiet)) for f in system.field]).jacobian(system.states)
+    values = np.linalg.eigvals(np.array(linear.evalf(30), dtype=float)).astype(complex)
+    return values[np.argsort(-values.real, kind="stable")]
