@@ -100,6 +100,20 @@ def test_a_run_that_goes_on_past_the_end_is_wrong_and_what_follows_is_not_scored
     assert "nonunique" in result.reason
 
 
+def test_transitions_that_accumulate_may_be_told_as_far_as_a_solver_can_tell_them_apart():
+    crowd = tuple(2.0 - 0.5**k for k in range(1, 50))
+    truth = expected(crowd, status="failed", end_time=2.0)
+    whole = trajectory(found(crowd), "failed", end_time=2.0)
+    assert score(whole, truth, tolerance=1e-6).verdict == "right"
+    near = trajectory(found(crowd[:25]), "failed", end_time=2.0 - 0.5**25, reason="too many")
+    result = score(near, truth, tolerance=1e-6)
+    assert (result.status, result.verdict, result.matching.missed) == ("failed", "right", ())
+    assert len(result.matching.cut_reference) == 24
+    early = score(trajectory(found(crowd[:5]), "failed", end_time=1.97, reason="too many"), truth, tolerance=1e-6)
+    assert (early.status, early.verdict) == ("failed", "solver defect")
+    assert early.reason.startswith("too many; 12 missed")
+
+
 def test_a_run_that_gives_up_too_early_keeps_its_status():
     result = score(trajectory(found()[:2], "diverged", end_time=1.5), expected(), tolerance=1e-6)
     assert (result.status, result.verdict) == ("diverged", "solver defect")

@@ -47,7 +47,7 @@ def draw_errors(records: Sequence[Record], expected: Expected) -> Figure | None:
         style.label_points(axes, ends, x=1.05, gap=0.055)
         axes.set_xlabel("time of the transition [s]")
         axes.set_ylabel("absolute error of its time [s]")
-        axes.set_title("Error of every transition, tightest settings")
+        axes.set_title("Error of every transition, each solver at its tightest setting")
         return figure
 
 
@@ -107,8 +107,8 @@ def _draw_floor(axes: Axes, expected: Expected, lowest: float) -> None:
     axes.fill_between(times, lowest, np.maximum(half_ulp, lowest), color="#EDEDED", lw=0, zorder=0, step="mid")
     notes = []
     if half_ulp[-1] > lowest:
-        notes.append("grey: less than half a unit in the last place of t")
+        notes.append("grey: below half a unit in the last place of t")
     if expected.radius > lowest:
         axes.axhline(expected.radius, color=style.GREY, lw=0.8, ls="--")
-        notes.append("dashed: radius of the truth")
-    axes.set_title("; ".join(notes), loc="right", fontsize=7.5, color=style.GREY)
+        notes.append("dashed: the truth's radius")
+    axes.figure.text(0.985, 0.02, "; ".join(notes), ha="right", fontsize=7.0, color=style.GREY)

@@ -15,6 +15,7 @@ from henon_ref.report.modeltext import general_form, mode_equations, modes_of, p
 from henon_ref.report.ranking import name
 from henon_ref.report.tables import price_table, reason_table, run_table, stick_table
 from henon_ref.report.words import count, listing
+from henon_ref.score.options import MOST_DRAWN
 from henon_ref.score.results import ReadingResult
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
         "title": reading.title,
         "answer": answer(comparison, result),
         "figures": _figures(result),
-        "figures_note": f"Figures could not be drawn: {result.figures_reason}." if result.figures_reason else "",
+        "figures_note": _figures_note(comparison, result),
         "prices": prices.markdown if prices else "",
         "sticks": sticks.markdown if sticks else "",
         "runs": run_table(rows).markdown,
@@ -112,6 +113,15 @@ def _figures(result: ReadingResult) -> list[dict[str, str]]:
         if file in result.figures:
             found.append({"file": file, "caption": CAPTIONS[kind]})
     return found
+
+
+def _figures_note(comparison: Comparison, result: ReadingResult) -> str:
+    """Why a reading has no figures."""
+    if result.figures_reason:
+        return f"Figures could not be drawn: {result.figures_reason}."
+    if comparison.readings.index(result) == MOST_DRAWN:
+        return f"(Figures are drawn for the first {MOST_DRAWN} readings.)"
+    return ""
 
 
 def _gate(comparison: Comparison) -> str:

@@ -16,7 +16,15 @@ from henon_ref import registry
 from henon_ref.model.case import Case
 from henon_ref.score.fence import Answer, Fence, Lane
 from henon_ref.score.options import Deliver, Draw, Observer, Options, Silent
-from henon_ref.score.plan import SAMPLERS, CaseLane, case_lanes, check_solvers, chosen_solvers, sample_job
+from henon_ref.score.plan import (
+    SAMPLERS,
+    CaseLane,
+    case_lanes,
+    check_solvers,
+    chosen_solvers,
+    reading_is_drawn,
+    sample_job,
+)
 from henon_ref.score.results import CaseState
 from henon_ref.score.rows import Outcome, record, score_outcome
 from henon_ref.score.runjob import DRAWN, PREPARED, RAN, SAMPLED, TIMED, RunJob, SampleJob
@@ -186,8 +194,9 @@ class Campaign:
     def _done(self, state: CaseState, reading: str, *, drawable: bool) -> None:
         """One job less; a reading that is complete is drawn, a case that is complete is handed over."""
         state.pending[reading] -= 1
-        if state.pending[reading] == 0 and drawable and self.draw is not None:
-            job = self.draw(state.results[reading], state.records(reading))
+        result = state.results[reading]
+        if state.pending[reading] == 0 and drawable and self.draw is not None and reading_is_drawn(state, result):
+            job = self.draw(result, state.records(reading))
             self._fence.add(CaseLane(state.case.name, deque([job]), state))
             state.pending[reading] += 1
         if not state.pending.total():

@@ -89,6 +89,7 @@ def match(
     until: float,
     radius: float = 0.0,
     reached_horizon: bool = True,
+    end_slack: float = 0.0,
 ) -> Matching:
     """Match a run's transitions with the reference's.
 
@@ -102,6 +103,8 @@ def match(
         Radius of the reference's times [s]; transitions of different surfaces closer than this are one instant.
     reached_horizon : bool
         False for a run that ended early: what it did not reach is missed, not cut off by the horizon.
+    end_slack : float
+        Time before the horizon [s] in which a transition may be left out whatever the run's error is.
 
     Returns
     -------
@@ -117,7 +120,7 @@ def match(
     cut_reference: list[int] = []
     cut_found: list[int] = []
     if reached_horizon:
-        margin = _horizon_margin(reference, found, pairs, span, until)
+        margin = max(end_slack, _horizon_margin(reference, found, pairs, span, until))
         missed, cut_reference = _cut_off([e.time for e in reference], missed, pairs, 0, until - margin)
         spurious, cut_found = _cut_off([e.time for e in found], spurious, pairs, 1, until - margin)
     ref_touches = [i for i, e in enumerate(reference) if e.kind == "graze"]

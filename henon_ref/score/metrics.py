@@ -22,6 +22,8 @@ from henon_ref.trajectory import Status, Trajectory, Transition
 HALF_ULP = 2.0**-53
 EARLY = ("diverged", "nonunique", "invalid")
 """Statuses with which a run may rightly end before the horizon."""
+CROWD_FRACTION = 1e-6
+"""Where transitions accumulate, those within this fraction of the run from the last instant may be left out."""
 END_FRACTION = 1e-3
 """A run that rightly ends early does so within this fraction of the run from the truth's end."""
 
@@ -133,16 +135,17 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
         until=expected.end_time,
         radius=expected.radius,
         reached_horizon=trajectory.status in ("ok", expected.status),
+        end_slack=CROWD_FRACTION * (expected.until - expected.start) if expected.status == "failed" else 0.0,
     )
     errors = {i: time_error(found[j], expected.transitions[i]) for i, j in matching.pairs + matching.touch_pairs}
     counted = np.array([errors[i] for i, _ in matching.pairs])
     worst = float(np.max(np.abs(counted))) if counted.size else None
-    status, reason = _status(trajectory, expected, matching)
+    status, reason, right = _status(trajectory, expected, matching)
     return Score(
         matching=matching,
         status=status,
         reason=reason,
-        verdict=_verdict(status, expected, matching, found, tolerance),
+        verdict="right" if right else _fault(expected, matching, found, tolerance),
         time_errors=errors,
         max_time_error=worst,
         rms_time_error=float(np.sqrt(np.mean(counted**2))) if counted.size else None,
@@ -173,20 +176,27 @@ def _state_error(trajectory: Trajectory, expected: Expected, matching: Matching)
     return worst
 
 
-def _status(trajectory: Trajectory, expected: Expected, matching: Matching) -> tuple[Status, str]:
-    """A run's status after scoring: ``wrong`` where its sequence is, and the reason in one sentence."""
-    if trajectory.status not in ("ok", *EARLY):  # it did not run to its own end: nothing to hold against the truth
-        return trajectory.status, trajectory.reason
-    if trajectory.status != expected.status:
-        if trajectory.status != "ok":
-            return trajectory.status, trajectory.reason or f"the run ended at t = {trajectory.end_time:.6g}"
-        return "wrong", f"went on past t = {expected.end_time:.12g}, where the exact run is {expected.status}"
+def _status(trajectory: Trajectory, expected: Expected, matching: Matching) -> tuple[Status, str, bool]:
+    """A run's status after scoring, the reason in one sentence, and whether the run is right."""
+    status, reason = trajectory.status, trajectory.reason
+    if status not in ("ok", *EARLY, expected.status):  # it did not run to its own end
+        return status, reason, False
+    if status != expected.status:
+        if status != "ok":
+            return status, reason or f"the run ended at t = {trajectory.end_time:.6g}", False
+        return "wrong", f"went on past t = {expected.end_time:.12g}, where the exact run is {expected.status}", False
+    fault = ""
     if not matching.exact:
-        return "wrong", _edits(matching, expected)
-    late = abs(trajectory.end_time - expected.end_time)
-    if expected.status != "ok" and late > END_FRACTION * (expected.until - expected.start):
-        return "wrong", f"{trajectory.status} at t = {trajectory.end_time:.6g}, not at {expected.end_time:.12g}"
-    return trajectory.status, trajectory.reason
+        fault = _edits(matching, expected)
+    elif expected.status != "ok":
+        late = abs(trajectory.end_time - expected.end_time)
+        if late > END_FRACTION * (expected.until - expected.start):
+            fault = f"{status} at t = {trajectory.end_time:.6g}, not at {expected.end_time:.12g}"
+    if not fault:
+        return status, reason, True
+    if status == "failed":
+        return status, f"{reason}; {fault}" if reason else fault, False
+    return "wrong", fault, False
 
 
 def _edits(matching: Matching, expected: Expected) -> str:
@@ -198,12 +208,8 @@ def _edits(matching: Matching, expected: Expected) -> str:
     return ", ".join(words)
 
 
-def _verdict(
-    status: Status, expected: Expected, matching: Matching, found: Sequence[Transition], tolerance: float | None
-) -> str:
-    """Whose fault it is: the solver's, or the question's."""
-    if status == expected.status:
-        return "right"
+def _fault(expected: Expected, matching: Matching, found: Sequence[Transition], tolerance: float | None) -> str:
+    """Whose fault a wrong run is: the solver's, or the question's."""
     if expected.status == "nonunique":
         return "not unique"
     where = _first_edit_time(matching, expected, found)

@@ -36,6 +36,10 @@ class Options:
     """Whether rows that a journal holds are used."""
 
 
+MOST_DRAWN = 6
+"""Readings of a case that figures are drawn for; a family of dozens would be a heap of look-alikes."""
+
+
 class ReadingJob(Job, Protocol):
     """A job that belongs to a reading."""
 

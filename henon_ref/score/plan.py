@@ -12,7 +12,7 @@ from henon_ref.errors import CaseError
 from henon_ref.model.case import Case, Reading
 from henon_ref.score.fence import Lane
 from henon_ref.score.journal import Journal, row_key
-from henon_ref.score.options import Options, ReadingJob
+from henon_ref.score.options import MOST_DRAWN, Options, ReadingJob
 from henon_ref.score.results import CaseState, ReadingResult
 from henon_ref.score.runjob import RunJob, SampleJob, sample_times
 from henon_ref.score.settings import Setting, settings, state_scale
@@ -88,7 +88,7 @@ def case_lanes(
     for result in results.values():
         for name, solver in chosen_solvers(result.reading, options).items():
             jobs.setdefault(name, deque()).extend(_run_jobs(state, result, name, solver, options))
-        if figures:
+        if figures and reading_is_drawn(state, result):
             jobs.setdefault(SAMPLERS[0], deque()).append(sample_job(result, SAMPLERS[0], options))
     state.pending = Counter(job.reading for queue in jobs.values() for job in queue)
     # The registry names the fast solvers first: begun last, they fill the gaps that the slow ones leave.
@@ -96,6 +96,11 @@ def case_lanes(
     if len(queues) < options.processes:
         queues = [deque(own) for queue in queues for _, own in groupby(queue, lambda job: job.reading)]
     return state, [CaseLane(case.name, deque(queue), state) for queue in queues]
+
+
+def reading_is_drawn(state: CaseState, result: ReadingResult) -> bool:
+    """Whether a reading is among the first few, which get figures."""
+    return list(state.results.values()).index(result) < MOST_DRAWN
 
 
 def _run_jobs(

@@ -18,7 +18,7 @@ Slot = tuple[str, str, Setting]
 """Reading, solver, setting: a row's place."""
 
 
-@dataclass
+@dataclass(eq=False)
 class ReadingResult:
     """What is known of one reading besides the runs' rows."""
 

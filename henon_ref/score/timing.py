@@ -13,7 +13,7 @@ SAMPLES = 100
 """Most samples taken where the caller does not say how many."""
 FEWEST = 3
 """Samples that are taken although the budget runs out, up to three times the budget."""
-SLOW = 5.0
+SLOW = 10.0
 """A first run that took this many budgets is not repeated."""
 RESAMPLES = 1000
 """Bootstrap resamples behind an interval."""
