@@ -97,3 +97,19 @@ def test_a_box_beside_the_orbit_is_not_accepted(den_hartog: Problem, monkeypatch
     monkeypatch.setattr(orbit, "BOXES", 1)
     with pytest.raises(OrbitError, match="no box around its limit"):
         find_periodic_orbit(den_hartog.system, guess, radius=1e-25)
+
+
+def test_a_fixed_point_must_prove_a_period() -> None:
+    """A return to the same state proves nothing where the drive is not the same again."""
+    system = systems.fig8("equations").system
+    state = (0.00721368413, 1.01530656615)
+    with pytest.raises(OrbitError, match="not proven to have the period"):
+        find_periodic_orbit(system, Guess(sp.Integer(60), state, (1,), period=sp.Rational(16485, 10000)))
+    with pytest.raises(OrbitError, match="depends on time"):
+        find_periodic_orbit(system, Guess(sp.Integer(60), state, (1,), events=2, surface=0))
+
+
+def test_an_event_orbit_ends_with_the_event_it_starts_at() -> None:
+    guess = Guess(sp.Integer(0), (-0.541006353870, 0.2), (0,), events=2, surface=0, tangent=True)
+    with pytest.raises(OrbitError, match="not with the one it starts at"):
+        find_periodic_orbit(systems.stribeck_belt().system, guess, radius=1e-15)

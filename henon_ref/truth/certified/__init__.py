@@ -6,7 +6,8 @@ told by strict signs or exact zeros (:mod:`.modes`), and the set of possible sta
 wrapping (:mod:`.sets`). What cannot be proven is said to be so, with the reason.
 """
 
-from henon_ref.truth.certified.orbit import Guess, OrbitError, PeriodicOrbit, find_periodic_orbit, settled_guess
+from henon_ref.truth.certified.orbit import PeriodicOrbit, find_periodic_orbit, settled_guess
+from henon_ref.truth.certified.return_map import Guess, OrbitError
 from henon_ref.truth.certified.trajectory import CertifiedRun, CertifiedTransition, certify
 from henon_ref.truth.certified.verify import Verdict, hold_against, verify
 

@@ -196,7 +196,7 @@ def first_root(curves: Sequence[tuple[Curve, bool, str]], end: float) -> tuple[t
     first_index, first = min(roots, key=lambda item: float(item[1].mid()))
     for index, ball in roots:
         if index != first_index and not first < ball:
-            raise UndecidedError(
-                f"{curves[first_index][2]} and {curves[index][2]} fall at times that cannot be told apart: a tie", "tie"
-            )
+            names = f"{curves[first_index][2]} and {curves[index][2]}"
+            reason = f"{names} fall at times that cannot be told apart: a tie"
+            raise UndecidedError(reason, "tie", float(first.mid()))
     return (first_index, first), armed
