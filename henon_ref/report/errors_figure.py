@@ -107,8 +107,8 @@ def _draw_floor(axes: Axes, expected: Expected, lowest: float) -> None:
     axes.fill_between(times, lowest, np.maximum(half_ulp, lowest), color="#EDEDED", lw=0, zorder=0, step="mid")
     notes = []
     if half_ulp[-1] > lowest:
-        notes.append("grey: below half a unit in the last place of t")
+        notes.append("grey: below half a unit\nin the last place of t")
     if expected.radius > lowest:
         axes.axhline(expected.radius, color=style.GREY, lw=0.8, ls="--")
         notes.append("dashed: the truth's radius")
-    axes.figure.text(0.985, 0.02, "; ".join(notes), ha="right", fontsize=7.0, color=style.GREY)
+    axes.figure.text(0.74, 0.02, "\n".join(notes), va="bottom", fontsize=7.0, color=style.GREY)

@@ -32,6 +32,14 @@ def symbol(name: str) -> str:
 
 
 def latex(expression: sp.Expr) -> str:
-    """LaTeX of an expression."""
+    """LaTeX of an expression, begun with a term that has no minus where there is one.
+
+    Examples
+    --------
+    >>> x, vp = sp.symbols("x vp")
+    >>> latex(x - vp), latex(x - 2)
+    ('x - v_{p}', 'x - 2')
+    """
     names = {s: symbol(s.name) for s in expression.free_symbols}
-    return str(sp.latex(expression, symbol_names=names, order="old"))
+    orders = [str(sp.latex(expression, symbol_names=names, order=order)) for order in (None, "old")]
+    return next((text for text in orders if not text.startswith("-")), orders[0])

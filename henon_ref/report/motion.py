@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
 MOST_SURFACES = 4
 """Surfaces that one figure shows, one panel each."""
+REST = 1e-6
+"""A stick that moves less than this fraction of the largest state is drawn as a point."""
+BLOW_UP = 50.0
+"""A curve that goes this many times further than most of itself is cut off."""
 
 
 @dataclass(frozen=True)
@@ -79,83 +83,121 @@ def axes_of_portrait(system: FilippovSystem) -> tuple[int, int] | None:
     return 0, up
 
 
+@dataclass(frozen=True)
+class _Plane:
+    """Two states, and the surfaces that are curves in their plane: those decide how a piece is drawn."""
+
+    x: int
+    y: int
+    signs: tuple[tuple[int, str], ...]
+    """Index and name of each such surface's sign; of all surfaces where there is none."""
+
+    def look(self, mode: Mode) -> tuple[str, str, float]:
+        """Label, colour and width of a piece of one mode."""
+        if any(mode[k] == 0 for k, _ in self.signs):
+            return "stick", style.VERMILLION, 3.2
+        if len(self.signs) == 1:
+            ((k, name),) = self.signs
+            if mode[k] > 0:
+                return f"slip, {name} = +1", style.BLUE, 1.2
+            return f"slip, {name} = −1", style.GREEN, 1.2
+        return "slip", style.BLUE, 1.1
+
+    def pieces(self, modes: Sequence[Mode]) -> list[tuple[str, slice]]:
+        """Label and range of every piece that is drawn alike."""
+        labels = [self.look(mode)[0] for mode in modes]
+        return [(labels[begin], slice(begin, end + 1)) for begin, end in _runs(labels)]
+
+
 def draw_portrait(reading: Reading, motion: Motion) -> Figure | None:
     """Phase portrait in the measured window, coloured by mode, sticks on the boundary."""
     system = reading.problem.system
     pair = axes_of_portrait(system)
     if pair is None:
         return None
-    x, y = pair
+    plane = _plane(system, *pair)
     with style.figure(4.3, width=5.6) as figure:
         axes = figure.add_axes((0.13, 0.12, 0.84, 0.74))
-        drawn = _draw_modes(axes, motion, x, y)
-        _draw_arrows(axes, motion, x, y)
-        _pad(axes, motion.states[:, x], motion.states[:, y])
-        boundary = _draw_boundary(axes, system, x, y)
-        axes.set_xlabel(_symbol(system, x))
-        axes.set_ylabel(_symbol(system, y))
+        drawn = _draw_pieces(axes, motion, plane)
+        _draw_arrows(axes, motion, plane)
+        for values, set_limits in (
+            (motion.states[:, plane.x], axes.set_xlim),
+            (motion.states[:, plane.y], axes.set_ylim),
+        ):
+            set_limits(*_limits(values))
+        boundary = _draw_boundary(axes, system, plane)
+        axes.set_xlabel(_symbol(system, plane.x))
+        axes.set_ylabel(_symbol(system, plane.y))
         _legend(axes, [*drawn, *boundary])
-        window = f"{motion.times[0]:.6g} s to {motion.times[-1]:.6g} s"
-        axes.set_title(f"Phase portrait, {window}", pad=24)
+        axes.set_title(f"Phase portrait, {motion.times[0]:.10g} s to {motion.times[-1]:.10g} s", pad=24)
         return figure
 
 
-def _draw_modes(axes: Axes, motion: Motion, x: int, y: int) -> list[tuple[str, str, float, str]]:
-    """The curve in pieces of one mode; returns legend entries (label, colour, width, dashes)."""
+def _plane(system: FilippovSystem, x: int, y: int) -> _Plane:
+    inside = {system.states[x], system.states[y]}
+    every = [(k, sign.name) for k, sign in enumerate(system.signs)]
+    curves = [(k, name) for k, name in every if _states_in(system, k) <= inside]
+    return _Plane(x, y, tuple(curves or every))
+
+
+def _states_in(system: FilippovSystem, k: int) -> set[sp.Basic]:
+    """What a surface depends on, parameters apart."""
+    return set(system.numeric(system.surfaces[k]).free_symbols)
+
+
+def _runs(labels: Sequence[object]) -> list[tuple[int, int]]:
+    """(first, last) of every run of equal labels; each but the last reaches to the next one's first."""
+    starts = [0] + [k for k in range(1, len(labels)) if labels[k] != labels[k - 1]]
+    return list(zip(starts, [*starts[1:], len(labels) - 1], strict=True))
+
+
+def _draw_pieces(axes: Axes, motion: Motion, plane: _Plane) -> list[tuple[str, str, float, str]]:
+    """The curve in pieces drawn alike; returns legend entries (label, colour, width, dashes)."""
     seen: dict[str, tuple[str, str, float, str]] = {}
-    starts = [0] + [k for k in range(1, len(motion.modes)) if motion.modes[k] != motion.modes[k - 1]]
-    for begin, end in zip(starts, [*starts[1:], len(motion.modes) - 1], strict=True):
-        mode = motion.modes[begin]
-        label, colour, width = _look(mode)
-        piece = slice(begin, end + 1)
-        axes.plot(
-            motion.states[piece, x], motion.states[piece, y], color=colour, lw=width, solid_capstyle="butt",
-            zorder=3 if 0 in mode else 2,
-        )  # fmt: skip
+    for label, piece in plane.pieces(motion.modes):
+        _, colour, width = plane.look(motion.modes[piece.start])
+        stick = label == "stick"
+        points = motion.states[piece][:, [plane.x, plane.y]]
+        rest = stick and bool(np.ptp(points, axis=0).max() <= REST * np.abs(motion.states).max())
+        line: dict[str, Any] = (
+            {"marker": "o", "ms": 5.0, "ls": "none"} if rest else {"lw": width, "solid_capstyle": "butt"}
+        )
+        axes.plot(*(points[-1:] if rest else points).T, color=colour, zorder=3 if stick else 2, **line)
         seen[label] = (label, colour, width, "-")
-    order = ["slip, s = −1", "slip, s = +1", "slip", "stick"]
-    return sorted(seen.values(), key=lambda entry: order.index(entry[0]) if entry[0] in order else len(order))
+    return sorted(seen.values(), key=lambda entry: (entry[0] == "stick", entry[0]))
 
 
-def _draw_arrows(axes: Axes, motion: Motion, x: int, y: int) -> None:
-    """The direction of motion, in the middle of the longest piece of every slip mode."""
-    starts = [0] + [k for k in range(1, len(motion.modes)) if motion.modes[k] != motion.modes[k - 1]]
-    longest: dict[Mode, slice] = {}
-    for begin, end in zip(starts, [*starts[1:], len(motion.modes) - 1], strict=True):
-        mode = motion.modes[begin]
-        if 0 not in mode and (mode not in longest or end - begin > longest[mode].stop - longest[mode].start):
-            longest[mode] = slice(begin, end)
-    for mode, piece in longest.items():
-        middle = (piece.start + piece.stop) // 2
-        if piece.stop - piece.start < 8:
+def _draw_arrows(axes: Axes, motion: Motion, plane: _Plane) -> None:
+    """The direction of motion, in the middle of the longest piece of every kind of slip."""
+    longest: dict[str, slice] = {}
+    for label, piece in plane.pieces(motion.modes):
+        if label != "stick" and (label not in longest or _length(piece) > _length(longest[label])):
+            longest[label] = piece
+    for piece in longest.values():
+        if _length(piece) < 8:
             continue
-        tail, tip = motion.states[middle - 2, [x, y]], motion.states[middle + 2, [x, y]]
-        arrow = {"arrowstyle": "-|>", "color": _look(mode)[1], "lw": 0.0, "mutation_scale": 14}
+        middle = (piece.start + piece.stop) // 2
+        tail, tip = motion.states[middle - 2, [plane.x, plane.y]], motion.states[middle + 2, [plane.x, plane.y]]
+        colour = plane.look(motion.modes[piece.start])[1]
+        arrow = {"arrowstyle": "-|>", "color": colour, "lw": 0.0, "mutation_scale": 14}
         axes.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=arrow, zorder=4)
 
 
-def _look(mode: Mode) -> tuple[str, str, float]:
-    """Label, colour and width of a piece of one mode."""
-    if 0 in mode:
-        sliding = sum(entry == 0 for entry in mode)
-        return ("stick" if sliding == 1 else f"stick on {sliding} surfaces"), style.VERMILLION, 3.2
-    if len(mode) == 1:
-        return ("slip, s = +1", style.BLUE, 1.2) if mode[0] > 0 else ("slip, s = −1", style.GREEN, 1.2)
-    return "slip", style.BLUE, 1.1
+def _length(piece: slice) -> int:
+    return int(piece.stop - piece.start)
 
 
-def _draw_boundary(axes: Axes, system: FilippovSystem, x: int, y: int) -> list[tuple[str, str, float, str]]:
+def _draw_boundary(axes: Axes, system: FilippovSystem, plane: _Plane) -> list[tuple[str, str, float, str]]:
     """The surfaces that are curves in this plane, as dashed lines."""
-    plane = {system.states[x], system.states[y]}
+    pair = [system.states[plane.x], system.states[plane.y]]
     drawn = False
     left, right = axes.get_xlim()
     bottom, top = axes.get_ylim()
     grid = np.meshgrid(np.linspace(left, right, 201), np.linspace(bottom, top, 201))
-    for surface in system.surfaces:
-        h = system.numeric(surface)
-        if not h.free_symbols or not h.free_symbols <= plane:
+    for k, surface in enumerate(system.surfaces):
+        if not _states_in(system, k) or not _states_in(system, k) <= set(pair):
             continue
-        values = sp.lambdify([system.states[x], system.states[y]], h, "numpy")(*grid)
+        values = sp.lambdify(pair, system.numeric(surface), "numpy")(*grid)
         values = np.broadcast_to(np.asarray(values, dtype=float), grid[0].shape)
         if not (np.nanmin(values) < 0 < np.nanmax(values)):
             continue
@@ -186,13 +228,13 @@ def _draw_surface(axes: Axes, system: FilippovSystem, motion: Motion, k: int) ->
     h = sp.lambdify([TIME, *system.states], system.numeric(system.surfaces[k]), "numpy")
     values = np.broadcast_to(np.asarray(h(motion.times, *motion.states.T), dtype=float), motion.times.shape)
     entries = [_entry(mode, k) for mode in motion.modes]
-    starts = [0] + [j for j in range(1, len(entries)) if entries[j] != entries[j - 1]]
     shades = {0: style.STICK_SHADE, 1: style.PLUS_SHADE}
-    for begin, end in zip(starts, [*starts[1:], len(entries) - 1], strict=True):
+    for begin, end in _runs(entries):
         if entries[begin] in shades:
             axes.axvspan(motion.times[begin], motion.times[end], color=shades[entries[begin]], lw=0, zorder=0)
     axes.axhline(0.0, color=style.GREY, lw=0.8, ls="--", zorder=1)
     axes.plot(motion.times, values, color=style.BLACK, lw=1.1, zorder=2)
+    axes.set_ylim(*_limits(values))
     axes.grid(visible=False)
     axes.set_ylabel(f"${latex(system.signs[k])}$:  $h = {latex(system.surfaces[k])}$")
 
@@ -220,12 +262,14 @@ def _legend(axes: Axes, entries: list[tuple[str, str, float, str]]) -> None:
     axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.2)
 
 
-def _pad(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
-    """Limits around the curve with a little room."""
-    for values, set_limits in ((x, axes.set_xlim), (y, axes.set_ylim)):
-        low, high = float(values.min()), float(values.max())
-        room = 0.06 * (high - low) or 0.5
-        set_limits(low - room, high + room)
+def _limits(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Limits around a curve with a little room; a curve that blows up is cut where it leaves the rest behind."""
+    usual = float(np.percentile(np.abs(values), 95))
+    if np.abs(values).max() > BLOW_UP * usual > 0:
+        values = values[np.abs(values) <= 2 * usual]
+    low, high = float(values.min()), float(values.max())
+    room = 0.06 * (high - low) or 0.5
+    return low - room, high + room
 
 
 def _symbol(system: FilippovSystem, k: int) -> str:
