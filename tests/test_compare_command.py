@@ -252,3 +252,22 @@ def test_rows_that_could_have_been_kept_are_mentioned(made_up, tmp_path, capsys)
     (folder / journal.FILE).write_text('{"key": "a"}\n')
     assert run(made_up, "--out", "out", "--solvers", "henon") == 0
     assert "--resume would keep 1 rows of made_up" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can mount")
+def test_a_small_file_system_that_fills_up(made_up, tmp_path, capsys):
+    small = tmp_path / "small"
+    small.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=24k", "tmpfs", small], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("no tmpfs can be mounted here")
+    try:
+        assert run(made_up, "--out", small, "--repeats", 1) == 2
+        assert capsys.readouterr().err.count("No space left") == 1
+        kept = len(journal.read(small / "made_up" / journal.FILE))
+        assert kept > 0
+        assert sorted(os.listdir(small / "made_up")) == [journal.FILE]
+        subprocess.run(["mount", "-o", "remount,size=4m", small], check=True)
+        assert run(made_up, "--out", small, "--repeats", 1, "--resume") == 0
+    finally:
+        subprocess.run(["umount", small], check=True)
