@@ -118,3 +118,16 @@ def test_a_run_that_gives_up_too_early_keeps_its_status():
     result = score(trajectory(found()[:2], "diverged", end_time=1.5), expected(), tolerance=1e-6)
     assert (result.status, result.verdict) == ("diverged", "solver defect")
     assert len(result.matching.missed) == 3
+
+
+def test_where_the_truth_ends_the_score_ends():
+    truth = expected(TIMES[:3], end_time=2.7, partial=True)
+    assert score(trajectory(found()), truth, tolerance=1e-6).verdict == "right"
+    diverged = trajectory(found()[:4], "diverged", end_time=3.6)
+    assert score(diverged, truth, tolerance=1e-6).verdict == "right"
+    assert score(trajectory(found()[:2] + found()[3:]), truth, tolerance=1e-6).status == "wrong"
+    early = trajectory(found()[:3], "timeout", end_time=2.6)
+    assert (score(early, truth, tolerance=1e-6).status, score(early, truth, tolerance=1e-6).verdict) == (
+        "timeout",
+        "solver defect",
+    )

@@ -109,6 +109,10 @@ def truth_sentences(result: ReadingResult) -> list[str]:
         sentences.append(f"Not certified{why}.")
         if statement.proven:
             sentences.append(f"The radius is proven for {statement.proven} of the {counted}.")
+    if expected.partial:
+        sentences.append(
+            f"It is known up to t = {significant(expected.end_time, 9)} s: {statement.reason.rstrip('.')}."
+        )
     if expected.radius:
         sentences.append(
             f"The largest radius of a transition time is {exponential(expected.radius, 1)} s; no error is claimed "

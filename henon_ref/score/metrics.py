@@ -75,6 +75,8 @@ class Expected:
     end_time: float
     """Where the exact run ends: the horizon, or before it [s]."""
     near_grazes: Sequence[NearTouch] = ()
+    partial: bool = False
+    """What happens after ``end_time`` is not known: runs are scored up to there."""
 
     @property
     def radius(self) -> float:
@@ -126,7 +128,7 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
     tolerance : float, optional
         Relative tolerance of the run, for the verdict on an ill-conditioned transition; None: double precision.
     """
-    limit = math.inf if expected.status == "ok" else _end_margin(expected)
+    limit = _last_scored(expected)
     found = list(takewhile(lambda event: event.time <= limit, trajectory.transitions))
     matching = match(
         expected.transitions,
@@ -134,7 +136,7 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
         start=expected.start,
         until=expected.end_time,
         radius=expected.radius,
-        reached_horizon=trajectory.status in ("ok", expected.status),
+        reached_horizon=trajectory.status in ("ok", expected.status) or trajectory.end_time >= expected.end_time,
         end_slack=CROWD_FRACTION * (expected.until - expected.start) if expected.status == "failed" else 0.0,
     )
     errors = {i: time_error(found[j], expected.transitions[i]) for i, j in matching.pairs + matching.touch_pairs}
@@ -160,8 +162,12 @@ def digits(error: float, expected: Expected) -> float:
     return -math.log10(floor / expected.time_unit)
 
 
-def _end_margin(expected: Expected) -> float:
-    """The last instant [s] at which a transition of an exact run that ends early is still scored."""
+def _last_scored(expected: Expected) -> float:
+    """The last instant [s] at which a transition of a run is scored."""
+    if expected.partial:
+        return expected.end_time
+    if expected.status == "ok":
+        return math.inf
     return expected.end_time + END_FRACTION * (expected.until - expected.start)
 
 
@@ -179,6 +185,8 @@ def _state_error(trajectory: Trajectory, expected: Expected, matching: Matching)
 def _status(trajectory: Trajectory, expected: Expected, matching: Matching) -> tuple[Status, str, bool]:
     """A run's status after scoring, the reason in one sentence, and whether the run is right."""
     status, reason = trajectory.status, trajectory.reason
+    if expected.partial and trajectory.end_time >= expected.end_time:
+        return (status, reason, True) if matching.exact else ("wrong", _edits(matching, expected), False)
     if status not in ("ok", *EARLY, expected.status):  # it did not run to its own end
         return status, reason, False
     if status != expected.status:

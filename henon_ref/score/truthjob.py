@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from henon_ref.model.case import Case, Reading
 from henon_ref.score.metrics import Expected
 from henon_ref.score.worker import Stages
+
+if TYPE_CHECKING:
+    from henon_ref.truth import Truth
 
 KNOWN = "known"
 """Stage at which the truth is known; its payload is a :class:`Statement`."""
@@ -51,18 +55,34 @@ class TruthJob:
 
 
 def statement_of(case: Case, reading: Reading) -> Statement:
-    """The truth of a reading as this package's scoring wants it."""
+    """The truth of a reading, computed where it is not stored."""
     from henon_ref.truth import truth_for
 
-    truth = truth_for(case, reading)
+    return _statement(reading, truth_for(case, reading))
+
+
+def stored_statement(case: Case, reading: Reading) -> Statement | None:
+    """The truth of a reading, if it is stored."""
+    from henon_ref.truth.settle import stored_truth
+    from henon_ref.truth.store import folder_of
+
+    stored = stored_truth(case, reading, folder_of(case.path))
+    return None if stored is None else _statement(reading, stored)
+
+
+def _statement(reading: Reading, truth: Truth) -> Statement:
+    """A truth as this package's scoring wants it."""
     problem = reading.problem
+    # Where the case does not say that the exact run fails, it is the truth that could not go on.
+    partial = truth.status == "failed" and (reading.expect is None or reading.expect.status != "failed")
     expected = Expected(
-        status=truth.status,
+        status="ok" if partial else truth.status,
         transitions=truth.transitions,
         start=float(problem.start),
         until=float(problem.until),
         end_time=truth.end_time,
         near_grazes=truth.near_grazes,
+        partial=partial,
     )
     return Statement(
         expected,
