@@ -156,6 +156,37 @@ def test_finite_escape_is_called_diverged():
     assert 0.5 <= run.end_time < 0.52
 
 
+def test_a_guard_that_is_not_a_number_is_a_failure_not_a_missed_event():
+    surface = sp.sqrt(1 - X) - sp.Rational(1, 10)
+    problem = Problem(
+        FilippovSystem((X,), (S,), (surface,), (1 + X * 0,)), sp.Integer(0), (sp.Rational(995, 1000),), sp.Integer(1)
+    )
+    run = RK4.prepare(problem, step=0.1)()
+    assert (run.status, run.transitions) == ("failed", ())
+    assert "not a number" in run.reason
+
+
+def test_events_that_accumulate_end_the_run():
+    """Twisting: x1'' = -2 sgn x1 - sgn x2 comes to rest after infinitely many crossings."""
+    system = FilippovSystem((X, V), (S, R), (X, V), (V, -2 * S - R))
+    end = 1.5 * (1 / 3 + 1 / math.sqrt(3)) / (1 - math.sqrt(1 / 3))
+    problem = Problem(system, sp.Integer(0), (sp.Integer(0), sp.Rational(3, 2)), sp.Integer(4))
+    run = RK4.prepare(problem, step=1e-3)()
+    assert run.status == "failed"
+    assert "events within one step" in run.reason
+    assert run.end_time == pytest.approx(end, abs=1e-5)
+
+
+def test_an_excursion_of_a_millionth_of_a_step_right_after_a_release_is_found():
+    """The field above is 1e-19 there: any rounding of the mode's equations would swallow it."""
+    width = sp.Rational(1, 10**9)
+    above = (TIME - 1) * (2 * width / 3 - (TIME - 1))
+    system = FilippovSystem((X,), (S,), (X,), ((1 + S) / 2 * above + (1 - S) / 2,))
+    found = RK4.prepare(Problem(system, sp.Integer(0), (sp.Integer(0),), sp.Integer(2)), step=1e-3)().transitions
+    assert [t.kind for t in found] == ["release", "stick"]
+    assert found[1].time - found[0].time == pytest.approx(1e-9, abs=1e-15)
+
+
 def test_repelling_sliding_stops_the_run():
     problem = Problem(FilippovSystem((X,), (S,), (X,), (S,)), sp.Integer(0), (sp.Integer(0),), sp.Integer(1))
     assert RK4.prepare(problem, step=0.1)().status == "nonunique"

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Iterable, Sequence
 from weakref import WeakKeyDictionary
 
@@ -20,7 +21,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
-from henon_ref.henon.rk4_kernel import EVENT, NOT_FINITE, Floats, Kernel, build_kernel, crossed_guards, land
+from henon_ref.henon.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, build_kernel, crossed_guards, land
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import Decision, Switching
 from henon_ref.model.system import TIME, FilippovSystem, Guard
@@ -33,11 +34,13 @@ TOGETHER = 1e-12
 """Guards that land within this time of each other [s] are one event."""
 CLEAR = 1e-6
 """Relative size of dh/dt on both sides of a surface from which they decide alone what follows."""
-STALLED = 100
-"""Events in a row without progress in time after which the run gives up."""
+CROWDED = 100
+"""Events within the length of one step after which the run gives up: they accumulate, or it chatters."""
+HUGE = 1e10
+"""A state that is no longer finite has diverged where it was this large a step before; else it has failed."""
 
-_KERNELS: WeakKeyDictionary[FilippovSystem, dict[frozenset[int], Kernel]] = WeakKeyDictionary()
-"""Compiled once a system, whatever the step: system -> sliding surfaces -> kernel."""
+_KERNELS: WeakKeyDictionary[FilippovSystem, dict[Mode, Kernel]] = WeakKeyDictionary()
+"""Compiled once a system, whatever the step: system -> mode -> kernel."""
 _NO_MODE: dict[str, Status] = {"none": "failed", "nonunique": "nonunique", "invalid": "invalid"}
 
 
@@ -111,16 +114,18 @@ class _Plan:
         self._kernels = _KERNELS.setdefault(system, {})
 
     def kernel(self, mode: Mode) -> Kernel:
-        sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
-        if sliding not in self._kernels:
-            self._kernels[sliding] = build_kernel(self.problem.system, sliding)
-        return self._kernels[sliding]
+        if mode not in self._kernels:
+            self._kernels[mode] = build_kernel(self.problem.system, mode)
+        return self._kernels[mode]
 
     def after_event(self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard]) -> Decision:
         """As :meth:`Switching.after_event`, short where one surface is clearly left or reached."""
         if len(hits) == 1 and hits[0].kind == "surface" and 0 not in mode:
             i = hits[0].index
-            below, above = (self._normals(t, *x, *replaced(mode, i, s))[i] for s in (-1, 1))
+            try:
+                below, above = (self._normals(t, *x, *replaced(mode, i, s))[i] for s in (-1, 1))
+            except (ArithmeticError, ValueError):
+                return self.switching.after_event(t, x, mode, hits)
             clear = CLEAR * (abs(below) + abs(above))
             if below > clear and above < -clear:
                 return Decision("unique", replaced(mode, i, 0))
@@ -151,40 +156,38 @@ class _Integration:
         """Integrate to the horizon, or to where there is no going on."""
         problem = self.plan.problem
         decision = self.plan.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
-        stalled = 0
+        recent: deque[float] = deque(maxlen=CROWDED)
         while decision.mode is not None:
             self.mode = decision.mode
-            before = self.time
             ended = self._through_mode()
             if not isinstance(ended, Decision):
                 return self._result(*ended)
             decision = ended
-            stalled = stalled + 1 if self.time <= before else 0
-            if stalled > STALLED:
-                return self._result("failed", f"{STALLED} events without progress at t = {self.time:.17g}")
+            recent.append(self.time)
+            if len(recent) == CROWDED and self.time - recent[0] < self.plan.step:
+                return self._result("failed", f"{CROWDED} events within one step at t = {self.time:.17g}")
         return self._result(_NO_MODE[decision.status], decision.reason)
 
     def _through_mode(self) -> Decision | tuple[Status, str]:
         """Step through one mode: what follows its end, or how the run ends."""
         kernel, h = self.plan.kernel(self.mode), self.plan.step
-        signs = np.array(self.mode, dtype=float)
         new = np.empty_like(self.x)
-        armed = np.array(kernel.values(self.time, self.x, signs, 0.0)) > 0
+        armed = np.array(kernel.values(self.time, self.x, 0.0)) > 0
         done, last = 0, int((self.until - self.time) / h)
         while True:
             first = done
             done, self.filled, code = kernel.advance(
-                self.time, first, min(first + CHUNK, last), h, self.x, signs, armed, kernel.rising_only, new,
+                self.time, first, min(first + CHUNK, last), h, self.x, armed, kernel.rising_only, new,
                 self.wanted, self.samples, self.filled,
             )  # fmt: skip
             self._record_modes()
             self.steps += done - first + (code == EVENT)
             if code == EVENT:
                 self._move(done * h)
-                return self._event(kernel, signs, h, armed, new)
-            if code == NOT_FINITE:
+                return self._event(kernel, h, armed, new)
+            if code in (NOT_FINITE, NO_GUARD):
                 self._move(done * h)
-                return "diverged", f"the state is no longer finite after t = {self.time:.17g}"
+                return self._lost(code)
             if done == last:
                 self._move(done * h)
                 done, last, h = 0, 1, self.until - self.time
@@ -194,19 +197,18 @@ class _Integration:
                 self._move(done * h)
                 return "timeout", f"out of time at t = {self.time:.17g}"
 
-    def _event(
-        self, kernel: Kernel, signs: Floats, h: float, armed: NDArray[np.bool_], new: Floats
-    ) -> Decision | tuple[Status, str]:
+    def _event(self, kernel: Kernel, h: float, armed: NDArray[np.bool_], new: Floats) -> Decision | tuple[Status, str]:
         """Land on the first guard that the step from the present state to ``new`` has crossed, and switch."""
         t = self.time
-        landings = {
-            i: land(kernel, i, t, self.x, new, signs, h) for i in crossed_guards(kernel, t + h, new, signs, armed)
-        }
+        found = {i: land(kernel, i, t, self.x, new, h) for i in crossed_guards(kernel, t + h, new, armed)}
+        landings = {i: landing for i, landing in found.items() if landing is not None}
+        if len(landings) < len(found):
+            return "failed", f"a guard is not a number on the step from t = {t:.17g}"
         self.landings += len(landings)
         first = min(landings.values(), key=lambda landing: landing.offset)
         hits = [kernel.guards[i] for i, landing in landings.items() if landing.offset <= first.offset + TOGETHER]
         while self.filled < self.wanted.size and self.wanted[self.filled] <= t + first.offset:
-            kernel.step(t, self.x, signs, self.wanted[self.filled] - t, self.samples[self.filled])
+            kernel.step(t, self.x, self.wanted[self.filled] - t, self.samples[self.filled])
             self.filled += 1
         self._record_modes()
         self._move(first.offset)
@@ -219,6 +221,14 @@ class _Integration:
         if time.perf_counter() > self.stop_at:
             return "timeout", f"out of time at t = {self.time:.17g}"
         return decision
+
+    def _lost(self, code: int) -> tuple[Status, str]:
+        """How a run ends whose next step is not in numbers."""
+        if code == NO_GUARD:
+            return "failed", f"a guard is not a number after t = {self.time:.17g}"
+        if np.abs(self.x).max() > HUGE:
+            return "diverged", f"the state is no longer finite after t = {self.time:.17g}"
+        return "failed", f"the field is not a number after t = {self.time:.17g}"
 
     def _report(self, mode: Mode, hits: Sequence[Guard], state: tuple[float, ...], how: str) -> None:
         touched = {g.index for g in hits if g.kind == "surface"}
