@@ -90,7 +90,10 @@ class Decider:
             Surfaces that the point is on, whatever rounding says.
         """
         guards = self.system.equations(mode).guards
-        expansions = self._expansions(point, mode)
+        try:
+            expansions = self._expansions(point, mode)
+        except (ZeroDivisionError, ValueError):  # python-flint's words for a series that does not exist
+            return None
         if not all(c[0].is_finite() and c[1].is_finite() for c in expansions):
             return None
         first = [1 if g.kind == "surface" and g.index in active else 0 for g in guards]
@@ -150,17 +153,15 @@ class Decider:
             return None
         if heads is None:
             return None
+        own = {i for i in active if mode[i] == 0 and i in self.system.overrides}
+        if not all(self._attracts(point, mode, i) for i in own):
+            return None
         broken = []
         for guard, head in zip(self.system.equations(mode).guards, heads, strict=True):
-            if guard.kind == "valid" or guard.index not in active:
+            if guard.kind == "valid" or guard.index not in active or guard.index in own:
                 continue
-            if guard.kind == "release" and guard.index in self.system.overrides:
-                holds = self._attracts(point, mode, guard.index)
-            elif head is None:
-                # A surface that is never left is no slip; an equivalent sign that stays at its limit still holds.
-                holds = guard.kind == "release"
-            else:
-                holds = head[1] > 0
+            # A surface that is never left is no slip; an equivalent sign that stays at its limit still holds.
+            holds = guard.kind == "release" if head is None else head[1] > 0
             if not holds:
                 broken.append(guard)
         return tuple(broken)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import sympy as sp
 from flint import arb, ctx
 
+from henon_ref.model.modes import Mode
 from henon_ref.truth.certified.exact import enclose
 from henon_ref.truth.numbers import ball_text
 from henon_ref.truth.reference import ReferenceTransition, TruthError
@@ -18,7 +19,7 @@ PLACES = 80
 
 
 def with_closed_forms(
-    transitions: Sequence[ReferenceTransition], times: Sequence[sp.Expr]
+    transitions: Sequence[ReferenceTransition], times: Sequence[sp.Expr], modes: Sequence[Mode] = ()
 ) -> tuple[ReferenceTransition, ...]:
     """Replace the computed times by closed forms, the first ones by as many as there are.
 
@@ -28,6 +29,8 @@ def with_closed_forms(
         As computed.
     times : sequence of Expr
         Exact times [s] from the first transition on.
+    modes : sequence of Mode
+        Exact mode after each transition, from the first one on.
 
     Raises
     ------
@@ -40,6 +43,10 @@ def with_closed_forms(
             f"the case gives {len(times)} exact transition times, but only {len(transitions)} transitions "
             "were found: check 'exact' and 'until'"
         )
+    for index, mode in enumerate(modes):
+        found_mode = transitions[index].to_mode if index < len(transitions) else "none"
+        if found_mode != mode:
+            raise TruthError(f"transition {index}: the exact mode after it is {mode}, computed is {found_mode}")
     with ctx.workprec(BITS):
         balls = [enclose(time) for time in times]
         for index, (ball, found) in enumerate(zip(balls, transitions, strict=False)):

@@ -18,7 +18,7 @@ from flint import arb, ctx
 from henon_ref.model.modes import transition_kind
 from henon_ref.trajectory import Problem
 from henon_ref.truth.numbers import GUARD_BITS, ball_text, exact_ball
-from henon_ref.truth.reference import NearGraze, ReferenceTransition, Route
+from henon_ref.truth.reference import ReferenceTransition, Route
 from henon_ref.truth.simulate import Event, Progress, Run, simulate
 
 log = logging.getLogger(__name__)
@@ -96,8 +96,9 @@ def _agreed(problem: Problem, high: Run, low: Run, *, seconds: float) -> Route:
             end_digits=ball_text(end, end_radius),
             end_radius=end_radius,
             transitions=transitions,
-            near_grazes=tuple(NearGraze(g.time, g.surface, g.distance) for g in high.near_grazes),
+            near_grazes=tuple(high.near_grazes),
             undecided=undecided,
+            accumulates=high.accumulates and not undecided,
         )
 
 

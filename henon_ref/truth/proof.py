@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 RADIUS = 1e-30
 """Radius asked of every transition time, as a part of the run's length and never above this many seconds."""
+SMALLEST = 1e-80
+"""Radius that an exact number is written with."""
 
 _STATUS: dict[Ended, Status] = {"horizon": "ok", "invalid": "invalid", "nonunique": "nonunique", "none": "failed"}
 """How a run ends that is proven to end so."""
@@ -69,7 +71,7 @@ def _route(run: CertifiedRun) -> Route:
 def _radius(*balls: arb) -> float:
     """A radius around the written digits that holds every ball: two digits, rounded up with room to spare."""
     widest = max(float(ball.rad()) for ball in balls)
-    return float(f"{1.1 * max(widest, 1e-200):.1e}")
+    return float(f"{1.1 * max(widest, SMALLEST):.1e}")
 
 
 def _transition(t: CertifiedTransition) -> ReferenceTransition:

@@ -39,9 +39,9 @@ class ReferenceTransition:
     conditioning: float = inf
     """Largest growth of an earlier error into this time [s / unit of state]; see truth.conditioning."""
     proven: bool = False
-    """The radius is a theorem of ball arithmetic."""
+    """Ball arithmetic has enclosed it; without ``closed_form`` the radius is that of the enclosure."""
     closed_form: bool = False
-    """The time is the case's closed form, with which the computed digits agree."""
+    """The time is the case's closed form, which lies within the radius of what was computed or proven."""
 
     @cached_property
     def time(self) -> float:
@@ -86,6 +86,8 @@ class Route:
     near_grazes: tuple[NearGraze, ...] = ()
     undecided: str = ""
     """What kept it from going on, where it is the method and not the system that ends the run."""
+    accumulates: bool = False
+    """Transitions accumulate at the end; only those far enough apart for a double are listed."""
 
 
 @dataclass(frozen=True)

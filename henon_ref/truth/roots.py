@@ -1,22 +1,23 @@
 """Roots of a step's Taylor polynomial, every one of them: pairs, touches, roots at the very start.
 
-A polynomial on (0, END] in units of the step. Its coefficients fall fast (a Taylor step is a fraction of the
-radius of convergence), so that plain interval evaluation is sharp and a few bisections isolate all roots.
-A double root counts as a touch where the extremum is zero to the precision, and its place is the root of the
-derivative, which is simple: nothing is lost to the square root of the precision.
+A polynomial on (0, END] in units of the step is halved and recentred until each piece shows, by the sizes of its
+own coefficients, that it has no root, one, one extremum, or is zero to the precision altogether. A double root
+counts as a touch where the extremum is zero to the precision, and its place is the root of the derivative,
+which is simple: nothing is lost to the square root of the precision.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import factorial, perm
 
 from flint import arb, arb_poly
 
 END = 1 + 2.0**-40
 """A little past the step, where its polynomial still holds: a root at the step's end falls in, not between."""
-NARROW = 2.0**-90
-"""Width below which roots that do not separate count as one multiple root."""
+SPLIT = 0.5078125
+"""Where a piece is split: off the middle, so that a root at a round fraction of a step is on no boundary."""
 NEAR = 2.0**-10
 """Fraction of a step: a minimum that would have a pair of roots so close together is a near graze."""
 
@@ -59,12 +60,9 @@ def isolate(coefficients: Sequence[arb], zero: arb) -> Roots:
     zero : arb
         A value below which an extremum counts as zero.
     """
-    derivatives = [arb_poly(list(coefficients))]
-    for _ in range(min(8, max(len(coefficients) - 1, 1))):
-        derivatives.append(derivatives[-1].derivative())
-    found = Roots()
-    _search(derivatives, arb(0), arb(END), zero, found)
-    return found
+    search = _Search(arb_poly(list(coefficients)), zero)
+    search.piece(arb(0), arb(END), search.polynomial(arb_poly([END / 2, END / 2])))
+    return search.found
 
 
 def _ball(a: arb, b: arb) -> arb:
@@ -78,34 +76,81 @@ def _sign(value: arb) -> int:
     return (middle > 0) - (middle < 0)
 
 
-def _excludes_zero(p: arb_poly, slope: arb_poly, x: arb) -> bool:
-    if not p(x).contains(0):
-        return True
-    return not (p(x.mid()) + slope(x) * (x - x.mid())).contains(0)
+class _Search:
+    """The search for all roots of one polynomial."""
+
+    def __init__(self, polynomial: arb_poly, zero: arb) -> None:
+        self.polynomial = polynomial
+        self.slope = polynomial.derivative()
+        self.curvature = self.slope.derivative()
+        self.zero = zero
+        self.found = Roots()
+
+    def piece(self, a: arb, b: arb, local: arb_poly) -> None:
+        """Append the roots on (a, b], where the polynomial is ``local`` in a variable that runs from -1 to 1."""
+        c = self._shortened(local)
+        sizes = [abs(v).upper() for v in c]
+        order = next((n for n in range(len(c)) if _dominates(c, sizes, n)), len(c))
+        if order == 0:
+            return
+        if order == 1:
+            self._between(a, b)
+        elif order == 2:
+            self._around_extremum(a, b)
+        elif sum(sizes, arb(0)) <= self.zero:
+            if order < len(c):
+                self._cluster(a, b, order)
+        else:
+            middle, right = a + (b - a) * arb(SPLIT), 1 - SPLIT
+            short = arb_poly(c)
+            self.piece(a, middle.mid(), short(arb_poly([SPLIT - 1, SPLIT])))
+            self.piece(middle.mid(), b, short(arb_poly([1 - right, right])))
+
+    def _shortened(self, local: arb_poly) -> list[arb]:
+        """Coefficients without a tail that is far below what counts as zero; the first one's radius holds it."""
+        c = local.coeffs()
+        tail, negligible = arb(0), self.zero * 2.0**-40
+        while len(c) > 4 and tail + abs(c[-1]) < negligible:
+            tail += abs(c.pop())
+        c[0] += arb(0, tail.upper())
+        return c
+
+    def _between(self, a: arb, b: arb) -> None:
+        """The root on (a, b], if any, where the polynomial is monotone."""
+        end = _sign(self.polynomial(b))
+        if _sign(self.polynomial(a)) * end < 0 or end == 0:
+            self.found.roots.append(Root(simple_root(self.polynomial, self.slope, a, b), odd=True))
+
+    def _around_extremum(self, a: arb, b: arb) -> None:
+        """Roots on (a, b], where the second derivative keeps its sign: at most one extremum."""
+        if _sign(self.slope(a)) * _sign(self.slope(b)) >= 0:
+            self._between(a, b)
+            return
+        at = simple_root(self.slope, self.curvature, a, b).mid()
+        value, curvature = self.polynomial(at), self.curvature(at)
+        if abs(value.mid()) <= self.zero:
+            self.found.roots.append(Root(at, odd=False))
+        elif _sign(value) != _sign(curvature):  # the extremum lies beyond zero: a root on either side of it
+            self._between(a, at)
+            self._between(at, b)
+        elif abs(2 * value / curvature) < NEAR**2:
+            self.found.near_misses.append(NearMiss(at, value))
+
+    def _cluster(self, a: arb, b: arb, order: int) -> None:
+        """A root of multiplicity three or more: the simple root of the derivative before the one that dominates."""
+        before = self.polynomial
+        for _ in range(order - 1):
+            before = before.derivative()
+        end = _sign(before(b))
+        if _sign(before(a)) * end < 0 or end == 0:  # else the root is on a neighbouring piece
+            at = simple_root(before, before.derivative(), a, b).mid()
+            self.found.roots.append(Root(at, odd=order % 2 == 1))
 
 
-def _search(d: list[arb_poly], a: arb, b: arb, zero: arb, found: Roots) -> None:
-    """Roots on (a, b], appended in order."""
-    x = _ball(a, b)
-    if _excludes_zero(d[0], d[1], x):
-        return
-    if not d[1](x).contains(0):
-        _between(d, a, b, found)
-    elif len(d) > 2 and not d[2](x).contains(0):
-        _around_extremum(d, a, b, zero, found)
-    elif b - a < NARROW:
-        _cluster(d, a, b, zero, found)
-    else:
-        # Off the middle, so that a root at a round fraction of a step does not fall on a boundary.
-        middle = a + (b - a) * arb(0.5078125)
-        _search(d, a, middle, zero, found)
-        _search(d, middle, b, zero, found)
-
-
-def _between(d: list[arb_poly], a: arb, b: arb, found: Roots) -> None:
-    """The root on (a, b], if any, where the polynomial is monotone."""
-    if _sign(d[0](a)) * _sign(d[0](b)) < 0 or _sign(d[0](b)) == 0:
-        found.roots.append(Root(simple_root(d[0], d[1], a, b), odd=True))
+def _dominates(c: Sequence[arb], sizes: Sequence[arb], order: int) -> bool:
+    """Whether the derivative of an order keeps its sign for a variable from -1 to 1."""
+    rest = sum((perm(k, order) * sizes[k] for k in range(order + 1, len(c))), arb(0))
+    return bool(factorial(order) * abs(c[order]) > rest)
 
 
 def simple_root(p: arb_poly, slope: arb_poly, a: arb, b: arb) -> arb:
@@ -129,31 +174,3 @@ def simple_root(p: arb_poly, slope: arb_poly, a: arb, b: arb) -> arb:
         if not narrower.rad() < x.rad() / 2:
             return narrower
         x = narrower
-
-
-def _around_extremum(d: list[arb_poly], a: arb, b: arb, zero: arb, found: Roots) -> None:
-    """Roots on (a, b], where the second derivative keeps its sign: at most one extremum."""
-    if _sign(d[1](a)) * _sign(d[1](b)) >= 0:
-        _between(d, a, b, found)
-        return
-    at = simple_root(d[1], d[2], a, b).mid()
-    value = d[0](at)
-    if abs(value.mid()) <= zero:
-        found.roots.append(Root(at, odd=False))
-        return
-    if _sign(value) != _sign(d[2](at)):  # the extremum lies beyond zero: a root on either side where the end is
-        _between(d, a, at, found)
-        _between(d, at, b, found)
-    elif abs(2 * value / d[2](at)) < NEAR**2:
-        found.near_misses.append(NearMiss(at, value))
-
-
-def _cluster(d: list[arb_poly], a: arb, b: arb, zero: arb, found: Roots) -> None:
-    """A root of multiplicity three or more: a simple root of the lowest derivative that has one."""
-    x = _ball(a, b)
-    for order in range(3, len(d)):
-        if not d[order](x).contains(0):
-            at = x.mid() - d[order - 1](x.mid()) / d[order](x.mid())
-            if abs(d[0](at).mid()) <= zero:
-                found.roots.append(Root(at.mid(), odd=order % 2 == 1))
-            return

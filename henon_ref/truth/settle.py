@@ -26,6 +26,9 @@ log = logging.getLogger(__name__)
 PROOF_SECONDS = 120.0
 """Time a proof may take where a truth is computed because none is stored [s]."""
 
+END_TOLERANCE = 1e-12
+"""Relative difference to the end that a case expects; a blow-up's time is an extrapolation."""
+
 Progress = Callable[[str, float], None]
 """Told a stage's name and the part of it that is done, 0 to 1."""
 
@@ -110,14 +113,30 @@ def compute(
     where = f"{case.name}, {reading.name}"
     truth = _settled(case.name, reading, computed, proof, where)
     transitions = truth.transitions
-    if reading.exact is not None:
-        try:
-            transitions = with_closed_forms(transitions, reading.exact.transition_times)
-        except TruthError as error:
-            raise TruthError(f"{where}: {error}") from None
+    try:
+        if reading.exact is not None:
+            transitions = with_closed_forms(transitions, reading.exact.transition_times, reading.exact.modes)
+        _check_end(reading, truth)
+    except TruthError as error:
+        raise TruthError(f"{where}: {error}") from None
     numbers = conditioning(problem, transitions)
     transitions = tuple(replace(t, conditioning=c) for t, c in zip(transitions, numbers, strict=True))
     return replace(truth, transitions=transitions)
+
+
+def _check_end(reading: Reading, truth: Truth) -> None:
+    """Whether the run ends as the case says."""
+    expect = reading.expect
+    if expect is None:
+        return
+    if expect.status != truth.status:
+        raise TruthError(f"the case expects status {expect.status}, computed is {truth.status} ({truth.reason})")
+    if expect.time is not None:
+        late = truth.end_time - float(expect.time)
+        if abs(late) > truth.end_radius + END_TOLERANCE * max(abs(truth.end_time), abs(float(expect.time))):
+            raise TruthError(
+                f"the case expects the end at t = {float(expect.time):.17g}, computed is {truth.end_digits}"
+            )
 
 
 def _stage(progress: Progress | None, name: str) -> Callable[[float], None] | None:
@@ -126,6 +145,8 @@ def _stage(progress: Progress | None, name: str) -> Callable[[float], None] | No
 
 def _settled(case: str, reading: Reading, computed: Route, proof: Route, where: str) -> Truth:
     """One truth of two routes."""
+    if computed.accumulates:
+        proof = replace(proof, transitions=proof.transitions[: len(computed.transitions)])
     certified = not proof.undecided
     proven = len(proof.transitions)
     for index, (ours, theirs) in enumerate(zip(computed.transitions, proof.transitions, strict=False)):
@@ -140,7 +161,7 @@ def _settled(case: str, reading: Reading, computed: Route, proof: Route, where: 
     if certified and not computed.undecided and proof.status != computed.status:
         raise TruthError(f"{where}: heyoka ends with {computed.status}, the proof with {proof.status}")
     leading = proof if certified or proven > len(computed.transitions) else computed
-    routes = (proof, computed) if proven else (computed, proof)
+    routes = (proof, computed) if proven or certified else (computed, proof)
     return Truth(
         case=case,
         reading=reading.name,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -14,20 +13,12 @@ from henon_ref.model.switching import Decision
 from henon_ref.model.system import Guard
 from henon_ref.trajectory import Problem, Status
 from henon_ref.truth.decide import Decider, Point
-from henon_ref.truth.numbers import GUARD_BITS, exact_ball, to_ball
+from henon_ref.truth.endings import CROWD, EndedError, Watch, written
+from henon_ref.truth.numbers import GUARD_BITS, exact_ball, to_ball, to_real
+from henon_ref.truth.reference import NearGraze
 from henon_ref.truth.roots import isolate
 from henon_ref.truth.stepper import Step, Stepper
 
-HUGE = 1e100
-"""A state beyond this has blown up."""
-COLLAPSED = 2.0**-64
-"""A step shorter than this part of the run has met a singularity."""
-RESOLUTION = 2.0**-53
-"""Events closer together than this part of the run are crowded."""
-CROWD = 16
-"""Crowded events in a row before transitions count as accumulating."""
-MEMORY = 24
-"""Steps looked back on to tell a blow-up (increments last) from a singular field (they fade)."""
 MAX_STEPS = 1_000_000
 
 Progress = Callable[[float], None]
@@ -48,16 +39,6 @@ class Event:
     """Smallest speed with which a guard that ends the mode falls through zero [unit of the guard / s]."""
 
 
-@dataclass(frozen=True)
-class NearGraze:
-    """A surface nearly touched: its h has an extremum that nearly reaches zero."""
-
-    time: float
-    surface: int
-    distance: float
-    """abs(h) there."""
-
-
 @dataclass
 class Run:
     """What one run in one precision found."""
@@ -68,6 +49,8 @@ class Run:
     events: list[Event] = field(default_factory=list)
     near_grazes: list[NearGraze] = field(default_factory=list)
     end_time: arb = field(default_factory=arb)
+    accumulates: bool = False
+    """Events accumulate at ``end_time``; there are infinitely many more before it."""
 
 
 @dataclass(frozen=True)
@@ -76,15 +59,6 @@ class _Hit:
     """In units of the step."""
     guard: int
     transversality: float
-
-
-class _OverError(Exception):
-    """The run is over before its horizon."""
-
-    def __init__(self, status: Status, reason: str) -> None:
-        super().__init__(reason)
-        self.status = status
-        self.reason = reason
 
 
 def simulate(problem: Problem, bits: int, *, progress: Progress | None = None) -> Run:
@@ -115,7 +89,8 @@ class _Simulation:
         self.zero = arb(2) ** (-(3 * bits) // 4)
         self.progress = progress
         self.decider = Decider(problem.system, bits)
-        self.start, self.until = exact_ball(problem.start, bits).mid(), exact_ball(problem.until, bits).mid()
+        # As heyoka rounds them: a horizon between two of its numbers would never be reached.
+        self.start, self.until = (to_ball(to_real(exact_ball(t, bits), bits)) for t in (problem.start, problem.until))
         self.span = float(self.until - self.start)
         self.result = Run(bits)
         self.steppers: dict[frozenset[int], Stepper] = {}
@@ -125,8 +100,7 @@ class _Simulation:
         """Sign of each guard since the last root (0: it stays zero and is not watched)."""
         self.skipped: list[int] = []
         """Leading coefficients of each guard that are zero at the start of the next step."""
-        self.increments: deque[float] = deque(maxlen=MEMORY)
-        self.crowded = 0
+        self.watch = Watch(self.span, bits)
 
     def run(self) -> Run:
         try:
@@ -135,9 +109,13 @@ class _Simulation:
                 if self._advance():
                     self.result.end_time = self.until
                     return self.result
-            raise _OverError("failed", f"stopped after {MAX_STEPS} Taylor steps")
-        except _OverError as over:
-            self.result.status, self.result.reason = over.status, over.reason
+            raise EndedError("failed", f"stopped after {MAX_STEPS} Taylor steps")
+        except EndedError as end:
+            self.result.status, self.result.reason, self.result.accumulates = end.status, end.reason, end.accumulates
+            if end.accumulates:
+                del self.result.events[-CROWD + 1 :]
+            if end.time is not None:
+                self.result.end_time = end.time
             return self.result
 
     def _begin(self) -> None:
@@ -152,14 +130,14 @@ class _Simulation:
         if decision.mode is not None:
             return decision.mode
         status: dict[str, Status] = {"nonunique": "nonunique", "invalid": "invalid"}
-        raise _OverError(status.get(decision.status, "failed"), decision.reason)
+        raise EndedError(status.get(decision.status, "failed"), decision.reason)
 
     def _enter(self, mode: Mode, active: frozenset[int]) -> None:
         """Go on in a mode from the present point; what fails at once is the next event."""
         self.mode = mode
         heads = self.decider.heads(self.point, mode, active)
         if heads is None:
-            raise _OverError("failed", f"the field is not finite at t = {self._now()}")
+            raise EndedError("failed", f"the field is not finite at t = {self._now()}")
         guards = self.problem.system.equations(mode).guards
         self.signs = [0 if head is None else head[1] for head in heads]
         self.skipped = [0 if head is None else head[0] for head in heads]
@@ -182,44 +160,50 @@ class _Simulation:
         stepper = self.stepper
         step = stepper.step(self.until)
         if not step.finite or not np.isfinite(step.rough[:, :2]).all():
-            raise _OverError("failed", f"the field is not finite after t = {self._now()}")
+            raise EndedError("failed", f"the field is not finite after t = {self._now()}")
         hits = self._first_hits(step)
         if hits:
             self._land(step, hits)
-            return self.point.time >= self.until
+            return self._at_horizon()
         time, state = stepper.end()
         self.point = self._blurred(time, state, step)
         self.skipped = [0] * len(self.skipped)
         self.result.end_time = time
-        self._check_growth(step)
+        self.watch.step(step, len(state), stepper.guards, self.until - time)
         if self.progress:
             self.progress(float(time - self.start) / self.span)
-        return bool(time >= self.until)
+        return self._at_horizon()
 
     def _first_hits(self, step: Step) -> list[_Hit]:
         """The guards that end the mode first on a step; several where they tie."""
-        hits = [hit for i in range(len(self.signs)) if self.signs[i] and (hit := self._hit(step, i))]
+        near: list[tuple[arb, NearGraze]] = []
+        hits = [hit for i in range(len(self.signs)) if self.signs[i] and (hit := self._hit(step, i, near))]
         length, begin = to_ball(step.length), to_ball(step.time)
         tie = self.zero * max(arb(1), abs(begin / length), key=float)
         room = (self.until - begin) / length + tie
         hits = [hit for hit in hits if hit.at <= room]
-        first = min((hit.at for hit in hits), default=arb(0), key=float)
-        for hit in hits:  # doubles order them but for ties
-            if hit.at < first:
-                first = hit.at
-        return [hit for hit in hits if hit.at - first <= tie]
+        last = room
+        for hit in hits:
+            if hit.at < last:
+                last = hit.at
+        self.result.near_grazes += [graze for at, graze in near if at < last]
+        return [hit for hit in hits if hit.at - last <= tie]
 
-    def _hit(self, step: Step, index: int) -> _Hit | None:
+    def _hit(self, step: Step, index: int, near: list[tuple[arb, NearGraze]]) -> _Hit | None:
         """Where a guard first falls from positive to zero on a step, or touches it; keeps its sign up to date."""
         stepper, guard = self.stepper, self.stepper.guards[index]
-        skipped = self.skipped[index]
+        skipped, sign = self.skipped[index], self.signs[index]
         if stepper.clear_of_zero(step, index, skipped):
             return None
         polynomial = stepper.guard_polynomial(step, index)[skipped:]
-        if (polynomial[0] > 0) != (self.signs[index] > 0):
-            raise _OverError("failed", f"a root of {guard.expression} near t = {self._now()} was not resolved")
+        if (polynomial[0] > 0) != (sign > 0):
+            raise EndedError("failed", f"a root of {guard.expression} near t = {self._now()} was not resolved")
         found = isolate(polynomial, self.zero * max((abs(c) for c in polynomial), key=float))
-        sign = self.signs[index]
+        if guard.kind == "surface":
+            length, begin = float(step.length), float(step.time)
+            for miss in found.near_misses:
+                at, value = float(miss.at), abs(float(miss.value))
+                near.append((miss.at, NearGraze(begin + at * length, guard.index, value * at**skipped)))
         for root in found.roots:
             touch = not root.odd and guard.kind != "release"
             if sign > 0 and (root.odd or touch):
@@ -227,11 +211,6 @@ class _Simulation:
             if root.odd:
                 sign = -sign
         self.signs[index] = sign
-        if guard.kind == "surface":
-            length, begin = float(step.length), float(step.time)
-            for miss in found.near_misses:
-                value = abs(float(miss.value)) * float(miss.at) ** skipped
-                self.result.near_grazes.append(NearGraze(begin + float(miss.at) * length, guard.index, value))
         return None
 
     def _slope(self, step: Step, index: int, at: arb, skipped: int, polynomial: Sequence[arb], odd: bool) -> float:
@@ -251,14 +230,13 @@ class _Simulation:
         """Decide the mode after an event, note the event, and go on."""
         before, point = self.mode, self.point
         self.result.end_time = point.time.mid()
-        self._check_crowd(point)
+        self.watch.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
         after = self._decided(self.decider.after_event(point, before, hits))
         active = frozenset({g.index for g in hits} | {i for i, s in enumerate(before) if s == 0})
         changed = tuple(i for i in sorted(active) if after[i] != before[i])
         touched = tuple(sorted({g.index for g in hits}))
         state = tuple(v.mid() for v in point.state)
         self.result.events.append(Event(point.time.mid(), state, before, after, changed or touched, transversality))
-        self.increments.clear()
         self._enter(after, active)
 
     def _blurred(self, time: arb, state: Sequence[arb], step: Step) -> Point:
@@ -269,36 +247,10 @@ class _Simulation:
             arb(time, self.zero * scale), tuple(arb(v, self.zero * s) for v, s in zip(state, sizes, strict=True))
         )
 
-    def _check_crowd(self, point: Point) -> None:
-        """Stop where events accumulate (Zeno), and say where."""
-        times = [e.time for e in self.result.events[-2:]] + [point.time]
-        if len(times) < 3 or float(times[2] - times[1]) > RESOLUTION * max(abs(float(point.time)), self.span):
-            self.crowded = 0
-            return
-        self.crowded += 1
-        if self.crowded < CROWD:
-            return
-        first, second = times[1] - times[0], times[2] - times[1]
-        limit = times[2] + second**2 / (first - second) if second < first else times[2]
-        del self.result.events[-CROWD + 1 :]
-        self.result.end_time = limit.mid()
-        raise _OverError("failed", f"transitions accumulate at t = {limit.mid().str(17, radius=False)}")
-
-    def _check_growth(self, step: Step) -> None:
-        """Stop where the solution ends: a blow-up in finite time, or a singular field."""
-        states = step.rough[: len(self.point.state)]
-        if np.abs(states).max() > HUGE:
-            raise _OverError("diverged", f"the state leaves every bound at t = {self._now()}")
-        self.increments.append(float(np.abs(states[:, 1:].sum(axis=1)).max()))
-        if float(step.length) > COLLAPSED * self.span or self.until - self.point.time < COLLAPSED * self.span:
-            return
-        row = states[np.abs(states[:, -1]).argmax()]
-        limit = to_ball(step.time) + arb(float(row[-2] / row[-1])) * to_ball(step.length)
-        self.result.end_time = limit.mid()
-        at = limit.mid().str(17, radius=False)
-        if len(self.increments) == MEMORY and self.increments[-1] > 0.5 * self.increments[0]:
-            raise _OverError("diverged", f"the state leaves every bound at t = {at}")
-        raise _OverError("failed", f"the field is singular at t = {at}: the solution ends there")
+    def _at_horizon(self) -> bool:
+        """Whether the run is there, to the precision: heyoka's last step may end a rounding short."""
+        time = self.point.time.mid()
+        return bool(self.until - time <= self.zero * max(abs(float(time)), self.span))
 
     def _now(self) -> str:
-        return self.point.time.mid().str(17, radius=False)
+        return written(self.point.time)
