@@ -109,6 +109,8 @@ def test_transitions_that_accumulate_may_be_told_as_far_as_a_solver_can_tell_the
     result = score(near, truth, tolerance=1e-6)
     assert (result.status, result.verdict, result.matching.missed) == ("failed", "right", ())
     assert len(result.matching.cut_reference) == 24
+    more = trajectory(found((*crowd, 2.0 - 2**-50, 2.0 - 2**-51, 2.0 - 2**-52)), "failed", end_time=2.0)
+    assert score(more, truth, tolerance=1e-6).verdict == "right"
     early = score(trajectory(found(crowd[:5]), "failed", end_time=1.97, reason="too many"), truth, tolerance=1e-6)
     assert (early.status, early.verdict) == ("failed", "solver defect")
     assert early.reason.startswith("too many; 12 missed")
@@ -131,3 +133,11 @@ def test_where_the_truth_ends_the_score_ends():
         "timeout",
         "solver defect",
     )
+
+
+def test_a_transition_beside_the_horizon_is_left_to_the_tolerance():
+    truth = expected(TIMES[:4])
+    extra = replace(found()[4], time=5.0 - 1e-7)
+    run = trajectory((*found()[:4], extra))
+    assert score(run, truth, tolerance=1e-6).verdict == "right"
+    assert score(run, truth, tolerance=1e-9).status == "wrong"

@@ -48,13 +48,15 @@ def _accuracy(rows: Sequence[Row], result: ReadingResult) -> str:
     good = [solver for solver in tried if right_at_all(solvers[solver])]
     transitions = sum(event.kind != "graze" for event in expected.transitions)
     what = "its only transition" if transitions == 1 else f"all {transitions} transitions"
+    if expected.partial:
+        what += f" up to t = {significant(expected.end_time, 9)} s, where the truth ends,"
     if expected.status == "ok":
         if not transitions:
             return f"The exact run has no transition; {_who(good, tried, 'agree')}."
         return f"{_capital(_who(good, tried, f'find {what} in order'))}. {_best(rows)}".strip()
     why = f": {result.statement.reason.rstrip('.')}" if result.statement.reason else ""
     ends = f"The exact run ends at t = {significant(expected.end_time, 9)} s, {expected.status}{why}."
-    found = f", with {what} before it" if transitions else ""
+    found = f", with {what} before it" if transitions and good else ""
     return f"{ends} {_capital(_who(good, tried, 'say so'))}{found}. {_best(rows)}".strip()
 
 

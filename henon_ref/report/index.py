@@ -69,7 +69,7 @@ def index_text(found: Sequence[Entry]) -> str:
             answer=_answer(found, solvers),
             matrix=_matrix(found, solvers).markdown,
             cheapest=_cheapest(found).markdown,
-            titles=[(entry.label, entry.title) for entry in found],
+            titles={f"[{entry.case}]({entry.case}/{REPORT})": entry.title for entry in found},
         )
     )
 
@@ -90,8 +90,8 @@ def _answer(found: Sequence[Entry], solvers: Sequence[str]) -> list[str]:
         good = [rows for rows in tried if any(row["verdict"] == "right" for row in rows)]
         if tried:
             tally.append((solver, len(good), len(tried)))
-    best = max((good / tried for _, good, tried in tally), default=0.0)
-    leaders = [f"`{solver}` ({good} of {tried})" for solver, good, tried in tally if good / tried == best]
+    best = max((good for _, good, _ in tally), default=0)
+    leaders = [f"`{solver}` ({good} of {tried})" for solver, good, tried in tally if good == best]
     sentences = [f"{count(len(found), 'reading')} of {count(len({e.case for e in found}), 'case')}."]
     if leaders:
         sentences.append(f"Right most often, at one setting at least: {', '.join(leaders)}.")

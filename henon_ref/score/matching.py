@@ -16,6 +16,7 @@ Transitions of several surfaces at one instant may come in any order.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -104,7 +105,7 @@ def match(
     reached_horizon : bool
         False for a run that ended early: what it did not reach is missed, not cut off by the horizon.
     end_slack : float
-        Time before the horizon [s] in which a transition may be left out whatever the run's error is.
+        Time before the horizon [s] in which a transition may be left out, or be there, whatever the run's error is.
 
     Returns
     -------
@@ -120,9 +121,11 @@ def match(
     cut_reference: list[int] = []
     cut_found: list[int] = []
     if reached_horizon:
-        margin = max(end_slack, _horizon_margin(reference, found, pairs, span, until))
-        missed, cut_reference = _cut_off([e.time for e in reference], missed, pairs, 0, until - margin)
-        spurious, cut_found = _cut_off([e.time for e in found], spurious, pairs, 1, until - margin)
+        margin = _horizon_margin(reference, found, pairs, span, until)
+        bounds = (until - margin, until - end_slack if end_slack > 0 else math.inf)
+        last_ref, last_run = (max((pair[side] for pair in pairs), default=-1) for side in (0, 1))
+        missed, cut_reference = _cut_off([e.time for e in reference], missed, last_ref, bounds)
+        spurious, cut_found = _cut_off([e.time for e in found], spurious, last_run, bounds)
     ref_touches = [i for i, e in enumerate(reference) if e.kind == "graze"]
     run_touches = [j for j, e in enumerate(found) if e.kind == "graze"]
     touches = _align(reference, ref_touches, found, run_touches, span, radius)
@@ -265,9 +268,12 @@ def _horizon_margin(
 
 
 def _cut_off(
-    times: list[float], unmatched: list[int], pairs: list[tuple[int, int]], side: int, after: float
+    times: list[float], unmatched: list[int], last: int, bounds: tuple[float, float]
 ) -> tuple[list[int], list[int]]:
-    """Split unmatched transitions into those that count and those at the horizon, past the last pair."""
-    last = max((pair[side] for pair in pairs), default=-1)
-    cut = [k for k in unmatched if k > last and times[k] >= after]
+    """Split unmatched transitions into those that count and those at the horizon.
+
+    ``bounds``: past the last pair, transitions from the first of the two times on are cut off; anywhere, those
+    from the second on.
+    """
+    cut = [k for k in unmatched if (k > last and times[k] >= bounds[0]) or bounds[1] <= times[k] < math.inf]
     return [k for k in unmatched if k not in set(cut)], cut

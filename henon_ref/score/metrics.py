@@ -24,6 +24,8 @@ EARLY = ("diverged", "nonunique", "invalid")
 """Statuses with which a run may rightly end before the horizon."""
 CROWD_FRACTION = 1e-6
 """Where transitions accumulate, those within this fraction of the run from the last instant may be left out."""
+FIXED_STEP_TOLERANCE = 1e-12
+"""Stands for the tolerance of a run that has none, where it is asked what the horizon may cut off."""
 END_FRACTION = 1e-3
 """A run that rightly ends early does so within this fraction of the run from the truth's end."""
 
@@ -137,7 +139,7 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
         until=expected.end_time,
         radius=expected.radius,
         reached_horizon=trajectory.status in ("ok", expected.status) or trajectory.end_time >= expected.end_time,
-        end_slack=CROWD_FRACTION * (expected.until - expected.start) if expected.status == "failed" else 0.0,
+        end_slack=_end_slack(expected, tolerance),
     )
     errors = {i: time_error(found[j], expected.transitions[i]) for i, j in matching.pairs + matching.touch_pairs}
     counted = np.array([errors[i] for i, _ in matching.pairs])
@@ -169,6 +171,14 @@ def _last_scored(expected: Expected) -> float:
     if expected.status == "ok":
         return math.inf
     return expected.end_time + END_FRACTION * (expected.until - expected.start)
+
+
+def _end_slack(expected: Expected, tolerance: float | None) -> float:
+    """Time before the end [s] in which it is left to a run of this tolerance what it finds."""
+    fraction = FIXED_STEP_TOLERANCE if tolerance is None else tolerance
+    if expected.status == "failed":
+        fraction = max(fraction, CROWD_FRACTION)
+    return fraction * (expected.until - expected.start)
 
 
 def _state_error(trajectory: Trajectory, expected: Expected, matching: Matching) -> float | None:
