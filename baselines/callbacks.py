@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 from baselines.flow import LIMIT
 from baselines.functions import ARITHMETIC, Callbacks, compiled, scalar
-from baselines.mode_functions import ModeFunctions
-from baselines.work import Work
+from baselines.mode_functions import EPSILON, ModeFunctions
+from baselines.work import Stalled, Work
+
+STALL = 2000
+"""Evaluations in a row, at accepted steps and while a root is sought, within four roundings of one time."""
 
 Field = Callable[[float, NDArray[np.float64]], Any]
 """``f(t, x)`` -> n values (a tuple or an array)."""
@@ -75,9 +78,10 @@ def filling_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Cal
 
 
 class LastSeen:
-    """The function ``1e12 - max abs(x)``, whose root is divergence; remembers the latest point it was asked at.
+    """The function ``1e100 - max abs(x)``, whose root is divergence; remembers the latest point it was asked at.
 
-    Libraries evaluate it at every accepted step, so what it remembers is where a run was when it failed.
+    Libraries evaluate it at every accepted step, so what it remembers is where a run was when it failed, and it
+    notices where steps no longer move the time: some libraries go on then, at a pole for ever.
 
     Parameters
     ----------
@@ -90,17 +94,32 @@ class LastSeen:
     def __init__(self, states: int, count: Callable[[], None]) -> None:
         self._states = states
         self._count = count
+        self._mark = -math.inf
+        self._still = 0
         self.t = -math.inf
         self.x: tuple[float, ...] = ()
 
     def start(self, t: float, x: tuple[float, ...]) -> None:
         """Begin a run of a mode at (t, x)."""
         self.t, self.x = t, x
+        self._mark, self._still = t, 0
 
     def value(self, t: float, x: NDArray[np.float64]) -> float:
-        """1e12 - max abs(x)."""
+        """1e100 - max abs(x).
+
+        Raises
+        ------
+        Stalled
+            Where the time has not moved for :data:`STALL` evaluations.
+        """
         self._count()
         values = x[: self._states].tolist()
+        if t > self._mark + 4.0 * EPSILON * abs(t):
+            self._mark, self._still = t, 0
+        else:
+            self._still += 1
+            if self._still > STALL:
+                raise Stalled(f"the steps no longer move the time t = {t:.17g}")
         largest = max(map(abs, values))
         if t > self.t and all(map(math.isfinite, values)):
             self.t, self.x = float(t), tuple(values)

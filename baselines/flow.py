@@ -12,8 +12,8 @@ from baselines.mode_functions import ModeFunctions
 from baselines.restart import Fresh
 from baselines.work import Work
 
-LIMIT = 1e12
-"""A state beyond this has diverged."""
+LIMIT = 1e100
+"""A state beyond this has diverged (no smaller bound is right in all units)."""
 
 
 class Stop(NamedTuple):

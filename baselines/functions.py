@@ -16,7 +16,7 @@ import sympy as sp
 from numpy.typing import NDArray
 from sympy.printing.pycode import PythonCodePrinter
 
-from henon_ref.errors import UnavailableError
+from henon_ref.errors import ModelError, UnavailableError
 from henon_ref.model.system import TIME
 
 Callbacks = Literal["python", "numba"]
@@ -33,6 +33,11 @@ def rounded(expression: sp.Expr) -> sp.Expr:
     """The expression with every constant part folded to one double.
 
     Integers stay as they are (exponents, unit factors); exponents stay exact.
+
+    Raises
+    ------
+    ModelError
+        For a constant that is no finite number (a mode that does not exist for these parameters).
 
     Examples
     --------
@@ -56,8 +61,11 @@ def rounded(expression: sp.Expr) -> sp.Expr:
 
 
 def _float(number: sp.Expr) -> sp.Float:
+    value = number.evalf(40)
+    if not value.is_comparable or not value.is_finite:
+        raise ModelError(f"the constant {number} is no finite number")
     # 17 decimal digits name a double; sp.Float(float) keeps its 53 bits.
-    return sp.Float(float(number.evalf(40)), 17)
+    return sp.Float(float(value), 17)
 
 
 class _ScalarPrinter(PythonCodePrinter):

@@ -69,11 +69,20 @@ def to_heyoka(expression: sp.Expr, variables: Mapping[sp.Symbol, Any]) -> Any:
     def power(e: sp.Expr) -> Any:
         if e.base == sp.E:
             return hy.exp(converted(e.exp))
-        base = converted(e.base)
-        if e.exp == sp.Rational(1, 2):
-            return hy.sqrt(base)
         if e.exp.is_Rational and e.exp.is_negative:
             return number(sp.Integer(1)) / converted(sp.Pow(e.base, -e.exp))
+        base = converted(e.base)
+        if e.exp.is_Integer:
+            return whole_power(base, int(e.exp))
+        if e.exp == sp.Rational(1, 2):
+            return hy.sqrt(base)
         return base ** (float(e.exp) if e.exp.is_number else converted(e.exp))
+
+    def whole_power(base: Any, n: int) -> Any:
+        # heyoka expands x**3 by a recurrence that divides by x: at x = 0 it is NaN, events on it are lost, and
+        # near 0 its steps are short. Products and squares have neither trouble.
+        if n == 1:
+            return base
+        return whole_power(base, n - 1) * base if n % 2 else whole_power(base, n // 2) ** 2.0
 
     return converted(rounded(expression))

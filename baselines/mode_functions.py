@@ -153,26 +153,36 @@ class Landing:
     """What is needed of one surface when a mode begins or ends on it.
 
     ``values(t, *x)`` -> ``(h, dh/dt below, dh/dt above, *point)``: the surface's value before anything is
-    corrected, the normal velocities on both sides, and the nearest point on the surface (one Newton step
-    along the gradient, which moves x by the rounding or tolerance error that h shows, and no more).
+    corrected; the nearest point on the surface (one Newton step along the gradient, which moves x by the
+    rounding or tolerance error that h shows, and no more); and, there, the normal velocities on both sides.
     """
 
     def __init__(self, system: FilippovSystem, mode: Mode, index: int) -> None:
+        states = system.states
         h = system.numeric(system.surfaces[index])
         normal = system.numeric(system.normal_velocity(index))
-        below, above = (
+        sides = [
             normal.xreplace({s: sp.Integer(v) for s, v in zip(system.signs, replaced(mode, index, side), strict=True)})
             for side in (-1, 1)
-        )
-        gradient = [sp.diff(h, x) for x in system.states]
-        square = sp.Add(*(d**2 for d in gradient))
-        # Expanding lets a linear surface cancel to its own solution: x2 - (x2 - vp) is vp, with no rounding left.
-        point = [
-            x - sp.expand(h * d / square) if square.is_number else x - h * d / square
-            for x, d in zip(system.states, gradient, strict=True)
         ]
+        gradient = [sp.diff(h, x) for x in states]
+        square = sp.Add(*(d**2 for d in gradient))
         self.index = index
-        self.values = scalar(system.states, [h, below, above, *point])
+        if not square.is_number:
+            first = scalar(states, [h, *(x - h * d / square for x, d in zip(states, gradient, strict=True))])
+            second = scalar(states, sides)
+            self.values: Scalar = lambda t, *x: _in_two(first, second, t, x)
+            return
+        # Expanding lets a flat surface cancel to its own solution: x2 - (x2 - vp) is vp, with no rounding left.
+        # A surface in time alone has nothing to move.
+        point = [x - sp.expand(h * d / square) if d != 0 else x for x, d in zip(states, gradient, strict=True)]
+        there = dict(zip(states, point, strict=True))
+        self.values = scalar(states, [h, *(side.subs(there, simultaneous=True) for side in sides), *point])
+
+
+def _in_two(first: Scalar, second: Scalar, t: float, x: tuple[float, ...]) -> tuple[float, ...]:
+    h, *point = first(t, *x)
+    return (h, *second(t, *point), *point)
 
 
 def projected(

@@ -29,7 +29,7 @@ from baselines.flow import Library, Stop
 from baselines.functions import Callbacks
 from baselines.mode_functions import EPSILON, ModeFunctions
 from baselines.restart import Fresh, GatedGuards, Restart
-from baselines.work import Work
+from baselines.work import Stalled, Work
 from henon_ref.errors import UnavailableError
 from henon_ref.solver import Run
 from henon_ref.trajectory import Problem
@@ -166,7 +166,7 @@ class _Flow:
                     dense_output=wanted is not None,
                     **self._options,
                 )
-            except (ValueError, np.linalg.LinAlgError) as error:
+            except (ValueError, np.linalg.LinAlgError, Stalled) as error:
                 # SciPy's linear algebra refuses NaN and infinity; where it was is what the last step saw.
                 return Stop("failed", last.t, 0.0, last.x, reason=str(error))
         self._work.steps += result.t.size - 1

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from baselines.bands import Band, Dense, joined
-from baselines.driver import tolerances
+from baselines.driver import blown_up, tolerances
 from baselines.flow import LIMIT
 from baselines.functions import ARITHMETIC, Jacobian, Scalar, scalar
 from baselines.mode_functions import EPSILON
@@ -161,6 +161,8 @@ class _Naive:
 
         status, reason = self._march(seen, accepted)
         t, x = seen[0]
+        if status == "failed" and blown_up(self.field, self.initial, t, x):
+            status, reason = "diverged", f"the state blows up at t = {t:.17g}: {reason}"
         for band in bands:
             band.end(t)
         events, mode = joined(bands)
@@ -183,6 +185,8 @@ class _Naive:
         self, seen: list[tuple[float, tuple[float, ...]]], accepted: Callable[[float, float, Dense], None]
     ) -> tuple[Status, str]:
         """Step to the horizon; ``seen[0]`` is the last accepted point, whatever ends the run."""
+        if self.until - self.start <= 2.0 * EPSILON * abs(self.until):
+            return "ok", ""
         with warnings.catch_warnings(record=True) as said, np.errstate(all="ignore"):
             warnings.simplefilter("always")
             try:
@@ -193,7 +197,9 @@ class _Naive:
                         return "failed", " ".join([message, *(str(w.message) for w in said)])
                     self.work.steps += 1
                     t_old, t, dense = solver.t_old, float(solver.t), solver.dense_output()
-                    if not np.abs(solver.y).max() <= LIMIT:
+                    if not np.isfinite(solver.y).all():
+                        return "failed", f"the state is not finite after t = {t_old:.17g}"
+                    if np.abs(solver.y).max() > LIMIT:
                         seen[0] = (t, tuple(solver.y.tolist()))
                         return "diverged", f"the state passed {LIMIT:g} at t = {t:.17g}"
                     ended = self._left_model(t_old, t, dense)

@@ -38,7 +38,7 @@ from baselines.sundials import (
     stopped,
     sundae_version,
 )
-from baselines.work import Work
+from baselines.work import Stalled, Work
 from henon_ref.errors import UnavailableError
 from henon_ref.solver import Run
 from henon_ref.trajectory import Problem
@@ -162,7 +162,7 @@ class _Flow:
         with redirect_stdout(said), np.errstate(all="ignore"):
             try:
                 result = self._cvode(self._rhs, **self._options, **self._events).solve([t, until], start)
-            except RuntimeError as error:
+            except (RuntimeError, Stalled) as error:
                 return Stop("failed", self._last.t, 0.0, self._last.x, reason=f"{error} {said.getvalue().strip()}")
             work.steps += result.t.size - 1
             work.rhs = before + int(result.nfev)

@@ -41,7 +41,7 @@ from baselines.sundials import (
     stopped,
     sundae_version,
 )
-from baselines.work import Work
+from baselines.work import Stalled, Work
 from henon_ref.errors import UnavailableError
 from henon_ref.model.system import Guard
 from henon_ref.solver import Run
@@ -229,7 +229,7 @@ class _Flow:
         with redirect_stdout(said), np.errstate(all="ignore"):
             try:
                 result = self._ida(self._resfn, **self._options, **self._events).solve([t, until], y, yp)
-            except RuntimeError as error:
+            except (RuntimeError, Stalled) as error:
                 return Stop("failed", self._last.t, 0.0, self._last.x, reason=f"{error} {said.getvalue().strip()}")
             work.steps += result.t.size - 1
             work.rhs = before + int(result.nfev)

@@ -11,6 +11,10 @@ class DeadlinePassed(Exception):  # noqa: N818  (not an error: a way out of a li
     """Raised inside a callback to leave a library that would go on."""
 
 
+class Stalled(Exception):  # noqa: N818
+    """Raised inside a callback to leave a library whose steps no longer move the time."""
+
+
 class BudgetSpent(Exception):  # noqa: N818
     """Raised inside a callback when the allowed number of right-hand sides is used up."""
 

@@ -11,7 +11,7 @@ import sympy as sp
 from baselines.functions import Jacobian, compiled, rounded, scalar
 from baselines.heyoka_expressions import to_heyoka
 from baselines.mode_functions import Landing, ModeFunctions
-from henon_ref.errors import UnsupportedError
+from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.model.system import TIME, FilippovSystem
 
 X, Y, S = sp.symbols("x y s", real=True)
@@ -86,3 +86,18 @@ def test_heyoka_gets_the_same_expression_and_refuses_what_it_has_not() -> None:
     assert made(np.array([0.5, 1.25]), time=0.75) == pytest.approx(exact(0.75, 0.5, 1.25), rel=1e-15)
     with pytest.raises(UnsupportedError, match="heyoka has no Abs"):
         to_heyoka(sp.Abs(X), variables)
+
+
+def test_normal_velocities_are_taken_on_the_surface_not_beside_it() -> None:
+    # 1e-6 off the surface a slope of 1e6 would halve the friction and turn the decision round.
+    slip = Y - sp.Rational(1, 5)
+    system = FilippovSystem((X, Y), (S,), (slip,), (Y, -S / (1 + 10**6 * S * slip) - X))
+    _, below, above, *_ = Landing(system, (-1,), 0).values(0.0, 0.75, 0.2 - 1e-6)
+    assert (below, above) == (0.25, -1.75)
+
+
+def test_a_constant_that_is_no_number_is_a_model_error() -> None:
+    with pytest.raises(ModelError, match="no finite number"):
+        rounded(sp.zoo * X)
+    with pytest.raises(ModelError, match="no finite number"):
+        scalar((X,), [sp.nan])
