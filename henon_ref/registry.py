@@ -48,6 +48,15 @@ _BUILT_IN = {
     "scipy-lsoda": Entry("baselines.scipy_ivp", "scipy"),
     "scipy-smoothed": Entry("baselines.scipy_naive", "scipy"),
     "scipy-sign": Entry("baselines.scipy_naive", "scipy"),
+    "heyoka+fastmath": Entry("baselines.heyoka_taylor", "heyoka", by_default=False),
+    "cvode-adams+numba": Entry("baselines.sundials_cvode", "scikit-sundae", by_default=False),
+    "cvode-bdf+numba": Entry("baselines.sundials_cvode", "scikit-sundae", by_default=False),
+    "ida+numba": Entry("baselines.sundials_ida", "scikit-sundae", by_default=False),
+    "scipy-rk45+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False),
+    "scipy-dop853+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False),
+    "scipy-radau+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False),
+    "scipy-bdf+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False),
+    "scipy-lsoda+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False),
 }
 
 
