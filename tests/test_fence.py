@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -15,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.score import fence
 from henon_ref.score.fence import Answer, Fence, Lane
 from henon_ref.score.worker import Failure
 
@@ -193,3 +195,10 @@ def test_workers_die_with_a_killed_parent(tmp_path):
     while not gone(worker) and time.monotonic() < deadline:
         time.sleep(0.02)
     assert gone(worker)
+
+
+def test_spawned_workers_do_the_same(monkeypatch):
+    monkeypatch.setattr(fence, "_context", lambda: multiprocessing.get_context("spawn"))
+    seen = run(["a", "kill", "b"])
+    assert seen.results == {"a": "aa", "b": "bb"}
+    assert "SIGKILL" in seen.failures["kill"].reason

@@ -75,8 +75,10 @@ class _Worker:
     def __init__(self, context: BaseContext, memory: int) -> None:
         self.log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in stop()
         self.connection, theirs = multiprocessing.Pipe()
+        # A spawned process does not inherit the file: its last words are lost.
+        log = self.log.fileno() if context.get_start_method() == "fork" else None
         self.process: BaseProcess = context.Process(  # type: ignore[attr-defined]
-            target=serve, args=(theirs, os.getpid(), memory, self.log.fileno()), daemon=True
+            target=serve, args=(theirs, os.getpid(), memory, log), daemon=True
         )
         with warnings.catch_warnings():
             # BLAS keeps threads of its own, which survive a fork by its own handlers.

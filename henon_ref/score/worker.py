@@ -52,7 +52,7 @@ class Failure:
     reason: str
 
 
-def serve(connection: Connection, parent: int, memory: int, log: int) -> None:
+def serve(connection: Connection, parent: int, memory: int, log: int | None) -> None:
     """Do jobs until the parent closes the connection.
 
     Parameters
@@ -63,8 +63,8 @@ def serve(connection: Connection, parent: int, memory: int, log: int) -> None:
         Process id of the parent; the worker dies with it.
     memory : int
         Bytes of data that the worker may allocate.
-    log : int
-        File descriptor that takes the place of standard output and standard error.
+    log : int, optional
+        File descriptor that takes the place of standard output and standard error; None: they are thrown away.
     """
     _isolate(parent, memory, log)
     while True:
@@ -119,7 +119,7 @@ def failure_of(error: BaseException) -> Failure:
     return Failure("failed", f"{type(error).__name__}: {text}" if text else type(error).__name__)
 
 
-def _isolate(parent: int, memory: int, log: int) -> None:
+def _isolate(parent: int, memory: int, log: int | None) -> None:
     """A session and a process group of its own, quiet, bounded, and never outliving the parent."""
     faulthandler.disable()  # a crash is told by its signal; the parent's handler would write to its terminal
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -130,8 +130,9 @@ def _isolate(parent: int, memory: int, log: int) -> None:
         _die_with(parent)
     sys.stdout.flush()
     sys.stderr.flush()
-    os.dup2(log, 1)
-    os.dup2(log, 2)
+    target = os.open(os.devnull, os.O_WRONLY) if log is None else log
+    os.dup2(target, 1)
+    os.dup2(target, 2)
     if sys.platform != "win32":
         import resource
 
