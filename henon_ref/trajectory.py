@@ -14,9 +14,7 @@ from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 
 Kind = Literal["stick", "release", "crossing", "graze"]
-Status = Literal[
-    "ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "failed", "unsupported", "unavailable"
-]
+Status = Literal["ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "failed", "unsupported", "unavailable"]
 
 
 @dataclass(frozen=True)
