@@ -8,7 +8,7 @@ roots, and after an event at the very start of a step it can miss the next one (
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import heyoka as hy
@@ -19,12 +19,18 @@ from numpy.typing import NDArray
 
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import TIME, FilippovSystem, Guard
+from henon_ref.truth import jets
 from henon_ref.truth.numbers import to_ball, to_real
 from henon_ref.truth.roots import END
 from henon_ref.truth.translate import real_constants, to_heyoka
 
 PIECES = 16
 """Pieces of a step on which a guard is first shown to be away from zero in double precision."""
+HALVINGS = 100
+"""A step shortened so often does not converge at all."""
+LOOSE = 1e3
+"""A remainder's enclosure may be so much wider than what the solution does on the step."""
+ROUNDINGS = 2.0**8
 
 
 @dataclass(frozen=True)
@@ -73,8 +79,10 @@ class Stepper:
         self._signs = [i for i, s in enumerate(system.signs) if s in used]
         """Surfaces whose sign the equations hold: heyoka's run-time parameters, in this order."""
         symbols.update((system.signs[i], hy.par[k]) for k, i in enumerate(self._signs))
+        self._rhs = [*field, *slopes]
+        self._system = system
         constant = real_constants(bits)
-        rhs = [to_heyoka(e, symbols, constant) for e in [*field, *slopes]]
+        rhs = [to_heyoka(e, symbols, constant) for e in self._rhs]
         zero = hy.real("0", bits)
         self._integrator = hy.taylor_adaptive(
             list(zip(variables, rhs, strict=True)),
@@ -98,16 +106,59 @@ class Stepper:
         integrator.time = to_real(time, self.bits)
 
     def step(self, limit: arb) -> Step:
-        """One step, not beyond a time."""
+        """One step, not beyond a time; shortened where heyoka's choice of its length cannot be trusted."""
         integrator = self._integrator
-        begin = integrator.time
-        outcome, length = integrator.step(to_real(limit, self.bits) - begin, write_tc=True)
+        begin, state = integrator.time, integrator.state.copy()
+        room = to_real(limit, self.bits) - begin
+        for _ in range(HALVINGS):
+            outcome, length = integrator.step(room, write_tc=True)
+            step = self._scaled(begin, length, outcome)
+            if not step.finite or self._trusted(step):
+                return step
+            integrator.time, integrator.state[:] = begin, state
+            room = length / hy.real("2", self.bits)
+        return replace(step, finite=False)
+
+    def _scaled(self, begin: Any, length: Any, outcome: Any) -> Step:
+        """The step that heyoka has just made, in units of its length."""
         finite = outcome in (hy.taylor_outcome.success, hy.taylor_outcome.time_limit)
         powers = [hy.real("1", self.bits)]
         for _ in range(self.order):
             powers.append(powers[-1] * length)
-        scaled = integrator.tc * np.array(powers)
+        scaled = self._integrator.tc * np.array(powers)
         return Step(finite, begin, length, scaled, scaled.astype(float))
+
+    def _trusted(self, step: Step) -> bool:
+        """Whether the polynomials stand for the solution on the whole step.
+
+        heyoka takes the length from the size of the last coefficients, which presumes that later ones are
+        smaller. Where a drive sleeps (a pulse far ahead, all of whose derivatives are next to nothing), they
+        grow first, and the step leaps over it. Where coefficients do not fall, the remainder of order
+        ``jets.ORDER`` (Lagrange) is enclosed over the step.
+        """
+        tails = [np.abs(row[-4:]) for row in step.coefficients]
+        rows = [i for i, c in enumerate(tails) if not max(c[2], c[3]) * hy.real("2", self.bits) < max(c[0], c[1])]
+        rows = [i for i in rows if not self._rhs[i].is_number]
+        if not rows:
+            return True
+        variations = np.abs(step.rough[:, 1:]).sum(axis=1)
+        box = [to_ball(c) + arb(0, 1.01 * v) for c, v in zip(step.coefficients[:, 0], variations, strict=True)]
+        length = to_ball(step.length)
+        time = (to_ball(step.time) + length / 2) + arb(0, length.upper() / 2)
+        signs = {
+            self._system.signs[i]: sp.Integer(round(float(self._integrator.pars[k]))) for k, i in enumerate(self._signs)
+        }
+        rhs = [e.xreplace(signs) for e in self._rhs]
+        n = self._dimension
+        try:
+            slopes = jets.along(rhs[:n], [rhs[i] for i in rows], self._system.states, time, box[:n], bits=self.bits)
+        except (ZeroDivisionError, ValueError):
+            return False
+        floor = ROUNDINGS * 2.0**-self.bits * max(1e-300, float(np.abs(step.rough).max()))
+        return all(
+            bool(abs(c[-1]) * length ** (jets.ORDER + 1) <= max(LOOSE * variations[i], floor))
+            for i, c in zip(rows, slopes, strict=True)
+        )
 
     def state_at(self, time: arb) -> list[arb]:
         """State within (or a little past) the last step."""

@@ -45,7 +45,7 @@ def load(folder: Path, case: str, reading: str) -> Truth | None:
     path = path_of(folder, case, reading)
     try:
         text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     try:
         found = json.loads(text)

@@ -1,0 +1,66 @@
+"""``python -m henon_ref.truth``: stores, checks, refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from test_truth_settle import TEXT
+from typer.testing import CliRunner
+
+from henon_ref.truth.command import app
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "cases" / "leaving_slide.yaml"
+    path.parent.mkdir()
+    path.write_text(TEXT)
+    return path
+
+
+def run(*arguments: str | Path) -> tuple[int, str]:
+    result = CliRunner().invoke(app, [str(a) for a in arguments])
+    return result.exit_code, result.output
+
+
+def test_store_check_and_notice_a_moved_time(file: Path) -> None:
+    stored = file.parent / "truth" / "leaving_slide" / "default.json"
+    code, text = run(file, "--check")
+    assert code == 1
+    assert "not stored" in text
+    assert not stored.exists()
+
+    code, text = run(file.parent)
+    assert code == 0
+    assert "certified" in text
+    before = stored.read_text()
+    assert run(file)[0] == 0
+    assert stored.read_text() == before
+    assert run(file, "--check")[0] == 0
+    assert run(file, "--missing") == (0, "")
+
+    radii = 10 * 1e-80
+    assert radii < 1e-78
+    zeros = "1." + "0" * 78
+    assert zeros in before
+    stored.write_text(before.replace(zeros, "1." + "0" * 77 + "1"))
+    code, text = run(file, "--check")
+    assert code == 1
+    assert "transition 0: times 1.00e-78 s apart" in text
+
+
+def test_a_bad_case_is_one_message_and_exit_2(file: Path) -> None:
+    file.write_text(TEXT.replace("until: 3", "until: -3"))
+    code, text = run(file)
+    assert code == 2
+    assert "leaving_slide.yaml:" in text
+    assert not (file.parent / "truth").exists()
+
+
+def test_a_contradiction_stores_nothing_and_exits_1(file: Path) -> None:
+    file.write_text(TEXT.replace('["1"]', '["1 + 10^(-35)"]'))
+    code, text = run(file)
+    assert code == 1
+    assert "closed form" in text
+    assert not (file.parent / "truth").exists()
