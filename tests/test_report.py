@@ -69,7 +69,7 @@ def comparison() -> Comparison:
         made("heyoka", 1e-12, 9e-4),
         made("scipy-rk45", 1e-6, 0.1, what="misses"),
         made("scipy-rk45", 1e-12, 0.3),
-        made("scipy-sign", 1e-6, 0.5, what="misses"),
+        made("scipy-sign", 1e-6, 1e-5, what="misses"),
         made("ida", 1e-6, 0.0, what="unavailable"),
     )
 

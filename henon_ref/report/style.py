@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -85,8 +85,13 @@ _LINES = {
 
 
 def line_of(solver: str) -> Line:
-    """How a solver is drawn; third parties' solvers share one look and are told apart by their labels."""
-    return _LINES.get(solver, Line(PURPLE, "d"))
+    """How a solver is drawn: a variant (``+numba``) like its plain form, dash-dotted.
+
+    Third parties' solvers share one look and are told apart by their labels.
+    """
+    plain, _, variant = solver.partition("+")
+    look = _LINES.get(plain, Line(PURPLE, "d"))
+    return replace(look, dashes="-.") if variant else look
 
 
 @contextmanager
