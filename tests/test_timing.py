@@ -27,6 +27,8 @@ def test_a_slow_run_is_not_repeated():
     run = Counting()
     assert repeat(run, first=9.0, repeats=None, budget=0.3) == (9.0,)
     assert run.calls == 0
+    assert 9.0 not in repeat(run, first=9.0, repeats=None, budget=0.0, cold=True)
+    assert run.calls == 1
 
 
 def test_a_quick_run_is_repeated_up_to_the_limit_and_its_warm_up_left_out():

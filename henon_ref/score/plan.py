@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 from henon_ref import registry
@@ -109,7 +109,7 @@ def _run_jobs(
     """The runs of one solver on one reading that are still to be made, loosest first."""
     reading = result.reading
     fixed = registry.fixed_step(solver) if isinstance(solver, str) else solver.fixed_step
-    jobs = []
+    jobs: list[RunJob] = []
     for setting in settings(
         fixed_step=fixed,
         tolerances=options.tolerances or reading.tolerances,
@@ -131,7 +131,8 @@ def _run_jobs(
         if kept is not None:
             state.rows[slot] = kept
             continue
-        jobs.append(RunJob(reading.name, name, solver, reading.problem, setting, options.timeout, options.repeats))
+        run = RunJob(reading.name, name, solver, reading.problem, setting, options.timeout, options.repeats)
+        jobs.append(replace(run, cold=not jobs))
     return jobs
 
 

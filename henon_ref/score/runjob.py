@@ -62,6 +62,8 @@ class RunJob:
     """Seconds that one run may take."""
     repeats: int | None
     """Samples to time; None: as many as fit the budget."""
+    cold: bool = False
+    """The solver's first run of this reading: whatever it loads on the way is not what a run costs."""
 
     @property
     def seconds(self) -> float:
@@ -93,7 +95,7 @@ class RunJob:
         first = time.perf_counter() - begin
         again = yield RAN, Ran(trajectory, first)
         if again:
-            yield TIMED, repeat(run, first=first, repeats=self.repeats, budget=BUDGET)
+            yield TIMED, repeat(run, first=first, repeats=self.repeats, budget=BUDGET, cold=self.cold)
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ import numpy as np
 SAMPLES = 100
 """Most samples taken where the caller does not say how many."""
 FEWEST = 3
-"""Samples that are taken although the budget runs out, up to three times the budget."""
-SLOW = 10.0
+"""Samples that are taken although the budget runs out, up to twice the budget."""
+SLOW = 3.0
 """A first run that took this many budgets is not repeated."""
 RESAMPLES = 1000
 """Bootstrap resamples behind an interval."""
@@ -53,7 +53,9 @@ def timed(run: Callable[[], object]) -> float:
             gc.enable()
 
 
-def repeat(run: Callable[[], object], *, first: float, repeats: int | None, budget: float) -> tuple[float, ...]:
+def repeat(
+    run: Callable[[], object], *, first: float, repeats: int | None, budget: float, cold: bool = False
+) -> tuple[float, ...]:
     """Time a run again and again.
 
     Parameters
@@ -66,6 +68,8 @@ def repeat(run: Callable[[], object], *, first: float, repeats: int | None, budg
         Number of samples; None takes as many as fit the budget, three if that is not too much, at most ``SAMPLES``.
     budget : float
         Seconds all samples may take; a run that took ``SLOW`` budgets is not repeated.
+    cold : bool
+        The first call may have loaded or compiled something: take one sample at least, however slow it was.
 
     Returns
     -------
@@ -74,11 +78,11 @@ def repeat(run: Callable[[], object], *, first: float, repeats: int | None, budg
     """
     if repeats is not None:
         return tuple(timed(run) for _ in range(repeats))
-    if first > SLOW * budget:
+    if first > SLOW * budget and not cold:
         return (first,)
     samples = [timed(run)]
     spent = samples[0]
-    while len(samples) < SAMPLES and spent < (budget if len(samples) >= FEWEST else FEWEST * budget):
+    while len(samples) < SAMPLES and spent < (budget if len(samples) >= FEWEST else 2 * budget):
         samples.append(timed(run))
         spent += samples[-1]
     return tuple(samples)
