@@ -78,7 +78,7 @@ def filling_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Cal
 
 
 class LastSeen:
-    """The function ``1e100 - max abs(x)``, whose root is divergence; remembers the latest point it was asked at.
+    """The function ``1e100 - sum of abs(x)``, whose root is divergence; remembers the latest point it was asked at.
 
     Libraries evaluate it at every accepted step, so what it remembers is where a run was when it failed, and it
     notices where steps no longer move the time: some libraries go on then, at a pole for ever.
@@ -105,7 +105,7 @@ class LastSeen:
         self._mark, self._still = t, 0
 
     def value(self, t: float, x: NDArray[np.float64]) -> float:
-        """1e100 - max abs(x).
+        """1e100 - sum of abs(x).
 
         Raises
         ------
@@ -120,7 +120,7 @@ class LastSeen:
             self._still += 1
             if self._still > STALL:
                 raise Stalled(f"the steps no longer move the time t = {t:.17g}")
-        largest = max(map(abs, values))
-        if t > self.t and all(map(math.isfinite, values)):
+        size = sum(map(abs, values))
+        if t > self.t and size < math.inf:  # not so where a value is NaN
             self.t, self.x = float(t), tuple(values)
-        return LIMIT - largest
+        return LIMIT - size

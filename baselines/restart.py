@@ -35,6 +35,8 @@ Watcher = Callable[[float, NDArray[np.float64]], float]
 
 LIFT = 8.0
 """``offset``: lift of a guard, in units of the rounding of its terms."""
+STOPPED = 0.01
+"""An implicit first step stops its iteration at about this part of the tolerances."""
 MARGIN = 16.0
 """``event-free-step``: how far a guard has to come out of the noise."""
 ORDER = 4

@@ -28,7 +28,7 @@ from baselines.driver import prepared, tolerances
 from baselines.flow import Library, Stop
 from baselines.functions import Callbacks
 from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.restart import Fresh, GatedGuards, Restart
+from baselines.restart import STOPPED, Fresh, GatedGuards, Restart
 from baselines.work import Stalled, Work
 from henon_ref.errors import UnavailableError
 from henon_ref.solver import Run
@@ -111,8 +111,8 @@ class _Library:
 
     @property
     def errors(self) -> tuple[float, float]:
-        # An explicit method's first step is as exact as it is short; an implicit one's stops at a tolerance.
-        return (self.rtol, self.atol) if self.solver.method in IMPLICIT else (EPSILON, 0.0)
+        # An explicit method's first step is as exact as it is short; an implicit one's iteration is stopped.
+        return (STOPPED * self.rtol, STOPPED * self.atol) if self.solver.method in IMPLICIT else (EPSILON, 0.0)
 
     def loosened(self) -> _Library:
         return replace(self, rtol=max(self.rtol, 1e-6), atol=max(self.atol, 1e-6))

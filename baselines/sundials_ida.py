@@ -31,7 +31,7 @@ from baselines.driver import prepared, tolerances
 from baselines.flow import Stop
 from baselines.functions import ARITHMETIC, Callbacks, Jacobian, compiled, scalar
 from baselines.mode_functions import ModeFunctions
-from baselines.restart import Fresh, GatedGuards, Restart, Watcher
+from baselines.restart import STOPPED, Fresh, GatedGuards, Restart, Watcher
 from baselines.sundials import (
     LEAST_RTOL,
     STEPS_BETWEEN_OUTPUTS,
@@ -108,7 +108,7 @@ class _Library:
 
     @property
     def errors(self) -> tuple[float, float]:
-        return self.rtol, self.atol
+        return STOPPED * self.rtol, STOPPED * self.atol
 
     def loosened(self) -> _Library:
         return replace(self, rtol=max(self.rtol, 1e-6), atol=max(self.atol, 1e-6))

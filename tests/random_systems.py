@@ -46,7 +46,7 @@ def _number(low: float, high: float) -> st.SearchStrategy[str]:
 
 
 @st.composite
-def _component(draw: st.DrawFn, state: str, states: list[str], signs: list[str]) -> str:
+def _component(draw: st.DrawFn, state: str, states: list[str], signs: list[str], friction: str | None) -> str:
     others = st.sampled_from(states)
     terms = [f"-({draw(_number(0.05, 0.6))})*{state}", f"-({draw(_number(0.05, 0.5))})*{state}^3"]
     for _ in range(draw(st.integers(1, 2))):
@@ -60,6 +60,8 @@ def _component(draw: st.DrawFn, state: str, states: list[str], signs: list[str])
         if draw(st.booleans()):
             scale = f"*(1 + ({draw(_number(-0.3, 0.3))})*{draw(others)})" if draw(st.booleans()) else ""
             terms.append(f"({draw(_number(-1.5, 0.7))})*{sign}{scale}")
+    if friction:  # a surface that attracts, so that there are sticks, several at once, and releases
+        terms.append(f"({draw(_number(-2.5, -0.6))})*{friction}")
     return " + ".join(terms)
 
 
@@ -86,7 +88,10 @@ def systems(draw: st.DrawFn) -> Draw:
     lines += [f"  state: [{', '.join(states)}]", "  surfaces:"]
     lines += [f'    {sign}: "{draw(_surface(i, states))}"' for i, sign in enumerate(signs)]
     lines += ["  field:"]
-    lines += [f'    - "{draw(_component(state, states, signs))}"' for state in states]
+    sticky = draw(st.booleans())
+    for i, state in enumerate(states):
+        friction = signs[i] if sticky and i < surfaces else None
+        lines.append(f'    - "{draw(_component(state, states, signs, friction))}"')
     lines += ["initial: {" + ", ".join(f"{state}: {draw(_number(-2, 2))}" for state in states) + "}", "until: 12", ""]
     text = "\n".join(lines)
     return Draw(text, parse_case(text).readings[0].problem)

@@ -10,13 +10,22 @@ import pytest
 import systems
 
 from baselines.heyoka_taylor import HEYOKA
-from baselines.scipy_ivp import DOP853
+from baselines.scipy_ivp import DOP853, LSODA, RK45
 from baselines.sundials_cvode import ADAMS
 from baselines.sundials_ida import IDA
 from henon_ref.truth.store import load
 
 TRUTH = Path(__file__).parents[1] / "cases" / "truth"
-BOUNDS = [(HEYOKA, 1e-16, 1e-13), (HEYOKA, 1e-9, 1e-9), (DOP853, 1e-13, 1e-11), (ADAMS, 1e-12, 1e-9), (IDA, 1e-9, 1e-7)]
+# LSODA and RK45 lose half of them where the guard that swings in a stick is not integrated along.
+BOUNDS = [
+    (LSODA, 1e-9, 1e-6),
+    (RK45, 1e-6, 1e-4),
+    (HEYOKA, 1e-16, 1e-13),
+    (HEYOKA, 1e-9, 1e-9),
+    (DOP853, 1e-13, 1e-11),
+    (ADAMS, 1e-12, 1e-9),
+    (IDA, 1e-9, 1e-7),
+]
 
 
 @pytest.mark.parametrize("reading", ["listing_limit", "equations"])

@@ -46,6 +46,12 @@ def test_growth_of_a_finite_time_blow_up(problem: Callable[..., Problem]) -> Non
     assert conditioned(problem("x", ["x**2 + 0*s"], {"s": "x - 1/2"}, ["1/4"], 3)) == pytest.approx([16])
 
 
+def test_a_jump_of_the_field_counts_in_what_follows(problem: Callable[..., Problem]) -> None:
+    """Speed 1 below 0 and 2 above: an early error moves the time at x = 1 by itself, a late one by half."""
+    found = conditioned(problem("x", ["(3 + s)/2 + 0*u"], {"s": "x", "u": "x - 1"}, [-1], 3))
+    assert found == pytest.approx([1.0, 1.0])
+
+
 def test_a_stick_forgets_what_was_before_but_for_its_place() -> None:
     """Belt at 0.5: x off by e on the belt moves the release by 2 e, and landings by no more."""
     found = conditioned(systems.static_belt(until="20"))
