@@ -41,6 +41,13 @@ def main(
     timeout: Annotated[float, typer.Option(min=0.01, help="Seconds one run may take.")] = 10.0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Runs at work at once; two if there are two cores.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Keep the rows of an interrupted comparison.")] = False,
+    restart: Annotated[
+        str | None,
+        typer.Option(
+            help="How libraries are restarted after an event, with commas: event-free-step, offset, direction, none; "
+            "each solver's own if left out. For one solver alone: --solvers heyoka@direction."
+        ),
+    ] = None,
     gate: Annotated[bool, typer.Option("--gate", help="Exit with 1 if a bound of a case's gate is not met.")] = False,
 ) -> Request:
     """Run every solver on every case, score it against the truth, and write a report."""
@@ -54,6 +61,7 @@ def main(
         processes=jobs or min(2, os.cpu_count() or 1),
         resume=resume,
         gate=gate,
+        restarts=_parts(restart) or (),
     )
 
 

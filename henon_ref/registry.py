@@ -2,21 +2,29 @@
 
 A third party registers an instance of :class:`henon_ref.solver.Solver` (or a function without arguments that
 makes one) under the entry-point group ``henon_ref.solvers``; the entry point's name is the solver's.
+
+A library is restarted after every event, and how is a habit of its own (:mod:`baselines.restart`):
+``heyoka@direction`` is heyoka restarted by another habit than ``heyoka``'s own. Such names are solvers like any
+other, and are not listed by :func:`names`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
-from typing import cast
+from typing import Any, cast
 
 from henon_ref.errors import CaseError, UnavailableError
 from henon_ref.model.grammar import did_you_mean, listed
 from henon_ref.solver import Solver
 
 GROUP = "henon_ref.solvers"
+RESTARTS = ("event-free-step", "offset", "direction", "none")
+"""Habits of restarting a library on the surface it has just left; told in :mod:`baselines.restart`."""
+AT = "@"
+"""Between a solver's name and the habit it is restarted by."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +37,8 @@ class Entry:
     fixed_step: bool = False
     by_default: bool = True
     """Run where neither the case nor the command names solvers."""
+    restart: str = ""
+    """The habit it is restarted by; empty for a solver that has no library to restart."""
 
 
 _BUILT_IN = {
@@ -37,26 +47,28 @@ _BUILT_IN = {
     "henon-brent": Entry("henon_ref.henon.solvers", "henon-ref", by_default=False),
     "henon-rk4": Entry("henon_ref.henon.rk4", "henon-ref", fixed_step=True),
     "henon-listing": Entry("henon_ref.henon.listing", "henon-ref", fixed_step=True, by_default=False),
-    "heyoka": Entry("baselines.heyoka_taylor", "heyoka"),
-    "cvode-adams": Entry("baselines.sundials_cvode", "scikit-sundae"),
-    "cvode-bdf": Entry("baselines.sundials_cvode", "scikit-sundae"),
-    "ida": Entry("baselines.sundials_ida", "scikit-sundae"),
-    "scipy-rk45": Entry("baselines.scipy_ivp", "scipy"),
-    "scipy-dop853": Entry("baselines.scipy_ivp", "scipy"),
-    "scipy-radau": Entry("baselines.scipy_ivp", "scipy"),
-    "scipy-bdf": Entry("baselines.scipy_ivp", "scipy"),
-    "scipy-lsoda": Entry("baselines.scipy_ivp", "scipy"),
+    "heyoka": Entry("baselines.heyoka_taylor", "heyoka", restart="offset"),
+    "cvode-adams": Entry("baselines.sundials_cvode", "scikit-sundae", restart="event-free-step"),
+    "cvode-bdf": Entry("baselines.sundials_cvode", "scikit-sundae", restart="event-free-step"),
+    "ida": Entry("baselines.sundials_ida", "scikit-sundae", restart="event-free-step"),
+    "scipy-rk45": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
+    "scipy-dop853": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
+    "scipy-radau": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
+    "scipy-bdf": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
+    "scipy-lsoda": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
     "scipy-smoothed": Entry("baselines.scipy_naive", "scipy"),
     "scipy-sign": Entry("baselines.scipy_naive", "scipy"),
-    "heyoka+fastmath": Entry("baselines.heyoka_taylor", "heyoka", by_default=False),
-    "cvode-adams+numba": Entry("baselines.sundials_cvode", "scikit-sundae", by_default=False),
-    "cvode-bdf+numba": Entry("baselines.sundials_cvode", "scikit-sundae", by_default=False),
-    "ida+numba": Entry("baselines.sundials_ida", "scikit-sundae", by_default=False),
-    "scipy-rk45+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False),
-    "scipy-dop853+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False),
-    "scipy-radau+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False),
-    "scipy-bdf+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False),
-    "scipy-lsoda+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False),
+    "heyoka+fastmath": Entry("baselines.heyoka_taylor", "heyoka", by_default=False, restart="offset"),
+    "cvode-adams+numba": Entry(
+        "baselines.sundials_cvode", "scikit-sundae", by_default=False, restart="event-free-step"
+    ),
+    "cvode-bdf+numba": Entry("baselines.sundials_cvode", "scikit-sundae", by_default=False, restart="event-free-step"),
+    "ida+numba": Entry("baselines.sundials_ida", "scikit-sundae", by_default=False, restart="event-free-step"),
+    "scipy-rk45+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
+    "scipy-dop853+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
+    "scipy-radau+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
+    "scipy-bdf+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
+    "scipy-lsoda+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
 }
 
 
@@ -81,20 +93,57 @@ def check(name: str) -> str:
     Raises
     ------
     CaseError
-        With the nearest name, where there is none.
+        With the nearest name, where there is none, or no such habit of restarting it.
     """
-    if name not in names():
-        raise CaseError(f"unknown solver '{name}'{did_you_mean(name, names())}; solvers: {listed(names())}")
+    plain = plain_name(name)
+    if plain not in names():
+        raise CaseError(f"unknown solver '{plain}'{did_you_mean(plain, names())}; solvers: {listed(names())}")
+    if plain != name:
+        check_restart(name[len(plain) + len(AT) :])
+        if not restart_of(plain):
+            able = [known for known in default_names() if restart_of(known)]
+            raise CaseError(f"'{plain}' restarts no library, so it takes no '{AT}'; those that do: {listed(able)}")
     return name
+
+
+def check_restart(habit: str) -> str:
+    """The habit itself, where there is such a one.
+
+    Raises
+    ------
+    CaseError
+        With the nearest habit, where there is none.
+    """
+    if habit not in RESTARTS:
+        raise CaseError(f"unknown restart '{habit}'{did_you_mean(habit, RESTARTS)}; restarts: {listed(RESTARTS)}")
+    return habit
+
+
+def plain_name(name: str) -> str:
+    """The solver's name without the habit it is restarted by."""
+    return name.partition(AT)[0]
+
+
+def restart_of(name: str) -> str:
+    """The habit by which a built-in solver restarts its library; empty where there is nothing to restart."""
+    plain, _, habit = name.partition(AT)
+    return habit or (_BUILT_IN[plain].restart if plain in _BUILT_IN else "")
+
+
+def with_restart(name: str, habit: str) -> str:
+    """The name of a solver restarted by a habit; one that has no library to restart stays as it is."""
+    return f"{plain_name(name)}{AT}{habit}" if restart_of(name) else name
 
 
 def fixed_step(name: str) -> bool:
     """Whether a solver is driven by a step instead of tolerances."""
+    name = plain_name(name)
     return _BUILT_IN[name].fixed_step if name in _BUILT_IN else solver(name).fixed_step
 
 
 def distribution(name: str) -> str:
     """The package that a solver comes from; empty where that is not known."""
+    name = plain_name(name)
     if name in _BUILT_IN:
         return _BUILT_IN[name].distribution
     point = _third_party().get(name)
@@ -116,14 +165,19 @@ def solver(name: str) -> Solver:
     Raises
     ------
     CaseError
-        Where there is no solver of that name.
+        Where there is no solver of that name, or no such habit of restarting it.
     UnavailableError
         Where its library is not installed.
     """
     check(name)
+    plain, _, habit = name.partition(AT)
     try:
-        if name in _BUILT_IN:
-            return _instance(import_module(_BUILT_IN[name].module), name)
+        if plain in _BUILT_IN:
+            instance = _instance(import_module(_BUILT_IN[plain].module), plain)
+            if not habit:
+                return instance
+            frozen: Any = instance  # a dataclass with a field for it: its entry here says so
+            return cast(Solver, replace(frozen, name=name, restart=habit))
         found = _third_party()[name].load()
     except ImportError as error:
         raise UnavailableError(f"{name} cannot be imported: {error}") from error

@@ -271,3 +271,19 @@ def test_a_small_file_system_that_fills_up(made_up, tmp_path, capsys):
         assert run(made_up, "--out", small, "--repeats", 1, "--resume") == 0
     finally:
         subprocess.run(["umount", small], check=True)
+
+
+def test_restarts_are_a_column_of_solvers(made_up, tmp_path, monkeypatch):
+    monkeypatch.setattr(registry, "solver", lambda name: Fake(name))
+    assert run(made_up, "--out", "out", "--repeats", 1, "--restart", "none,offset") == 0
+    with (tmp_path / "out" / "made_up" / "runs.csv").open() as file:
+        names = [row["solver"] for row in csv.DictReader(file)]
+    # The case lists henon, which restarts nothing, and heyoka.
+    assert list(dict.fromkeys(names)) == ["henon", "heyoka@none", "heyoka@offset"]
+    assert "--restart none,offset" in (tmp_path / "out" / "made_up" / "report.md").read_text()
+
+
+def test_an_unknown_restart_is_refused_before_anything_runs(made_up, tmp_path, capsys):
+    assert run(made_up, "--out", "out", "--restart", "fresh") == 2
+    assert "unknown restart 'fresh'" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

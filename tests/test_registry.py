@@ -86,3 +86,33 @@ def test_names_cost_no_library():
     code = "import sys; from henon_ref import registry; registry.names(); registry.library_version('scipy-rk45');"
     code += "assert not {'scipy', 'heyoka', 'numba', 'sksundae', 'matplotlib', 'pandas'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("habit", registry.RESTARTS)
+@pytest.mark.parametrize("name", [name for name in registry.default_names() if registry.restart_of(name)])
+def test_every_library_is_restarted_by_the_habit_that_its_name_asks_for(name, habit):
+    pytest.importorskip({"heyoka": "heyoka", "scikit-sundae": "sksundae"}.get(registry.distribution(name), "scipy"))
+    assert registry.solver(name).restart == registry.restart_of(name)
+    found = registry.solver(registry.with_restart(name, habit))
+    assert (found.name, found.restart) == (f"{name}@{habit}", habit)
+    assert not registry.fixed_step(found.name)
+    assert registry.library_version(found.name) == registry.library_version(name)
+
+
+def test_a_solver_without_a_library_to_restart_is_left_as_it_is_and_refuses_a_habit():
+    assert registry.with_restart("henon", "offset") == "henon"
+    with pytest.raises(CaseError, match="'henon' restarts no library"):
+        registry.check("henon@offset")
+
+
+def test_an_unknown_habit_is_refused_with_the_nearest():
+    with pytest.raises(CaseError, match="unknown restart 'ofset'; did you mean 'offset'"):
+        registry.solver("heyoka@ofset")
+
+
+def test_the_habits_are_those_that_the_adapters_know():
+    from typing import get_args
+
+    from baselines.restart import Restart
+
+    assert get_args(Restart) == registry.RESTARTS

@@ -42,6 +42,7 @@ def run(request: Request) -> list[str]:
     cases = load_cases(request.cases)
     options = Options(
         solvers=request.solvers,
+        restarts=request.restarts,
         tolerances=request.tolerances,
         repeats=request.repeats,
         timeout=request.timeout,
@@ -111,6 +112,7 @@ def rerun_command(request: Request) -> str:
     for option, value in (
         ("--solvers", ",".join(request.solvers) if request.solvers else None),
         ("--tolerances", ",".join(f"{value:g}" for value in request.tolerances) if request.tolerances else None),
+        ("--restart", ",".join(request.restarts) or None),
         ("--repeats", request.repeats),
         ("--timeout", f"{request.timeout:g}" if request.timeout != Options().timeout else None),
     ):

@@ -19,3 +19,5 @@ class Request:
     processes: int
     resume: bool
     gate: bool = False
+    restarts: tuple[str, ...] = ()
+    """Habits by which libraries are restarted after an event; none: each solver by its own."""

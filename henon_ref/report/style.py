@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -85,11 +86,11 @@ _LINES = {
 
 
 def line_of(solver: str) -> Line:
-    """How a solver is drawn: a variant (``+numba``) like its plain form, dash-dotted.
+    """How a solver is drawn: a variant (``+numba``, ``@offset``) like its plain form, dash-dotted.
 
     Third parties' solvers share one look and are told apart by their labels.
     """
-    plain, _, variant = solver.partition("+")
+    plain, *variant = re.split("[+@]", solver)
     look = _LINES.get(plain, Line(PURPLE, "d"))
     return replace(look, dashes="-.") if variant else look
 

@@ -47,6 +47,8 @@ def check_solvers(cases: Sequence[Case], options: Options) -> None:
     for entry in options.solvers or ():
         if isinstance(entry, str):
             registry.check(entry)
+    for habit in options.restarts:
+        registry.check_restart(habit)
     for case in cases:
         if not any(chosen_solvers(reading, options) for reading in case.readings):
             listed = sorted({name for reading in case.readings for name in reading.solvers or ()})
@@ -60,14 +62,19 @@ def chosen_solvers(reading: Reading, options: Options) -> dict[str, str | Solver
     """Name -> solver of everything that runs on a reading, in the registry's order."""
     if options.solvers is None:
         listed = reading.solvers or registry.default_names()
-        return {name: name for name in registry.names() if name in listed}
+        return {name: name for solver in registry.names() if solver in listed for name in _restarted(solver, options)}
     chosen: dict[str, str | Solver] = {}
     for entry in options.solvers:
         if not isinstance(entry, str):
             chosen[entry.name] = entry
-        elif reading.solvers is None or entry in reading.solvers:
-            chosen[entry] = entry
+        elif reading.solvers is None or registry.plain_name(entry) in reading.solvers:
+            chosen.update((name, name) for name in _restarted(entry, options))
     return chosen
+
+
+def _restarted(solver: str, options: Options) -> list[str]:
+    """The solver as it is, or restarted by each of the habits asked for."""
+    return [registry.with_restart(solver, habit) for habit in options.restarts] or [solver]
 
 
 def case_lanes(

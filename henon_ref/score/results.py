@@ -65,7 +65,8 @@ class CaseState:
 
         def place(slot: Slot) -> tuple[int, int, str, float]:
             name, solver, setting = slot
-            rank = names.index(solver) if solver in names else len(names)
+            plain = registry.plain_name(solver)
+            rank = names.index(plain) if plain in names else len(names)
             return order.index(name), rank, solver, -(setting.rtol or setting.step or 0.0)
 
         return [self.rows[slot] for slot in sorted(self.rows, key=place) if reading in (None, slot[0])]
