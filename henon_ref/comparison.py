@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from henon_ref.model.case import Case
 from henon_ref.score.campaign import Campaign
-from henon_ref.score.columns import RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, Row
+from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, Row
 from henon_ref.score.gate import gate_failures
 from henon_ref.score.options import Draw, Observer, Options
 from henon_ref.score.results import ReadingResult
@@ -63,9 +63,9 @@ class Comparison:
 
     @property
     def transition_columns(self) -> tuple[str, ...]:
-        """The contract's columns, then every state by name."""
+        """The contract's columns, then every state by name, then what verdicts rest on."""
         states = [name for result in self.readings for name in result.reading.problem.system.state_names]
-        return (*TRANSITION_COLUMNS, *dict.fromkeys(states))
+        return (*TRANSITION_COLUMNS, *dict.fromkeys((*states, *JUDGED_COLUMNS)))
 
     def of_reading(self, name: str) -> list[Record]:
         """The runs of one reading."""

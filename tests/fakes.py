@@ -52,6 +52,7 @@ class Reference:
     time_low: float = 0.0
     radius: float = 1e-30
     conditioning: float = 1.0
+    transversality: float = 1.0
     state: tuple[str, ...] = ("0.25",)
 
 

@@ -13,7 +13,7 @@ from henon_ref import registry
 from henon_ref.comparison import Comparison, compare, compare_all
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.score import truthjob
-from henon_ref.score.columns import RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
+from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.score.journal import FILE, read
 from henon_ref.score.options import Options
 from henon_ref.score.truthjob import Statement
@@ -49,7 +49,7 @@ def test_columns_are_those_of_the_contract_in_their_order():
         "matched missed spurious max_time_error_s rms_time_error_s max_state_error max_surface_drift stick_count "
         "max_stick_error_s wall_s wall_s_iqr compile_s steps rhs_evaluations event_evaluations"
     )
-    assert tuple(result.transitions.columns) == (*TRANSITION_COLUMNS, "x")
+    assert tuple(result.transitions.columns) == (*TRANSITION_COLUMNS, "x", *JUDGED_COLUMNS)
     assert tuple(result.sticks.columns) == STICK_COLUMNS
 
 

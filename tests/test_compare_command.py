@@ -23,7 +23,7 @@ from henon_ref.errors import CaseError
 from henon_ref.report import command as report_command
 from henon_ref.report.command import case_files
 from henon_ref.score import journal, truthjob
-from henon_ref.score.columns import RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
+from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 
 compare = importlib.import_module("henon_ref.compare")
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork")
@@ -73,7 +73,8 @@ def test_a_report_holds_what_the_contract_says(made_up, tmp_path, capsys):
     assert tuple(rows[0]) == RUN_COLUMNS
     assert [row["solver"] for row in rows] == ["henon", "henon", "heyoka", "heyoka"]
     assert [row["step_s"] for row in rows] == [""] * 4
-    assert (folder / "transitions.csv").read_text().splitlines()[0] == ",".join((*TRANSITION_COLUMNS, "x"))
+    columns = (*TRANSITION_COLUMNS, "x", *JUDGED_COLUMNS)
+    assert (folder / "transitions.csv").read_text().splitlines()[0] == ",".join(columns)
     assert (folder / "sticks.csv").read_text().splitlines()[0] == ",".join(STICK_COLUMNS)
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["rerun"] == "python -m henon_ref.compare made_up.yaml --repeats 2"

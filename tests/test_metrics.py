@@ -24,7 +24,7 @@ def test_worst_and_root_mean_square_errors():
     result = score(trajectory(tuple(run)), expected(), tolerance=1e-6)
     assert result.max_time_error == pytest.approx(4e-6)
     assert result.rms_time_error == pytest.approx(math.sqrt(25e-12 / len(TIMES)))
-    assert (result.status, result.verdict) == ("ok", "right")
+    assert (result.status, result.verdict.word) == ("ok", "right")
 
 
 def test_state_error_is_the_worst_over_matched_transitions():
@@ -51,7 +51,7 @@ def test_digits_are_counted_from_the_time_scale_of_the_case():
 
 def test_a_missed_transition_is_wrong_and_the_solver_s_fault():
     result = score(trajectory(found()[:2] + found()[3:]), expected(), tolerance=1e-6)
-    assert (result.status, result.verdict) == ("wrong", "solver defect")
+    assert (result.status, result.verdict.word) == ("wrong", "solver defect")
     assert "1 missed, 0 spurious" in result.reason
     assert "crossing at t = 2" in result.reason
 
@@ -59,8 +59,8 @@ def test_a_missed_transition_is_wrong_and_the_solver_s_fault():
 def test_a_missed_transition_that_the_tolerance_cannot_see_is_ill_conditioned():
     shaky = tuple(replace(e, conditioning=1e7 if i == 2 else 1.0) for i, e in enumerate(reference()))
     run = trajectory(found()[:2] + found()[3:])
-    assert score(run, expected(transitions=shaky), tolerance=1e-6).verdict == "ill-conditioned"
-    assert score(run, expected(transitions=shaky), tolerance=1e-12).verdict == "solver defect"
+    assert score(run, expected(transitions=shaky), tolerance=1e-6).verdict.word == "ill-conditioned"
+    assert score(run, expected(transitions=shaky), tolerance=1e-12).verdict.word == "solver defect"
 
 
 def test_a_near_touch_within_the_tolerance_is_ill_conditioned():
@@ -72,8 +72,8 @@ def test_a_near_touch_within_the_tolerance_is_ill_conditioned():
     truth = expected(near_grazes=(Touch(1.5, 1e-8),))
     extra = replace(found()[2], kind="crossing", from_mode=(1,), to_mode=(-1,), time=1.5)
     run = trajectory((*found()[:2], extra, *found()[2:]))
-    assert score(run, truth, tolerance=1e-6).verdict == "ill-conditioned"
-    assert score(run, truth, tolerance=1e-12).verdict == "solver defect"
+    assert score(run, truth, tolerance=1e-6).verdict.word == "ill-conditioned"
+    assert score(run, truth, tolerance=1e-12).verdict.word == "solver defect"
 
 
 def test_nothing_is_claimed_where_nothing_was_matched():
@@ -86,7 +86,7 @@ def test_nothing_is_claimed_where_nothing_was_matched():
 def test_a_run_that_ends_as_the_exact_one_does_is_right(status):
     truth = expected(TIMES[:3], status=status, end_time=2.7)
     run = trajectory(found(TIMES[:3]), status, end_time=2.7001)
-    assert score(run, truth, tolerance=1e-6).verdict == "right"
+    assert score(run, truth, tolerance=1e-6).verdict.word == "right"
     late = score(replace(run, end_time=4.0), truth, tolerance=1e-6)
     assert late.status == "wrong"
     assert "not at 2.7" in late.reason
@@ -95,7 +95,7 @@ def test_a_run_that_ends_as_the_exact_one_does_is_right(status):
 def test_a_run_that_goes_on_past_the_end_is_wrong_and_what_follows_is_not_scored():
     truth = expected(TIMES[:3], status="nonunique", end_time=2.7)
     result = score(trajectory(found()), truth, tolerance=1e-6)
-    assert (result.status, result.verdict) == ("wrong", "not unique")
+    assert (result.status, result.verdict.word) == ("wrong", "not unique")
     assert result.matching.spurious == ()
     assert "nonunique" in result.reason
 
@@ -104,32 +104,32 @@ def test_transitions_that_accumulate_may_be_told_as_far_as_a_solver_can_tell_the
     crowd = tuple(2.0 - 0.5**k for k in range(1, 50))
     truth = expected(crowd, status="failed", end_time=2.0)
     whole = trajectory(found(crowd), "failed", end_time=2.0)
-    assert score(whole, truth, tolerance=1e-6).verdict == "right"
+    assert score(whole, truth, tolerance=1e-6).verdict.word == "right"
     near = trajectory(found(crowd[:25]), "failed", end_time=2.0 - 0.5**25, reason="too many")
     result = score(near, truth, tolerance=1e-6)
-    assert (result.status, result.verdict, result.matching.missed) == ("failed", "right", ())
+    assert (result.status, result.verdict.word, result.matching.missed) == ("failed", "right", ())
     assert len(result.matching.cut_reference) == 24
     more = trajectory(found((*crowd, 2.0 - 2**-50, 2.0 - 2**-51, 2.0 - 2**-52)), "failed", end_time=2.0)
-    assert score(more, truth, tolerance=1e-6).verdict == "right"
+    assert score(more, truth, tolerance=1e-6).verdict.word == "right"
     early = score(trajectory(found(crowd[:5]), "failed", end_time=1.97, reason="too many"), truth, tolerance=1e-6)
-    assert (early.status, early.verdict) == ("failed", "solver defect")
+    assert (early.status, early.verdict.word) == ("failed", "solver defect")
     assert early.reason.startswith("too many; 12 missed")
 
 
 def test_a_run_that_gives_up_too_early_keeps_its_status():
     result = score(trajectory(found()[:2], "diverged", end_time=1.5), expected(), tolerance=1e-6)
-    assert (result.status, result.verdict) == ("diverged", "solver defect")
+    assert (result.status, result.verdict.word) == ("diverged", "solver defect")
     assert len(result.matching.missed) == 3
 
 
 def test_where_the_truth_ends_the_score_ends():
     truth = expected(TIMES[:3], end_time=2.7, partial=True)
-    assert score(trajectory(found()), truth, tolerance=1e-6).verdict == "right"
+    assert score(trajectory(found()), truth, tolerance=1e-6).verdict.word == "right"
     diverged = trajectory(found()[:4], "diverged", end_time=3.6)
-    assert score(diverged, truth, tolerance=1e-6).verdict == "right"
+    assert score(diverged, truth, tolerance=1e-6).verdict.word == "right"
     assert score(trajectory(found()[:2] + found()[3:]), truth, tolerance=1e-6).status == "wrong"
     early = trajectory(found()[:3], "timeout", end_time=2.6)
-    assert (score(early, truth, tolerance=1e-6).status, score(early, truth, tolerance=1e-6).verdict) == (
+    assert (score(early, truth, tolerance=1e-6).status, score(early, truth, tolerance=1e-6).verdict.word) == (
         "timeout",
         "solver defect",
     )
@@ -139,5 +139,5 @@ def test_a_transition_beside_the_horizon_is_left_to_the_tolerance():
     truth = expected(TIMES[:4])
     extra = replace(found()[4], time=5.0 - 1e-7)
     run = trajectory((*found()[:4], extra))
-    assert score(run, truth, tolerance=1e-6).verdict == "right"
+    assert score(run, truth, tolerance=1e-6).verdict.word == "right"
     assert score(run, truth, tolerance=1e-9).status == "wrong"

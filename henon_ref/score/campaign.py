@@ -29,6 +29,7 @@ from henon_ref.score.results import CaseState
 from henon_ref.score.rows import Outcome, record, score_outcome
 from henon_ref.score.runjob import DRAWN, PREPARED, RAN, SAMPLED, TIMED, RunJob, SampleJob
 from henon_ref.score.truthjob import KNOWN, Statement, TruthJob, stored_statement
+from henon_ref.score.verdict import RIGHT
 from henon_ref.score.worker import Failure, Job
 
 _LOG = logging.getLogger(__name__)
@@ -131,7 +132,7 @@ class Campaign:
         if stage == RAN:
             outcome.trajectory = payload.trajectory
             score_outcome(outcome, state.results[job.reading].expected)
-            right = outcome.score is not None and outcome.score.verdict == "right"
+            right = outcome.score is not None and outcome.score.verdict == RIGHT
             if not right and outcome.trajectory.status not in ("timeout", "failed"):
                 outcome.samples = (payload.wall_s,)
             return Answer(right, job.timing_seconds(payload.wall_s))

@@ -10,6 +10,7 @@ RUN_COLUMNS = (
     "steps", "rhs_evaluations", "event_evaluations",
     "status_reason", "expected_status", "verdict", "digits", "time_unit_s", "end_time_s",
     "reference_radius_s", "missed_touches", "spurious_touches", "cut_off", "wall_s_low", "wall_s_high", "timed_runs",
+    "verdict_basis",
 )  # fmt: skip
 """A row a reading, solver and setting. From ``status_reason`` on beyond the contract:
 
@@ -17,14 +18,25 @@ RUN_COLUMNS = (
 * ``digits``: decimal digits of the worst transition time, counted from ``time_unit_s``;
 * ``missed_touches``, ``spurious_touches``: touch-and-go events, not counted as missed or spurious;
 * ``cut_off``: transitions that the horizon cuts off;
-* ``wall_s_low``, ``wall_s_high``: 95 % bootstrap interval of the median; ``timed_runs``: samples behind it.
+* ``wall_s_low``, ``wall_s_high``: 95 % bootstrap interval of the median; ``timed_runs``: samples behind it;
+* ``verdict_basis``: what the verdict on a run that is not right rests on.
 """
 
 TRANSITION_COLUMNS = (
     "case", "reading", "solver", "rtol", "step_s", "index", "kind", "surface", "from_mode", "to_mode",
     "reference_time_s", "reference_radius_s", "time_s", "time_error_s", "conditioning",
 )  # fmt: skip
-"""A row a transition, of the truth or of the run or (matched) of both; the state by name follows."""
+"""A row a transition, of the truth or of the run or (matched) of both; the state by name follows, then:"""
+
+JUDGED_COLUMNS = ("transversality", "graze_distance", "outcome", "verdict")
+"""What a verdict on one transition rests on, and the verdict.
+
+* ``transversality``: the guard's speed through zero [unit of the guard / s];
+* ``graze_distance``: depth to which the surface function goes between the transition and its neighbour, on the
+  parabola through both [unit of the surface];
+* ``outcome``: matched, missed, spurious, cut off (beyond the horizon within the run's error), touch (no mode changes);
+* ``verdict``: on one that is missed or spurious, see :mod:`henon_ref.score.verdict`.
+"""
 
 STICK_COLUMNS = (
     "case", "reading", "solver", "rtol", "step_s", "index", "start_s", "duration_s", "reference_s", "error_s",

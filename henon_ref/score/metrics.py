@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import takewhile
 from typing import Protocol
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from henon_ref.model.modes import Mode
 from henon_ref.score.matching import Matching, match
+from henon_ref.score.verdict import FIXED_STEP_TOLERANCE, RIGHT, Verdict, verdict
 from henon_ref.trajectory import Status, Trajectory, Transition
 
 HALF_ULP = 2.0**-53
@@ -24,8 +26,6 @@ EARLY = ("diverged", "nonunique", "invalid")
 """Statuses with which a run may rightly end before the horizon."""
 CROWD_FRACTION = 1e-6
 """Where transitions accumulate, those within this fraction of the run from the last instant may be left out."""
-FIXED_STEP_TOLERANCE = 1e-12
-"""Stands for the tolerance of a run that has none, where it is asked what the horizon may cut off."""
 END_FRACTION = 1e-3
 """A run that rightly ends early does so within this fraction of the run from the truth's end."""
 
@@ -49,6 +49,8 @@ class ReferenceEvent(Protocol):
     def radius(self) -> float: ...
     @property
     def conditioning(self) -> float: ...
+    @property
+    def transversality(self) -> float: ...
     @property
     def state(self) -> Sequence[object]: ...
 
@@ -77,6 +79,8 @@ class Expected:
     end_time: float
     """Where the exact run ends: the horizon, or before it [s]."""
     near_grazes: Sequence[NearTouch] = ()
+    start_size: float = 0.0
+    """Largest entry of the state at the start."""
     partial: bool = False
     """What happens after ``end_time`` is not known: runs are scored up to there."""
 
@@ -96,6 +100,24 @@ class Expected:
         """Largest entry of a state at a transition; 0 where there is none."""
         return max((abs(float(str(value))) for event in self.transitions for value in event.state), default=0.0)
 
+    @cached_property
+    def gaps(self) -> list[float]:
+        """Distance of each transition to the nearest other of its surface [s]; the run's length without."""
+        found = [self.until - self.start] * len(self.transitions)
+        last: dict[int, int] = {}
+        for i, event in enumerate(self.transitions):
+            before = last.get(event.surface)
+            if before is not None:
+                gap = abs(event.time - self.transitions[before].time)
+                found[before], found[i] = min(found[before], gap), gap
+            last[event.surface] = i
+        return found
+
+    @property
+    def scale(self) -> float:
+        """Size of the state that tolerances are relative to: at the start and at the transitions."""
+        return max(self.start_size, self.state_size, HALF_ULP)
+
 
 @dataclass(frozen=True)
 class Score:
@@ -104,8 +126,8 @@ class Score:
     matching: Matching
     status: Status
     reason: str
-    verdict: str
-    """``right``, ``solver defect``, ``ill-conditioned`` or ``not unique`` (whose fault a wrong run is)."""
+    verdict: Verdict
+    """Whose fault a wrong run is."""
     time_errors: dict[int, float]
     """Reference index -> signed time error [s], touches included."""
     max_time_error: float | None
@@ -149,7 +171,7 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
         matching=matching,
         status=status,
         reason=reason,
-        verdict="right" if right else _fault(expected, matching, found, tolerance),
+        verdict=RIGHT if right else verdict(expected, matching, found, tolerance=tolerance, ended=trajectory.end_time),
         time_errors=errors,
         max_time_error=worst,
         rms_time_error=float(np.sqrt(np.mean(counted**2))) if counted.size else None,
@@ -224,35 +246,3 @@ def _edits(matching: Matching, expected: Expected) -> str:
         event = expected.transitions[matching.missed[0]]
         words.append(f"first missed: {event.kind} at t = {event.time:.9g}")
     return ", ".join(words)
-
-
-def _fault(expected: Expected, matching: Matching, found: Sequence[Transition], tolerance: float | None) -> str:
-    """Whose fault a wrong run is: the solver's, or the question's."""
-    if expected.status == "nonunique":
-        return "not unique"
-    where = _first_edit_time(matching, expected, found)
-    slack = (HALF_ULP if tolerance is None else tolerance) * max(expected.state_size, HALF_ULP)
-    if where is not None and _within_reach(where, slack, expected):
-        return "ill-conditioned"
-    return "solver defect"
-
-
-def _within_reach(where: float, slack: float, expected: Expected) -> bool:
-    """Whether an error of this size in the state could have made or unmade a transition at this time."""
-    times = np.array([event.time for event in expected.transitions])
-    gap = expected.until - expected.start
-    if times.size:
-        nearest = int(np.argmin(np.abs(times - where)))
-        others = np.abs(np.delete(times, nearest) - times[nearest])
-        gap = float(others.min()) if others.size else gap
-        if expected.transitions[nearest].conditioning * slack >= gap:
-            return True
-    touches = [touch for touch in expected.near_grazes if touch.distance <= slack]
-    return any(abs(touch.time - where) <= gap for touch in touches)
-
-
-def _first_edit_time(matching: Matching, expected: Expected, found: Sequence[Transition]) -> float | None:
-    """Time of the first transition missed or spurious [s]."""
-    times = [expected.transitions[i].time for i in matching.missed[:1]]
-    times += [found[j].time for j in matching.spurious[:1]]
-    return min(times, default=None)

@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 from henon_ref.model.case import Reading
 from henon_ref.model.modes import Mode, mode_text
 from henon_ref.score.columns import RUN_COLUMNS, STICK_COLUMNS, Row
+from henon_ref.score.matching import Matching
 from henon_ref.score.metrics import Expected, Score, score
 from henon_ref.score.settings import Setting
 from henon_ref.score.sticks import Stick, published_partners, sticks
 from henon_ref.score.timing import summarise
+from henon_ref.score.verdict import graze_distance, missed_verdict, slack, spurious_verdict
 from henon_ref.score.worker import Failure
 from henon_ref.trajectory import Counts, Trajectory
 
@@ -64,7 +66,7 @@ def record(outcome: Outcome, expected: Expected | None) -> Record:
     transitions: list[Row] = []
     stick_rows: list[Row] = []
     if outcome.trajectory is not None and expected is not None and outcome.score is not None:
-        transitions = _transition_rows(identity, outcome.trajectory, expected, outcome.score, outcome.reading)
+        transitions = _transition_rows(identity, outcome, outcome.trajectory, expected, outcome.score)
         stick_rows = _stick_rows(identity, outcome.trajectory, expected, outcome.score, outcome.reading)
     return Record(_run_row(outcome, expected, identity, stick_rows), transitions, stick_rows, list(outcome.samples))
 
@@ -116,7 +118,8 @@ def _score_values(score: Score) -> Row:
     return {
         "status": score.status,
         "status_reason": score.reason or None,
-        "verdict": score.verdict,
+        "verdict": score.verdict.word,
+        "verdict_basis": score.verdict.basis or None,
         "matched": len(matching.pairs),
         "missed": len(matching.missed),
         "spurious": len(matching.spurious),
@@ -131,9 +134,10 @@ def _score_values(score: Score) -> Row:
 
 
 def _transition_rows(
-    identity: Row, trajectory: Trajectory, expected: Expected, score: Score, reading: Reading
+    identity: Row, outcome: Outcome, trajectory: Trajectory, expected: Expected, score: Score
 ) -> list[Row]:
     """The union of the truth's transitions and the run's, in order of time."""
+    reading, allowed = outcome.reading, slack(expected, outcome.setting.rtol)
     system = reading.problem.system
     matching = score.matching
     partner = dict(matching.pairs + matching.touch_pairs)
@@ -143,6 +147,7 @@ def _transition_rows(
     ]
     order += [(event.time, None, j) for j, event in enumerate(trajectory.transitions) if j not in matched_runs]
     order.sort(key=lambda entry: entry[0])
+    outcomes = _outcomes(matching)
     rows: list[Row] = []
     for index, (_, i, j) in enumerate(order):
         exact = None if i is None else expected.transitions[i]
@@ -161,8 +166,28 @@ def _transition_rows(
         )
         state = (None,) * len(system.states) if found is None else found.state
         row.update(zip(system.state_names, state, strict=False))
+        if i is not None and exact is not None:
+            touches = exact.kind == "graze"
+            row.update(transversality=exact.transversality)
+            row.update(graze_distance=0.0 if touches else graze_distance(expected, i))
+        what = outcomes.get((i, j), "touch")
+        row.update(outcome=what)
+        if what == "missed" and i is not None:
+            row.update(verdict=missed_verdict(expected, i, allowed).word)
+        elif what == "spurious" and found is not None:
+            row.update(verdict=spurious_verdict(expected, found, allowed).word)
         rows.append(row)
     return rows
+
+
+def _outcomes(matching: Matching) -> dict[tuple[int | None, int | None], str]:
+    """What became of each transition of the truth (index or None) and of the run; touches left out."""
+    found: dict[tuple[int | None, int | None], str] = dict.fromkeys(matching.pairs, "matched")
+    found.update(((i, None), "missed") for i in matching.missed)
+    found.update(((None, j), "spurious") for j in matching.spurious)
+    found.update(((i, None), "cut off") for i in matching.cut_reference)
+    found.update(((None, j), "cut off") for j in matching.cut_found)
+    return found
 
 
 def _text(mode: Mode, reading: Reading) -> str:

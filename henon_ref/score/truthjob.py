@@ -82,6 +82,7 @@ def _statement(reading: Reading, truth: Truth) -> Statement:
         until=float(problem.until),
         end_time=truth.end_time,
         near_grazes=truth.near_grazes,
+        start_size=max((abs(float(value)) for value in problem.initial), default=0.0),
         partial=partial,
     )
     return Statement(

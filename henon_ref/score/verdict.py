@@ -1,0 +1,142 @@
+"""Whose fault a wrong run is: the solver's, or the question's.
+
+A run at tolerance r is granted an error of ``slack = r * size of the state`` in the state at any instant. What
+such an error does to a transition is known from the truth: it moves its time by ``conditioning * slack``. Where
+that is a good part of the distance to the next transition of the same surface, the run cannot know whether the two
+are there at all. On a parabola whose slope at its roots is h' and whose roots are a gap apart the surface function
+goes to a depth of ``h' * gap / 4``, and ``conditioning * h'`` is by how much an error in the state moves it: the
+pair is gone once ``conditioning * slack >= gap / 4``. Where a surface is nearly touched without a transition, the
+distance itself is compared with the slack.
+
+``not unique`` is for runs that are right up to the instant from which on the exact one has several futures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from henon_ref.score.matching import Matching
+from henon_ref.trajectory import Transition
+
+if TYPE_CHECKING:
+    from henon_ref.score.metrics import Expected, NearTouch, ReferenceEvent
+
+Word = Literal["right", "solver defect", "ill-conditioned", "not unique"]
+
+FIXED_STEP_TOLERANCE = 1e-12
+"""Stands for the tolerance of a run that has none."""
+FOLD = 0.25
+"""Part of the distance to its neighbour by which a transition has to move for the pair to be gone (a parabola)."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A verdict, and what it rests on."""
+
+    word: Word
+    basis: str = ""
+    """In one phrase; empty for ``right``."""
+
+
+RIGHT = Verdict("right")
+
+
+def slack(expected: Expected, tolerance: float | None) -> float:
+    """Error in the state that a run of this tolerance is granted."""
+    return (FIXED_STEP_TOLERANCE if tolerance is None else tolerance) * expected.scale
+
+
+def verdict(
+    expected: Expected, matching: Matching, found: Sequence[Transition], *, tolerance: float | None, ended: float
+) -> Verdict:
+    """The verdict on a run that is not right, from the first transition that it misses or invents.
+
+    Parameters
+    ----------
+    expected : Expected
+    matching : Matching
+    found : sequence of Transition
+        The run's transitions that were matched.
+    tolerance : float, optional
+        The run's; None: it has none.
+    ended : float
+        Where the run ended [s].
+    """
+    allowed = slack(expected, tolerance)
+    missed = [expected.transitions[i].time for i in matching.missed[:1]]
+    invented = [found[j].time for j in matching.spurious[:1]]
+    where = min(missed + invented, default=None)
+    if expected.status == "nonunique" and (where is None or where >= expected.end_time - allowed):
+        return Verdict("not unique", f"from t = {expected.end_time:.9g} s on there are several futures")
+    if where is None:
+        return Verdict("solver defect", f"every transition is right, the end at t = {ended:.9g} s is not")
+    if missed and missed[0] == where:
+        fault = missed_verdict(expected, matching.missed[0], allowed)
+        if fault.word == "solver defect" and where > ended and not invented:
+            return Verdict("solver defect", f"right up to its end at t = {ended:.9g} s; then {fault.basis}")
+        return fault
+    return spurious_verdict(expected, found[matching.spurious[0]], allowed)
+
+
+def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
+    """The verdict on a transition that a run misses."""
+    event = expected.transitions[index]
+    what = f"{event.kind} at t = {event.time:.9g} s"
+    if event.conditioning == float("inf"):
+        return Verdict("ill-conditioned", f"{what} only touches: any error makes it two transitions or none")
+    gap, moved = expected.gaps[index], event.conditioning * allowed
+    basis = f"{what}: an error of {allowed:.1e} moves it by {moved:.1e} s, its neighbour is {gap:.1e} s away"
+    if moved >= FOLD * gap:
+        return Verdict("ill-conditioned", basis)
+    touch = _touch_near(expected, event.time, gap, allowed)
+    return Verdict("solver defect", basis) if touch is None else _touching(touch, allowed)
+
+
+def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> Verdict:
+    """The verdict on a transition that a run invents."""
+    what = f"{event.kind} at t = {event.time:.9g} s"
+    close = min(
+        (i for i, other in enumerate(expected.transitions) if other.surface == event.surface),
+        key=lambda i: abs(expected.transitions[i].time - event.time),
+        default=None,
+    )
+    if close is not None:
+        near = expected.transitions[close]
+        gap = min(expected.gaps[close], expected.until - expected.start)
+        reach = near.conditioning * allowed
+        if reach >= FOLD * gap:
+            return Verdict(
+                "ill-conditioned",
+                f"{what}: an error of {allowed:.1e} moves the {near.kind} at t = {near.time:.9g} s by {reach:.1e} s",
+            )
+    span = expected.until - expected.start
+    gap = span if close is None else expected.gaps[close]
+    touch = _touch_near(expected, event.time, gap, allowed)
+    if touch is not None:
+        return _touching(touch, allowed)
+    nearest = min((abs(touch.time - event.time) for touch in expected.near_grazes), default=None)
+    no_touch = "the exact run comes close to no surface without reaching it" if nearest is None else (
+        f"the nearest near touch is {nearest:.1e} s away"
+    )  # fmt: skip
+    return Verdict("solver defect", f"{what} is not there: an error of {allowed:.1e} is granted, and {no_touch}")
+
+
+def graze_distance(expected: Expected, index: int) -> float:
+    """How far a transition is from a graze [unit of the surface]: depth of the parabola to its neighbour's root."""
+    event: ReferenceEvent = expected.transitions[index]
+    return FOLD * event.transversality * expected.gaps[index]
+
+
+def _touch_near(expected: Expected, where: float, gap: float, allowed: float) -> NearTouch | None:
+    """A near touch within reach of the granted error, around this time."""
+    close = [touch for touch in expected.near_grazes if touch.distance <= allowed and abs(touch.time - where) <= gap]
+    return min(close, key=lambda touch: touch.distance, default=None)
+
+
+def _touching(touch: NearTouch, allowed: float) -> Verdict:
+    return Verdict(
+        "ill-conditioned",
+        f"at t = {touch.time:.9g} s the surface is {touch.distance:.1e} away, within an error of {allowed:.1e}",
+    )
