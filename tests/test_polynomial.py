@@ -82,3 +82,10 @@ def test_the_cheap_exclusion_never_excludes_a_root() -> None:
     assert p.excluded(q, powers, ORDER)
     q[1] = -1.0
     assert not p.excluded(q, powers, ORDER)
+
+
+def test_a_pair_whose_first_root_is_a_bisection_point_is_no_touch() -> None:
+    for roots in ([0.25, 0.375], [0.5, 0.625], [0.5, 0.5 + 2.0**-10]):
+        outcome, tau, _ = first_root(roots, 1.0)
+        assert outcome == p.ROOT
+        assert tau == pytest.approx(roots[0], abs=1e-12)

@@ -1,13 +1,16 @@
 """A closer look at an event that double precision cannot decide: a pair of roots, a touch, or a miss.
 
 The Taylor polynomial of the step is made again from the same tape with 60 digits and twice the order, and
-the guard's minimum decides. The state at the step's start is taken as it is (its rounded part included).
+its roots are isolated as in :mod:`henon_ref.henon.polynomial`, in integers of 220 bits. The state at the
+step's start is taken as it is (its rounded part included).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from math import comb
 from typing import Literal
 
 import mpmath
@@ -20,22 +23,30 @@ from henon_ref.taylor.tape import Tape, build_tape
 
 DIGITS = 60
 ORDER = 48
-NOTHING = mpmath.mpf(10) ** -50
-"""Relative size below which a value found with 60 digits counts as zero."""
+BITS = 220
+"""Bits after the point of a polynomial's coefficients, its size on the step being 1."""
+NOTHING = 2 ** (BITS - 166)
+"""What counts as zero among them: 1e-50 of the polynomial's size."""
+SAME = mpmath.mpf(10) ** -10
+"""Minima closer to each other, in units of the step, are one and the same."""
+DEPTH = 200
+"""Halvings of the step before what is left of it counts as a point."""
 _NAMES = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt")
 _RING = Ring({name: getattr(mpmath, name) for name in _NAMES}, mpmath.power)
 Pair = tuple[float, float]
+What = Literal["root", "touch", "miss"]
+Series = Sequence[mpmath.mpf]
 
 
 @dataclass(frozen=True)
 class Finding:
     """What a guard does near a doubtful point."""
 
-    what: Literal["root", "touch", "miss"]
-    offset: float
-    """From the step's start to the root, or to the guard's minimum."""
+    what: What
+    lowest: bool
+    """True where the guard has a minimum there (a touch, or a miss)."""
     time: Pair
-    """That time, and what rounding it lost."""
+    """The time of the root or the minimum, and what rounding it lost."""
     state: tuple[Pair, ...]
     """State there."""
 
@@ -58,7 +69,7 @@ class CloserLook:
     def look(
         self, mode: Mode, guard: int, zeros: int, time: Pair, state: Sequence[Pair], near: float, reach: float
     ) -> Finding:
-        """Find the guard's first root near a point, or its minimum there.
+        """Find the guard's first root up to a doubtful point, or its minimum there.
 
         Parameters
         ----------
@@ -78,67 +89,122 @@ class CloserLook:
             start = mpmath.mpf(time[0]) + mpmath.mpf(time[1])
             x = [mpmath.mpf(high) + mpmath.mpf(low) for high, low in state]
             states, outputs = expand(tape, numbers, start, x, ORDER, _RING)
-            q = outputs[guard][zeros:]
-            what, tau = _first_root(q, mpmath.mpf(near), mpmath.mpf(reach))
+            # A root that rounding has put on the step's end may lie just behind it.
+            unit = mpmath.mpf(reach) * (1 + mpmath.mpf(2) ** -46)
+            q = [c * unit ** (zeros + k) for k, c in enumerate(outputs[guard][zeros:])]
+            what, lowest, part = _decided(q, zeros, mpmath.mpf(near) / unit)
+            tau = part * unit
             end = [_split(_value(series, tau)) for series in states]
-            return Finding(what, float(tau), _split(start + tau), tuple(end))
+            return Finding(what, lowest, _split(start + tau), tuple(end))
 
 
 def _split(number: mpmath.mpf) -> Pair:
+    """A number as two doubles; what is lost to the second, too, would only make it miss round numbers."""
     high = float(number)
-    return high, float(number - mpmath.mpf(high))
+    low = float(number - mpmath.mpf(high))
+    return high, (low if abs(low) > 2.0**-106 * abs(high) else 0.0)
 
 
-def _value(series: Sequence[mpmath.mpf], tau: mpmath.mpf) -> mpmath.mpf:
+def _value(series: Series, tau: mpmath.mpf) -> mpmath.mpf:
     return mpmath.polyval(list(reversed(series)), tau)
 
 
-def _derivative(series: Sequence[mpmath.mpf]) -> list[mpmath.mpf]:
+def _derivative(series: Series) -> list[mpmath.mpf]:
     return [k * c for k, c in enumerate(series)][1:]
 
 
-def _newton(series: Sequence[mpmath.mpf], tau: mpmath.mpf) -> mpmath.mpf | None:
-    """A root of a polynomial near tau, or None."""
+def _decided(q: Series, zeros: int, near: mpmath.mpf) -> tuple[What, bool, mpmath.mpf]:
+    """What q tau^zeros does on (0, 1] up to its minimum near a point: (what, at a minimum, where)."""
+    outcome, low, high = first_falling_root(q)
+    whole = [mpmath.mpf(0)] * zeros + list(q)
+    bottom = _minimum(whole, near)
+    if outcome == "touch":
+        middle = (low + high) / 2
+        touched = _minimum(whole, middle)
+        touched = middle if touched is None else touched
+        if bottom is None or touched <= bottom + SAME:
+            return "touch", True, touched
+    if outcome != "root" or (bottom is not None and low > bottom):  # what lies behind a minimum has to wait
+        return "miss", bottom is not None, near if bottom is None else bottom
+    return "root", False, _landed(q, low, high)
+
+
+def first_falling_root(q: Series) -> tuple[Literal["none", "root", "touch"], mpmath.mpf, mpmath.mpf]:
+    """Isolate the first root on (0, 1] through which a polynomial falls, in integers.
+
+    Descartes' rule of signs on Bernstein coefficients, as in the compiled
+    :func:`henon_ref.henon.polynomial.first_falling_root`.
+    """
+    degree = len(q) - 1
+    size = sum(abs(c) for c in q) or mpmath.mpf(1)
+    whole = [int(mpmath.ldexp(c / size, BITS)) for c in q]
+    first = [sum(comb(i, k) * whole[k] // comb(degree, k) for k in range(i + 1)) for i in range(degree + 1)]
+    stack = [(0, 0, first)]  # (level, place, coefficients) of the piece [place, place + 1] / 2^level
+    before = 0
+    while stack:
+        level, place, b = stack.pop()
+        low, high = mpmath.ldexp(place, -level), mpmath.ldexp(place + 1, -level)
+        signs = [1 if c > 0 else -1 for c in b if abs(c) > NOTHING]
+        changes = sum(x != y for x, y in pairwise(signs))
+        if not signs or level >= DEPTH:
+            return "touch", low, high
+        if before > 0 and abs(b[0]) <= NOTHING:  # zero where the step was halved: what comes next decides
+            if changes == 0:
+                return ("root" if signs[0] < 0 else "touch"), low, low
+        elif before > 0 and signs[0] < 0:
+            return "root", low, low
+        elif changes == 0 or (changes == 1 and signs[0] < 0):
+            before = signs[-1]
+            continue
+        elif changes == 1 and abs(b[-1]) > NOTHING:
+            return "root", low, high
+        left, right = _halves(b)
+        stack += [(level + 1, 2 * place + 1, right), (level + 1, 2 * place, left)]
+    return "none", mpmath.mpf(0), mpmath.mpf(0)
+
+
+def _halves(b: list[int]) -> tuple[list[int], list[int]]:
+    """Bernstein coefficients on the two halves (de Casteljau)."""
+    left, right = [b[0]], [b[-1]]
+    while len(b) > 1:
+        b = [(x + y) >> 1 for x, y in pairwise(b)]
+        left.append(b[0])
+        right.append(b[-1])
+    return left, right[::-1]
+
+
+def _landed(q: Series, low: mpmath.mpf, high: mpmath.mpf) -> mpmath.mpf:
+    """The falling root of q on [low, high]: Newton's method, halving wherever it leaves the bracket."""
+    slope, tau = _derivative(q), (low + high) / 2
+    close = mpmath.mpf(10) ** (12 - DIGITS)
+    while high - low > close * high:
+        value, fall = _value(q, tau), _value(slope, tau)
+        low, high = (tau, high) if value > 0 else (low, tau)
+        new = tau - value / fall if fall < 0 else low
+        if not low < new < high:
+            new = (low + high) / 2
+        if abs(new - tau) <= close * new:
+            return new
+        tau = new
+    return tau
+
+
+def _minimum(series: Series, near: mpmath.mpf) -> mpmath.mpf | None:
+    """The minimum of a polynomial on [0, 1] that a point lies next to; None if there is none."""
     slope = _derivative(series)
-    for _ in range(60):
-        below = _value(slope, tau)
-        if below == 0:
+    width = near * mpmath.mpf(2) ** -50
+    low, high = near - width, near + width
+    while _value(slope, low) >= 0:
+        width *= 4
+        low = near - width
+        if low <= 0:
             return None
-        step = _value(series, tau) / below
-        tau -= step
-        if abs(step) <= abs(tau) * mpmath.mpf(10) ** (8 - DIGITS):
-            return tau
-    return None
-
-
-def _is_touch(q: Sequence[mpmath.mpf], tau: mpmath.mpf, size: mpmath.mpf) -> bool:
-    """True where q and its slope are zero to many more digits than a double has."""
-    return abs(_value(q, tau)) <= size * NOTHING and abs(_value(_derivative(q), tau)) * tau <= size * NOTHING
-
-
-def _first_root(
-    q: Sequence[mpmath.mpf], near: mpmath.mpf, reach: mpmath.mpf
-) -> tuple[Literal["root", "touch", "miss"], mpmath.mpf]:
-    slope = _derivative(q)
-    size = sum(abs(c) * reach**k for k, c in enumerate(q))
-    higher = slope
-    for _ in range(2):  # touches of fourth and higher order: roots of higher derivatives
-        higher = _derivative(_derivative(higher))
-        candidate = _newton(higher, near)
-        if candidate is not None and 0 < candidate < 2 * reach and _is_touch(q, candidate, size):
-            return "touch", candidate
-    lowest = _newton(slope, near)
-    if lowest is not None and 0 < lowest < 2 * reach:
-        depth, bend = _value(q, lowest), _value(_derivative(slope), lowest) / 2
-        if bend > 0 and abs(depth) <= size * NOTHING:
-            return "touch", lowest
-        if bend > 0 and depth > 0:
-            return "miss", lowest
-        if bend > 0:
-            root = _newton(q, lowest - mpmath.sqrt(-depth / bend))
-            if root is not None and 0 < root <= lowest:
-                return "root", root
-    root = _newton(q, near)
-    if root is None or not 0 < root < 2 * reach:
-        return "root", near
-    return "root", root
+    while _value(slope, high) <= 0:
+        width *= 4
+        high = near + width
+        if high > 1:
+            return None
+    while high - low > high * mpmath.mpf(10) ** (20 - DIGITS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _value(slope, middle) < 0 else (low, middle)
+    return (low + high) / 2

@@ -298,12 +298,13 @@ class Session:
         if finding.what == "root":
             self.hits[guard] = 1
             return True
-        surface = self.engine.system.equations(self.mode).guards[guard].index
-        orders = self.engine.switching.contact_orders(self.time, self.x.tolist(), self.mode, [surface])
-        self.multiplicity[guard] = max(2, orders[guard])
-        if finding.what == "touch":
+        touched = self.engine.system.equations(self.mode).guards[guard]
+        if finding.lowest:
+            orders = self.engine.switching.contact_orders(self.time, self.x.tolist(), self.mode, [touched.index])
+            self.multiplicity[guard] = max(2, orders[guard])
+        if finding.what == "touch" and touched.kind == "surface":  # a stick whose own end is touched goes on
             row = int(self.integers[k.I_MODE])
-            self._record(_KINDS.index("graze"), surface, row, row)
+            self._record(_KINDS.index("graze"), touched.index, row, row)
         return False
 
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:

@@ -101,16 +101,28 @@ def _bits(typing, number):  # type: ignore[no-untyped-def]
     return signature, codegen
 
 
+@intrinsic
+def _from_bits(typing, bits):  # type: ignore[no-untyped-def]
+    """The double with these bits."""
+    signature = types.float64(types.int64)
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        return builder.bitcast(args[0], ir.DoubleType())
+
+    return signature, codegen
+
+
 @inner()
-def _root(ratio, degree):  # type: ignore[no-untyped-def]
-    """ratio ** (1 / degree) to about one part in 200: a step size needs no more.
+def _root(above, below, power):  # type: ignore[no-untyped-def]
+    """(above / below) ** power to about one part in 100: a step size needs no more. Both positive.
 
     The exponent and the leading bits of a double are a piecewise linear logarithm to base 2.
     """
-    exponent = (_bits(ratio) * 2.220446049250313e-16 - 1023.0) / degree
-    whole = np.floor(exponent)
+    logarithm = (_bits(above) - _bits(below)) * 2.220446049250313e-16
+    exponent = logarithm * power + 1023.0  # positive: truncated is floor
+    whole = np.int64(exponent)
     part = exponent - whole
-    return np.ldexp(1.0 + part * (0.6565 + 0.3435 * part), int(whole))
+    return _from_bits(whole << 52) * (1.0 + part * (0.6565 + 0.3435 * part))
 
 
 @inner(fastmath={"contract", "nsz"})
@@ -136,12 +148,13 @@ def _step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
         return 0.0
     theta = 1.0
     longest = min(c[rows, 3], FAR)
+    power, other = 1.0 / order, 1.0 / (order - 1)
     for _ in range(4):
         new = FAR
         if last > 0.0:
-            new = min(new, _root(tolerance / last, order))
+            new = min(new, _root(tolerance, last, power))
         if before > 0.0:
-            new = min(new, _root(tolerance / before, order - 1))
+            new = min(new, _root(tolerance, before, other))
         if new >= 0.5 * theta:
             return min(new, longest)
         theta = new
@@ -187,7 +200,8 @@ def _trusted(floats, integers, x, expansion, closing, constants, c, ahead, chang
     """A step no longer than where the expansion still tells what lies there, ``theta`` if that is so.
 
     Coefficients that are zero promise an endless step (a high power seen from where it is flat). The
-    expansion is made anew on the step and at its end: guards and slopes must be what was foretold.
+    expansion is made anew on the step and at its end: guards and slopes must be what was foretold. A step no
+    longer than the last needs no such trust (and where a guard is next to zero rounding alone may disagree).
     """
     n = x.size
     sigma = floats[F_SIGMA]
@@ -212,6 +226,8 @@ def _trusted(floats, integers, x, expansion, closing, constants, c, ahead, chang
         if agreed:
             return theta
         theta *= 0.25
+        if theta <= 1.0:
+            return theta
     return theta
 
 
@@ -400,7 +416,8 @@ def advance(  # type: ignore[no-untyped-def]
         _call_closing(addresses[mode, 1], theta, c, change)
         early = False
         for g in range(guards):
-            hits[g] = 1 if c[n + g, multiplicity[g]] <= 0.0 and layout[1 + g, 2] == 0 else 0
+            low = c[n + g, multiplicity[g]] <= 0.0 and layout[1 + g, 2] == 0
+            hits[g] = 1 if low and not _silent(c[n + g], order) else 0
             early = early or hits[g] == 1
         if early:  # on a surface and not leaving it: Python looks closer
             return RESOLVE
@@ -503,6 +520,15 @@ def _ends_at_zero(row, zeros, order, theta):  # type: ignore[no-untyped-def]
 
 
 @inner()
+def _silent(row, order):  # type: ignore[no-untyped-def]
+    """True for a guard that is zero and stays so: nothing falls through zero there."""
+    size = 0.0
+    for k in range(order + 1):
+        size += abs(row[k])
+    return size == 0.0
+
+
+@inner()
 def _at_zero(row, zeros, order, tau, rising_only):  # type: ignore[no-untyped-def]
     """True if a guard is at zero at the event of another one, as far as rounding can tell."""
     q = row[zeros:]
@@ -513,4 +539,4 @@ def _at_zero(row, zeros, order, tau, rising_only):  # type: ignore[no-untyped-de
     for k in range(degree + 1):
         size += abs(q[k]) * power
         power *= tau
-    return value(q, degree, tau) <= 32.0 * _EPS * size
+    return size > 0.0 and value(q, degree, tau) <= 32.0 * _EPS * size

@@ -92,9 +92,11 @@ def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-unty
         top -= 1
         b = stack[top]
         low, high = bounds[top, 0], bounds[top, 1]
-        first, last, changes, largest = 0, 0, 0, 0.0
+        first, last, clear, changes, largest = 0, 0, 0, 0, 0.0
         for i in range(degree + 1):
             largest = max(largest, abs(b[i]))
+            if clear == 0 and abs(b[i]) > noise:
+                clear = 1 if b[i] > 0.0 else -1
             if b[i] != 0.0:
                 sign = 1 if b[i] > 0.0 else -1
                 if last == 0:
@@ -105,7 +107,7 @@ def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-unty
         if before > 0 and first < 0:
             return ROOT, low, low
         if before > 0 and first > 0 and b[0] <= noise:  # zero where the step was halved, positive on both sides
-            return TOUCH, low, low
+            return (ROOT if clear < 0 else TOUCH), low, low
         if changes == 0 or (changes == 1 and first < 0):
             before = last if last != 0 else before
             continue

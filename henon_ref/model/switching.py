@@ -198,7 +198,9 @@ class Switching:
                 continue
             first = 1 if guard.kind == "surface" else 0
             size = self._size(t, x, mode, guard.index)
-            if _leading_sign(series, first, rate, size, zero) <= 0:
+            head = _leading_sign(series, first, rate, size, zero)
+            # A surface that is never left is no slip; an equivalent sign that stays at its limit still holds.
+            if head < 0 or (head == 0 and guard.kind == "surface"):
                 broken.append(guard)
         return tuple(broken)
 

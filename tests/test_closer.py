@@ -1,0 +1,78 @@
+"""The closer look: what a polynomial does near a doubtful point, far below a double's rounding."""
+
+from __future__ import annotations
+
+import mpmath
+import pytest
+import sympy as sp
+
+from henon_ref.henon.closer import DIGITS, CloserLook, Finding, first_falling_root
+from henon_ref.model.system import TIME, FilippovSystem
+
+X = sp.Symbol("x", real=True)
+S = sp.Symbol("s", real=True)
+
+
+def look(surface: sp.Expr, near: float, reach: float = 2.0) -> Finding:
+    """Look at a surface that depends on x = t alone, from t = 0 on its upper side."""
+    system = FilippovSystem((X,), (S,), (surface,), (sp.Integer(1),))
+    return CloserLook(system).look((1,), 0, 0, (0.0, 0.0), [(0.0, 0.0)], near, reach)
+
+
+@pytest.mark.parametrize("power", [2, 4, 6])
+@pytest.mark.parametrize("depth", ["1e-10", "1e-15", "1e-30"])
+def test_a_dip_below_zero_is_a_root_and_one_above_it_a_miss(power: int, depth: str) -> None:
+    bottom = (X - 1) ** power
+    below = look(bottom - sp.Rational(depth), 1 + 1e-9)
+    with mpmath.workdps(40):
+        exact = 1 - mpmath.mpf(depth) ** (mpmath.mpf(1) / power)
+        assert below.what == "root"
+        assert not below.lowest
+        assert abs(mpmath.mpf(below.time[0]) + mpmath.mpf(below.time[1]) - exact) < 1e-30
+    above = look(bottom + sp.Rational(depth), 1 + 1e-9)
+    assert (above.what, above.lowest) == ("miss", True)
+    assert above.time[0] == pytest.approx(1, abs=1e-11 if power == 6 else 1e-15)
+
+
+@pytest.mark.parametrize("power", [2, 4, 6])
+def test_an_exact_touch_is_one(power: int) -> None:
+    found = look((X - 1) ** power, 1 - 1e-7)
+    assert (found.what, found.lowest) == ("touch", True)
+    assert found.time[0] == pytest.approx(1, abs=1e-11 if power == 6 else 1e-15)
+
+
+def test_a_root_behind_the_minimum_waits() -> None:
+    found = look(((X - 1) ** 2 + sp.Rational(1, 10**20)) * (sp.Rational(3, 2) - X), 1.0)
+    assert (found.what, found.lowest) == ("miss", True)
+    assert found.time[0] == pytest.approx(1, abs=1e-15)
+
+
+def test_a_root_at_the_end_of_the_step_is_found_in_round_numbers() -> None:
+    found = look(1 - X, 1.0, reach=1.0)
+    assert (found.what, found.time, found.state) == ("root", (1.0, 0.0), ((1.0, 0.0),))
+
+
+def test_a_sine_touches_only_where_it_does() -> None:
+    """1 + g - sin(t) at its crest, from far away: the polynomial knows it to 1e-37."""
+    for power in (12, 16, 24):
+        gap = sp.Rational(1, 10**power)
+        assert look(1 + gap - sp.sin(X), 1.57, reach=2.5).what == "miss"
+        assert look(1 - gap - sp.sin(X), 1.57, reach=2.5).what == "root"
+
+
+def test_the_first_of_many_roots_is_isolated() -> None:
+    with mpmath.workdps(DIGITS):
+        q = [mpmath.mpf(1)]
+        for root in ("0.25", "0.2500001", "0.5", "0.75"):
+            factor = [mpmath.mpf(root), mpmath.mpf(-1)]
+            q = [sum(q[i] * factor[k - i] for i in range(len(q)) if 0 <= k - i < 2) for k in range(len(q) + 1)]
+        outcome, low, high = first_falling_root(q)
+        assert outcome == "root"
+        assert low <= mpmath.mpf("0.25") <= high < mpmath.mpf("0.2500001")
+
+
+def test_time_is_the_system_s() -> None:
+    system = FilippovSystem((X,), (S,), (1 - TIME,), (sp.Integer(0),))
+    found = CloserLook(system).look((1,), 0, 0, (0.5, 1e-20), [(0.0, 0.0)], 0.5, 0.75)
+    assert found.what == "root"
+    assert found.time == (1.0, 0.0)
