@@ -1,113 +1,34 @@
 """Straight-line machine code for the Taylor coefficients of one mode, from its tape.
 
 The tape is unrolled to a fixed order and written as LLVM IR: every coefficient is one value, structural
-zeros (a constant's derivatives, a clock's beyond the first) never become instructions, squares are halved.
-Time is measured in units of ``sigma``, about the size of a step, so that coefficients neither overflow nor
-vanish whatever the units of the model.
+zeros (a constant's derivatives, a clock's beyond the first) never become instructions, squares are halved,
+sums are taken together (:mod:`henon_ref.henon.linear`), convolutions share the lanes of vectors
+(:mod:`henon_ref.henon.recurrences`). Time is measured in units of ``sigma``, about the size of a step, so
+that coefficients neither overflow nor vanish whatever the units of the model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from henon_ref.taylor.tape import Node, Tape
+from henon_ref.henon.emitter import MINUS, ONE, ZERO, Value, Writer, literal
+from henon_ref.henon.emitter import declarations as _declarations
+from henon_ref.henon.linear import LINEAR, Factor, Form, Forms
+from henon_ref.henon.recurrences import LANES, Convolutions, Recurrences, convolved
+from henon_ref.taylor.tape import Tape
 
-LANES = 4
-"""Doubles in a vector; a row of coefficients is padded with zeros to whole vectors."""
 SWING = 8.0
 """How far the argument of an exponential may move on one step."""
-LIBM = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt", "pow")
-_FAST = "contract nsz arcp"
-"""Fused multiply-adds are welcome; the order of a sum stays as written (newest coefficients come last)."""
-
-Value = str | None
-"""An LLVM value, or None for a structural zero."""
 
 
-class _Writer:
-    """Emits instructions; knows zeros and ones."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-        self._next = 0
-
-    def emit(self, text: str) -> str:
-        name = f"%v{self._next}"
-        self._next += 1
-        self.lines.append(f"  {name} = {text}")
-        return name
-
-    def binary(self, op: str, a: str, b: str) -> str:
-        return self.emit(f"{op} {_FAST} double {a}, {b}")
-
-    def exact(self, op: str, a: str, b: str) -> str:
-        """Without any licence to the optimiser: for double-double arithmetic."""
-        return self.emit(f"{op} double {a}, {b}")
-
-    def mul(self, a: Value, b: Value) -> Value:
-        if a is None or b is None:
-            return None
-        return self.binary("fmul", a, b)
-
-    def add(self, a: Value, b: Value) -> Value:
-        if a is None or b is None:
-            return a if b is None else b
-        return self.binary("fadd", a, b)
-
-    def sub(self, a: Value, b: Value) -> Value:
-        if b is None:
-            return a
-        return self.neg(b) if a is None else self.binary("fsub", a, b)
-
-    def neg(self, a: Value) -> Value:
-        return None if a is None else self.emit(f"fneg {_FAST} double {a}")
-
-    def scaled(self, factor: float, a: Value) -> Value:
-        if a is None or factor == 1.0:
-            return a
-        return self.binary("fmul", _literal(factor), a)
-
-    def larger(self, a: str, b: str) -> str:
-        """The larger of two numbers that are not negative."""
-        return self.emit(f"select i1 {self.emit(f'fcmp ogt double {a}, {b}')}, double {a}, double {b}")
-
-    def store(self, value: str, array: str, index: int) -> None:
-        pointer = self.emit(f"getelementptr double, ptr {array}, i64 {index}")
-        self.lines.append(f"  store double {value}, ptr {pointer}")
-
-    def vector(self, values: Sequence[str]) -> str:
-        """A vector of scalar values."""
-        kind = f"<{len(values)} x double>"
-        result = "poison"
-        for at, value in enumerate(values):
-            result = self.emit(f"insertelement {kind} {result}, double {value}, i64 {at}")
-        return result
-
-    def call(self, name: str, *args: str) -> str:
-        target = f"@llvm.{name}.f64" if name in ("sqrt", "fabs", "fma") else f"@{name}"
-        return self.emit(f"call double {target}({', '.join(f'double {a}' for a in args)})")
-
-    def total(self, old: Sequence[tuple[Value, Value]], new: Sequence[tuple[Value, Value]] = ()) -> Value:
-        """Sum of products: the ``old`` ones in two chains, then the ``new`` ones, one fused operation each.
-
-        A coefficient waits for the newest coefficients of its arguments; with their products added last,
-        to a sum made before, each operation adds one instruction to the chain from order to order.
-        """
-        chains: list[Value] = [None, None]
-        pairs = [(a, b) for a, b in old if a is not None and b is not None]
-        for at, (a, b) in enumerate(pairs):
-            which = at % 2 if len(pairs) > 3 else 0
-            chains[which] = self.add(chains[which], self.mul(a, b))
-        total: Value = self.add(chains[1], chains[0])
-        for first, second in new:
-            total = self.add(total, self.mul(first, second))
-        return total
+def declarations() -> str:
+    """LLVM declarations of the functions that the generated code calls."""
+    return _declarations(LANES)
 
 
-def _literal(value: float) -> str:
-    import struct
-
-    return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
+def row_length(order: int) -> int:
+    """Doubles from one row of coefficients to the next: whole vectors, padded with zeros."""
+    return -(-(order + 1) // LANES) * LANES if order else 1
 
 
 def expansion_ir(tape: Tape, states: int, order: int, name: str) -> str:
@@ -129,43 +50,16 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str) -> str:
     name : str
         Name of the function.
     """
-    w = _Writer()
-    constants: dict[tuple[int, bool], str] = {}
-
-    def constant(index: int, low: bool = False) -> str:
-        key = (index, low)
-        if key not in constants:
-            at = index + (len(tape.constants) if low else 0)
-            pointer = w.emit(f"getelementptr double, ptr %K, i64 {at}")
-            constants[key] = w.emit(f"load double, ptr {pointer}")
-        return constants[key]
-
-    for node in tape.nodes:
-        for index in node.constants:
-            constant(index)
-            if node.op == "clock":
-                constant(index, low=True)
-    rates = [w.scaled(1.0 / (k + 1), "%sigma") for k in range(order)]
-    solution: list[list[Value]] = []
-    for i in range(states):
-        pointer = w.emit(f"getelementptr double, ptr %x, i64 {i}")
-        solution.append([w.emit(f"load double, ptr {pointer}")])
-    expander = _Expander(w, tape, constant, solution)
-    for k in range(order + 1):
-        last = k == order and order > 0
-        for at, node in enumerate(tape.nodes):
-            if not last or at in expander.needed_last:
-                expander.append(at, node, k)
-            else:
-                expander.series[at].append(None)
-        if k < order:
-            for target, source in zip(solution, tape.field, strict=True):
-                target.append(w.mul(rates[k], expander.series[source][k]))
-    rows = [*solution, *(expander.series[i] for i in tape.outputs)]
+    w = Writer()
+    expander = _Expander(w, tape, states, order)
+    expander.run()
+    rows = [*expander.solution, *expander.outputs]
     width = row_length(order)
-    for r, row in enumerate(rows):
-        for k in range(order + 1):
-            w.store(row[k] or _literal(0.0), "%C", r * width + k)
+    for r in range(states):
+        for k, value in enumerate(rows[r]):
+            w.store(value or ZERO, "%C", r * width + k)
+    for r, root in enumerate(tape.outputs, states):
+        expander.store_output(root, rows[r], r)
     if order >= 3:
         for at, value in enumerate([*_norms(w, rows, order), _longest(w, expander)]):
             w.store(value, "%C", len(rows) * width + at)
@@ -176,49 +70,6 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str) -> str:
     )
 
 
-def row_length(order: int) -> int:
-    """Doubles from one row of coefficients to the next."""
-    return -(-(order + 1) // LANES) * LANES if order else 1
-
-
-def _norms(w: _Writer, rows: Sequence[Sequence[Value]], order: int) -> list[str]:
-    """(largest last, largest last but one, sum of all): relative to each row's size on a step of sigma."""
-    largest, total = ["", ""], ""
-    for row in rows:
-        size = _literal(1e-300)
-        for value in row[:3]:
-            if value is not None:
-                size = w.binary("fadd", size, w.call("fabs", value))
-        inverse = w.exact("fdiv", _literal(1.0), size)
-        for at, k in enumerate((order, order - 1)):
-            value = row[k]
-            if value is None:
-                continue
-            ratio = w.binary("fmul", w.call("fabs", value), inverse)
-            total = w.binary("fadd", total, ratio) if total else ratio
-            largest[at] = w.larger(largest[at], ratio) if largest[at] else ratio
-    return [value or _literal(0.0) for value in (*largest, total)]
-
-
-def _longest(w: _Writer, expander: _Expander) -> str:
-    """Longest step, in units of sigma, on which no exponential's argument moves by more than SWING.
-
-    An exponential that is zero in double precision (a drive that sleeps) has no Taylor coefficient that could
-    tell of its waking: its argument does.
-    """
-    result = _literal(1e30)
-    for node in expander.tape.nodes:
-        if node.op in ("exp", "sinh", "tanh"):
-            terms = [w.call("fabs", a) for a in expander.series[node.args[0]][1:3] if a is not None]
-            if terms:
-                total = terms[0] if len(terms) == 1 else w.binary("fadd", terms[0], terms[1])
-                ratio = w.exact("fdiv", _literal(SWING), w.binary("fadd", total, _literal(1e-300)))
-                result = w.emit(
-                    f"select i1 {w.emit(f'fcmp olt double {ratio}, {result}')}, double {ratio}, double {result}"
-                )
-    return result
-
-
 def closing_ir(states: int, outputs: int, order: int, name: str) -> str:
     """LLVM IR of ``void name(double theta, double* C, double* out)``: what a step needs of its coefficients.
 
@@ -226,35 +77,25 @@ def closing_ir(states: int, outputs: int, order: int, name: str) -> str:
     rounds once), then for each output a bound from below on (0, theta]: its first coefficient plus its
     negative terms.
     """
-    w = _Writer()
+    w = Writer()
     vector = f"<{LANES} x double>"
     width = row_length(order)
     square = w.exact("fmul", "%theta", "%theta")
-    lanes = [_literal(1.0), "%theta", square, w.exact("fmul", square, "%theta")]
-    jump = w.exact("fmul", square, square)
-    powers = [w.vector(lanes)]
-    stride = w.vector([jump] * LANES)
-    for v in range(1, width // LANES):
-        if v == 2:
-            stride = w.emit(f"fmul {vector} {stride}, {stride}")
-        powers.append(w.emit(f"fmul {vector} {powers[v - 1 if v == 1 else v - 2]}, {stride}"))
-    powers[0] = w.vector([_literal(0.0), *lanes[1:]])
-    zero = w.vector([_literal(0.0)] * LANES)
+    jump = w.vector([w.exact("fmul", square, square)] * LANES)
+    powers = w.vector([ONE, "%theta", square, w.exact("fmul", square, "%theta")])
+    zero = w.vector([ZERO] * LANES)
     for r in range(states + outputs):
         total = ""
-        for v in range(len(powers) - 1, -1, -1):  # small terms first
-            pointer = w.emit(f"getelementptr double, ptr %C, i64 {r * width + v * LANES}")
-            term = w.emit(f"load {vector}, ptr {pointer}, align 8")
-            term = w.emit(f"fmul contract {vector} {term}, {powers[v]}")
+        for v in range(width // LANES - 1, -1, -1):
+            term = w.load("%C", r * width + v * LANES, vector)
+            if v == 0:
+                term = w.emit(f"insertelement {vector} {term}, double {ZERO}, i64 0")
             if r >= states:
                 below = w.emit(f"fcmp olt {vector} {term}, {zero}")
-                mask = f"<{LANES} x i1> {below}"
-                term = w.emit(f"select {mask}, {vector} {term}, {vector} {zero}")
-            total = w.emit(f"fadd contract {vector} {total}, {term}") if total else term
-        start = _literal(-0.0)
-        if r >= states:
-            pointer = w.emit(f"getelementptr double, ptr %C, i64 {r * width}")
-            start = w.emit(f"load double, ptr {pointer}")
+                term = w.emit(f"select <{LANES} x i1> {below}, {vector} {term}, {vector} {zero}")
+            total = w.lanewise_fused(LANES, total, jump, term) if total else term
+        total = w.lanewise("fmul", LANES, total, powers)
+        start = w.load("%C", r * width) if r >= states else literal(-0.0)
         w.store(
             w.emit(f"call reassoc double @llvm.vector.reduce.fadd.v{LANES}f64(double {start}, {vector} {total})"),
             "%out",
@@ -264,194 +105,243 @@ def closing_ir(states: int, outputs: int, order: int, name: str) -> str:
     return f"define void @{name}(double %theta, ptr noalias %C, ptr noalias %out) {{\nentry:\n{body}\n  ret void\n}}\n"
 
 
-def declarations() -> str:
-    """LLVM declarations of the mathematical functions the expansions call."""
-    lines = [f"declare double @{f}(double) readnone nounwind" for f in LIBM if f not in ("sqrt", "pow")]
-    lines.append("declare double @pow(double, double) readnone nounwind")
-    lines += ["declare double @llvm.sqrt.f64(double)", "declare double @llvm.fabs.f64(double)"]
-    lines.append(f"declare double @llvm.vector.reduce.fadd.v{LANES}f64(double, <{LANES} x double>)")
-    lines.append("declare double @llvm.fma.f64(double, double, double)")
-    return "\n".join(lines) + "\n"
+def _norms(w: Writer, rows: Sequence[Sequence[Value]], order: int) -> list[str]:
+    """(largest last, largest last but one, sum of all): relative to each row's size on a step of sigma."""
+    largest, total = ["", ""], ""
+    for row in rows:
+        size = literal(1e-300)
+        for value in row[:3]:
+            if value is not None:
+                size = w.binary("fadd", size, w.call("fabs", value))
+        inverse = w.exact("fdiv", ONE, size)
+        for at, k in enumerate((order, order - 1)):
+            value = row[k]
+            if value is None:
+                continue
+            ratio = w.binary("fmul", w.call("fabs", value), inverse)
+            total = w.binary("fadd", total, ratio) if total else ratio
+            largest[at] = w.larger(largest[at], ratio) if largest[at] else ratio
+    return [value or ZERO for value in (*largest, total)]
+
+
+def _longest(w: Writer, expander: _Expander) -> str:
+    """Longest step, in units of sigma, on which no exponential's argument moves by more than SWING.
+
+    An exponential that is zero in double precision (a drive that sleeps) has no Taylor coefficient that could
+    tell of its waking: its argument does.
+    """
+    result = literal(1e30)
+    for node in expander.tape.nodes:
+        if node.op in ("exp", "sinh", "tanh"):
+            terms = [w.call("fabs", a) for a in expander.series(node.args[0])[1:3] if a is not None]
+            if terms:
+                total = terms[0] if len(terms) == 1 else w.binary("fadd", terms[0], terms[1])
+                ratio = w.exact("fdiv", literal(SWING), w.binary("fadd", total, literal(1e-300)))
+                result = w.emit(
+                    f"select i1 {w.emit(f'fcmp olt double {ratio}, {result}')}, double {ratio}, double {result}"
+                )
+    return result
 
 
 class _Expander:
-    """The recurrences of every operation, writing code instead of computing."""
+    """Goes through the tape order by order."""
 
-    def __init__(self, w: _Writer, tape: Tape, constant, solution: list[list[Value]]) -> None:  # type: ignore[no-untyped-def]
-        self.w = w
-        self.tape = tape
-        self.constant = constant
-        self.solution = solution
-        self.series: list[list[Value]] = [[] for _ in tape.nodes]
-        self.low: dict[int, str] = {}
-        self.inverse: dict[int, str] = {}
-        self.weighted: dict[tuple[int, int], Value] = {}
-        self.made: dict[tuple[int, str], Value] = {}
-        self.calls: dict[tuple[str, str], str] = {}
-        self.needed_last = _ancestors(tape, tape.outputs)
+    def __init__(self, w: Writer, tape: Tape, states: int, order: int) -> None:
+        self.w, self.tape, self.states, self.order = w, tape, states, order
+        self.forms = Forms(tape)
+        self._constants: dict[tuple[int, bool], str] = {}
+        self._factors: dict[Factor, Value] = {}
+        self._series: list[list[Value]] = [[] for _ in tape.nodes]
+        for node in tape.nodes:  # loads first: they wait for nothing
+            for index in node.constants:
+                self.constant(index, False)
+                if node.op == "clock":
+                    self.constant(index, True)
+        self.solution: list[list[Value]] = [[w.load("%x", i)] for i in range(states)]
+        for at, node in enumerate(tape.nodes):
+            if node.op == "state":
+                self._series[at] = self.solution[node.args[0]]
+        bases = self.forms.bases
+        pairs = convolved(tape, lambda at: bases[at][0] if at in bases else at)
+        self.convolutions = Convolutions(w, self.series, pairs, order)
+        self.recurrences = Recurrences(w, tape, self.constant, self.convolutions, self.series, order)
+        self.field = [self.forms.of(root) for root in tape.field]
+        self.targets = [self.forms.of(root) for root in tape.outputs]
+        self.kept = {at: self.forms.of(at) for at in self.forms.kept}
+        self.absorbed = self._absorbed()
+        self.needed_last = self._needed([leaf for form in self.targets for leaf in form.terms])
+        self.outputs: list[list[Value]] = []
 
-    def append(self, at: int, node: Node, k: int) -> None:
-        self.series[at].append(self._value(at, node, k))
+    def constant(self, index: int, low: bool) -> str:
+        """A constant of the tape, or what rounding it lost."""
+        key = (index, low)
+        if key not in self._constants:
+            at = index + (len(self.tape.constants) if low else 0)
+            self._constants[key] = self.w.load("%K", at)
+        return self._constants[key]
 
-    def _value(self, at: int, node: Node, k: int) -> Value:
-        w, op = self.w, node.op
-        if op == "state":
-            return self.solution[node.args[0]][k]
-        if op == "constant":
-            return self.constant(node.constants[0]) if k == 0 else None
-        if op == "clock":
-            return self._clock(at, node, k)
-        y = self.series[at]
-        a = self.series[node.args[0]]
-        c = [self.constant(i) for i in node.constants]
-        if op in ("add", "sub", "mul", "div"):
-            return self._binary(op, node, y, a, k)
-        if op == "square":
-            if k == 0:
-                return w.mul(a[0], a[0])
-            old = self._halved_square(a, k)
-            return w.add(old, w.mul(self._made(node.args[0], "twice", lambda: w.add(a[0], a[0])), a[k]))
-        if op == "scale":
-            return w.mul(c[0], a[k])
-        if op == "shift":
-            return w.add(a[k], c[0]) if k == 0 else a[k]
-        if op == "rsub":
-            return w.sub(c[0], a[k]) if k == 0 else w.neg(a[k])
-        if op == "recip":
-            inverse = self._inverse(node.args[0])
-            if k == 0:
-                return w.mul(c[0], inverse)
-            # -(sum over j < k of y_j a_(k-j)) / a_0, the newest coefficient a_k apart
-            slope = self._made(at, "slope", lambda: w.neg(w.mul(y[0], inverse)))
-            old = w.total([(y[j], a[k - j]) for j in range(1, k)])
-            return w.add(w.neg(w.mul(old, inverse)), w.mul(slope, a[k]))
-        return self._transcendental(node, y, a, k, c)
+    def series(self, at: int) -> list[Value]:
+        """Coefficients of a node known so far."""
+        return self._series[at]
 
-    def _binary(self, op: str, node: Node, y: list[Value], a: list[Value], k: int) -> Value:
-        w, b = self.w, self.series[node.args[1]]
-        if op == "add":
-            return w.add(a[k], b[k])
-        if op == "sub":
-            return w.sub(a[k], b[k])
-        if op == "mul":
-            new = [(a[k], b[0]), (a[0], b[k])] if k else [(a[0], b[0])]
-            return w.total([(a[j], b[k - j]) for j in range(1, k)], new)
-        rest = w.total([(y[j], b[k - j]) for j in range(1, k)], [(y[0], b[k])] if k else [])
-        return w.mul(w.sub(a[k], rest), self._inverse(node.args[1]))
+    def run(self) -> None:
+        """Write the coefficients of all nodes that are wanted, of the states and of the outputs."""
+        order = self.order
+        wanted = [at for at, n in enumerate(self.tape.nodes) if at in self.kept or n.op not in (*LINEAR, "state")]
+        rates = [self._rates(form) for form in self.field]
+        for k in range(order + 1):
+            self.convolutions.add_up(k)
+            for at in wanted:
+                if k < order or order == 0 or at in self.needed_last:
+                    self._series[at].append(self._value(at, k))
+                else:
+                    self._series[at].append(None)
+            if k < order:
+                for target, form, rate in zip(self.solution, self.field, rates, strict=True):
+                    target.append(self._slope(form, rate, k))
+            self.convolutions.pack(k)
+        self.outputs = [self._output(form) for form in self.targets]
 
-    def _halved_square(self, a: list[Value], k: int) -> Value:
-        """Sum of a_j a_(k-j) over 1 <= j <= k - 1, each product formed once."""
-        w = self.w
-        half = w.total([(a[j], a[k - j]) for j in range(1, (k - 1) // 2 + 1)])
-        double = w.add(half, half)
-        return double if k % 2 else w.add(double, w.mul(a[k // 2], a[k // 2]))
+    # -- linear parts -----------------------------------------------------------------------------------
 
-    def _made(self, node: int, what: str, make: Callable[[], Value]) -> Value:
-        """A value made at order zero and used at all later ones."""
-        if (node, what) not in self.made:
-            self.made[node, what] = make()
-        return self.made[node, what]
-
-    def _inverse(self, node: int) -> str:
-        """1 / (order-zero value), made once: a division costs more than all the products of an order."""
-        if node not in self.inverse:
-            value = self.series[node][0] or _literal(0.0)
-            self.inverse[node] = self.w.exact("fdiv", _literal(1.0), value)
-        return self.inverse[node]
-
-    def _clock(self, at: int, node: Node, k: int) -> Value:
-        """c0 + c1 t in double-double, so that a phase loses nothing at large times."""
-        w = self.w
-        c0, c1 = node.constants
-        if k == 1:
-            return w.mul(self.constant(c1), "%sigma")
-        if k > 1:
-            return None
-        slope = self.constant(c1)
-        product = w.exact("fmul", slope, "%t_hi")
-        negative = w.emit(f"fneg double {product}")
-        error = w.call("fma", slope, "%t_hi", negative)
-        error = w.exact("fadd", error, w.exact("fmul", self.constant(c1, low=True), "%t_hi"))
-        error = w.exact("fadd", error, w.exact("fmul", slope, "%t_lo"))
-        shift = self.constant(c0)
-        total = w.exact("fadd", product, shift)  # two-sum
-        part = w.exact("fsub", total, product)
-        lost = w.exact(
-            "fadd",
-            w.exact("fsub", product, w.exact("fsub", total, part)),
-            w.exact("fsub", shift, part),
-        )
-        low = w.exact("fadd", w.exact("fadd", error, lost), self.constant(c0, low=True))
-        value = w.exact("fadd", total, low)
-        self.low[at] = w.exact("fsub", low, w.exact("fsub", value, total))
-        return value
-
-    def _transcendental(self, node: Node, y: list[Value], a: list[Value], k: int, c: list[str]) -> Value:
-        w, op = self.w, node.op
-        if k == 0:
-            return self._start(node, a, c)
-        if op == "sqrt":
-            inner = self._halved_square(y, k)
-            return w.mul(w.scaled(0.5, w.sub(a[k], inner)), self._inverse_of(y[0]))
-        if op == "power":
-            terms = []
-            for j in range(1, k + 1):
-                if a[j] is None or y[k - j] is None:
-                    continue
-                weight = w.sub(w.scaled(float(j), c[0]), _literal(float(k - j)))
-                terms.append((w.mul(weight, a[j]), y[k - j]))
-            return w.scaled(1.0 / k, w.mul(w.total(terms[:-1], terms[-1:]), self._inverse(node.args[0])))
-        if op in ("exp", "sin", "cos", "sinh", "cosh", "tan", "tanh"):
-            q = y if op == "exp" else self.series[node.args[1]]
-            terms = [(self._weighted(node.args[0], j), q[k - j]) for j in range(1, k + 1)]
-            value = w.scaled(1.0 / k, w.total(terms[1:-1], terms[:1] + terms[1:][-1:]))
-            return w.neg(value) if op == "cos" else value
-        # log, atan, asin, acos: y' q = a'
-        at = node.args[0] if op == "log" else node.args[1]
-        q = self.series[at]
+    def factor(self, factors: Sequence[Factor]) -> Value:
+        """A sum of products of constants (1 for an empty product)."""
         total: Value = None
-        for j in range(1, k):
-            total = w.add(total, w.scaled(float(j), w.mul(y[j], q[k - j])))
-        rest = w.neg(a[k]) if op == "acos" else a[k]
-        return w.mul(w.sub(rest, w.scaled(1.0 / k, total)), self._inverse(at))
+        for f in factors:
+            if f not in self._factors:
+                product: Value = ONE
+                for index in f.constants:
+                    product = self.w.mul(product, self.constant(index, False))
+                if f.sign < 0:
+                    product = MINUS if product == ONE else self.w.neg(product)
+                self._factors[f] = product
+            total = self.w.add(total, self._factors[f])
+        return total
 
-    def _start(self, node: Node, a: list[Value], c: list[str]) -> Value:
-        w, op = self.w, node.op
-        argument = a[0] or _literal(0.0)
-        if op == "power":
-            return w.call("pow", argument, c[0])
-        value = self._called(op, argument)
-        if op in ("sin", "cos") and node.args[0] in self.low:
-            partner = self._called("cos" if op == "sin" else "sin", argument)
-            correction = w.exact("fmul", self.low[node.args[0]], partner)
-            return w.exact("fadd" if op == "sin" else "fsub", value, correction)
-        return value
+    def linear(self, form: Form, k: int) -> Value:
+        """Coefficient k of a form."""
+        total = self.factor(form.constant) if k == 0 and form.constant else None
+        for leaf in form.leaves():
+            total = self._added(total, form.terms[leaf], self._series[leaf][k])
+        return total
 
-    def _called(self, op: str, argument: str) -> str:
-        if (op, argument) not in self.calls:
-            self.calls[op, argument] = self.w.call(op, argument)
-        return self.calls[op, argument]
+    def _added(self, total: Value, factors: Sequence[Factor], value: Value) -> Value:
+        return self.w.fused(self.factor(factors), value, total)
 
-    def _weighted(self, node: int, j: int) -> Value:
-        if (node, j) not in self.weighted:
-            self.weighted[node, j] = self.w.scaled(float(j), self.series[node][j])
-        return self.weighted[node, j]
+    def _rates(self, form: Form) -> dict[int, Value]:
+        """Factors of a state's rate, times sigma."""
+        return {
+            leaf: self.w.mul(self.factor(factors), "%sigma")
+            for leaf, factors in form.terms.items()
+            if self.order and leaf not in self.absorbed
+        }
 
-    def _inverse_of(self, value: Value) -> str:
-        key = -1 - hash(value)
-        if key not in self.inverse:
-            self.inverse[key] = self.w.exact("fdiv", _literal(1.0), value or _literal(0.0))
-        return self.inverse[key]
+    def _slope(self, form: Form, rate: dict[int, Value], k: int) -> Value:
+        """Coefficient k + 1 of a state whose rate is this form."""
+        w = self.w
+        leaves = form.leaves()
+        part = literal(1.0 / (k + 1))
+        constant = w.mul(self.factor(form.constant), "%sigma") if k == 0 and form.constant else None
+        if len(leaves) == 1 and constant is None and leaves[0] not in self.absorbed:
+            return w.mul(w.mul(rate[leaves[0]], part), self._series[leaves[0]][k])
+        total: Value = constant
+        for leaf in leaves[:-1]:
+            total = w.fused(rate.get(leaf, ONE), self._series[leaf][k], total)
+        # The newest term apart: what waits for it is one operation.
+        last = leaves[-1] if leaves else -1
+        weight = part if last in self.absorbed else w.mul(rate[last], part) if leaves else None
+        return w.fused(weight, self._series[last][k] if leaves else None, w.mul(part, total))
 
+    def _output(self, form: Form) -> list[Value]:
+        """Coefficients of an output; of one that is linear in the states only those that the norms read."""
+        ends = {0, 1, 2, self.order - 1, self.order}
+        sparse = self._by_vectors(form)
+        return [self.linear(form, k) if not sparse or k in ends else None for k in range(self.order + 1)]
 
-def _ancestors(tape: Tape, roots: Sequence[int]) -> set[int]:
-    """Every node the roots read, and the roots."""
-    found: set[int] = set()
-    waiting = list(roots)
-    while waiting:
-        at = waiting.pop()
-        if at not in found:
-            found.add(at)
-            if tape.nodes[at].op != "state":
-                waiting.extend(tape.nodes[at].args)
-    return found
+    def _by_vectors(self, form: Form) -> bool:
+        return self.order >= LANES and all(self.tape.nodes[leaf].op == "state" for leaf in form.terms)
+
+    def store_output(self, root: int, values: Sequence[Value], row: int) -> None:
+        """Store an output's row: from the states' rows where it is linear in them."""
+        w, width = self.w, row_length(self.order)
+        form = self.targets[row - self.states]
+        if not self._by_vectors(form):
+            for k, value in enumerate(values):
+                w.store(value or ZERO, "%C", row * width + k)
+            return
+        kind = f"<{LANES} x double>"
+        factors = {leaf: w.vector([self.factor(f) or ZERO] * LANES) for leaf, f in form.terms.items()}
+        for v in range(width // LANES):
+            total = ""
+            for leaf in form.leaves():
+                state = self.tape.nodes[leaf].args[0]
+                values_of = w.load("%C", state * width + v * LANES, kind)
+                factor = factors[leaf]
+                total = (
+                    w.lanewise_fused(LANES, factor, values_of, total)
+                    if total
+                    else w.lanewise("fmul", LANES, factor, values_of)
+                )
+            w.store(total or w.vector([ZERO] * LANES), "%C", row * width + v * LANES, kind)
+        w.store(values[0] or ZERO, "%C", row * width)
+
+    # -- the other nodes --------------------------------------------------------------------------------
+
+    def _value(self, at: int, k: int) -> Value:
+        node = self.tape.nodes[at]
+        if at in self.kept:
+            return self.linear(self.kept[at], k)
+        if node.op != "recip":
+            return self.recurrences.value(at, node, k)
+        made = self.recurrences.made
+        numerator = made(at, "numerator", make=lambda: self._numerator(at))
+        argument = node.args[0]
+        if argument in self.forms.bases:
+            base, form = self.forms.bases[argument]
+            start = made(at, "start", make=lambda: self.linear(form, 0))
+            slope = self.factor(form.terms[base])
+        else:
+            base, start, slope = argument, self._series[argument][0], ONE
+        return self.recurrences.reciprocal(at, k, numerator or ZERO, (base, start or ZERO, slope or ZERO))
+
+    def _numerator(self, at: int) -> Value:
+        constant: Value = self.constant(self.tape.nodes[at].constants[0], False)
+        if at in self.absorbed:
+            constant = self.w.mul(self.w.mul(self.factor(self.absorbed[at]), constant), "%sigma")
+        return constant
+
+    def _absorbed(self) -> dict[int, Sequence[Factor]]:
+        """Reciprocals read nowhere but in one rate: their numerators take its factor, and sigma."""
+        if self.order == 0:
+            return {}
+        readers: dict[int, int] = {}
+        for form in (*self.field, *self.targets, *self.kept.values()):
+            for leaf in form.terms:
+                readers[leaf] = readers.get(leaf, 0) + 1
+        for node in self.tape.nodes:
+            if node.op not in (*LINEAR, "state"):
+                for at in node.args:
+                    readers[at] = readers.get(at, 0) + 2
+        return {
+            leaf: factors
+            for form in self.field
+            for leaf, factors in form.terms.items()
+            if self.tape.nodes[leaf].op == "recip" and readers[leaf] == 1
+        }
+
+    def _needed(self, roots: Sequence[int]) -> set[int]:
+        """Every node that these read, and these."""
+        found: set[int] = set()
+        waiting = list(roots)
+        while waiting:
+            at = waiting.pop()
+            node = self.tape.nodes[at]
+            if at not in found and node.op != "state":
+                found.add(at)
+                if at in self.kept:
+                    waiting.extend(self.kept[at].terms)
+                elif node.op == "recip" and node.args[0] in self.forms.bases:
+                    waiting.append(self.forms.bases[node.args[0]][0])
+                else:
+                    waiting.extend(node.args)
+        return found

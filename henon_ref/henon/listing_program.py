@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from henon_ref.jit import njit
 
-_compile = njit()
+_compile = njit(allocates=True)
 
 SINE, COSINE_1, COSINE_2 = math.sin(math.pi / 18), math.cos(math.pi / 9), math.cos(2 * math.pi / 9)
 WIDTH = 2 * math.sqrt(3) / 3

@@ -16,7 +16,7 @@ from henon_ref.henon.listing_program import EDGES, acceleration, base_position, 
 from henon_ref.jit import njit
 
 Floats = NDArray[np.float64]
-_compile = njit()
+_compile = njit(allocates=True)
 
 DEFECTS: dict[str, str] = {
     "aliased_steps": "`xn = x` names one list twice: every Runge-Kutta stage moves the state itself",

@@ -76,7 +76,8 @@ def build_tape(states: Sequence[sp.Symbol], field: Iterable[sp.Expr], outputs: I
     ModelError
         For a function that has no coefficient recurrence here (sign, Abs, Piecewise ...).
     """
-    builder = _Builder(tuple(states))
+    field, outputs = list(field), list(outputs)
+    builder = _Builder(tuple(states), _repeated([*field, *outputs]))
     field_nodes = tuple(builder.node(expression) for expression in field)
     output_nodes = tuple(builder.node(expression) for expression in outputs)
     return Tape(tuple(builder.nodes), tuple(builder.constants), field_nodes, output_nodes)
@@ -85,8 +86,9 @@ def build_tape(states: Sequence[sp.Symbol], field: Iterable[sp.Expr], outputs: I
 class _Builder:
     """Turns expressions into nodes; equal expressions become one node."""
 
-    def __init__(self, states: tuple[sp.Symbol, ...]) -> None:
+    def __init__(self, states: tuple[sp.Symbol, ...], repeated: frozenset[sp.Expr]) -> None:
         self.moving = {TIME, *states}
+        self.repeated = repeated
         self.nodes: list[Node] = []
         self.constants: list[sp.Expr] = []
         self._constant_index: dict[sp.Expr, int] = {}
@@ -148,14 +150,17 @@ class _Builder:
         return (e, sp.Integer(1)) if self._is_constant(e) else (sp.Integer(1), e)
 
     def _terms(self, terms: Iterable[sp.Expr], factor: sp.Expr) -> tuple[sp.Expr, list[tuple[sp.Expr, sp.Expr]]]:
-        """(constant part, [(factor, moving part)]) with constant factors of nested sums multiplied in."""
+        """(constant part, [(factor, moving part)]) with constant factors of nested sums multiplied in.
+
+        A sum that is read elsewhere too stays one node.
+        """
         constant: sp.Expr = sp.Integer(0)
         moving: list[tuple[sp.Expr, sp.Expr]] = []
         for term in terms:
             c, rest = self._split(term)
             if rest == 1:
                 constant += factor * c
-            elif rest.is_Add and rest not in self._memo:
+            elif rest.is_Add and rest not in self.repeated:
                 inner_constant, inner = self._terms(rest.args, factor * c)
                 constant += inner_constant
                 moving += inner
@@ -191,7 +196,7 @@ class _Builder:
 
     def _product(self, e: sp.Expr) -> int:
         factor, rest = self._split(e)
-        if rest.is_Add and rest not in self._memo:
+        if rest.is_Add and rest not in self.repeated:
             return self._sum(rest.args, factor)
         if factor != 1:
             return self._scaled(factor, rest)
@@ -269,6 +274,17 @@ class _Builder:
                 return self._op("atan", inner, self._op("shift", square, constants=(sp.Integer(1),)))
             return self._op(name, inner, self._op("sqrt", self._op("rsub", square, constants=(sp.Integer(1),))))
         raise ModelError(f"no Taylor recurrence for {name}: a field is smooth in t and x; write signs as sign symbols")
+
+
+def _repeated(expressions: Iterable[sp.Expr]) -> frozenset[sp.Expr]:
+    """The sums that are read more than once."""
+    seen: set[sp.Expr] = set()
+    twice: set[sp.Expr] = set()
+    for expression in expressions:
+        for part in sp.preorder_traversal(sp.sympify(expression)):
+            if part.is_Add:
+                (twice if part in seen else seen).add(part)
+    return frozenset(twice)
 
 
 def _fraction(e: sp.Expr) -> tuple[sp.Expr, sp.Expr]:

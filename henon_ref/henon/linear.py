@@ -1,0 +1,112 @@
+"""Sums of a tape taken together: what a linear node is in terms of the nodes that are not.
+
+The recurrence of a sum costs an operation a term; a chain of `scale`, `add`, `shift` nodes costs one a node.
+Flattened, every term is one fused multiply-add, and a state's rate is folded into its factors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from henon_ref.taylor.tape import Tape
+
+LINEAR = frozenset({"add", "sub", "scale", "shift", "rsub"})
+
+
+@dataclass(frozen=True, slots=True)
+class Factor:
+    """A product of the tape's constants, with a sign."""
+
+    sign: int = 1
+    constants: tuple[int, ...] = ()
+
+    def negated(self) -> Factor:
+        return Factor(-self.sign, self.constants)
+
+    def times(self, constant: int) -> Factor:
+        return Factor(self.sign, (*self.constants, constant))
+
+
+@dataclass
+class Form:
+    """sum of (sum of factors) leaf + (sum of factors): leaves are nodes, in the order of the tape."""
+
+    terms: dict[int, list[Factor]] = field(default_factory=dict)
+    constant: list[Factor] = field(default_factory=list)
+
+    def leaves(self) -> list[int]:
+        return sorted(self.terms)
+
+
+class Forms:
+    """The linear forms of a tape.
+
+    ``kept`` are the linear nodes whose coefficients are wanted by themselves (a product reads them); a form
+    stops there as it does at every node that is not linear.
+    """
+
+    def __init__(self, tape: Tape) -> None:
+        self.tape = tape
+        uses = [0] * len(tape.nodes)
+        nonlinear: set[int] = set()
+        for node in tape.nodes:
+            if node.op == "state":
+                continue
+            for argument in node.args:
+                uses[argument] += 1
+                if node.op not in LINEAR:
+                    nonlinear.add(argument)
+        for root in (*tape.field, *tape.outputs):
+            uses[root] += 1
+        self.uses = uses
+        self.bases: dict[int, tuple[int, Form]] = {}
+        """For a reciprocal of ``a x + b``: x, and that form; x is read in its place."""
+        for node in tape.nodes:
+            if node.op == "recip":
+                self._see_through(node.args[0])
+        read_only_by_recips = {
+            a for a in self.bases if all(n.op == "recip" or n.op in LINEAR for n in tape.nodes if a in _read(n))
+        }
+        self.bases = {a: self.bases[a] for a in read_only_by_recips}
+        self.kept = {
+            at
+            for at, node in enumerate(tape.nodes)
+            if node.op in LINEAR
+            and at not in self.bases
+            and (at in nonlinear or (uses[at] > 1 and node.op in ("add", "sub")))
+        }
+
+    def _see_through(self, at: int) -> None:
+        form = self._flat(at, frozenset())
+        if self.tape.nodes[at].op in LINEAR and len(form.terms) == 1:
+            (leaf,) = form.terms
+            if self.tape.nodes[leaf].op not in ("clock", "constant"):
+                self.bases[at] = leaf, form
+
+    def of(self, at: int) -> Form:
+        """The form of a node; of a kept one, what it is made of."""
+        return self._flat(at, self.kept - {at})
+
+    def _flat(self, at: int, stops: frozenset[int] | set[int]) -> Form:
+        form = Form()
+        waiting = [(at, Factor())]
+        while waiting:
+            current, factor = waiting.pop()
+            node = self.tape.nodes[current]
+            if node.op == "constant":
+                form.constant.append(factor.times(node.constants[0]))
+            elif node.op not in LINEAR or current in stops:
+                form.terms.setdefault(current, []).append(factor)
+            elif node.op in ("add", "sub"):
+                a, b = node.args
+                waiting += [(a, factor), (b, factor if node.op == "add" else factor.negated())]
+            elif node.op == "scale":
+                waiting.append((node.args[0], factor.times(node.constants[0])))
+            else:  # shift: a + c, rsub: c - a
+                form.constant.append(factor.times(node.constants[0]))
+                waiting.append((node.args[0], factor if node.op == "shift" else factor.negated()))
+        return form
+
+
+def _read(node) -> tuple[int, ...]:  # type: ignore[no-untyped-def]
+    return () if node.op == "state" else node.args
