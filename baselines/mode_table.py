@@ -85,6 +85,7 @@ class ModeEntry:
         landing = model.landing(i).values
         stick, slip = replaced(mode, i, 0), {s: replaced(mode, i, s) for s in (-1, 1)}
         beyond = guard.to_sign
+        hold = self._hold(i) if guard.kind == "surface" else None
         released = slip[beyond] if guard.kind == "release" else None
         # Guards of the surfaces in slip come first, by index.
         position = sum(s != 0 for s in mode[:i])
@@ -92,6 +93,7 @@ class ModeEntry:
         def take(t: float, x: Sequence[float]) -> Followed | None:
             try:
                 values = landing(t, *x)
+                room = hold(t, *values[3:]) if hold is not None else ()
             except ARITHMETIC:
                 return None
             h, below, above = values[:3]
@@ -99,13 +101,26 @@ class ModeEntry:
             clear = CLEAR * speed
             if released is not None:
                 return released, values[3:], ((position, speed, beyond * (above if beyond > 0 else below)),), abs(h)
-            if below > clear and above < -clear:
+            if room:
+                edge = CLEAR * max(map(abs, room))
+                if len(room) == 1 or abs(min(room)) <= edge:  # one guard alone has nothing to be small against
+                    return None
+                if min(room) > 0:
+                    return stick, values[3:], (), abs(h)
+            elif below > clear and above < -clear:
                 return stick, values[3:], (), abs(h)
             if below * beyond > clear and above * beyond > clear:
                 return slip[beyond], values[3:], ((position, speed, speed),), abs(h)
             return None
 
         return take
+
+    def _hold(self, i: int) -> Scalar | None:
+        """Release guards that decide whether surface i is stuck to; None where its slip fields do."""
+        system = self.model.system
+        if not system.held_inside(i):
+            return None
+        return scalar(system.states, [system.numeric(g.expression) for g in system.hold_guards(i)])
 
     def _stands_alone(self, i: int) -> bool:
         """Whether surface i neither feels the signs of the sliding surfaces nor changes how they slide."""

@@ -120,7 +120,7 @@ class _Plan:
 
     def after_event(self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard]) -> Decision:
         """As :meth:`Switching.after_event`, short where one surface is clearly left or reached."""
-        if len(hits) == 1 and hits[0].kind == "surface" and 0 not in mode:
+        if len(hits) == 1 and self._by_signs(hits[0]) and 0 not in mode:
             i = hits[0].index
             try:
                 below, above = (self._normals(t, *x, *replaced(mode, i, s))[i] for s in (-1, 1))
@@ -132,6 +132,10 @@ class _Plan:
             if min(below, above) > clear or max(below, above) < -clear:
                 return Decision("unique", replaced(mode, i, 1 if above > 0 else -1))
         return self.switching.after_event(t, x, mode, hits)
+
+    def _by_signs(self, hit: Guard) -> bool:
+        """Whether the slip fields may decide what follows."""
+        return hit.kind == "surface" and not self.problem.system.held_inside(hit.index)
 
 
 class _Integration:

@@ -87,4 +87,4 @@ def _override(source: Source, sign: str, form: SlidingForm, names: Names) -> Sli
         Release(names.smooth(source, ("sliding", sign, "release", i, "when")), release.direction, release.to)
         for i, release in enumerate(form.release)
     ]
-    return SlidingOverride(tuple(field), tuple(releases))
+    return SlidingOverride(tuple(field), tuple(releases), form.entry)

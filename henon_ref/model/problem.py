@@ -66,10 +66,13 @@ def mathematics(problem: Problem) -> dict[str, Any]:
 
 
 def _override_text(override: SlidingOverride) -> dict[str, Any]:
-    return {
+    text: dict[str, Any] = {
         "field": [str(f) for f in override.field],
         "release": [[str(r.when), r.direction, r.to] for r in override.release],
     }
+    if override.entry != "attracting":  # the default is not written out: what is stored without it stays valid
+        text["entry"] = override.entry
+    return text
 
 
 def _initial(source: Source, form: CaseForm, names: Names) -> tuple[sp.Expr, ...]:

@@ -142,6 +142,11 @@ class SlidingForm(Form):
 
     field: list[Expression]
     release: Annotated[list[ReleaseForm], Field(min_length=1)]
+    entry: Literal["attracting", "inside"] = Field(
+        "attracting",
+        description="a block that reaches the surface sticks where both slip fields point at it (attracting), "
+        "or where no release has happened yet (inside: static friction)",
+    )
 
 
 class MeasureForm(Form):

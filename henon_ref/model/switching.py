@@ -5,11 +5,14 @@ side (first non-zero derivative of h), and on every sliding surface the equivale
 [-1, 1] and the two fields point at the surface. One consistent mode: the future is unique. Several: it is
 not (repelling sliding, a spontaneous switch), and we say so. See Filippov (1988), Sec. 2.10, and Dieci
 and Lopez, *J. Comput. Appl. Math.* 236 (2012) 3967-3991.
+
+A surface whose sliding is overridden with ``entry: inside`` is held wherever every release guard is positive
+just after the point (first non-zero derivative; one that stays at zero holds); no slip starts on it there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -45,6 +48,7 @@ class Switching:
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
         self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[float]] | None] = {}
+        self._holds: dict[int, Callable[..., list[float]]] = {}
         normals = [system.numeric(system.normal_velocity(i)) for i in range(len(system.surfaces))]
         self._normals = sp.lambdify([TIME, *system.states, *system.signs], normals, "math", cse=True)
 
@@ -192,10 +196,14 @@ class Switching:
         for guard, series in zip(equations.guards, outputs, strict=True):
             if guard.kind == "valid" or guard.index not in active:
                 continue
-            if guard.kind == "release" and guard.index in self.system.overrides:
-                if not self._attracts(t, x, mode, guard.index):
+            if guard.index in self.system.overrides:
+                sticks = self._sticks(t, x, mode, guard.index, zero)
+                # Where entry is decided by the hold zone, no slip starts inside it.
+                refused = not sticks if guard.kind == "release" else sticks and self.system.held_inside(guard.index)
+                if refused:
                     broken.append(guard)
-                continue
+                if refused or guard.kind == "release":
+                    continue
             first = 1 if guard.kind == "surface" else 0
             size = self._size(t, x, mode, guard.index)
             head = _leading_sign(series, first, rate, size, zero)
@@ -203,6 +211,31 @@ class Switching:
             if head < 0 or (head == 0 and guard.kind == "surface"):
                 broken.append(guard)
         return tuple(broken)
+
+    def _sticks(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float) -> bool:
+        """Whether a surface whose sliding is overridden is slid on from here."""
+        if not self.system.held_inside(index):
+            return self._attracts(t, x, mode, index)
+        made = self._equations(replaced(mode, index, 0))
+        if made is None:  # beside another sliding surface it has no equations: no derivatives, but the load is there
+            return min(self._hold_values(index)(t, *x)) > 0
+        equations, tape, numbers = made
+        try:
+            states, outputs = expand(tape, numbers, t, x, ORDER)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return False
+        ways = [c for g, c in zip(equations.guards, outputs, strict=True) if g.kind == "release" and g.index == index]
+        # A load at one end of the hold zone is small against its distance to the other; then its derivatives decide.
+        rate = _rate(states, ways)
+        width = max(abs(value) / rate**k for c in ways for k, value in enumerate(c))
+        return all(c[0] > 0 if abs(c[0]) > zero * width else _leading_sign(c, 1, rate, 0.0, zero) >= 0 for c in ways)
+
+    def _hold_values(self, index: int) -> Callable[..., list[float]]:
+        """(t, *x) -> release guards of an override."""
+        if index not in self._holds:
+            guards = [self.system.numeric(g.expression) for g in self.system.hold_guards(index)]
+            self._holds[index] = sp.lambdify([TIME, *self.system.states], guards, "math", cse=True)
+        return self._holds[index]
 
     def _both_sides(self, t: float, x: Sequence[float], mode: Mode, index: int) -> tuple[float, float]:
         """dh/dt of a surface below and above it (signs of the mode elsewhere)."""

@@ -23,6 +23,7 @@ from henon_ref.model.modes import Mode
 TIME = sp.Symbol("t", real=True)
 
 GuardKind = Literal["surface", "release", "valid"]
+EntryRule = Literal["attracting", "inside"]
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,14 @@ class SlidingOverride:
 
     field: tuple[sp.Expr, ...]
     release: tuple[Release, ...]
+    entry: EntryRule = "attracting"
+    """When a trajectory that reaches the surface (or starts on it) sticks.
+
+    ``attracting``: where both slip fields point at the surface, as in Filippov's sliding. ``inside``: where
+    every release guard is positive, or zero and about to rise or to stay, whatever the slip fields do; this is
+    static friction, which holds a load that kinetic friction could not (between Fk and Fs both slip fields
+    point the same way, and a block that comes to rest on the belt sticks all the same).
+    """
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +166,8 @@ class FilippovSystem:
                         "a surface with a 'sliding' override cannot slide together with another surface: "
                         + ", ".join(self.signs[i].name for i in sorted(sliding))
                     )
-                rhs, releases = _overridden(self, next(iter(sliding)))
+                index = next(iter(sliding))
+                rhs, releases = self.overrides[index].field, self.hold_guards(index)
             else:
                 rhs, releases, signs = _filippov_sliding(self, tuple(sorted(sliding)))
             surfaces = tuple(
@@ -171,6 +181,17 @@ class FilippovSystem:
         """dh_i/dt along f, in time, states, signs and parameters."""
         return self._normal[index]
 
+    def hold_guards(self, index: int) -> tuple[Guard, ...]:
+        """The release guards of a surface's override: its hold zone is where all are positive."""
+        return tuple(
+            Guard("release", index, r.to, -r.when if r.direction == "rising" else r.when, rising_only=True)
+            for r in self.overrides[index].release
+        )
+
+    def held_inside(self, index: int) -> bool:
+        """Whether arrival at a surface is decided by the hold zone of its override, not by the slip fields."""
+        return index in self.overrides and self.overrides[index].entry == "inside"
+
     def transition_function(self, index: int = 0) -> sp.Expr:
         """sigma = (dh/dt at s = +1)(dh/dt at s = -1), Eq. (8): sliding is where sigma <= 0 and both fields point in."""
         normal = self.normal_velocity(index)
@@ -181,15 +202,6 @@ class FilippovSystem:
 def _along(expression: sp.Expr, states: tuple[sp.Symbol, ...], rhs: tuple[sp.Expr, ...]) -> sp.Expr:
     """Time derivative of an expression along a field."""
     return sp.diff(expression, TIME) + sp.Add(*(sp.diff(expression, x) * f for x, f in zip(states, rhs, strict=True)))
-
-
-def _overridden(system: FilippovSystem, index: int) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...]]:
-    override = system.overrides[index]
-    guards = tuple(
-        Guard("release", index, r.to, -r.when if r.direction == "rising" else r.when, rising_only=True)
-        for r in override.release
-    )
-    return override.field, guards
 
 
 def _solved_state(surface: sp.Expr, states: tuple[sp.Symbol, ...], taken: set[int]) -> int | None:

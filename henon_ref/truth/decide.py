@@ -154,7 +154,9 @@ class Decider:
         if heads is None:
             return None
         own = {i for i in active if mode[i] == 0 and i in self.system.overrides}
-        if not all(self._attracts(point, mode, i) for i in own):
+        inside = {i for i in active if mode[i] != 0 and self.system.held_inside(i)}
+        # Where entry is decided by the hold zone, no slip starts inside it.
+        if not all(self._sticks(point, mode, i) for i in own) or any(self._sticks(point, mode, i) for i in inside):
             return None
         broken = []
         for guard, head in zip(self.system.equations(mode).guards, heads, strict=True):
@@ -165,6 +167,31 @@ class Decider:
             if not holds:
                 broken.append(guard)
         return tuple(broken)
+
+    def _sticks(self, point: Point, mode: Mode, index: int) -> bool:
+        """Whether a surface whose sliding is overridden is slid on from a point."""
+        if not self.system.held_inside(index):
+            return self._attracts(point, mode, index)
+        stick = replaced(mode, index, 0)
+        try:
+            heads = self.heads(point, stick, frozenset((index,)))
+        except ModelError:  # beside another sliding surface it has no equations: no derivatives, but the load is there
+            return all(jets.sign(value) > 0 for value in self._hold_values(point, index))
+        guards = self.system.equations(stick).guards
+        return heads is not None and all(
+            head is None or head[1] > 0
+            for guard, head in zip(guards, heads, strict=True)
+            if guard.kind == "release" and guard.index == index
+        )
+
+    def _hold_values(self, point: Point, index: int) -> list[arb]:
+        """Values of an override's release guards."""
+        system = self.system
+        guards = [system.numeric(g.expression) for g in system.hold_guards(index)]
+        frozen = [sp.Integer(0)] * len(system.states)
+        return [
+            c[0] for c in jets.along(frozen, guards, system.states, point.time, point.state, bits=self.bits, order=0)
+        ]
 
     def _attracts(self, point: Point, mode: Mode, index: int) -> bool:
         """Whether both fields point at a surface, or along it."""

@@ -27,6 +27,7 @@ def _static(body: Contact, values: Mapping[str, sp.Expr]) -> None:
     body.override = SlidingOverride(
         field=body.stuck_field(),
         release=(Release(load - limit, "rising", 1), Release(load + limit, "falling", -1)),
+        entry="inside",
     )
 
 
@@ -51,8 +52,8 @@ STRIBECK_FRICTION: Effect[Contact] = Effect(
 
 STATIC_FRICTION: Effect[Contact] = Effect(
     name="static_friction",
-    meaning="the block is held while the load on the contact is at most force, above kinetic friction; "
-    "this is no convex combination of Filippov's",
+    meaning="the block is held while the load on the contact is at most force, above kinetic friction, and sticks "
+    "wherever it comes to rest on the belt under such a load; this is no convex combination of Filippov's",
     stage=Stage.HOLDING,
     parameters=(EffectParameter("force", "N", "that static friction can hold", range="nonnegative"),),
     term=_static,

@@ -204,7 +204,10 @@ class _Judge:
             if guard.kind == "valid" or guard.index not in self.on:
                 zeros.append(0)
                 continue
-            if guard.rising_only:
+            inside = guard.index in active and self.model.system.held_inside(guard.index)
+            if inside and guard.kind == "surface" and self._held(mode, guard.index):
+                return None  # no slip starts inside the hold zone
+            if guard.rising_only and not inside:
                 if guard.index in active and not self._attracts(mode, guard.index):
                     return None
                 zeros.append(0)
@@ -214,6 +217,20 @@ class _Judge:
                 return None
             zeros.append(count)
         return tuple(zeros)
+
+    def _held(self, mode: Mode, index: int) -> bool:
+        """Whether every release guard of an override is positive just after the point, in the stick."""
+        stick = replaced(mode, index, 0)
+        try:
+            made = self.model.mode(stick)
+        except ModelError as error:  # beside another sliding surface
+            names = self.model.system.sign_names
+            raise UndecidedError(
+                f"whether {names[index]} is held{self._where()} cannot be told: {error}", "mode"
+            ) from None
+        series = made.flow.run(ctx.prec, self.box[0], self.box[1:], ORDER, arb(1))
+        rows = zip(made.guards, (series[i] for i in made.flow.outputs), strict=True)
+        return all(self._leading(made, g, r)[1] > 0 for g, r in rows if g.kind == "release" and g.index == index)
 
     def _leading(self, made: ModeModel, guard: Guard, row: Sequence[arb]) -> tuple[int, int]:
         """(number of exactly zero coefficients, sign of the first that is not)."""
