@@ -136,7 +136,9 @@ class CompiledSystem:
         """Fill the table of what follows an event, for the modes there are."""
         for row, mode in enumerate(self.modes):
             for g, guard in enumerate(self.system.equations(mode).guards):
-                if guard.kind == "surface":
+                if guard.kind == "surface" and self.system.held_inside(guard.index):
+                    self.targets[row, g] = -1  # what the hold zone decides is decided in Python
+                elif guard.kind == "surface":
                     after = (replaced(mode, guard.index, guard.to_sign), replaced(mode, guard.index, 0))
                     self.targets[row, g] = [self.index.get(m, -1) for m in after]
                 elif guard.kind == "release":
