@@ -295,10 +295,12 @@ class Session:
         self.hits[:] = 0
         if late:
             return False
-        if finding.what == "root":
+        touched = self.engine.system.equations(self.mode).guards[guard]
+        # A hold zone holds what only touches its surface.
+        caught = finding.what == "touch" and touched.kind == "surface" and self.engine.system.held_inside(touched.index)
+        if finding.what == "root" or caught:
             self.hits[guard] = 1
             return True
-        touched = self.engine.system.equations(self.mode).guards[guard]
         if finding.lowest:
             orders = self.engine.switching.contact_orders(self.time, self.x.tolist(), self.mode, [touched.index])
             self.multiplicity[guard] = max(2, orders[guard])
