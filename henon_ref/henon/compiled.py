@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import sympy as sp
@@ -16,6 +17,8 @@ from henon_ref.model.modes import Mode, replaced
 from henon_ref.model.system import FilippovSystem, ModeEquations
 from henon_ref.taylor.tape import Tape, build_tape
 
+SURFACES = 8
+"""With more surfaces than these no table holds the row of every mode."""
 _KIND = {"surface": SURFACE, "release": RELEASE, "valid": VALID}
 
 
@@ -64,6 +67,10 @@ class CompiledSystem:
     probes: NDArray[np.float64] = field(init=False)
     layouts: NDArray[np.int64] = field(init=False)
     targets: NDArray[np.int64] = field(init=False)
+    signs: NDArray[np.int64] = field(init=False)
+    """(M, surfaces): the entries of each row's mode."""
+    rows: NDArray[np.int64] = field(init=False)
+    """Row of every mode, written in base 3; -1 where not compiled yet, empty where modes are not decided by it."""
     _shapes: dict[frozenset[int], _Shape] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -73,6 +80,10 @@ class CompiledSystem:
         self.probes = np.zeros((0, 1))
         self.layouts = np.zeros((0, 1 + guards, 3), dtype=np.int64)
         self.targets = np.zeros((0, guards, 2), dtype=np.int64)
+        surfaces = len(self.system.surfaces)
+        self.signs = np.zeros((0, surfaces), dtype=np.int64)
+        several = 1 < surfaces <= SURFACES and not self.system.overrides
+        self.rows = np.full(3**surfaces if several else 0, -1, dtype=np.int64)
         if len(self.system.surfaces) == 1:
             for mode in ((-1,), (1,), (0,)):
                 self.compile(mode)
@@ -95,8 +106,22 @@ class CompiledSystem:
             self.modes.append(mode)
             self.index[mode] = row
             self._append(mode, shape)
+            self.signs = np.vstack([self.signs, np.array([mode], dtype=np.int64)])
+            if self.rows.size:
+                self.rows[sum((s + 1) * 3**i for i, s in enumerate(mode))] = row
             self._link()
         return self.index[mode]
+
+    @cached_property
+    def normals(self) -> tuple[int, NDArray[np.float64]]:
+        """Address of the normal velocities of all surfaces, in states and signs, and its constants."""
+        system = self.system
+        if not self.rows.size:
+            return 0, np.zeros(1)
+        inputs = (*system.states, *system.signs)
+        tape = build_tape(inputs, (), [system.normal_velocity(i) for i in range(len(system.surfaces))])
+        self._normals_code = MachineCode(declarations() + expansion_ir(tape, len(inputs), 0, "normals"))
+        return self._normals_code.address("normals"), np.array([*self._numbers(tape, {}), 0.0])
 
     def _shape(self, sliding: frozenset[int]) -> _Shape:
         if sliding not in self._shapes:

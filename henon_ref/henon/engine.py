@@ -15,6 +15,7 @@ from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.codegen import row_length
 from henon_ref.henon.compiled import CompiledSystem, double_double
 from henon_ref.henon.polynomial import DEPTH, LANDINGS, bernstein_table
+from henon_ref.henon.settling import work_space
 from henon_ref.model.modes import Mode, transition_kind
 from henon_ref.model.switching import ZERO, Decision, Switching, exact_sign
 from henon_ref.model.system import TIME, FilippovSystem, Guard
@@ -185,6 +186,7 @@ class Session:
         self.change = np.zeros(n + most)
         self.point = np.zeros(n)
         self.speeds = np.zeros((n + 2 * most, 1))
+        self.room = work_space(n, len(self.engine.system.surfaces))
         self.work = np.zeros((4 + DEPTH, order + 1))
         self.bounds = np.zeros((2 + DEPTH, 2))
         wanted = self.sample_times if self.sample_times is not None else np.zeros(0)
@@ -253,6 +255,7 @@ class Session:
             self.floats, self.integers, self.x, self.x_low, self.multiplicity, self.hits,
             *start.until, self.engine.order, self.tolerance, self.method, _BUDGET,
             compiled.addresses, compiled.constants, compiled.probes, compiled.layouts, compiled.targets,
+            (*compiled.normals, compiled.signs, compiled.rows, *self.room),
             self.c, self.ahead, self.change, self.point, self.speeds, self.engine.table, self.work, self.bounds,
             self.times, self.marks, self.states,
             self.wanted, self.samples, self.sample_modes,

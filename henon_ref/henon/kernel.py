@@ -7,11 +7,10 @@ handed back to Python (:mod:`henon_ref.henon.engine`) with a code; after the ans
 from __future__ import annotations
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
+from henon_ref.henon.calls import bits, call_closing, call_expand, from_bits
 from henon_ref.henon.polynomial import BRACKET, NONE, ROOT, TOUCH, excluded, first_falling_root, land, steepness, value
+from henon_ref.henon.settling import decided
 from henon_ref.jit import inner, njit
 
 # Why the loop came back.
@@ -44,23 +43,6 @@ CROWD = 64
 """Events in a row, each closer to the last than the resolution of time, before they count as accumulating."""
 
 
-@intrinsic
-def _call_expand(typing, address, t, low, sigma, x, constants, out):  # type: ignore[no-untyped-def]
-    """Call compiled Taylor coefficients by address (arrays are C-contiguous)."""
-    signature = types.void(types.int64, types.float64, types.float64, types.float64, x, constants, out)
-
-    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
-        double = ir.DoubleType()
-        pointer = double.as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [double, double, double, pointer, pointer, pointer])
-        function = builder.inttoptr(args[0], kind.as_pointer())
-        arrays = [context.make_array(sig.args[i])(context, builder, value=args[i]).data for i in range(4, 7)]
-        builder.call(function, [args[1], args[2], args[3], *arrays])
-        return context.get_dummy_value()
-
-    return signature, codegen
-
-
 @inner()
 def _add_time(floats, step):  # type: ignore[no-untyped-def]
     """t += step as a compensated sum (Neumaier), so that late times lose no digits of a duration."""
@@ -73,56 +55,17 @@ def _add_time(floats, step):  # type: ignore[no-untyped-def]
     floats[F_LOW] = low - (floats[F_TIME] - total)
 
 
-@intrinsic
-def _call_closing(typing, address, theta, c, out):  # type: ignore[no-untyped-def]
-    """Call the compiled end of a step by address (arrays are C-contiguous)."""
-    signature = types.void(types.int64, types.float64, c, out)
-
-    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
-        double = ir.DoubleType()
-        pointer = double.as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [double, pointer, pointer])
-        function = builder.inttoptr(args[0], kind.as_pointer())
-        arrays = [context.make_array(sig.args[i])(context, builder, value=args[i]).data for i in (2, 3)]
-        builder.call(function, [args[1], *arrays])
-        return context.get_dummy_value()
-
-    return signature, codegen
-
-
-@intrinsic
-def _bits(typing, number):  # type: ignore[no-untyped-def]
-    """The bits of a double as an integer."""
-    signature = types.int64(types.float64)
-
-    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
-        return builder.bitcast(args[0], ir.IntType(64))
-
-    return signature, codegen
-
-
-@intrinsic
-def _from_bits(typing, bits):  # type: ignore[no-untyped-def]
-    """The double with these bits."""
-    signature = types.float64(types.int64)
-
-    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
-        return builder.bitcast(args[0], ir.DoubleType())
-
-    return signature, codegen
-
-
 @inner()
 def _root(above, below, power):  # type: ignore[no-untyped-def]
     """(above / below) ** power to about one part in 100: a step size needs no more. Both positive.
 
     The exponent and the leading bits of a double are a piecewise linear logarithm to base 2.
     """
-    logarithm = (_bits(above) - _bits(below)) * 2.220446049250313e-16
+    logarithm = (bits(above) - bits(below)) * 2.220446049250313e-16
     exponent = logarithm * power + 1023.0  # positive: truncated is floor
     whole = np.int64(exponent)
     part = exponent - whole
-    return _from_bits(whole << 52) * (1.0 + part * (0.6565 + 0.3435 * part))
+    return from_bits(whole << 52) * (1.0 + part * (0.6565 + 0.3435 * part))
 
 
 @inner(fastmath={"contract", "nsz"})
@@ -209,10 +152,10 @@ def _trusted(floats, integers, x, expansion, closing, constants, c, ahead, chang
         agreed = True
         for part in (0.37, 1.0):
             at = part * theta
-            _call_closing(closing, at, c, change)
+            call_closing(closing, at, c, change)
             for i in range(n):
                 point[i] = x[i] + change[i]
-            _call_expand(expansion, floats[F_TIME] + at * sigma, floats[F_LOW], sigma, point, constants, ahead)
+            call_expand(expansion, floats[F_TIME] + at * sigma, floats[F_LOW], sigma, point, constants, ahead)
             integers[I_RHS] += 1
             for r in range(n + guards):
                 first = 1 if r < n else 0  # slopes of states, values of guards
@@ -303,7 +246,7 @@ def _glide(  # type: ignore[no-untyped-def]
             return 0.0
         remaining = (until - floats[F_TIME]) + (until_low - floats[F_LOW])
         sigma = floats[F_SIGMA]
-        _call_expand(expansion, floats[F_TIME], floats[F_LOW], sigma, x, constants, c)
+        call_expand(expansion, floats[F_TIME], floats[F_LOW], sigma, x, constants, c)
         integers[I_RHS] += 1
         theta = _step_size(c, n + guards, order, tolerance)
         if theta < 1e-6 or (theta > 1e6 and sigma < remaining):
@@ -320,7 +263,7 @@ def _glide(  # type: ignore[no-untyped-def]
             return -1.0
         if alone or step >= remaining or theta > LEAP:
             return theta
-        _call_closing(closing, theta, c, change)
+        call_closing(closing, theta, c, change)
         for g in range(guards):
             if not change[n + g] > 0.0:
                 return theta
@@ -335,7 +278,7 @@ def _glide(  # type: ignore[no-untyped-def]
 def advance(  # type: ignore[no-untyped-def]
     floats, integers, x, x_low, multiplicity, hits,
     until, until_low, order, tolerance, method, budget,
-    addresses, constants, probes, layouts, targets,
+    addresses, constants, probes, layouts, targets, settling,
     c, ahead, change, point, speeds, table, work, bounds,
     times, marks, states,
     sample_times, samples, sample_modes,
@@ -365,6 +308,8 @@ def advance(  # type: ignore[no-untyped-def]
     targets : ndarray of int, shape (M, G, 2)
         Mode after a crossing and after a stick; for a release the mode after it and the zeros it leaves
         with; -1 where not known yet.
+    settling : tuple
+        What :func:`henon_ref.henon.settling.decided` needs.
     c : ndarray, shape (n + G + 1, row length)
         Taylor coefficients of states and guards in units of sigma, then the norms of the last ones.
     ahead, point : ndarray, shapes of c and x
@@ -413,7 +358,7 @@ def advance(  # type: ignore[no-untyped-def]
             if trusted < theta:
                 theta, final = trusted, False
                 natural = theta * sigma
-        _call_closing(addresses[mode, 1], theta, c, change)
+        call_closing(addresses[mode, 1], theta, c, change)
         early = False
         for g in range(guards):
             low = c[n + g, multiplicity[g]] <= 0.0 and layout[1 + g, 2] == 0
@@ -440,7 +385,7 @@ def advance(  # type: ignore[no-untyped-def]
             for g in range(guards):
                 hits[g] = 1 if g == hit or _at_zero(c[n + g], multiplicity[g], order, part, layout[1 + g, 2]) else 0
                 together = together or (hits[g] == 1 and g != hit)
-            _call_closing(addresses[mode, 1], part, c, change)
+            call_closing(addresses[mode, 1], part, c, change)
         bounded = _move(x, x_low, change)
         _add_time(floats, part * sigma)
         integers[I_STEPS] += 1
@@ -461,8 +406,16 @@ def advance(  # type: ignore[no-untyped-def]
         which, zeros, what = 0, 1, CROSS
         if kind == SURFACE:
             if together or layout[0, 1] > 0:
-                return RESOLVE
-            _call_expand(addresses[mode, 2], floats[F_TIME], floats[F_LOW], 1.0, x, probes[mode], speeds)
+                target = decided(floats[F_TIME], floats[F_LOW], x, mode, layout, hits, settling)
+                if target < 0 or not _settle(
+                    floats, integers, x, times, marks, states, multiplicity, mode, target, layout, layouts[target],
+                    hits, settling[2], used,
+                ):  # fmt: skip
+                    return RESOLVE
+                if crowded(floats, integers):
+                    return ACCUMULATED
+                continue
+            call_expand(addresses[mode, 2], floats[F_TIME], floats[F_LOW], 1.0, x, probes[mode], speeds)
             integers[I_RHS] += 1
             inside, beyond = speeds[n + 2 * hit, 0], speeds[n + 2 * hit + 1, 0]
             if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
@@ -475,7 +428,7 @@ def advance(  # type: ignore[no-untyped-def]
         if together or target < 0:
             return RESOLVE
         if zeros == 0 and what == FREE:
-            _call_expand(addresses[target, 2], floats[F_TIME], floats[F_LOW], 1.0, x, probes[target], speeds)
+            call_expand(addresses[target, 2], floats[F_TIME], floats[F_LOW], 1.0, x, probes[target], speeds)
             integers[I_RHS] += 1
             zeros = _zeros_at_release(layouts[target], index, speeds[n:, 0])
             if zeros == 0:
@@ -485,6 +438,33 @@ def advance(  # type: ignore[no-untyped-def]
         _start(multiplicity, layouts[target], index, zeros)
         if crowded(floats, integers):
             return ACCUMULATED
+
+
+@inner()
+def _settle(  # type: ignore[no-untyped-def]
+    floats, integers, x, times, marks, states, multiplicity, mode, target, layout, after, hits, signs, landing,
+):  # fmt: skip
+    """Go over to a mode in which several surfaces may have changed; False where Python has to tell of it."""
+    changes = 0
+    for i in range(signs.shape[1]):
+        changes += 1 if signs[mode, i] != signs[target, i] else 0
+    if changes == 0 or integers[I_COUNT] + changes > times.shape[0]:
+        return False
+    for i in range(signs.shape[1]):
+        before, now = signs[mode, i], signs[target, i]
+        if before != now:
+            kind = STICK if now == 0 else FREE if before == 0 else CROSS
+            _record(floats, integers, x, times, marks, states, kind, i, mode, target, landing)
+    for g in range(after[0, 0]):
+        multiplicity[g] = 0
+        if after[1 + g, 0] == SURFACE:  # left with a speed: the decision was a clear one
+            surface = after[1 + g, 1]
+            multiplicity[g] = 1 if signs[mode, surface] == 0 else 0
+            for k in range(layout[0, 0]):
+                if hits[k] == 1 and layout[1 + k, 1] == surface:
+                    multiplicity[g] = 1
+    integers[I_MODE] = target
+    return True
 
 
 @inner()

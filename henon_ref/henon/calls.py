@@ -1,0 +1,63 @@
+"""Calls from compiled loops into machine code that is known by its address."""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+
+@intrinsic
+def call_expand(typing, address, t, low, sigma, x, constants, out):  # type: ignore[no-untyped-def]
+    """Call compiled Taylor coefficients by address (arrays are C-contiguous)."""
+    signature = types.void(types.int64, types.float64, types.float64, types.float64, x, constants, out)
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        double = ir.DoubleType()
+        pointer = double.as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [double, double, double, pointer, pointer, pointer])
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        arrays = [context.make_array(sig.args[i])(context, builder, value=args[i]).data for i in range(4, 7)]
+        builder.call(function, [args[1], args[2], args[3], *arrays])
+        return context.get_dummy_value()
+
+    return signature, codegen
+
+
+@intrinsic
+def call_closing(typing, address, theta, c, out):  # type: ignore[no-untyped-def]
+    """Call the compiled end of a step by address (arrays are C-contiguous)."""
+    signature = types.void(types.int64, types.float64, c, out)
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        double = ir.DoubleType()
+        pointer = double.as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [double, pointer, pointer])
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        arrays = [context.make_array(sig.args[i])(context, builder, value=args[i]).data for i in (2, 3)]
+        builder.call(function, [args[1], *arrays])
+        return context.get_dummy_value()
+
+    return signature, codegen
+
+
+@intrinsic
+def bits(typing, number):  # type: ignore[no-untyped-def]
+    """The bits of a double as an integer."""
+    signature = types.int64(types.float64)
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        return builder.bitcast(args[0], ir.IntType(64))
+
+    return signature, codegen
+
+
+@intrinsic
+def from_bits(typing, pattern):  # type: ignore[no-untyped-def]
+    """The double with these bits."""
+    signature = types.float64(types.int64)
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        return builder.bitcast(args[0], ir.DoubleType())
+
+    return signature, codegen
