@@ -21,7 +21,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
-from henon_ref.henon.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, build_kernel, crossed_guards, land
+from henon_ref.henon.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, crossed_guards, land
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import Decision, Switching
 from henon_ref.model.system import TIME, FilippovSystem, Guard
@@ -115,7 +115,7 @@ class _Plan:
 
     def kernel(self, mode: Mode) -> Kernel:
         if mode not in self._kernels:
-            self._kernels[mode] = build_kernel(self.problem.system, mode)
+            self._kernels[mode] = Kernel(self.problem.system, mode)
         return self._kernels[mode]
 
     def after_event(self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard]) -> Decision:
@@ -176,12 +176,12 @@ class _Integration:
         """Step through one mode: what follows its end, or how the run ends."""
         kernel, h = self.plan.kernel(self.mode), self.plan.step
         new = np.empty_like(self.x)
-        armed = np.array(kernel.values(self.time, self.x, 0.0)) > 0
+        armed = np.array(kernel.values(self.time, self.x)) > 0
         done, last = 0, int((self.until - self.time) / h)
         while True:
             first = done
             done, self.filled, code = kernel.advance(
-                self.time, first, min(first + CHUNK, last), h, self.x, armed, kernel.rising_only, new,
+                self.time, (first, min(first + CHUNK, last)), h, self.x, armed, new,
                 self.wanted, self.samples, self.filled,
             )  # fmt: skip
             self._record_modes()
