@@ -19,6 +19,8 @@ from henon_ref.model.case import Case, Reading, load_case
 from henon_ref.model.catalogue import case_files, catalogue
 from henon_ref.model.modes import transition_kind
 from henon_ref.model.system import TIME
+from henon_ref.score.metrics import score
+from henon_ref.score.truthjob import stored_statement
 from henon_ref.trajectory import Problem, Trajectory, Transition
 from henon_ref.truth.settle import stored_truth
 from henon_ref.truth.store import folder_of
@@ -28,11 +30,6 @@ BOUND = 1e-11
 """Largest error of a well-conditioned transition time [s]."""
 DEADLINE = 20.0
 
-TROUBLE: dict[str, str] = {
-    "grazing.exact": "a touch that no precision decides is nothing at one tolerance and two crossings at another",
-}
-"""Readings that the reference does not pass yet, with the reason; each must fail, so that none outlives its cure."""
-
 
 def _readings(*folders: str) -> list[pytest.param]:
     found = []
@@ -40,9 +37,7 @@ def _readings(*folders: str) -> list[pytest.param]:
         if path.parent.relative_to(CASES).as_posix() in folders:
             case = load_case(path)
             for reading in case.readings:
-                name = f"{case.name}.{reading.name}"
-                marks = [pytest.mark.xfail(strict=True, reason=TROUBLE[name])] if name in TROUBLE else []
-                found.append(pytest.param(case, reading, id=name, marks=marks))
+                found.append(pytest.param(case, reading, id=f"{case.name}.{reading.name}"))
     return found
 
 
@@ -62,6 +57,9 @@ def test_reference_passes(case: Case, reading: Reading) -> None:
         near = 1e-6 if expected == "failed" else 1e-9
         assert run.end_time == pytest.approx(float(reading.expect.time), rel=near, abs=1e-12)
     _check_order(run)
+    if reading.expect is not None and reading.expect.verdict:
+        _check_verdict(case, reading, run)
+        return
     if reading.exact is not None:
         _check_modes(reading, run)
         _check_times(reading, run)
@@ -79,6 +77,18 @@ def _check_order(run: Trajectory) -> None:
     for transition in run.transitions:
         sides = transition.from_mode[transition.surface], transition.to_mode[transition.surface]
         assert transition.kind == transition_kind(*sides)
+
+
+def _check_verdict(case: Case, reading: Reading, run: Trajectory) -> None:
+    """What no double decides: no transition of the truth has a finite conditioning, and scoring says no other word."""
+    statement = stored_statement(case, reading)
+    assert statement is not None
+    assert statement.expected is not None
+    assert statement.expected.transitions
+    assert all(t.conditioning == inf for t in statement.expected.transitions), "a well-posed question"
+    assert reading.expect is not None
+    for tolerance in reading.tolerances:
+        assert score(run, statement.expected, tolerance=tolerance).verdict.word in ("right", reading.expect.verdict)
 
 
 def _check_modes(reading: Reading, run: Trajectory) -> None:

@@ -10,7 +10,7 @@ import sympy as sp
 
 from henon_ref.model.grammar import did_you_mean, listed
 from henon_ref.model.modes import Mode
-from henon_ref.model.schema import CaseForm, ExpectedStatus, GateStatus
+from henon_ref.model.schema import CaseForm, ExpectedStatus, ExpectedVerdict, GateStatus
 from henon_ref.model.source import Names, Source
 from henon_ref.model.switching import exact_sign
 from henon_ref.trajectory import Problem
@@ -70,6 +70,8 @@ class Expect:
     reason: str
     time: sp.Expr | None = None
     """Where it ends [s]."""
+    verdict: ExpectedVerdict | None = None
+    """What is said of runs that miss or invent transitions, where rounding alone decides on them."""
 
 
 def published(form: CaseForm) -> Published | None:
@@ -120,7 +122,7 @@ def expectation(source: Source, form: CaseForm, names: Names) -> Expect | None:
     if form.expect is None:
         return None
     time = source.number(("expect", "time"), names.values) if form.expect.time is not None else None
-    return Expect(form.expect.status, form.expect.reason, time)
+    return Expect(form.expect.status, form.expect.reason, time, form.expect.verdict)
 
 
 def gates(source: Source, form: CaseForm) -> dict[str, Gate]:

@@ -18,6 +18,7 @@ from henon_ref.model.grammar import shortened
 DEFAULT_TOLERANCES = (1e-6, 1e-9, 1e-12)
 DEFAULT_STEPS = (1e-3,)
 
+ExpectedVerdict = Literal["ill-conditioned"]
 ExpectedStatus = Literal["ok", "diverged", "nonunique", "invalid", "failed"]
 GateStatus = Literal["ok", "wrong", "diverged", "nonunique", "invalid", "unsupported"]
 
@@ -186,10 +187,13 @@ class GateForm(Form):
 
 
 class ExpectForm(Form):
-    """How the run has to end, where that is not at the horizon."""
+    """How the run has to end, where that is not at the horizon, and whether the question is a fair one."""
 
     status: ExpectedStatus
     reason: Text
+    verdict: ExpectedVerdict | None = Field(
+        None, description="no double-precision state decides what happens: its transitions have no finite conditioning"
+    )
     time: Expression | None = Field(None, description="where it ends [s]")
 
 
