@@ -78,7 +78,7 @@ class CompiledSystem:
         self.addresses = np.zeros((0, 3), dtype=np.int64)
         self.constants = np.zeros((0, 1))
         self.probes = np.zeros((0, 1))
-        self.layouts = np.zeros((0, 1 + guards, 3), dtype=np.int64)
+        self.layouts = np.zeros((0, 1 + guards, 4), dtype=np.int64)
         self.targets = np.zeros((0, guards, 2), dtype=np.int64)
         surfaces = len(self.system.surfaces)
         self.signs = np.zeros((0, surfaces), dtype=np.int64)
@@ -146,9 +146,10 @@ class CompiledSystem:
         self.constants = _stacked(self.constants, self._numbers(shape.expansion, signs))
         self.probes = _stacked(self.probes, self._numbers(shape.probe, signs))
         layout = np.zeros((1, *self.layouts.shape[1:]), dtype=np.int64)
-        layout[0, 0] = len(shape.equations.guards), sum(s == 0 for s in mode), 0
+        layout[0, 0] = len(shape.equations.guards), sum(s == 0 for s in mode), 0, 0
         for g, guard in enumerate(shape.equations.guards):
-            layout[0, 1 + g] = _KIND[guard.kind], guard.index, guard.rising_only
+            held = guard.kind == "surface" and self.system.held_inside(guard.index)
+            layout[0, 1 + g] = _KIND[guard.kind], guard.index, guard.rising_only, held
         self.layouts = np.vstack([self.layouts, layout])
         self.targets = np.vstack([self.targets, np.full((1, *self.targets.shape[1:]), -1, dtype=np.int64)])
 
@@ -161,9 +162,7 @@ class CompiledSystem:
         """Fill the table of what follows an event, for the modes there are."""
         for row, mode in enumerate(self.modes):
             for g, guard in enumerate(self.system.equations(mode).guards):
-                if guard.kind == "surface" and self.system.held_inside(guard.index):
-                    self.targets[row, g] = -1  # what the hold zone decides is decided in Python
-                elif guard.kind == "surface":
+                if guard.kind == "surface":
                     after = (replaced(mode, guard.index, guard.to_sign), replaced(mode, guard.index, 0))
                     self.targets[row, g] = [self.index.get(m, -1) for m in after]
                 elif guard.kind == "release":

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from henon_ref.henon.calls import bits, call_closing, call_expand, from_bits
+from henon_ref.henon.holding import held
 from henon_ref.henon.polynomial import BRACKET, NONE, ROOT, TOUCH, excluded, first_falling_root, land, steepness, value
 from henon_ref.henon.settling import decided
 from henon_ref.jit import inner, njit
@@ -303,8 +304,8 @@ def advance(  # type: ignore[no-untyped-def]
         Machine code of each mode: expansion, closing and probe.
     constants, probes : ndarray, shape (M, K)
         Their constants.
-    layouts : ndarray of int, shape (M, 1 + G, 3)
-        (guards, sliding surfaces, 0), then (kind, index, rising only) a guard.
+    layouts : ndarray of int, shape (M, 1 + G, 4)
+        (guards, sliding surfaces, 0, 0), then (kind, index, rising only, has a hold zone) a guard.
     targets : ndarray of int, shape (M, G, 2)
         Mode after a crossing and after a stick; for a release the mode after it and the zeros it leaves
         with; -1 where not known yet.
@@ -420,7 +421,17 @@ def advance(  # type: ignore[no-untyped-def]
             inside, beyond = speeds[n + 2 * hit, 0], speeds[n + 2 * hit + 1, 0]
             if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
                 return RESOLVE
-            if beyond < 0.0:
+            stuck = beyond < 0.0
+            if layout[1 + hit, 3] == 1:
+                stick = targets[mode, hit, 1]
+                zone = 0 if stick < 0 else held(
+                    floats[F_TIME], floats[F_LOW], floats[F_SIGMA], x, index, layouts[stick], addresses[stick, 0],
+                    constants[stick], ahead, order,
+                )  # fmt: skip
+                if zone == 0 or (stuck and zone < 0):
+                    return RESOLVE
+                stuck = zone > 0
+            if stuck:
                 which, zeros, what = 1, 0, STICK
         else:
             what, zeros = FREE, targets[mode, hit, 1]
