@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy as sp
 
 from henon_ref.henon import engine as engine_module
 from henon_ref.henon.engine import Engine
 from henon_ref.henon.polynomial import HENON
+from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.model.case import load_case, parse_case
 from henon_ref.trajectory import Problem, Trajectory
 
@@ -53,9 +57,11 @@ def test_clear_decisions_are_those_of_python(path: str, reading: str | None, mon
     for each in case.readings if reading is None else [case.reading(reading)]:
         ours, theirs, asked = runs(each.problem, monkeypatch)
         assert ours.status == theirs.status
-        assert [(t.kind, t.surface, t.from_mode, t.to_mode, t.time, t.time_low) for t in ours.transitions] == [
-            (t.kind, t.surface, t.from_mode, t.to_mode, t.time, t.time_low) for t in theirs.transitions
+        assert [(t.kind, t.surface, t.from_mode, t.to_mode) for t in ours.transitions] == [
+            (t.kind, t.surface, t.from_mode, t.to_mode) for t in theirs.transitions
         ]
+        for t, u in zip(ours.transitions, theirs.transitions, strict=True):
+            assert t.time == pytest.approx(u.time, rel=1e-13)
         if reading:
             assert asked == 0
 
@@ -87,3 +93,18 @@ def test_what_is_not_clear_is_left_to_python(field: str, clear: bool, monkeypatc
     assert (asked == 0) == clear
     assert [(t.kind, t.to_mode) for t in ours.transitions] == [(t.kind, t.to_mode) for t in theirs.transitions]
     assert ours.status == theirs.status
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-15])
+def test_ever_shorter_slides_end_with_a_word(rtol: float) -> None:
+    """Transitions that accumulate at (A + B)/(1 - q): told up to where doubles end, never an endless loop."""
+    case = load_case(CASES / "hard" / "shrinking_slides.yaml")
+    problem = replace(case.readings[0].problem, until=sp.Integer(4))
+    run = HENON_SOLVER.prepare(problem, rtol=rtol, deadline=20)()
+    assert run.status == "failed"
+    assert "accumulate" in run.reason
+    assert run.end_time == pytest.approx(3.2320508075688776, rel=1e-13)
+    cycle = [(1, -1, 1), (1, -1, 0), (-1, -1, -1), (-1, -1, -1), (-1, 1, -1), (-1, 1, 0), (1, 1, 1), (1, 1, 1)]
+    assert [t.to_mode for t in run.transitions[:96]] == cycle * 12
+    gaps = [b.time - a.time for a, b in pairwise(run.transitions[3:80:4])]
+    assert all(after / before == pytest.approx(3**-0.5, rel=1e-4) for before, after in pairwise(gaps))
