@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from henon_ref.henon.solvers import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
+from henon_ref.model.case import load_case
 from henon_ref.trajectory import Problem, Trajectory
 from tests.conftest import make_problem
 
@@ -40,6 +42,17 @@ def test_a_slide_is_left_at_its_tangent_point() -> None:
     assert kinds(result) == ["release"]
     assert result.transitions[0].time == 1.0
     assert result.end_state == (2.0,)
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
+def test_a_loose_tolerance_leaves_tangent_points_as_a_tight_one(rtol: float) -> None:
+    """Fig. 8: a slide that ended a little beside its tangent point would begin anew at once (210 events, not 126)."""
+    case = load_case(Path(__file__).parents[1] / "cases" / "fig8.yaml")
+    (reading,) = [r for r in case.readings if r.name == "listing_limit"]
+    found = HENON_SOLVER.prepare(reading.problem, rtol=rtol)()
+    exact = HENON_SOLVER.prepare(reading.problem, rtol=1e-13)()
+    assert kinds(found) == kinds(exact)
+    assert max(abs(a.time - b.time) for a, b in zip(found.transitions, exact.transitions, strict=True)) < rtol
 
 
 def test_rotating_crossing_of_a_circle() -> None:

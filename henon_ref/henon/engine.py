@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import overload
+from typing import NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ PROVEN = 1e-15
 """Relative size below which a derivative counts as zero at a root that was found in multiprecision."""
 _BUDGET = 50_000
 """Steps between two looks at the clock."""
+_NO_TIMES, _NO_MODES = np.zeros(0), np.zeros(0, dtype=np.int64)
 _CHUNK = 1024
 """Transitions kept in one block of memory."""
 
@@ -83,6 +84,38 @@ class Start:
     """Known zeros of the guards: surfaces that the start lies on."""
 
 
+class Scratch(NamedTuple):
+    """Arrays that the compiled loop works on and leaves nothing in: runs of one engine share them."""
+
+    hits: NDArray[np.int64]
+    c: NDArray[np.float64]
+    ahead: NDArray[np.float64]
+    change: NDArray[np.float64]
+    point: NDArray[np.float64]
+    speeds: NDArray[np.float64]
+    room: tuple[NDArray[np.float64], ...]
+    table: NDArray[np.float64]
+    work: NDArray[np.float64]
+    bounds: NDArray[np.float64]
+
+
+def _scratch(compiled: CompiledSystem) -> Scratch:
+    n, most, order = len(compiled.system.states), compiled.most_guards, compiled.order
+    rows = n + most + 1, row_length(order)
+    return Scratch(
+        hits=np.zeros(most, dtype=np.int64),
+        c=np.zeros(rows),
+        ahead=np.zeros(rows),
+        change=np.zeros(n + most),
+        point=np.zeros(n),
+        speeds=np.zeros((n + 2 * most, 1)),
+        room=work_space(n, len(compiled.system.surfaces)),
+        table=bernstein_table(order),
+        work=np.zeros((4 + DEPTH, order + 1)),
+        bounds=np.zeros((2 + DEPTH, 2)),
+    )
+
+
 class Engine:
     """Runs of one system at one order; compiles what it needs and keeps it.
 
@@ -99,7 +132,7 @@ class Engine:
         self.compiled = CompiledSystem(system, order)
         self.switching = Switching(system)
         self.closer = CloserLook(system)
-        self.table = bernstein_table(order)
+        self.scratch = _scratch(self.compiled)
 
     def start(self, problem: Problem) -> Start:
         """What is decided once a problem, in exact numbers: where it starts and in which mode."""
@@ -167,10 +200,9 @@ class Session:
     """What rounding it lost; whoever changes ``x`` sets it to 0 there."""
 
     def __post_init__(self) -> None:
-        compiled, n = self.engine.compiled, len(self.start.x)
-        most, order = compiled.most_guards, self.engine.order
+        n, most = len(self.start.x), self.engine.compiled.most_guards
         start = self.start
-        self.floats = np.zeros(k.F_SIZE)
+        self.floats = np.zeros(k.F_SIZE + k.REMEMBERED)
         self.floats[k.F_TIME], self.floats[k.F_LOW] = start.time
         self.floats[k.F_LAST] = -np.inf
         self.floats[k.F_SIGMA] = max((start.until[0] - start.time[0]) + (start.until[1] - start.time[1]), 1e-280)
@@ -180,19 +212,14 @@ class Session:
         self.x_low = np.array([v[1] for v in start.x])
         self.multiplicity = np.zeros(most, dtype=np.int64)
         self.multiplicity[: len(start.zeros)] = start.zeros
-        self.hits = np.zeros(most, dtype=np.int64)
-        self.c = np.zeros((n + most + 1, row_length(order)))
-        self.ahead = np.zeros_like(self.c)
-        self.change = np.zeros(n + most)
-        self.point = np.zeros(n)
-        self.speeds = np.zeros((n + 2 * most, 1))
-        self.room = work_space(n, len(self.engine.system.surfaces))
-        self.work = np.zeros((4 + DEPTH, order + 1))
-        self.bounds = np.zeros((2 + DEPTH, 2))
-        wanted = self.sample_times if self.sample_times is not None else np.zeros(0)
-        self.wanted = np.ascontiguousarray(wanted, dtype=float)
-        self.samples = np.full((self.wanted.size, n), np.nan)
-        self.sample_modes = np.zeros(self.wanted.size, dtype=np.int64)
+        self.scratch = self.engine.scratch
+        if self.sample_times is None:
+            self.wanted, self.sample_modes = _NO_TIMES, _NO_MODES
+            self.samples = _NO_TIMES.reshape(0, 1)
+        else:
+            self.wanted = np.ascontiguousarray(self.sample_times, dtype=float)
+            self.samples = np.full((self.wanted.size, n), np.nan)
+            self.sample_modes = np.zeros(self.wanted.size, dtype=np.int64)
         self.blocks: list[tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]] = []
         self._new_block()
 
@@ -203,9 +230,12 @@ class Session:
         self.integers[k.I_COUNT] = 0
 
     def _close_block(self) -> None:
+        self._keep_block()
+        self._new_block()
+
+    def _keep_block(self) -> None:
         count = self.integers[k.I_COUNT]
         self.blocks.append((self.times[:count], self.marks[:count], self.states[:count]))
-        self._new_block()
 
     def run(self) -> Trajectory:
         """Go to the horizon (or to where the run ends before it)."""
@@ -250,13 +280,14 @@ class Session:
             return self._end(*_refusal(start.decision))
         if start.row is None:
             return self._end("failed", "the mode at the start has no equations")
-        compiled = self.engine.compiled
+        compiled, scratch = self.engine.compiled, self.scratch
         code = k.advance(
-            self.floats, self.integers, self.x, self.x_low, self.multiplicity, self.hits,
+            self.floats, self.integers, self.x, self.x_low, self.multiplicity, scratch.hits,
             *start.until, self.engine.order, self.tolerance, self.method, _BUDGET,
             compiled.addresses, compiled.constants, compiled.probes, compiled.layouts, compiled.targets,
-            (*compiled.normals, compiled.signs, compiled.rows, *self.room),
-            self.c, self.ahead, self.change, self.point, self.speeds, self.engine.table, self.work, self.bounds,
+            (*compiled.normals, compiled.signs, compiled.rows, *scratch.room),
+            scratch.c, scratch.ahead, scratch.change, scratch.point, scratch.speeds, scratch.table, scratch.work,
+            scratch.bounds,
             self.times, self.marks, self.states,
             self.wanted, self.samples, self.sample_modes,
         )  # fmt: skip
@@ -295,14 +326,14 @@ class Session:
         self.x_low[:] = [low for _, low in finding.state]
         self.integers[k.I_STEPS] += 1
         self.multiplicity[:] = 0
-        self.hits[:] = 0
+        self.scratch.hits[:] = 0
         if late:
             return False
         touched = self.engine.system.equations(self.mode).guards[guard]
         # A hold zone holds what only touches its surface.
         caught = finding.what == "touch" and touched.kind == "surface" and self.engine.system.held_inside(touched.index)
         if finding.what == "root" or caught:
-            self.hits[guard] = 1
+            self.scratch.hits[guard] = 1
             return True
         if finding.lowest:
             orders = self.engine.switching.contact_orders(self.time, self.x.tolist(), self.mode, [touched.index])
@@ -325,7 +356,7 @@ class Session:
         """Settle an event that signs alone do not decide; None if the run goes on."""
         before = self.mode
         guards = self.engine.system.equations(before).guards
-        hits: list[Guard] = [g for g, hit in zip(guards, self.hits, strict=False) if hit]
+        hits: list[Guard] = [g for g, hit in zip(guards, self.scratch.hits, strict=False) if hit]
         x = self.x.tolist()
         decision = self.engine.switching.after_event(self.time, x, before, hits, zero=zero)
         if decision.mode is None:
@@ -346,7 +377,7 @@ class Session:
     def _ended(self) -> int | None:
         """A ``valid`` expression that has shrunk to nothing where the run stalled (the field may be singular there)."""
         for g, guard in enumerate(self.engine.system.equations(self.mode).guards):
-            row = self.c[self.x.size + g]
+            row = self.scratch.c[self.x.size + g]
             if guard.kind == "valid" and abs(row[0]) <= 1e-14 * max(1.0, abs(self.start.time[0]), abs(self.time)):
                 return guard.index
         return None
@@ -373,8 +404,11 @@ class Session:
         )
 
     def _end(self, status: Status, reason: str) -> Trajectory:
-        self._close_block()
-        times, marks, states = (np.concatenate(parts) for parts in zip(*self.blocks, strict=True))
+        self._keep_block()
+        if len(self.blocks) == 1:
+            times, marks, states = self.blocks[0]
+        else:
+            times, marks, states = (np.concatenate(parts) for parts in zip(*self.blocks, strict=True))
         modes = tuple(self.engine.compiled.modes)
         counts = self.integers
         return Trajectory(

@@ -21,11 +21,16 @@ SURFACE, RELEASE, VALID = 0, 1, 2
 # Kinds of transitions.
 STICK, FREE, CROSS = 0, 1, 2
 # Floats kept between calls: t and what rounding it lost, sigma, time of the last event and what it lost;
-# where on the step a doubtful event is, and the step's end, both counted from its start.
-F_TIME, F_LOW, F_SIGMA, F_LAST, F_LAST_LOW, F_NEAR, F_REACH, F_SIZE = range(8)
+# where on the step a doubtful event is, and the step's end, both counted from its start; the largest sigma
+# that a mode just entered may begin with.
+F_TIME, F_LOW, F_SIGMA, F_LAST, F_LAST_LOW, F_NEAR, F_REACH, F_CAP, F_SIZE = range(9)
+REMEMBERED = 64
+"""Modes of which the last step is kept, in the floats behind those above: a mode seen before begins with it."""
 # Integers kept between calls: mode; counts; last guard hit and its landing; steps that time cannot tell apart,
-# events that it cannot tell apart; next sample.
-I_MODE, I_STEPS, I_RHS, I_EVENTS, I_COUNT, I_GUARD, I_LANDING, I_STALLED, I_CROWDED, I_SAMPLE, I_SIZE = range(11)
+# events that it cannot tell apart; next sample; mode of the last step.
+I_MODE, I_STEPS, I_RHS, I_EVENTS, I_COUNT, I_GUARD, I_LANDING, I_STALLED, I_CROWDED, I_SAMPLE, I_STEPPED, I_SIZE = (
+    range(12)
+)
 
 _EPS = 2.220446049250313e-16
 TANGENT = 1e-9
@@ -327,6 +332,10 @@ def advance(  # type: ignore[no-untyped-def]
     stop_at = integers[I_STEPS] + budget
     while True:
         mode = integers[I_MODE]
+        slot = F_SIZE + min(mode, REMEMBERED - 1)
+        if mode != integers[I_STEPPED] and floats[slot] > 0.0:
+            floats[F_SIGMA] = min(floats[slot], floats[F_CAP])
+        integers[I_STEPPED] = mode
         layout = layouts[mode]
         guards = layout[0, 0]
         if integers[I_COUNT] + 1 > times.shape[0]:
@@ -390,7 +399,9 @@ def advance(  # type: ignore[no-untyped-def]
         bounded = _move(x, x_low, change)
         _add_time(floats, part * sigma)
         integers[I_STEPS] += 1
-        floats[F_SIGMA] = min(natural, 1e3 * part * sigma) if part > 0.0 else sigma
+        floats[F_CAP] = 1e3 * part * sigma if part > 0.0 else sigma
+        floats[F_SIGMA] = min(natural, floats[F_CAP]) if part > 0.0 else sigma
+        floats[slot] = natural
         if not bounded:
             return DIVERGED
         if hit < 0:
@@ -404,6 +415,11 @@ def advance(  # type: ignore[no-untyped-def]
         integers[I_LANDING] = used
         if kind == VALID:
             return INVALID
+        if kind == RELEASE:
+            _polish(
+                floats, integers, x, x_low, addresses[mode, 0], addresses[mode, 1], constants[mode], ahead, change,
+                n + hit, sigma, theta, until,
+            )  # fmt: skip
         which, zeros, what = 0, 1, CROSS
         if kind == SURFACE:
             if together or layout[0, 1] > 0:
@@ -449,6 +465,30 @@ def advance(  # type: ignore[no-untyped-def]
         _start(multiplicity, layouts[target], index, zeros)
         if crowded(floats, integers):
             return ACCUMULATED
+
+
+@inner()
+def _polish(  # type: ignore[no-untyped-def]
+    floats, integers, x, x_low, expansion, closing, constants, ahead, change, row, sigma, theta, until,
+):  # fmt: skip
+    """Put the end of a slide on its guard to the last digit, whatever the tolerance of the step that led there.
+
+    A tangent point is where the field's normal velocity vanishes: left a little beside it, the field would
+    point back at the surface, and the slide would begin anew. Newton's steps on the expansion at the landing.
+    """
+    for _ in range(3):
+        call_expand(expansion, floats[F_TIME], floats[F_LOW], sigma, x, constants, ahead)
+        integers[I_RHS] += 1
+        off, slope = ahead[row, 0], ahead[row, 1]
+        size = abs(off) + abs(slope) * theta
+        if abs(off) <= 2.0 * _EPS * size or not slope < 0.0:
+            return
+        shift = -off / slope
+        if abs(shift) > 0.1 * theta or floats[F_TIME] + shift * sigma > until:
+            return
+        call_closing(closing, shift, ahead, change)
+        _move(x, x_low, change)
+        _add_time(floats, shift * sigma)
 
 
 @inner()
