@@ -1,6 +1,7 @@
-"""Random Filippov systems: the reference and an independent library find the same transitions.
+"""Random Filippov systems: the reference and independent libraries find the same transitions.
 
-``pytest -m slow tests/test_random_systems.py`` makes the long comparison with heyoka.
+What two of them disagree on is judged by 256 bits: the reference has to be right to within its conditioning.
+``pytest -m slow tests/test_random_systems.py`` makes the long comparison (some forty minutes).
 """
 
 from __future__ import annotations
@@ -10,10 +11,15 @@ from random_systems import compared
 
 
 def test_reference_agrees_with_scipy_on_random_systems() -> None:
-    assert compared(4, 20130216, "scipy-dop853", close=1e-7) == []
+    assert compared(3, 20130216, "scipy-dop853", close=1e-7) == []
+
+
+def test_reference_agrees_with_heyoka_on_some_random_systems() -> None:
+    pytest.importorskip("heyoka")
+    assert compared(2, 3) == []
 
 
 @pytest.mark.slow
 def test_reference_agrees_with_heyoka_on_random_systems() -> None:
     pytest.importorskip("heyoka")
-    assert compared(100, 20130216) == []
+    assert compared(500, 20130216) == []

@@ -66,6 +66,18 @@ def test_reference_passes(case: Case, reading: Reading) -> None:
     _check_truth(case, reading, run)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("case", "reading"), _readings(".", "classic", "hard"))
+def test_every_tolerance_ends_with_the_right_word(case: Case, reading: Reading) -> None:
+    """From 1e-3 to less than a double can tell: no run stalls, hangs or ends with another word."""
+    if reading.solvers and HENON_SOLVER.name not in reading.solvers:
+        pytest.skip("another solver's reading")
+    expected = reading.expect.status if reading.expect else "ok"
+    for exponent in range(3, 18):
+        run = HENON_SOLVER.prepare(reading.problem, rtol=10.0**-exponent, deadline=DEADLINE)()
+        assert run.status == expected, (exponent, run.reason)
+
+
 def _check_order(run: Trajectory) -> None:
     """Times do not fall, modes follow on each other, and kinds say what the modes do."""
     instants = [list(same) for _, same in groupby(run.transitions, key=lambda t: (t.time, t.time_low, t.from_mode))]
