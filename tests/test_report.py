@@ -7,12 +7,14 @@ import re
 import shutil
 from dataclasses import replace
 from decimal import Decimal
+from pathlib import Path
 
 import numpy as np
 import pytest
 from fakes import TIMES, Fake, case, expected, found, reference, statement, trajectory
 
 from henon_ref.comparison import Comparison
+from henon_ref.model.case import load_case
 from henon_ref.report import check, index
 from henon_ref.report.answer import answer
 from henon_ref.report.csvfiles import csv_text, read_rows
@@ -165,6 +167,14 @@ def test_modes_and_parameters_in_formulas():
     assert stick.title == "Stick, `s=0`"
     assert any(note.startswith("equivalent sign $s =") for note in stick.notes)
     assert parameters(result) == ["$F = 1$", "$x(0) = 1$", r"$t_{\mathrm{end}} = 5$"]
+
+
+def test_the_stick_of_static_friction_says_when_it_is_entered():
+    static = load_case(Path(__file__).parents[1] / "cases" / "static_belt.yaml").readings[0].problem.system
+    assert any(note.startswith("entered wherever") for note in mode_equations(static, (0,)).notes)
+    assert not any(note.startswith("entered") for note in mode_equations(static, (1,)).notes)
+    plain = compared().readings[0].reading.problem.system
+    assert not any(note.startswith("entered") for note in mode_equations(plain, (0,)).notes)
 
 
 def test_formulas_keep_the_names_a_reader_expects():

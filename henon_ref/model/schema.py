@@ -145,8 +145,8 @@ class SlidingForm(Form):
     release: Annotated[list[ReleaseForm], Field(min_length=1)]
     entry: Literal["attracting", "inside"] = Field(
         "attracting",
-        description="a block that reaches the surface sticks where both slip fields point at it (attracting), "
-        "or where no release has happened yet (inside: static friction)",
+        description="a trajectory on the surface sticks where both slip fields point at it (attracting), "
+        "or where no release is due (inside: static friction)",
     )
 
 

@@ -63,6 +63,9 @@ def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
         if guard.kind == "release":
             name = symbol(system.signs[guard.index].name)
             notes.append(f"left to ${name} = {guard.to_sign:+d}$ where ${latex(guard.expression)}$ falls through 0")
+    for index, entry in enumerate(mode):
+        if entry == 0 and system.held_inside(index):
+            notes.append("entered wherever the surface is reached with these positive, whatever the slip fields do")
     return ModeText(title, _aligned(lines), notes)
 
 
