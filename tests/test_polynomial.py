@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
@@ -29,6 +29,8 @@ def first_root(roots: list[float], lead: float, landing: int = p.HENON) -> tuple
 
 
 @given(st.lists(st.floats(0.02, 0.98), min_size=1, max_size=5))
+@example([0.5, 0.75, 0.7541430480585207, 0.2109375])  # a root where the step is halved, another one before it
+@example([0.5, 0.75, 0.625])
 @settings(max_examples=200, deadline=None)
 def test_the_first_falling_root_is_found_whatever_else_is_there(roots: list[float]) -> None:
     roots = sorted(roots)

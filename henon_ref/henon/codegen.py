@@ -61,7 +61,7 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str) -> str:
     for r, root in enumerate(tape.outputs, states):
         expander.store_output(root, rows[r], r)
     if order >= 3:
-        for at, value in enumerate([*_norms(w, rows, order), _longest(w, expander)]):
+        for at, value in enumerate([*_norms(w, rows, expander.sizes, order), _longest(w, expander)]):
             w.store(value, "%C", len(rows) * width + at)
     body = "\n".join(w.lines)
     return (
@@ -81,19 +81,21 @@ def closing_ir(states: int, outputs: int, order: int, name: str) -> str:
     vector = f"<{LANES} x double>"
     width = row_length(order)
     square = w.exact("fmul", "%theta", "%theta")
-    jump = w.vector([w.exact("fmul", square, square)] * LANES)
+    fourth = w.exact("fmul", square, square)
+    strides = [w.vector([fourth] * LANES)]
     powers = w.vector([ONE, "%theta", square, w.exact("fmul", square, "%theta")])
     zero = w.vector([ZERO] * LANES)
     for r in range(states + outputs):
-        total = ""
-        for v in range(width // LANES - 1, -1, -1):
+        terms = []
+        for v in range(width // LANES):
             term = w.load("%C", r * width + v * LANES, vector)
             if v == 0:
                 term = w.emit(f"insertelement {vector} {term}, double {ZERO}, i64 0")
             if r >= states:
                 below = w.emit(f"fcmp olt {vector} {term}, {zero}")
                 term = w.emit(f"select <{LANES} x i1> {below}, {vector} {term}, {vector} {zero}")
-            total = w.lanewise_fused(LANES, total, jump, term) if total else term
+            terms.append(term)
+        total = _estrin(w, terms, strides)
         total = w.lanewise("fmul", LANES, total, powers)
         start = w.load("%C", r * width) if r >= states else literal(-0.0)
         w.store(
@@ -105,15 +107,22 @@ def closing_ir(states: int, outputs: int, order: int, name: str) -> str:
     return f"define void @{name}(double %theta, ptr noalias %C, ptr noalias %out) {{\nentry:\n{body}\n  ret void\n}}\n"
 
 
-def _norms(w: Writer, rows: Sequence[Sequence[Value]], order: int) -> list[str]:
-    """(largest last, largest last but one, sum of all): relative to each row's size on a step of sigma."""
+def _estrin(w: Writer, terms: list[str], strides: list[str]) -> str:
+    """sum of terms_v stride^v, in pairs; ``strides``: its powers 1, 2, 4 ... as far as they are made."""
+    level = 0
+    while len(terms) > 1:
+        if level == len(strides):
+            strides.append(w.lanewise("fmul", LANES, strides[-1], strides[-1]))
+        paired = [w.lanewise_fused(LANES, terms[i + 1], strides[level], terms[i]) for i in range(0, len(terms) - 1, 2)]
+        terms = paired + terms[2 * len(paired) :]
+        level += 1
+    return terms[0]
+
+
+def _norms(w: Writer, rows: Sequence[Sequence[Value]], sizes: Sequence[str], order: int) -> list[str]:
+    """(largest last, largest last but one, sum of all), relative; ``sizes``: inverse size of each row."""
     largest, total = ["", ""], ""
-    for row in rows:
-        size = literal(1e-300)
-        for value in row[:3]:
-            if value is not None:
-                size = w.binary("fadd", size, w.call("fabs", value))
-        inverse = w.exact("fdiv", ONE, size)
+    for row, inverse in zip(rows, sizes, strict=True):
         for at, k in enumerate((order, order - 1)):
             value = row[k]
             if value is None:
@@ -122,6 +131,15 @@ def _norms(w: Writer, rows: Sequence[Sequence[Value]], order: int) -> list[str]:
             total = w.binary("fadd", total, ratio) if total else ratio
             largest[at] = w.larger(largest[at], ratio) if largest[at] else ratio
     return [value or ZERO for value in (*largest, total)]
+
+
+def _inverse_size(w: Writer, row: Sequence[Value]) -> str:
+    """1 / (size of a row's first three terms on a step of sigma)."""
+    size = literal(1e-300)
+    for value in row[:3]:
+        if value is not None:
+            size = w.binary("fadd", size, w.call("fabs", value))
+    return w.exact("fdiv", ONE, size)
 
 
 def _longest(w: Writer, expander: _Expander) -> str:
@@ -171,6 +189,7 @@ class _Expander:
         self.absorbed = self._absorbed()
         self.needed_last = self._needed([leaf for form in self.targets for leaf in form.terms])
         self.outputs: list[list[Value]] = []
+        self.sizes: list[str] = []
 
     def constant(self, index: int, low: bool) -> str:
         """A constant of the tape, or what rounding it lost."""
@@ -186,7 +205,7 @@ class _Expander:
 
     def run(self) -> None:
         """Write the coefficients of all nodes that are wanted, of the states and of the outputs."""
-        order = self.order
+        w, order = self.w, self.order
         wanted = [at for at, n in enumerate(self.tape.nodes) if at in self.kept or n.op not in (*LINEAR, "state")]
         rates = [self._rates(form) for form in self.field]
         for k in range(order + 1):
@@ -200,6 +219,9 @@ class _Expander:
                 for target, form, rate in zip(self.solution, self.field, rates, strict=True):
                     target.append(self._slope(form, rate, k))
             self.convolutions.pack(k)
+            if k == 2 and order >= 3:  # divisions are waited for least where they begin early
+                rows = [*self.solution, *([self.linear(form, j) for j in range(3)] for form in self.targets)]
+                self.sizes = [_inverse_size(w, row) for row in rows]
         self.outputs = [self._output(form) for form in self.targets]
 
     # -- linear parts -----------------------------------------------------------------------------------

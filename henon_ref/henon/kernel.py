@@ -67,11 +67,10 @@ def _root(above, below, power):  # type: ignore[no-untyped-def]
 
     The exponent and the leading bits of a double are a piecewise linear logarithm to base 2.
     """
-    logarithm = (bits(above) - bits(below)) * 2.220446049250313e-16
-    exponent = logarithm * power + 1023.0  # positive: truncated is floor
-    whole = np.int64(exponent)
-    part = exponent - whole
-    return from_bits(whole << 52) * (1.0 + part * (0.6565 + 0.3435 * part))
+    exponent = (bits(above) - bits(below)) * (2.220446049250313e-16 * power)
+    shifted = exponent + 6755399441055744.0  # 1.5 * 2^52: rounds to a whole number, which the low bits then hold
+    part = exponent - (shifted - 6755399441055744.0)
+    return from_bits((bits(shifted) + 1023) << 52) * (1.0 + part * (0.6931471805599453 + 0.24022650695910072 * part))
 
 
 @inner(fastmath={"contract", "nsz"})
@@ -191,9 +190,10 @@ def _first_event(integers, c, n, order, layout, multiplicity, lower, theta, meth
         if zeros == 0 and lower[g] > 0.0:
             continue
         if powers[0] == 0.0:
-            powers[0] = 1.0
-            for k in range(1, order + 1):
-                powers[k] = powers[k - 1] * theta
+            powers[0], powers[1] = 1.0, theta
+            square = theta * theta
+            for k in range(2, order + 1):
+                powers[k] = powers[k - 2] * square
         q = c[n + g, zeros:]
         degree = order - zeros
         if zeros > 0 and q[0] > 0.0 and excluded(q, powers, degree):

@@ -141,7 +141,7 @@ def steepness(q, degree, tau):  # type: ignore[no-untyped-def]
 
 @njit(fastmath=_POLY)
 def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
-    """Put the step's end on the root of q that [low, high] brackets, q falling.
+    """Put the step's end on the root of q that [low, high], within [0, 1], brackets, q falling.
 
     ``HENON``: the independent variable is swapped from t to h (Hénon 1982; Eq. (14) of the paper) and one
     Taylor step of order 4 in h, of length -h, is taken from a point near the surface: dt/dh = 1/h', whose
@@ -160,13 +160,20 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     if low == high:
         return low, method, 0
     # A root at ``high`` itself, if there is one, is not the one bracketed: q is negative just before it.
-    below, above = value(q, degree, low), value(q, degree, high)
-    evaluations = 2
+    below, above, evaluations = q[0], 0.0, 0
+    if low > 0.0:
+        below, evaluations = value(q, degree, low), 1
+    for k in range(degree + 1):
+        above += q[k]
+    if high < 1.0:
+        above, evaluations = value(q, degree, high), evaluations + 1
     if method == BRENT and below > 0.0 > above:
         tau, more = _brent(q, degree, low, high, below, above)
         return tau, BRENT, evaluations + more
     left, right = low, high
-    tau = low + (high - low) * below / (below - above) if below > 0.0 > above else 0.5 * (low + high)
+    # The chord's root, but where another root next to ``high`` may have left nothing but rounding there.
+    chord = below > 0.0 and above < -0.01 * below
+    tau = low + (high - low) * below / (below - above) if chord else 0.5 * (low + high)
     order_one = method == NEWTON
     for _ in range(12):
         g0, g1, g2, g3, g4 = q[degree], 0.0, 0.0, 0.0, 0.0
@@ -182,8 +189,9 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
             left = tau
         else:
             right = tau
-        if g1 >= 0.0:
-            break
+        if g1 >= 0.0:  # not yet, or no longer, on the way down
+            tau = 0.5 * (left + right)
+            continue
         u = -g0 / g1
         delta = u
         ratio = 0.0
