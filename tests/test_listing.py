@@ -128,6 +128,12 @@ def test_filippovs_own_sliding_is_refused(problem):
         LISTING.prepare(replace(problem, system=plain), step=1e-3)
 
 
+def test_arrival_inside_a_hold_zone_is_not_the_listings(problem):
+    inside = replace(problem.system, overrides={0: replace(problem.system.overrides[0], entry="inside")})
+    with pytest.raises(UnsupportedError, match="entry 'attracting'"):
+        LISTING.prepare(replace(problem, system=inside), step=1e-3)
+
+
 def test_a_step_is_needed(problem):
     with pytest.raises(UnsupportedError, match="positive step"):
         LISTING.prepare(problem)

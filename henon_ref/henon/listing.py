@@ -132,8 +132,8 @@ def _difference(system: FilippovSystem, p: Mapping[str, sp.Symbol]) -> str:
     if len(system.states) != 2 or len(system.surfaces) != 1:
         return "it has two states and one surface"
     override = system.overrides.get(0)
-    if override is None or len(override.release) != 1:
-        return "its stick is not Filippov's: it needs the 'sliding' override with one release"
+    if override is None or len(override.release) != 1 or override.entry != "attracting":
+        return "its stick is not Filippov's: it needs the 'sliding' override with one release and entry 'attracting'"
     position, velocity = system.states
     z = position - p["A"] * sp.sin(p["w"] * TIME)
     force = p["k2"] * z**3 - p["k1"] * z
