@@ -90,3 +90,15 @@ def test_every_root_of_a_product_of_factors_is_found(places: list[int]) -> None:
         expected = sorted(p / 1500 for p in places if 0 < p <= 1500)
         assert [float(r.at) for r in found] == pytest.approx(expected, abs=1e-30)
         assert all(r.odd for r in found)
+
+
+@pytest.mark.parametrize("exponent", [*range(-30, 0)])
+@pytest.mark.parametrize("part", [2, 10, 100])
+def test_a_root_next_to_an_extremum_is_as_narrow_as_any(exponent: int, part: int) -> None:
+    """The slope runs from next to nothing to one over the bracket: Newton's interval alone stays as wide as that."""
+    near = arb(10) ** exponent
+    slope = near / part
+    found = isolate([-near * (near + slope), slope, arb(1)], arb(ZERO)).roots
+    assert len(found) == 1
+    assert found[0].at.rad() <= arb(2) ** -80
+    assert abs(found[0].at - near) <= arb(2) ** -80

@@ -154,7 +154,7 @@ def _dominates(c: Sequence[arb], sizes: Sequence[arb], order: int) -> bool:
 
 
 def simple_root(p: arb_poly, slope: arb_poly, a: arb, b: arb) -> arb:
-    """The root of a function that is monotone on [a, b] and changes sign: bisection, then interval Newton."""
+    """The root of a function that is monotone on [a, b] and changes sign: bisection and interval Newton."""
     sign_b = _sign(p(b))
     if sign_b == 0:
         return b
@@ -167,10 +167,17 @@ def simple_root(p: arb_poly, slope: arb_poly, a: arb, b: arb) -> arb:
     x = _ball(a, b)
     while True:
         middle = x.mid()
-        step = middle - p(middle) / slope(x)
+        value = p(middle)
+        step = middle - value / slope(x)
         if not step.overlaps(x):  # rounding alone: the root lies on the rim
             return middle
         narrower = step.intersection(x)
         if not narrower.rad() < x.rad() / 2:
-            return narrower
+            if value.contains(0):
+                return narrower
+            # The slope varies too much over the bracket (an extremum close by): halve it.
+            low, high = arb(x.lower()), arb(x.upper())
+            narrower = _ball(low, middle) if _sign(value) == sign_b else _ball(middle, high)
+            if not narrower.rad() < x.rad():
+                return narrower
         x = narrower
