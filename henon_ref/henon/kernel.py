@@ -170,7 +170,9 @@ def _trusted(floats, integers, x, expansion, closing, constants, c, ahead, chang
                     foretold += term
                     size += abs(term)
                     power *= at
-                agreed = agreed and abs(foretold - ahead[r, first]) <= 1e-6 * size
+                # A slope that moves its state by no more than rounding over the step is none, whatever its digits.
+                dust = 4.0 * _EPS * abs(x[r]) / at if first == 1 else 0.0
+                agreed = agreed and abs(foretold - ahead[r, first]) <= max(1e-6 * size, dust)
         if agreed:
             return theta
         theta *= 0.25
