@@ -102,7 +102,7 @@ class ScipyNaive:
 
 
 def _sgn(value: float) -> float:
-    return float((value > 0.0) - (value < 0.0))
+    return float(value > 0.0) - float(value < 0.0)  # SciPy's times are NumPy's, whose booleans do not subtract
 
 
 class _Naive:

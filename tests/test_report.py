@@ -304,3 +304,13 @@ def test_fakes_meet_the_contract():
     from henon_ref.solver import Solver
 
     assert isinstance(Fake(), Solver)
+
+
+def test_the_index_leads_to_the_further_pages(stored, tmp_path) -> None:
+    folder = tmp_path / "reports"
+    (folder / "atlas").mkdir(parents=True)
+    (folder / "atlas" / "README.md").write_text("x", encoding="utf-8")
+    (folder / "atlas" / "grazing.svg").write_text("x", encoding="utf-8")
+    text = index.index_text([], index.pages(folder))
+    assert "](atlas/grazing.svg)" in text
+    assert "causes/README.md" not in text

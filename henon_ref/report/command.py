@@ -10,17 +10,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from henon_ref import registry
+from henon_ref.atlas.page import FOLDER as ATLAS
+from henon_ref.atlas.run import run_atlas
 from henon_ref.comparison import Comparison, compare_all
 from henon_ref.errors import CaseError
 from henon_ref.model.case import Case, load_case
+from henon_ref.report.causes import write_causes
 from henon_ref.report.figures import figure_job, preload
 from henon_ref.report.index import write_index
 from henon_ref.report.manifest import Provenance, provenance
 from henon_ref.report.markdown import environment
 from henon_ref.report.request import Request
 from henon_ref.report.write import check_writable, write_report
+from henon_ref.restarts.experiment import run_restarts
+from henon_ref.restarts.page import FOLDER as RESTARTS
 from henon_ref.score.journal import FILE, read
-from henon_ref.score.options import Options, Silent
+from henon_ref.score.options import Observer, Options, Silent
 from henon_ref.score.plan import check_solvers
 from henon_ref.score.rows import Record
 
@@ -41,6 +46,7 @@ def run(request: Request) -> list[str]:
     check_writable(request.out)
     cases = load_cases(request.cases)
     options = Options(
+        keep_journals=True,
         solvers=request.solvers,
         restarts=request.restarts,
         tolerances=request.tolerances,
@@ -67,11 +73,35 @@ def run(request: Request) -> list[str]:
 
     with Shown() as shown:
         compare_all(cases, options, deliver, draw=figure_job, meanwhile=meanwhile, observer=shown)
+        if request.whole:
+            written += experiments(cases, options, origin[0], request.out, shown)
     index = write_index(request.out)
+    discard(request.out, cases)
     bounds = sum(len(reading.gate) for case in cases for reading in case.readings)
     where = written[0] if len(written) == 1 else index
     print(f"{where}" + (f"; gate {'not met' if failures else 'met'}" if bounds else ""))
     return failures
+
+
+def experiments(
+    cases: Sequence[Case], options: Options, origin: Provenance, out: Path, observer: Observer
+) -> list[Path]:
+    """What a whole folder gets besides its reports: the atlas, the restart habits, the causes; the pages written."""
+    pages = [
+        run_atlas(cases, options, origin, out, observer),
+        run_restarts(cases, options, origin, out, observer),
+        write_causes(out),
+    ]
+    return [page for page in pages if page is not None]
+
+
+def discard(out: Path, cases: Sequence[Case]) -> None:
+    """Remove the journals: everything that they hold is written."""
+    for folder in (out, out / ATLAS, out / RESTARTS):
+        for case in cases:
+            (folder / case.name / FILE).unlink(missing_ok=True)
+            if folder != out and (folder / case.name).is_dir():
+                (folder / case.name).rmdir()
 
 
 def load_cases(paths: Sequence[Path]) -> list[Case]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +17,8 @@ from henon_ref.report.write import MANIFEST, REPORT, RUNS, replace_file
 from henon_ref.score.columns import Row
 
 INDEX = "README.md"
+ATLAS, RESTARTS, CAUSES, PAPER, PRICE = "atlas", "restarts", "causes", "paper", "price"
+"""Folders of the further pages."""
 MARKS = {"unsupported": "–", "unavailable": "·", "timeout": "timeout", "failed": "failed"}
 
 
@@ -40,8 +42,23 @@ class Entry:
 def write_index(folder: Path) -> Path:
     """Write the index of all reports in a folder."""
     path = folder / INDEX
-    replace_file(path, index_text(entries(folder)).encode())
+    replace_file(path, index_text(entries(folder), pages(folder)).encode())
     return path
+
+
+def pages(folder: Path) -> dict[str, list[str]]:
+    """The further pages in a folder, with their figures: paths relative to it."""
+    found: dict[str, list[str]] = {}
+    for name_, page in (
+        ("atlas", ATLAS),
+        ("restarts", RESTARTS),
+        ("causes", CAUSES),
+        ("paper", PAPER),
+        ("price", PRICE),
+    ):
+        if (folder / page / INDEX).exists():
+            found[name_] = [f"{page}/{path.name}" for path in sorted((folder / page).glob("*.svg"))]
+    return found
 
 
 def entries(folder: Path) -> list[Entry]:
@@ -59,8 +76,8 @@ def entries(folder: Path) -> list[Entry]:
     return found
 
 
-def index_text(found: Sequence[Entry]) -> str:
-    """The index as markdown."""
+def index_text(found: Sequence[Entry], further: Mapping[str, Sequence[str]] | None = None) -> str:
+    """The index as markdown; ``further``: pages beside the reports, with their figures."""
     solvers = _solvers(found)
     return (
         environment()
@@ -69,6 +86,7 @@ def index_text(found: Sequence[Entry]) -> str:
             answer=_answer(found, solvers),
             matrix=_matrix(found, solvers).markdown,
             cheapest=_cheapest(found).markdown,
+            pages=dict(further or {}),
             titles={f"[{entry.case}]({entry.case}/{REPORT})": entry.title for entry in found},
         )
     )

@@ -21,3 +21,8 @@ class Request:
     gate: bool = False
     restarts: tuple[str, ...] = ()
     """Habits by which libraries are restarted after an event; none: each solver by its own."""
+
+    @property
+    def whole(self) -> bool:
+        """A folder is run with the settings of its cases: it gets the atlas and the experiments, too."""
+        return any(path.is_dir() for path in self.cases) and self.tolerances is None and not self.restarts

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from baselines.causes import CAUSES
 from henon_ref.comparison import Comparison
 from henon_ref.report.ranking import floor, name, number, prices, right
 from henon_ref.report.words import digits, duration, error, setting, significant
@@ -102,23 +103,28 @@ def wall(row: Row) -> str:
 
 
 def reason_table(rows: Sequence[Row]) -> Table | None:
-    """Why a run is not right."""
-    lines = [
-        (f"`{name(row)}`", setting(row["rtol"], row["step_s"]), status(row), str(row["status_reason"]))
-        for row in rows
-        if row["verdict"] != "right" and row["status_reason"]
-    ]
+    """Why a run is not right: the solver's words, the verdict and what it rests on, the cause where it is known."""
     # One line for a solver that says the same at every setting.
-    merged: dict[tuple[str, str, str], list[str]] = {}
-    for solver, at, kind, reason in lines:
-        merged.setdefault((solver, kind, reason), []).append(at)
+    merged: dict[tuple[str, ...], list[str]] = {}
+    for row in rows:
+        if row["verdict"] == "right" or row["status"] in ("unsupported", "unavailable"):
+            continue
+        verdict = ": ".join(str(row[column]) for column in ("verdict", "verdict_basis") if row[column])
+        cause = _cause(str(row["cause"])) if row["cause"] else ""
+        words = (f"`{name(row)}`", str(row["status"]), str(row["status_reason"] or ""), verdict, cause)
+        merged.setdefault(words, []).append(setting(row["rtol"], row["step_s"]))
     if not merged:
         return None
     return Table(
-        ("solver", "setting", "status", "reason"),
-        "lrll",
-        [(solver, ", ".join(at), kind, reason) for (solver, kind, reason), at in merged.items()],
+        ("solver", "setting", "status", "reason", "verdict", "cause"),
+        "lrllll",
+        [(words[0], ", ".join(at), *words[1:]) for words, at in merged.items()],
     )
+
+
+def _cause(name: str) -> str:
+    """A link to a cause on the page of causes, which lies in a folder beside the report's."""
+    return f"[{CAUSES[name].title}](../causes/README.md#{name})"
 
 
 def stick_table(comparison: Comparison, result: ReadingResult) -> Table | None:

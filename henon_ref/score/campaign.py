@@ -133,9 +133,9 @@ class Campaign:
             outcome.trajectory = payload.trajectory
             score_outcome(outcome, state.results[job.reading].expected)
             right = outcome.score is not None and outcome.score.verdict == RIGHT
-            if not right and outcome.trajectory.status not in ("timeout", "failed"):
+            if not (right and self.options.timed) and outcome.trajectory.status not in ("timeout", "failed"):
                 outcome.samples = (payload.wall_s,)
-            return Answer(right, job.timing_seconds(payload.wall_s))
+            return Answer(right and self.options.timed, job.timing_seconds(payload.wall_s))
         if stage == TIMED:
             outcome.samples = payload
         return Answer(None, job.seconds)
@@ -210,7 +210,7 @@ class Campaign:
     def _deliver(self, state: CaseState) -> None:
         state.delivered = True
         self.deliver(state.case, list(state.results.values()), state.records())
-        if state.journal is not None:
+        if state.journal is not None and not self.options.keep_journals:
             state.journal.remove()
 
 

@@ -10,7 +10,7 @@ RUN_COLUMNS = (
     "steps", "rhs_evaluations", "event_evaluations",
     "status_reason", "expected_status", "verdict", "digits", "time_unit_s", "end_time_s",
     "reference_radius_s", "missed_touches", "spurious_touches", "cut_off", "wall_s_low", "wall_s_high", "timed_runs",
-    "verdict_basis",
+    "verdict_basis", "cause",
 )  # fmt: skip
 """A row a reading, solver and setting. From ``status_reason`` on beyond the contract:
 
@@ -19,7 +19,8 @@ RUN_COLUMNS = (
 * ``missed_touches``, ``spurious_touches``: touch-and-go events, not counted as missed or spurious;
 * ``cut_off``: transitions that the horizon cuts off;
 * ``wall_s_low``, ``wall_s_high``: 95 % bootstrap interval of the median; ``timed_runs``: samples behind it;
-* ``verdict_basis``: what the verdict on a run that is not right rests on.
+* ``verdict_basis``: what the verdict on a run that is not right rests on;
+* ``cause``: name of the cause of a solver's defect, where one is known for certain (:mod:`henon_ref.score.causes`).
 """
 
 TRANSITION_COLUMNS = (

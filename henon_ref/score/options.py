@@ -36,6 +36,10 @@ class Options:
     """Where journals are kept, a folder a case; None: no journal."""
     resume: bool = False
     """Whether rows that a journal holds are used."""
+    keep_journals: bool = False
+    """Leave the journals where they are: the caller has more to do before nothing of this can be lost."""
+    timed: bool = True
+    """Whether right runs are repeated for their wall times."""
 
 
 MOST_DRAWN = 6

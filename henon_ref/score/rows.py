@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from henon_ref.model.case import Reading
 from henon_ref.model.modes import Mode, mode_text
+from henon_ref.score.causes import cause_of
 from henon_ref.score.columns import RUN_COLUMNS, STICK_COLUMNS, Row
 from henon_ref.score.matching import Matching
 from henon_ref.score.metrics import Expected, Score, score
@@ -68,7 +69,9 @@ def record(outcome: Outcome, expected: Expected | None) -> Record:
     if outcome.trajectory is not None and expected is not None and outcome.score is not None:
         transitions = _transition_rows(identity, outcome, outcome.trajectory, expected, outcome.score)
         stick_rows = _stick_rows(identity, outcome.trajectory, expected, outcome.score, outcome.reading)
-    return Record(_run_row(outcome, expected, identity, stick_rows), transitions, stick_rows, list(outcome.samples))
+    run = _run_row(outcome, expected, identity, stick_rows)
+    run.update(cause=cause_of(run, transitions))
+    return Record(run, transitions, stick_rows, list(outcome.samples))
 
 
 def _run_row(outcome: Outcome, expected: Expected | None, identity: Row, stick_rows: list[Row]) -> Row:

@@ -1,0 +1,18 @@
+"""Causes of the baselines' failures, each shown by a minimal run of the library alone.
+
+A cause is a short function that uses nothing of this project: it sets up the smallest problem that shows the
+behaviour, runs the library, and raises :class:`ClaimError` if it does not behave as claimed. The tests run them all,
+reports run them and print what they say, and :mod:`henon_ref.score.causes` decides which failing run each explains.
+"""
+
+from __future__ import annotations
+
+from baselines.causes.base import Cause, ClaimError
+from baselines.causes.heyoka_events import HEYOKA
+from baselines.causes.naive import NAIVE
+from baselines.causes.scipy_events import SCIPY
+from baselines.causes.sundials_events import SUNDIALS
+
+CAUSES: dict[str, Cause] = {cause.name: cause for cause in (*SCIPY, *SUNDIALS, *HEYOKA, *NAIVE)}
+
+__all__ = ["CAUSES", "Cause", "ClaimError"]

@@ -1,0 +1,124 @@
+"""heyoka and its terminal events."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from baselines.causes.base import Cause, holds
+
+DOCS = "https://bluescarni.github.io/heyoka.py/notebooks/Event%20detection.html"
+
+
+def run(guard: Any, field: Any, start: list[float], until: float, *, any_direction: bool = False) -> float:
+    """Time at which a terminal event stops a run, or its horizon."""
+    import heyoka
+
+    heyoka.set_logger_level_error()
+    directions = heyoka.event_direction
+    event = heyoka.t_event(guard, direction=directions.any if any_direction else directions.negative, cooldown=0.0)
+    integrator = heyoka.taylor_adaptive(field, start, tol=1e-15, t_events=[event])
+    integrator.propagate_until(until)
+    return float(integrator.time)
+
+
+def _unit_speed() -> tuple[Any, list[tuple[Any, Any]]]:
+    import heyoka
+
+    (x,) = [heyoka.make_vars("x")]
+    return x, [(x, heyoka.expression(1.0))]
+
+
+def _ball() -> tuple[Any, list[tuple[Any, Any]]]:
+    import heyoka
+
+    x, v = heyoka.make_vars("x", "v")
+    return x, [(x, v), (v, heyoka.expression(-1.0))]
+
+
+def pair_below_rounding() -> str:
+    """x' = 1 through x^2 = d^2/4: with d = 1e-8 the constant is lost in the rounding of 1."""
+    x, field = _unit_speed()
+    wide = run(x * x - 1e-6**2 / 4, field, [-1.0], 2.0)
+    close = run(x * x - 1e-8**2 / 4, field, [-1.0], 2.0)
+    holds(abs(wide - 1) < 1e-6, f"roots 1e-6 apart: it stops at {wide}")
+    holds(close == 2.0, f"roots 1e-8 apart: it stops at {close}")
+    return f"roots 1e-6 apart are found (t = {wide:.8f}), roots 1e-8 apart are stepped over"
+
+
+def event_is_its_taylor_polynomial() -> str:
+    """x' = 1 is a polynomial, so that one step goes to the horizon; 1 - x^50 is of higher degree than the expansion."""
+    import heyoka
+
+    x, field = _unit_speed()
+    power = run(1.0 - x**50.0, field, [0.0], 2.0)
+    steep = run(-heyoka.tanh(50.0 * (x - 1.0)), field, [0.0], 2.0)
+    plain = run(1.0 - x, field, [0.0], 2.0)
+    holds(abs(plain - 1) < 1e-12, f"1 - x stops it at {plain}")
+    holds(power == 2.0 and steep == 2.0, f"it stops at {power} and {steep}")
+    return "the root of 1 - x at t = 1 is found; those of 1 - x^50 and -tanh(50 (x - 1)) at the same time are not"
+
+
+def drive_between_expansions() -> str:
+    """A pulse at t = 10 that cannot be seen from t = 0."""
+    import heyoka
+
+    (x,) = [heyoka.make_vars("x")]
+    pulse = heyoka.exp(-100.0 * (heyoka.time - 10.0) ** 2.0)
+    seen = run(1.0 - 20.0 * pulse, [(x, heyoka.expression(0.0))], [0.0], 20.0)
+    holds(seen == 20.0, f"it stops at {seen}")
+    return "1 - 20 exp(-100 (t - 10)²), which is negative from 9.83 to 10.17, has no root for a run from 0 to 20"
+
+
+def start_on_the_surface() -> str:
+    """A ball at its surface, without a direction and with one."""
+    x, field = _ball()
+    either = run(x, field, [0.0, 1.0], 3.0, any_direction=True)
+    falling = run(x, field, [0.0, 1.0], 3.0)
+    lifted = run(x, field, [1e-15, 1.0], 3.0)
+    holds(either == 0.0, f"without a direction it stops at {either}")
+    holds(falling == 3.0, f"with a direction it stops at {falling}")
+    holds(abs(lifted - 2) < 1e-12, f"a rounding above the surface it stops at {lifted}")
+    return (
+        "thrown up from its surface, a ball is stopped at t = 0 without a direction, and never comes down with one; "
+        f"started 1e-15 above it comes down at t = {lifted:.6f}"
+    )
+
+
+HEYOKA = (
+    Cause(
+        "heyoka-double-root",
+        "heyoka",
+        "Two roots that rounding makes one",
+        "heyoka isolates the roots of the event's Taylor polynomial in double precision. Where the surface function "
+        "between two roots goes no deeper than its rounding, they are a double root, which is not reported.",
+        pair_below_rounding,
+        (DOCS,),
+    ),
+    Cause(
+        "heyoka-event-polynomial",
+        "heyoka",
+        "The event is its Taylor polynomial",
+        "Roots are sought on the Taylor polynomial of the event function over the step; the step is chosen from the "
+        "state alone. An event function of slower convergence than the state is another function at the step's end.",
+        event_is_its_taylor_polynomial,
+        (DOCS,),
+    ),
+    Cause(
+        "heyoka-hidden-drive",
+        "heyoka",
+        "What an expansion cannot see is stepped over",
+        "A function of time alone that sleeps where a step begins has no Taylor coefficients there: the step leaps "
+        "over it to the horizon.",
+        drive_between_expansions,
+        (DOCS,),
+    ),
+    Cause(
+        "heyoka-start",
+        "heyoka",
+        "A zero at the start stops the run, or hides the next root",
+        "An event that is exactly zero where a run starts stops it at once; with a direction it does not, and the next "
+        "true root of the step is lost.",
+        start_on_the_surface,
+        (DOCS,),
+    ),
+)

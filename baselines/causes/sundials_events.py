@@ -1,0 +1,129 @@
+"""SUNDIALS' CVODE and IDA by scikit-sundae, and their rootfinding."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from baselines.causes.base import Cause, holds
+
+# SUNDIALS' own logger writes its warnings to the standard output of the process, past Python.
+os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
+ISSUES = "https://github.com/llnl/sundials/issues"
+
+
+def terminal(function: Callable[..., None], directions: Sequence[int] = (0,)) -> Callable[..., None]:
+    """Mark event functions as terminal."""
+    function.terminal = [True] * len(directions)  # type: ignore[attr-defined]
+    function.direction = list(directions)  # type: ignore[attr-defined]
+    return function
+
+
+def _unit_speed(t: float, x: Any, rate: Any) -> None:
+    rate[0] = 1.0
+
+
+def _ball(t: float, x: Any, rate: Any) -> None:
+    rate[0], rate[1] = x[1], -1.0
+
+
+def cvode_pair() -> str:
+    """x' = 1 through x^2 = d^2/4: two roots, and no step ends between them."""
+    from sksundae.cvode import CVODE
+
+    def events(t: float, x: Any, out: Any) -> None:
+        out[0] = x[0] ** 2 - 0.0025
+
+    for method in ("Adams", "BDF"):
+        solver = CVODE(_unit_speed, method=method, rtol=1e-9, atol=1e-9, eventsfn=terminal(events), num_events=1)
+        found = solver.solve([0, 2], np.array([-1.0]))
+        holds(found.t_events is None, f"{method} reports a root at {found.t_events}")
+        holds(np.abs(found.y[:, 0]).min() > 0.05, f"a step of {method} ends between the roots")
+    return "roots at t = 0.95 and 1.05 are reported neither by Adams nor by BDF; the run ends at 2"
+
+
+def ida_pair() -> str:
+    """The same with the residual x' - 1."""
+    from sksundae.ida import IDA
+
+    def residual(t: float, x: Any, rate: Any, out: Any) -> None:
+        out[0] = rate[0] - 1.0
+
+    def events(t: float, x: Any, rate: Any, out: Any) -> None:
+        out[0] = x[0] ** 2 - 2.5e-7
+
+    solver = IDA(residual, rtol=1e-9, atol=1e-9, eventsfn=terminal(events), num_events=1)
+    found = solver.solve([0, 2], np.array([-1.0]), np.array([1.0]))
+    holds(found.t_events is None, f"a root is reported at {found.t_events}")
+    return "roots at t = 0.9995 and 1.0005 are not reported; the run ends at 2"
+
+
+def zero_at_the_start_is_out_of_play() -> str:
+    """A ball at its surface, without a direction."""
+    from sksundae.cvode import CVODE
+
+    def events(t: float, x: Any, out: Any) -> None:
+        out[0] = x[0]
+
+    solver = CVODE(_ball, rtol=1e-9, atol=1e-9, eventsfn=terminal(events), num_events=1)
+    found = solver.solve([0, 3], np.array([0.0, 1.0]))
+    holds(abs(found.t[-1] - 2) < 1e-6, f"it stops at t = {found.t[-1]}")
+    return (
+        f"thrown up from its surface, a ball comes down at t = {found.t[-1]:.6f}: the zero at the start does not count"
+    )
+
+
+def events_of_earlier_runs_stay() -> str:
+    """Two runs of one object."""
+    from sksundae.cvode import CVODE
+
+    def events(t: float, x: Any, out: Any) -> None:
+        out[0] = x[0]
+
+    solver = CVODE(_ball, rtol=1e-9, atol=1e-9, eventsfn=terminal(events), num_events=1)
+    solver.solve([0, 3], np.array([0.0, 1.0]))
+    again = solver.solve([0, 5], np.array([0.0, 2.0]))
+    times = np.ravel(again.t_events)
+    holds(times.size == 2 and abs(times[0] - 2) < 1e-6 and abs(times[1] - 4) < 1e-6, f"t_events = {times}")
+    return f"the second run of one object, which stops at 4, reports t_events = [{times[0]:.6f}, {times[1]:.6f}]"
+
+
+SUNDIALS = (
+    Cause(
+        "cvode-pair",
+        "scikit-sundae",
+        "CVODE: two roots in one step cancel",
+        "Rootfinding compares signs at the two ends of an internal step. An even number of roots in between leaves no "
+        "trace.",
+        cvode_pair,
+        (f"{ISSUES}/881",),
+    ),
+    Cause(
+        "ida-pair",
+        "scikit-sundae",
+        "IDA: two roots in one step cancel",
+        "IDA's rootfinding is CVODE's: it compares signs at the two ends of an internal step.",
+        ida_pair,
+        (f"{ISSUES}/881",),
+    ),
+    Cause(
+        "sundials-inactive-zero",
+        "scikit-sundae",
+        "A zero at the start is out of play",
+        "An event function that is exactly zero where a run starts is ignored until it has left zero, so a restart at "
+        "a root does not fire again; one that is a rounding off zero is taken at its sign.",
+        zero_at_the_start_is_out_of_play,
+        (f"{ISSUES}/722",),
+    ),
+    Cause(
+        "sundae-stale-events",
+        "scikit-sundae",
+        "Events of earlier runs stay",
+        "`t_events` of one object goes on growing from run to run: the last row is the present one. The adapters make "
+        "a new object for every run of a mode.",
+        events_of_earlier_runs_stay,
+    ),
+)

@@ -1,0 +1,173 @@
+"""Which checked cause explains a run that is wrong by its solver's fault.
+
+The causes are in :mod:`baselines.causes`, a minimal run of the library alone each. Here is only when one of them is
+the reason of a row: where the row itself leaves no other. Where it does, the row stays unexplained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from henon_ref import registry
+from henon_ref.score.columns import Row
+
+DEFECT = "solver defect"
+PAIR_BY_PACKAGE = {"cvode-adams": "cvode-pair", "cvode-bdf": "cvode-pair", "ida": "ida-pair"}
+SCIPY = ("scipy-rk45", "scipy-dop853", "scipy-radau", "scipy-bdf", "scipy-lsoda")
+PAIR_BY_PACKAGE |= dict.fromkeys(SCIPY, "scipy-pair")
+TOO_SMALL = "Required step size is less than spacing between numbers"
+LATE = 1e8
+"""Times [s] from which ten roundings are 1e-7 and more."""
+LOST = 1e-15
+"""A surface function that goes no deeper than this part of the state's size between two roots is in its rounding."""
+SMOOTHED_BAND = 2000.0
+"""Half-width of the band of ``scipy-smoothed`` in absolute tolerances (:mod:`baselines.scipy_naive`)."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One wrong run, as the rules want it."""
+
+    run: Row
+    transitions: Sequence[Row]
+
+    @property
+    def solver(self) -> str:
+        """The solver's name without its habit and variant."""
+        return registry.plain_name(str(self.run["solver"])).partition("+")[0]
+
+    @property
+    def habit(self) -> str:
+        """The habit by which the library was restarted."""
+        return registry.restart_of(str(self.run["solver"]))
+
+    @property
+    def reason(self) -> str:
+        """The solver's own words."""
+        return str(self.run["status_reason"] or "")
+
+    def number(self, column: str) -> float:
+        """A number of the run's row; NaN where it is missing."""
+        value = self.run[column]
+        return float(value) if isinstance(value, int | float) else float("nan")
+
+    @property
+    def missed_pairs(self) -> list[list[Row]]:
+        """Groups of transitions that are missed in a row, where each group leads back to where it began.
+
+        Empty where something else went wrong, too: then it is not known what the run did in between.
+        """
+        if self.run["status"] != "wrong" or self.number("spurious") != 0:
+            return []
+        groups: list[list[Row]] = [[]]
+        for row in self.transitions:
+            if row["outcome"] == "missed":
+                groups[-1].append(row)
+            elif groups[-1] and row["outcome"] != "touch":
+                groups.append([])
+        groups = [group for group in groups if group]
+        whole = all(
+            len(group) % 2 == 0
+            and group[0]["from_mode"] == group[-1]["to_mode"]
+            and len({row["surface"] for row in group}) == 1
+            for group in groups
+        )
+        return groups if whole else []
+
+    @property
+    def depth(self) -> float:
+        """Greatest depth of the surface function within the pairs that are missed [unit of the surface]."""
+        depths = [row["graze_distance"] for group in self.missed_pairs for row in group]
+        return max((float(d) for d in depths if isinstance(d, int | float)), default=float("nan"))
+
+    @property
+    def right_so_far(self) -> bool:
+        """What was found before the run ended is right."""
+        return self.number("spurious") == 0
+
+
+def cause_of(run: Row, transitions: Sequence[Row]) -> str | None:
+    """Name of the cause of a run that is its solver's fault; None where none is known for certain."""
+    if run["verdict"] != DEFECT:
+        return None
+    seen = Seen(run, transitions)
+    return next((name for rule in RULES if (name := rule(seen)) is not None), None)
+
+
+def _restart(seen: Seen) -> str | None:
+    """A restart without a habit: the library stops where it starts, or loses the next root."""
+    if seen.habit == "none" and "accumulate" in seen.reason:
+        return "heyoka-start" if seen.solver == "heyoka" else "scipy-fires-at-start" if seen.solver in SCIPY else None
+    if seen.habit == "direction" and seen.solver == "heyoka" and "stepped over" in seen.reason:
+        return "heyoka-start"
+    return None
+
+
+def _pair(seen: Seen) -> str | None:
+    """Signs are compared at the ends of a step: a pair that is missed, and nothing else, lay in one step."""
+    return PAIR_BY_PACKAGE.get(seen.solver) if seen.missed_pairs else None
+
+
+def _heyoka_pair(seen: Seen) -> str | None:
+    """heyoka isolates all roots of a polynomial: what it misses is a double root to it, or not in the polynomial."""
+    if seen.solver != "heyoka" or not seen.missed_pairs:
+        return None
+    if seen.depth <= LOST:
+        return "heyoka-double-root"
+    slept = all(row["kind"] == "release" for group in seen.missed_pairs for row in group[:1])
+    return "heyoka-hidden-drive" if slept else None
+
+
+def _heyoka_polynomial(seen: Seen) -> str | None:
+    """The first root of a run is stepped over: there was no restart to lose it."""
+    first = seen.number("matched") == 0 and seen.number("missed") == 1
+    return "heyoka-event-polynomial" if seen.solver == "heyoka" and "stepped over" in seen.reason and first else None
+
+
+def _bracket(seen: Seen) -> str | None:
+    return "scipy-bracket" if seen.solver in SCIPY and "must have different signs" in seen.reason else None
+
+
+def _small_step(seen: Seen) -> str | None:
+    """SciPy's words for a step below ten roundings of the time: at a late time, at a blow-up, in front of an end."""
+    if seen.solver not in SCIPY or TOO_SMALL not in seen.reason or not seen.right_so_far:
+        return None
+    if seen.run["expected_status"] == "diverged":
+        return "scipy-blow-up"
+    if abs(seen.number("end_time_s")) >= LATE:
+        return "scipy-late"
+    return None
+
+
+def _slow(seen: Seen) -> str | None:
+    """Right as far as it came at a tight tolerance, and out of time."""
+    tight = seen.number("rtol") <= 1e-9
+    if seen.run["status"] != "timeout" or not tight or not (seen.right_so_far and seen.number("steps") > 1000):
+        return None
+    return {"scipy-radau": "scipy-radau-order", "scipy-bdf": "scipy-bdf-order"}.get(seen.solver)
+
+
+def _naive(seen: Seen) -> str | None:
+    if seen.solver == "scipy-sign" and "the budget of" in seen.reason and seen.run["status"] == "failed":
+        return "sign-chatter"
+    within = seen.solver == "scipy-smoothed" and seen.depth <= SMOOTHED_BAND * seen.number("atol")
+    return "smoothed-creep" if within and seen.missed_pairs else None
+
+
+RULES: tuple[Callable[[Seen], str | None], ...] = (
+    _restart,
+    _pair,
+    _heyoka_pair,
+    _heyoka_polynomial,
+    _bracket,
+    _small_step,
+    _slow,
+    _naive,
+)
+NAMES = (
+    "scipy-pair", "cvode-pair", "ida-pair", "scipy-fires-at-start", "scipy-bracket", "scipy-late", "scipy-blow-up",
+    "scipy-radau-order", "scipy-bdf-order", "heyoka-start", "heyoka-double-root", "heyoka-hidden-drive",
+    "heyoka-event-polynomial", "sign-chatter", "smoothed-creep",
+)  # fmt: skip
+"""Every name that a rule may give."""
