@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 
 import numpy as np
@@ -56,6 +56,7 @@ class HenonSolver:
         tolerance = max(0.1 * rtol, 2e-16)
         engine = Engine(problem.system, order_for(tolerance))
         start = engine.start(problem)
+        engine.run(replace(start, until=start.time), tolerance=tolerance, landing=self.method)  # loads the loop
 
         def run() -> Trajectory:
             return engine.run(
