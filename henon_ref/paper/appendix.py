@@ -72,12 +72,6 @@ def _claims(table: pd.DataFrame) -> tuple[Claim, ...]:
             "step, which is how the listing has it.",
             corrected=True,
         ),
-        Claim(
-            "Conclusions",
-            "the boundary of discontinuity described by a function of the belt's velocity",
-            "not reproducible",
-            "The belt runs at constant speed in every equation and figure; no motion of it is given.",
-        ),
     )
 
 

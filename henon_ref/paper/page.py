@@ -1,7 +1,6 @@
 """The page: every section computed, drawn and written, and the table of all claims in front.
 
-A section is a module with ``section(folder) -> Section`` that saves its figures in the folder. The two-body rig
-and the Lyapunov exponents of Sec. 5 belong in ``henon_ref/paper/section5.py``, between Fig. 8 and the appendix.
+A section is a module with ``section(folder) -> Section`` that saves its figures in the folder.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-from henon_ref.paper import appendix, fig8, section2, section3, section4
+from henon_ref.paper import appendix, fig8, section2, section3, section4, section5
 from henon_ref.paper.claims import Claim, Section
 
 PAGE = "README.md"
@@ -20,6 +19,7 @@ SECTIONS: dict[str, Callable[[Path], Section]] = {
     "Section 3": section3.section,
     "Section 4.1": section4.section,
     "Section 4.2, Fig. 8": fig8.section,
+    "Section 5, Lyapunov exponents": section5.section,
     "Appendix": appendix.section,
 }
 """What the page is made of, in the paper's order."""
@@ -84,7 +84,8 @@ in Filippov-type discontinuous dynamical systems with dry friction*, Nonlinear D
 printed. The idea of the method holds: swapping the independent variable keeps order 4 at the transitions. **What does
 not:** the stick durations and lengths of Fig. 8 are not those of Eqs. (17) and (18), which do not stick on their
 attractor; they come from two mistakes of the listing together, and their last digit from its step. Sticks do occur in
-Fig. 4. Eqs. (1), (15) and (17) have misprints.
+Fig. 4. Eqs. (1), (15), (17) and (27) have misprints; with the sign of (27) as printed the rig flutters until it loses
+contact. Every motion of the rig that sticks has an exponent of -infinity, which no time series can show.
 
 Of {count} numbers, equations, figures and statements below: {tally}.
 What can be checked by computing was, when this page was written; the evidence holds the figures of that run.
