@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, overload
+from typing import NamedTuple, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,6 +192,8 @@ class Session:
     deadline: float | None = None
     block: int = _CHUNK
     """Transitions kept in one block of memory; 1 to stop at each."""
+    ended: Trajectory | None = field(init=False, default=None)
+    """How the run ended, once :meth:`stream` is through."""
     floats: NDArray[np.float64] = field(init=False)
     integers: NDArray[np.int64] = field(init=False)
     x: NDArray[np.float64] = field(init=False)
@@ -244,6 +246,20 @@ class Session:
             if self.deadline is not None and time.perf_counter() - began > self.deadline:
                 return self._end("timeout", f"stopped after {self.deadline:g} s at t = {self.time:.17g}")
         return end
+
+    def stream(self) -> Iterator[TransitionBlock]:
+        """Go to the horizon, handing transitions out as they come: memory does not grow with the run.
+
+        What ended the run is :attr:`ended` afterwards; its transitions are those not handed out before.
+        """
+        modes = self.engine.compiled.modes
+        while (end := self._advance()) is None:
+            for times, marks, states in self.blocks:
+                yield TransitionBlock(times, marks, states, tuple(modes))
+            self.blocks.clear()
+        self.ended = end
+        if len(end.transitions):
+            yield cast(TransitionBlock, end.transitions)
 
     def next_event(self) -> Transition | Trajectory:
         """Go to the next transition; the trajectory instead where the run ends before one."""

@@ -1,0 +1,1 @@
+"""The price list: what accuracy costs in time, for every solver, landing, effect and horizon."""

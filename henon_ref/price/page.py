@@ -1,0 +1,165 @@
+"""The page of the price list: prices in front, then what they are made of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from henon_ref.price import effects
+from henon_ref.price.effects import Step
+from henon_ref.price.figures import COUNTS, draw_growth, draw_ladder
+from henon_ref.price.growth import Horizon
+from henon_ref.price.ladder import paid_after, ratio_at, readings_of, relative_costs
+from henon_ref.price.landings import Landed
+from henon_ref.report import style
+from henon_ref.report.csvfiles import csv_text
+from henon_ref.report.manifest import Provenance
+from henon_ref.report.markdown import environment
+from henon_ref.report.ranking import LEVELS, name, number, prices
+from henon_ref.report.tables import Table, wall
+from henon_ref.report.words import duration, setting
+from henon_ref.report.write import replace_file
+from henon_ref.score.columns import RUN_COLUMNS, Row
+
+PAGE = "README.md"
+RUNS = "price.csv"
+GROWTH = "growth.svg"
+RIVALS = ("heyoka", "scipy-dop853", "scipy-dop853+numba", "cvode-adams", "cvode-adams+numba")
+
+
+@dataclass(frozen=True)
+class Prices:
+    """Everything that was measured."""
+
+    rows: Sequence[Row]
+    landings: Sequence[Landed]
+    effects: Sequence[Step]
+    growth: Sequence[Horizon]
+
+
+def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
+    """Write rows, figures and page.
+
+    Raises
+    ------
+    OSError
+        Where the folder cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    replace_file(folder / RUNS, csv_text(RUN_COLUMNS, found.rows).encode())
+    sections = []
+    for (case, reading), rows in readings_of(found.rows).items():
+        figures = []
+        for count in COUNTS:
+            file = f"{case}_{reading}_{count}.svg"
+            style.save(draw_ladder(rows, count), folder / file)
+            figures.append((COUNTS[count], file))
+        title = case if reading == "default" else f"{case}, {reading}"
+        sections.append({"title": title, "figures": figures, "table": price_table(rows).markdown})
+    style.save(draw_growth(found.growth), folder / GROWTH)
+    text = (
+        environment()
+        .get_template("price.md.j2")
+        .render(
+            whole=whole_table(found.rows).markdown,
+            rivals=rival_table(found.rows).markdown,
+            sections=sections,
+            landings=landing_table(found.landings).markdown,
+            effects=effect_table(found.effects).markdown,
+            growth=growth_table(found.growth).markdown,
+            growth_figure=GROWTH,
+            runs=len(found.rows),
+            rerun=origin.rerun,
+            machine=origin.machine_text,
+            commit=origin.commit[:12],
+        )
+    )
+    replace_file(folder / PAGE, text.strip().encode() + b"\n")
+    return folder / PAGE
+
+
+def whole_table(rows: Sequence[Row]) -> Table:
+    """Solvers by their geometric mean cost over all readings, for every level."""
+    costs = {level: relative_costs(rows, level) for level in LEVELS}
+    order = sorted(
+        {s for own in costs.values() for s in own}, key=lambda s: min(c.get(s, math.inf) for c in costs.values())
+    )
+    lines = [(f"`{s}`", *(f"{costs[level][s]:.3g}" if s in costs[level] else "" for level in LEVELS)) for s in order]
+    return Table(("solver", *(f"{level} digits" for level in LEVELS)), "l" + "r" * len(LEVELS), lines)
+
+
+def rival_table(rows: Sequence[Row]) -> Table:
+    """`henon`'s time over that of others, at the same bound on the worst error, reading by reading."""
+    lines = []
+    for (case, reading), own in readings_of(rows).items():
+        for error in (1e-9, 1e-12):
+            ratios = [ratio_at(own, error, "henon", rival) for rival in RIVALS]
+            cells = ["" if ratio is None else f"{ratio:.2g}" for ratio in ratios]
+            lines.append((case if reading == "default" else f"{case}, {reading}", f"{error:.0e} s", *cells))
+    return Table(("reading", "worst error", *(f"`{rival}`" for rival in RIVALS)), "lr" + "r" * len(RIVALS), lines)
+
+
+def price_table(rows: Sequence[Row]) -> Table:
+    """The cheapest solver for so many digits, the next one, and when its compiling has paid for itself."""
+    lines: list[tuple[str, ...]] = []
+    for price in prices(rows):
+        if price.row is None:
+            continue
+        row, other = price.row, price.next_row
+        paid = None if other is None else paid_after(row, other)
+        lines.append(
+            (
+                f"{price.digits}",
+                f"`{name(row)}`",
+                setting(row["rtol"], row["step_s"]),
+                wall(row),
+                duration(number(row, "compile_s")) if row["compile_s"] else "",
+                "" if other is None else f"`{name(other)}`, {wall(other)}",
+                "" if paid is None else f"{math.ceil(paid)}",
+            )
+        )
+    headings = ("digits", "cheapest", "at", "wall time (IQR)", "compiling", "next", "paid for after runs")
+    return Table(headings, "rlrrrlr", lines)
+
+
+def landing_table(found: Sequence[Landed]) -> Table:
+    """Evaluations, time and error of the three landings."""
+    lines = []
+    for case, reading in dict.fromkeys((own.case, own.reading) for own in found):
+        own = [one for one in found if (one.case, one.reading) == (case, reading)]
+        title = case if reading == "default" else f"{case}, {reading}"
+        cells = []
+        for one in own:
+            error = "another sequence" if math.isnan(one.error_s) else f"{one.error_s:.1e} s"
+            cells.append(f"{one.evaluations:.1f}; {duration(one.wall_s)}; {error}")
+        lines.append((title, *cells))
+    solvers = list(dict.fromkeys(one.solver for one in found))
+    return Table(("reading", *(f"`{solver}`" for solver in solvers)), "l" + "r" * len(solvers), lines)
+
+
+def effect_table(steps: Sequence[Step]) -> Table:
+    """What every effect costs, and what it costs to carry those that are not asked for."""
+    headings = (
+        "body", "effect added", "operations", "carried at zero", "time a step", "carried at zero", "ratio",
+    )  # fmt: skip
+    return Table(headings, "llrrrrr", effects.table(steps))
+
+
+def growth_table(found: Sequence[Horizon]) -> Table:
+    """Cost, memory and accuracy over the horizon."""
+    lines: list[tuple[str, ...]] = [
+        (
+            f"{own.until:.0e} s",
+            f"{own.transitions}",
+            duration(own.wall_s),
+            duration(own.per_transition_s),
+            f"{own.grown:.1f} MiB",
+            f"{own.stick_error_s:.1e} s",
+        )
+        for own in found
+    ]
+    return Table(
+        ("horizon", "transitions", "wall time", "a transition", "memory", "last sticks' error"), "rrrrrr", lines
+    )

@@ -1,0 +1,132 @@
+"""The price list: what an absent effect leaves behind, long runs, landings, and how prices are read from rows."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from henon_ref.model.case import load_case, parse_case
+from henon_ref.price import effects
+from henon_ref.price.command import orbit_problem, truths_of
+from henon_ref.price.growth import STICKS, horizons
+from henon_ref.price.ladder import paid_after, ratio_at, relative_costs
+from henon_ref.price.landings import landings
+from henon_ref.score.columns import RUN_COLUMNS, Row
+
+CASES = Path(__file__).parents[1] / "cases"
+BASE = dict(list(effects.OSCILLATOR.items())[:3])
+
+BY_HAND = """\
+schema: 1
+name: by_hand
+title: The oscillator without damping, cubic spring and base, written out
+system:
+  state: [x1, x2]
+  surfaces: {s: x2 - 0.3}
+  field: [x2, -x1 - s*0.4/(1 + s*(x2 - 0.3))]
+initial: {t: 0, x1: 1, x2: 0}
+until: 60
+"""
+
+
+def test_what_a_scene_does_not_name_is_not_in_its_tape() -> None:
+    """The same operations as a system written by hand without it, one for one."""
+    scene = effects.slip_tape(effects.oscillator(BASE).system)
+    hand = effects.slip_tape(parse_case(BY_HAND).readings[0].problem.system)
+    assert scene.counts == hand.counts
+    assert [(node.op, node.args) for node in scene.nodes] == [(node.op, node.args) for node in hand.nodes]
+
+
+@pytest.mark.parametrize("name", list(effects.OFF))
+def test_an_effect_that_is_named_costs_operations_even_at_zero(name: str) -> None:
+    without = effects.operations(effects.oscillator(BASE).system)
+    carried = effects.operations(effects.oscillator({**BASE, name: effects.OFF[name]}).system)
+    assert carried > without
+
+
+def test_a_rig_without_dampers_has_none() -> None:
+    names = list(effects.RIG)
+    plain = {name: effects.RIG[name] for name in names[:5]}
+    assert effects.operations(effects.rig(plain).system) < effects.operations(effects.rig(effects.RIG).system)
+    assert "c" not in {str(symbol)[0] for symbol in effects.rig(plain).system.field[1].free_symbols}
+
+
+def test_no_dense_output_is_made_unless_samples_are_asked_for() -> None:
+    from henon_ref.henon.solvers import HENON_SOLVER
+
+    assert HENON_SOLVER.prepare(orbit_problem(), rtol=1e-9)().samples is None
+
+
+def test_the_orbit_of_long_runs_is_that_of_the_case_file() -> None:
+    (reading,) = [r for r in load_case(CASES / "fig8.yaml").readings if r.name == "listing_limit"]
+    theirs, ours = reading.problem, orbit_problem()
+    for mode in ((-1,), (0,), (1,)):
+        fields = [p.system.equations(mode).field for p in (theirs, ours)]
+        for a, b in zip(*fields, strict=True):
+            assert (theirs.system.numeric(a) - ours.system.numeric(b)).simplify() == 0
+
+
+def test_long_runs_hand_out_every_transition_and_keep_their_sticks() -> None:
+    short, long = horizons(orbit_problem(), (70.0, 7000.0))
+    assert short.transitions == 126
+    assert long.transitions > 100 * short.transitions - 200
+    assert long.stick_error_s < 1e-11
+    assert STICKS[0] > STICKS[1]
+
+
+def test_landings_find_the_same_and_the_swap_takes_fewest_evaluations() -> None:
+    case = load_case(CASES / "free_coulomb.yaml")
+    found = {own.solver: own for own in landings([case], truths_of([case]))}
+    assert set(found) == {"henon", "henon-newton", "henon-brent"}
+    assert all(own.error_s < 1e-12 for own in found.values())
+    assert found["henon"].evaluations < found["henon-newton"].evaluations < found["henon-brent"].evaluations
+
+
+def row(solver: str, wall: float, digits: float, **values: object) -> Row:
+    found: Row = dict.fromkeys(RUN_COLUMNS)
+    found.update(
+        case="c", reading="default", solver=solver, verdict="right", digits=digits, wall_s=wall, compile_s=0.0,
+        max_time_error_s=10.0**-digits,
+    )  # fmt: skip
+    found.update(values)
+    return found
+
+
+def test_relative_costs_are_means_over_all_readings() -> None:
+    rows = [
+        row("a", 1.0, 9), row("b", 4.0, 9),
+        row("a", 2.0, 9, case="d"), row("b", 2.0, 9, case="d"), row("z", 1.0, 9, case="d", verdict="solver defect"),
+        row("c", 1.0, 3),
+    ]  # fmt: skip
+    assert relative_costs(rows, 6) == pytest.approx({"a": 1.0, "b": 2.0})
+
+
+def test_ratios_are_taken_at_the_same_worst_error() -> None:
+    rows = [row("a", 1.0, 3), row("a", 2.0, 12), row("b", 5.0, 13)]
+    assert ratio_at(rows, 1e-9, "a", "b") == pytest.approx(0.4)
+    assert ratio_at(rows, 1e-14, "a", "b") is None
+
+
+def test_compiling_is_paid_for_after_so_many_runs() -> None:
+    fast, slow = row("a", 1.0, 9, compile_s=5.0), row("b", 3.0, 9, compile_s=1.0)
+    assert paid_after(fast, slow) == pytest.approx(2.0)
+    assert paid_after(slow, fast) is None
+
+
+def test_importing_the_package_loads_nothing_heavy() -> None:
+    heavy = "{'sympy', 'numba', 'heyoka', 'scipy', 'pandas', 'matplotlib', 'numpy'}"
+    code = f"import sys, henon_ref; print(sorted({heavy} & set(sys.modules)))"
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+    )
+
+
+def test_an_unknown_case_is_one_clear_error(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "henon_ref.price", str(tmp_path / "no.yaml"), "--out", str(tmp_path / "out")]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert "no.yaml" in ended.stderr
+    assert not (tmp_path / "out").exists()
