@@ -48,6 +48,7 @@ def main(
             "each solver's own if left out. For one solver alone: --solvers heyoka@direction."
         ),
     ] = None,
+    figures: Annotated[bool, typer.Option(help="Draw figures.")] = True,
     gate: Annotated[bool, typer.Option("--gate", help="Exit with 1 if a bound of a case's gate is not met.")] = False,
 ) -> Request:
     """Run every solver on every case, score it against the truth, and write a report."""
@@ -61,6 +62,7 @@ def main(
         processes=jobs or min(2, os.cpu_count() or 1),
         resume=resume,
         gate=gate,
+        figures=figures,
         restarts=_parts(restart) or (),
     )
 

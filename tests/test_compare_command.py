@@ -291,3 +291,12 @@ def test_an_unknown_restart_is_refused_before_anything_runs(made_up, tmp_path, c
     assert run(made_up, "--out", "out", "--restart", "fresh") == 2
     assert "unknown restart 'fresh'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_figures_can_be_left_out(made_up, tmp_path):
+    out = tmp_path / "out"
+    assert compare.command([str(made_up), "--no-figures", "--out", str(out)]) == 0
+    assert not list(out.rglob("*.svg"))
+    text = (out / "made_up" / "report.md").read_text(encoding="utf-8")
+    assert "![" not in text
+    assert "--no-figures" in text

@@ -72,7 +72,8 @@ def run(request: Request) -> list[str]:
         failures.extend(f"{comparison.case.name}: {words}" for words in comparison.gate_failures())
 
     with Shown() as shown:
-        compare_all(cases, options, deliver, draw=figure_job, meanwhile=meanwhile, observer=shown)
+        draw = figure_job if request.figures else None
+        compare_all(cases, options, deliver, draw=draw, meanwhile=meanwhile, observer=shown)
         if request.whole:
             written += experiments(cases, options, origin[0], request.out, shown)
     index = write_index(request.out)
@@ -148,6 +149,8 @@ def rerun_command(request: Request) -> str:
     ):
         if value is not None:
             words += [option, str(value)]
+    if not request.figures:
+        words.append("--no-figures")
     return shlex.join(words)
 
 

@@ -119,7 +119,8 @@ def _figures_note(comparison: Comparison, result: ReadingResult) -> str:
     """Why a reading has no figures."""
     if result.figures_reason:
         return f"Figures could not be drawn: {result.figures_reason}."
-    if comparison.readings.index(result) == MOST_DRAWN:
+    drawn = any(other.figures for other in comparison.readings)
+    if drawn and comparison.readings.index(result) == MOST_DRAWN:
         return f"(Figures are drawn for the first {MOST_DRAWN} readings.)"
     return ""
 

@@ -19,6 +19,7 @@ class Request:
     processes: int
     resume: bool
     gate: bool = False
+    figures: bool = True
     restarts: tuple[str, ...] = ()
     """Habits by which libraries are restarted after an event; none: each solver by its own."""
 
