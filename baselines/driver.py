@@ -153,7 +153,7 @@ class Driver:
             if not hits:
                 record.drift = max(record.drift, self.table.drift(entry, t, x))
                 return record.finish("ok", t, x, mode)
-            take = entry.exits[hits[0]] if len(hits) == 1 else None
+            take = entry.exit(hits[0]) if len(hits) == 1 else None
             followed = take(t, x) if take is not None else None
             touched: Sequence[int] = ()
             if followed is None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -99,10 +100,20 @@ def scalar(
         Name -> what is called for a function that ``math`` does not have.
     """
     exprs = tuple(_float(e) if e.is_number else rounded(e) for e in expressions)
+    return _lambdified(tuple(states), exprs, tuple((functions or {}).items()))
+
+
+@lru_cache(maxsize=4096)
+def _lambdified(
+    states: tuple[sp.Symbol, ...],
+    exprs: tuple[sp.Expr, ...],
+    functions: tuple[tuple[str, Callable[[float], float]], ...],
+) -> Scalar:
+    """Modes share many of their functions: each is made once."""
     return sp.lambdify(
         [TIME, *states],
         exprs,
-        modules=[{"pow": math.pow, **(functions or {})}, "math"],
+        modules=[{"pow": math.pow, **dict(functions)}, "math"],
         printer=_ScalarPrinter(),
         cse=True,
         dummify=True,

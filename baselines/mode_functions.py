@@ -94,13 +94,15 @@ class ModeFunctions:
 
     def along(self, expression: sp.Expr) -> sp.Expr:
         """Time derivative of an expression in time and states along this mode's field."""
-        terms = (sp.diff(expression, x) * f for x, f in zip(self.states, self.field_expressions, strict=True))
+        moving = expression.free_symbols
+        fields = zip(self.states, self.field_expressions, strict=True)
+        terms = (sp.diff(expression, x) * f for x, f in fields if x in moving)
         return sp.diff(expression, TIME) + sp.Add(*terms)
 
     @cached_property
     def slopes(self) -> tuple[Scalar, ...]:
         """One function a guard -> its gradient in x."""
-        return tuple(scalar(self.states, [sp.diff(g, x) for x in self.states]) for g in self.guard_expressions)
+        return tuple(scalar(self.states, _gradient(g, self.states)) for g in self.guard_expressions)
 
     def size(self, index: int, t: float, x: Sequence[float], rtol: float, atol: float) -> float:
         """What relative and absolute errors in x make of a guard: sum of abs(dg/dx_k) (rtol abs(x_k) + atol)."""
@@ -145,8 +147,13 @@ class ModeFunctions:
 
 
 def _linear(expression: sp.Expr, states: Sequence[sp.Symbol]) -> bool:
-    slopes = [sp.diff(expression, v) for v in (TIME, *states)]
+    slopes = _gradient(expression, (TIME, *states))
     return not any(d.free_symbols & {TIME, *states} for d in slopes)
+
+
+def _gradient(expression: sp.Expr, variables: Sequence[sp.Symbol]) -> list[sp.Expr]:
+    own = expression.free_symbols
+    return [sp.diff(expression, v) if v in own else sp.S.Zero for v in variables]
 
 
 class Landing:

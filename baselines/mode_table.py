@@ -62,10 +62,15 @@ class ModeEntry:
         self.model = model
         self.flow = flow
         self.several = len(model.guards) > 1
-        self.exits: list[Exit | None] = [self._exit(guard) for guard in model.guards]
-        """A guard -> what follows where it fell alone and two signs settle it; None where they never do."""
+        self._exits: dict[int, Exit | None] = {}
         if self.several:
             model.rates  # noqa: B018  (made on first access)
+
+    def exit(self, guard: int) -> Exit | None:
+        """What follows where this guard fell alone and two signs settle it; None where they never do."""
+        if guard not in self._exits:
+            self._exits[guard] = self._exit(self.model.guards[guard])
+        return self._exits[guard]
 
     def still_fresh(self, before: ModeEntry, unsettled: Sequence[Fresh], fresh: Sequence[Fresh]) -> tuple[Fresh, ...]:
         """Guards of this mode for the surfaces whose guards had not left zero when the mode before ended."""
@@ -80,7 +85,8 @@ class ModeEntry:
 
     def _exit(self, guard: Guard) -> Exit | None:
         model, mode, i = self.model, self.model.mode, guard.index
-        if guard.kind == "valid" or (guard.kind == "surface" and not self._stands_alone(i)):
+        sliding = [j for j, s in enumerate(mode) if s == 0]
+        if guard.kind == "valid" or (guard.kind == "surface" and len(model.system.together(i, sliding)) > 1):
             return None
         landing = model.landing(i).values
         stick, slip = replaced(mode, i, 0), {s: replaced(mode, i, s) for s in (-1, 1)}
@@ -121,17 +127,6 @@ class ModeEntry:
         if not system.held_inside(i):
             return None
         return scalar(system.states, [system.numeric(g.expression) for g in system.hold_guards(i)])
-
-    def _stands_alone(self, i: int) -> bool:
-        """Whether surface i neither feels the signs of the sliding surfaces nor changes how they slide."""
-        system = self.model.system
-        return all(
-            j not in system.overrides
-            and not system.normal_velocity(i).has(system.signs[j])
-            and not system.normal_velocity(j).has(system.signs[i])
-            for j, s in enumerate(self.model.mode)
-            if s == 0
-        )
 
 
 class ModeTable:

@@ -74,7 +74,7 @@ class CloserLook:
         Parameters
         ----------
         mode, guard
-            Which guard of which mode.
+            Which guard of which mode, in the order of :meth:`FilippovSystem.equations`.
         zeros : int
             Known zeros of the guard at the step's start.
         time, state

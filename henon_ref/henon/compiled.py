@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -13,12 +15,15 @@ from henon_ref.errors import ModelError
 from henon_ref.henon.codegen import closing_ir, declarations, expansion_ir
 from henon_ref.henon.kernel import RELEASE, SURFACE, VALID
 from henon_ref.henon.machine import MachineCode
+from henon_ref.model.contacts import SwitchedEquations, switched_equations
 from henon_ref.model.modes import Mode, replaced
-from henon_ref.model.system import FilippovSystem, ModeEquations
+from henon_ref.model.system import FilippovSystem, Guard, ModeEquations
 from henon_ref.taylor.tape import Tape, build_tape
 
 SURFACES = 8
 """With more surfaces than these no table holds the row of every mode."""
+SHAPES = 3
+"""With more surfaces than these, all modes share one machine code where their contacts allow it."""
 _KIND = {"surface": SURFACE, "release": RELEASE, "valid": VALID}
 
 
@@ -39,12 +44,30 @@ def double_double(number: sp.Expr) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class _Shape:
-    """What all modes with one set of sliding surfaces share."""
+    """Machine code that several modes share: those with one set of sliding surfaces, or all with switches."""
 
-    equations: ModeEquations
     expansion: Tape
     probe: Tape
     code: MachineCode
+
+    @property
+    def addresses(self) -> list[int]:
+        """Of expansion, closing and probe."""
+        return [self.code.address(name) for name in ("expansion", "closing", "probe")]
+
+
+def _shape(
+    system: FilippovSystem, order: int, field: Sequence[sp.Expr], outputs: Sequence[sp.Expr], speeds: Sequence[sp.Expr]
+) -> _Shape:
+    n = len(system.states)
+    expansion, probe = build_tape(system.states, field, outputs), build_tape(system.states, (), speeds)
+    code = MachineCode(
+        declarations()
+        + expansion_ir(expansion, n, order, "expansion")
+        + closing_ir(n, len(outputs), order, "closing")
+        + expansion_ir(probe, n, 0, "probe")
+    )
+    return _Shape(expansion, probe, code)
 
 
 @dataclass
@@ -72,17 +95,20 @@ class CompiledSystem:
     rows: NDArray[np.int64] = field(init=False)
     """Row of every mode, written in base 3; -1 where not compiled yet, empty where modes are not decided by it."""
     _shapes: dict[frozenset[int], _Shape] = field(default_factory=dict)
+    _switched: SwitchedModes | None = field(init=False)
 
     def __post_init__(self) -> None:
         guards = self.most_guards
         self.addresses = np.zeros((0, 3), dtype=np.int64)
         self.constants = np.zeros((0, 1))
         self.probes = np.zeros((0, 1))
-        self.layouts = np.zeros((0, 1 + guards, 4), dtype=np.int64)
+        self.layouts = np.zeros((0, 1 + guards, 5), dtype=np.int64)
         self.targets = np.zeros((0, guards, 2), dtype=np.int64)
         surfaces = len(self.system.surfaces)
         self.signs = np.zeros((0, surfaces), dtype=np.int64)
-        several = 1 < surfaces <= SURFACES and not self.system.overrides
+        equations = switched_equations(self.system) if surfaces > SHAPES else None
+        self._switched = None if equations is None else SwitchedModes(equations, self.order)
+        several = 1 < surfaces <= SURFACES and not self.system.overrides and self._switched is None
         self.rows = np.full(3**surfaces if several else 0, -1, dtype=np.int64)
         if len(self.system.surfaces) == 1:
             for mode in ((-1,), (1,), (0,)):
@@ -99,18 +125,26 @@ class CompiledSystem:
         """Row of a mode, compiled on first sight; None where the mode has no equations."""
         if mode not in self.index:
             try:
-                shape = self._shape(frozenset(i for i, s in enumerate(mode) if s == 0))
+                made = self._switched.row(mode) if self._switched else self._row(mode)
             except ModelError:
                 return None
             row = len(self.modes)
             self.modes.append(mode)
             self.index[mode] = row
-            self._append(mode, shape)
-            self.signs = np.vstack([self.signs, np.array([mode], dtype=np.int64)])
+            self._append(mode, *made)
             if self.rows.size:
                 self.rows[sum((s + 1) * 3**i for i, s in enumerate(mode))] = row
-            self._link()
+            if not self._switched:
+                self._link()
         return self.index[mode]
+
+    def guards(self, mode: Mode) -> tuple[Guard, ...]:
+        """Guards of a mode in the order of its row."""
+        return self._switched.equations.guards(mode) if self._switched else self.system.equations(mode).guards
+
+    def places(self, mode: Mode) -> Sequence[int]:
+        """Where each of them stands in :meth:`FilippovSystem.equations`; -1 where it has no counterpart there."""
+        return self._switched.equations.places(mode) if self._switched else range(len(self.guards(mode)))
 
     @cached_property
     def normals(self) -> tuple[int, NDArray[np.float64]]:
@@ -123,35 +157,39 @@ class CompiledSystem:
         self._normals_code = MachineCode(declarations() + expansion_ir(tape, len(inputs), 0, "normals"))
         return self._normals_code.address("normals"), np.array([*self._numbers(tape, {}), 0.0])
 
-    def _shape(self, sliding: frozenset[int]) -> _Shape:
+    def _row(self, mode: Mode) -> tuple[list[int], list[float], list[float]]:
+        """Addresses and constants of a mode on the machine code of its sliding surfaces."""
+        system = self.system
+        sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
         if sliding not in self._shapes:
-            system = self.system
             equations = system.shared_equations(sliding)
-            expansion = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
-            probe = build_tape(system.states, (), _speeds(system, equations))
-            n = len(system.states)
-            code = MachineCode(
-                declarations()
-                + expansion_ir(expansion, n, self.order, "expansion")
-                + closing_ir(n, len(equations.guards), self.order, "closing")
-                + expansion_ir(probe, n, 0, "probe")
-            )
-            self._shapes[sliding] = _Shape(equations, expansion, probe, code)
-        return self._shapes[sliding]
+            outputs = [g.expression for g in equations.guards]
+            self._shapes[sliding] = _shape(system, self.order, equations.field, outputs, _speeds(system, equations))
+        shape = self._shapes[sliding]
+        signs = {system.signs[i]: sp.Integer(s) for i, s in enumerate(mode)}
+        return shape.addresses, self._numbers(shape.expansion, signs), self._numbers(shape.probe, signs)
 
-    def _append(self, mode: Mode, shape: _Shape) -> None:
-        signs = {self.system.signs[i]: sp.Integer(s) for i, s in enumerate(mode)}
-        addresses = [shape.code.address(name) for name in ("expansion", "closing", "probe")]
-        self.addresses = np.vstack([self.addresses, [addresses]])
-        self.constants = _stacked(self.constants, self._numbers(shape.expansion, signs))
-        self.probes = _stacked(self.probes, self._numbers(shape.probe, signs))
-        layout = np.zeros((1, *self.layouts.shape[1:]), dtype=np.int64)
-        layout[0, 0] = len(shape.equations.guards), sum(s == 0 for s in mode), 0, 0
-        for g, guard in enumerate(shape.equations.guards):
-            held = guard.kind == "surface" and self.system.held_inside(guard.index)
-            layout[0, 1 + g] = _KIND[guard.kind], guard.index, guard.rising_only, held
-        self.layouts = np.vstack([self.layouts, layout])
-        self.targets = np.vstack([self.targets, np.full((1, *self.targets.shape[1:]), -1, dtype=np.int64)])
+    def _append(self, mode: Mode, addresses: list[int], constants: Sequence[float], probes: Sequence[float]) -> None:
+        row = self.index[mode]
+        self.addresses = _with_row(self.addresses, row, addresses)
+        self.constants = _with_row(self.constants, row, constants)
+        self.probes = _with_row(self.probes, row, probes)
+        self.signs = _with_row(self.signs, row, mode)
+        layout = np.zeros(self.layouts.shape[1:], dtype=np.int64)
+        targets = np.full(self.targets.shape[1:], -1, dtype=np.int64)
+        guards, system = self.guards(mode), self.system
+        sliding = [i for i, s in enumerate(mode) if s == 0]
+        layout[0, 0] = len(guards)
+        for g, guard in enumerate(guards):
+            surface = guard.kind == "surface"
+            held = surface and system.held_inside(guard.index)
+            acting = surface and len(system.together(guard.index, sliding)) > 1
+            layout[1 + g] = _KIND[guard.kind], guard.index, guard.rising_only, held, acting
+            if guard.kind == "release":
+                # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
+                targets[g, 1] = 0 if guard.index in system.overrides else 2
+        self.layouts = _with_row(self.layouts, row, layout)
+        self.targets = _with_row(self.targets, row, targets)
 
     def _numbers(self, tape: Tape, signs: dict[sp.Symbol, sp.Expr]) -> list[float]:
         """Constants rounded to double, then what the rounding lost."""
@@ -166,9 +204,7 @@ class CompiledSystem:
                     after = (replaced(mode, guard.index, guard.to_sign), replaced(mode, guard.index, 0))
                     self.targets[row, g] = [self.index.get(m, -1) for m in after]
                 elif guard.kind == "release":
-                    to = self.index.get(replaced(mode, guard.index, guard.to_sign), -1)
-                    # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
-                    self.targets[row, g] = [to, 0 if guard.index in self.system.overrides else 2]
+                    self.targets[row, g, 0] = self.index.get(replaced(mode, guard.index, guard.to_sign), -1)
 
 
 def _speeds(system: FilippovSystem, equations: ModeEquations) -> list[sp.Expr]:
@@ -184,10 +220,52 @@ def _speeds(system: FilippovSystem, equations: ModeEquations) -> list[sp.Expr]:
     return speeds
 
 
-def _stacked(table: NDArray[np.float64], row: list[float]) -> NDArray[np.float64]:
-    """The table with one more row, wide enough for it."""
-    width = max(table.shape[1], len(row))
-    wider = np.zeros((table.shape[0] + 1, width))
-    wider[:-1, : table.shape[1]] = table
-    wider[-1, : len(row)] = row
-    return wider
+def _with_row(table: NDArray[Any], row: int, values: Sequence[float] | NDArray[np.int64]) -> NDArray[Any]:
+    """The table with one more row written; room for more, and wider, where it has none left."""
+    new = np.asarray(values, dtype=table.dtype)
+    if row == len(table) or new.shape[0] > table.shape[1]:
+        larger = np.zeros((max(2 * row, 4), max(new.shape[0], table.shape[1]), *table.shape[2:]), dtype=table.dtype)
+        larger[:row, : table.shape[1]] = table[:row]
+        table = larger
+    table[row, : new.shape[0]] = new
+    return table
+
+
+class SwitchedModes:
+    """Rows of all modes on one machine code, from tables of what each surface's entry makes of each constant."""
+
+    def __init__(self, equations: SwitchedEquations, order: int) -> None:
+        self.equations = equations
+        system = equations.system
+        speeds: list[sp.Expr] = []
+        for i, own in enumerate(equations.switches):
+            normal = system.normal_velocity(i)
+            speeds += [-own.sign * normal, -own.sign * normal.xreplace({own.sign: -own.sign}), sp.S.Zero, sp.S.Zero]
+        speeds += [sp.S.Zero] * (2 * len(system.valid))
+        shape = _shape(system, order, equations.field, equations.outputs, speeds)
+        self._code = shape.code
+        self._addresses = shape.addresses
+        self._tables = self._table(shape.expansion), self._table(shape.probe)
+
+    def row(self, mode: Mode) -> tuple[list[int], list[float], list[float]]:
+        """Addresses and constants of a mode."""
+        entries = np.array([*mode, 0])
+        found = []
+        for owner, values in self._tables:
+            pairs = values[entries[owner] + 1, np.arange(len(owner))]
+            found.append(pairs.T.ravel().tolist())
+        return self._addresses, found[0], found[1]
+
+    def _table(self, tape: Tape) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Surface that each constant depends on (-1: none), and its two doubles for the entries -1, 0 and +1."""
+        equations = self.equations
+        owner = np.full(len(tape.constants), -1)
+        values = np.zeros((3, len(tape.constants), 2))
+        for at, constant in enumerate(tape.constants):
+            owners = {equations.owner[s] for s in constant.free_symbols if s in equations.owner}
+            for i in owners:  # one at most: each surface's switches stand in its own rate and guards alone
+                owner[at] = i
+            for entry in (-1, 0, 1):
+                put = equations.switches[owner[at]].values(entry) if owners else {}
+                values[entry + 1, at] = double_double(equations.system.numeric(constant.xreplace(put)))
+        return owner, values

@@ -16,7 +16,7 @@ from henon_ref.henon.codegen import row_length
 from henon_ref.henon.compiled import CompiledSystem, double_double
 from henon_ref.henon.polynomial import DEPTH, LANDINGS, bernstein_table
 from henon_ref.henon.settling import work_space
-from henon_ref.model.modes import Mode, transition_kind
+from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import ZERO, Decision, Switching, exact_sign
 from henon_ref.model.system import TIME, FilippovSystem, Guard
 from henon_ref.trajectory import Counts, Kind, Problem, Status, Trajectory, Transition
@@ -139,7 +139,7 @@ class Engine:
         system = self.system
         decision = self.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
         at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
-        surfaces = [system.numeric(h).subs(at, simultaneous=True) for h in system.surfaces]
+        surfaces = [system.numeric(h).xreplace(at) for h in system.surfaces]
         x = [double_double(v) for v in problem.initial]
         active = [i for i, h in enumerate(surfaces) if exact_sign(h) == 0]
         time = double_double(problem.start)
@@ -147,8 +147,18 @@ class Engine:
         zeros: tuple[int, ...] = ()
         if decision.mode is not None:
             row = self.compiled.compile(decision.mode)
-            zeros = tuple(self.switching.contact_orders(time[0], [v[0] for v in x], decision.mode, active))
+            zeros = self.known_zeros(time[0], [v[0] for v in x], decision.mode, active)
         return Start(time, double_double(problem.until), tuple(x), decision, row, zeros)
+
+    def known_zeros(
+        self, t: float, x: Sequence[float], mode: Mode, active: Sequence[int], zero: float = ZERO
+    ) -> tuple[int, ...]:
+        """How often each guard of a mode's row is zero at (t, x), ``active`` being the surfaces the state is on."""
+        places = self.compiled.places(mode)
+        if not active:
+            return (0,) * len(places)
+        orders = self.switching.contact_orders(t, x, mode, active, zero=zero)
+        return tuple(orders[place] if place >= 0 else 0 for place in places)
 
     def run(
         self,
@@ -275,9 +285,13 @@ class Session:
         if row is None:
             return False
         self.integers[k.I_MODE] = row
-        orders = self.engine.switching.contact_orders(self.time, self.x.tolist(), mode, active, zero=zero)
+        orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, active, zero)
         self.multiplicity[: len(orders)] = orders
         return True
+
+    @property
+    def _guards(self) -> tuple[Guard, ...]:
+        return self.engine.compiled.guards(self.mode)
 
     @property
     def time(self) -> float:
@@ -311,9 +325,11 @@ class Session:
             return self._end("ok", "")
         if code == k.FULL and not stop:
             self._close_block()
-        elif code in (k.RESOLVE, k.DOUBTFUL):
+        elif code in (k.RESOLVE, k.DOUBTFUL, k.UNKNOWN):
             refused = None
-            if code == k.RESOLVE:
+            if code == k.UNKNOWN:
+                refused = self._go_on()
+            elif code == k.RESOLVE:
                 refused = self._resolve()
             elif self._closer_look():
                 refused = self._resolve(zero=PROVEN)
@@ -327,7 +343,7 @@ class Session:
         guard, floats = int(self.integers[k.I_GUARD]), self.floats
         finding = self.engine.closer.look(
             self.mode,
-            guard,
+            self.engine.compiled.places(self.mode)[guard],
             int(self.multiplicity[guard]),
             (floats[k.F_TIME], floats[k.F_LOW]),
             list(zip(self.x.tolist(), self.x_low.tolist(), strict=True)),
@@ -345,14 +361,14 @@ class Session:
         self.scratch.hits[:] = 0
         if late:
             return False
-        touched = self.engine.system.equations(self.mode).guards[guard]
+        touched = self._guards[guard]
         # A hold zone holds what only touches its surface.
         caught = finding.what == "touch" and touched.kind == "surface" and self.engine.system.held_inside(touched.index)
         if finding.what == "root" or caught:
             self.scratch.hits[guard] = 1
             return True
         if finding.lowest:
-            orders = self.engine.switching.contact_orders(self.time, self.x.tolist(), self.mode, [touched.index])
+            orders = self.engine.known_zeros(self.time, self.x.tolist(), self.mode, [touched.index])
             self.multiplicity[guard] = max(2, orders[guard])
         if finding.what == "touch" and touched.kind == "surface":  # a stick whose own end is touched goes on
             row = int(self.integers[k.I_MODE])
@@ -368,21 +384,43 @@ class Session:
         self.states[n] = self.x
         self.integers[k.I_COUNT] = n + 1
 
+    def _go_on(self) -> tuple[Status, str] | None:
+        """Complete a transition that is decided, into a mode that has no row yet."""
+        compiled, row, hit = self.engine.compiled, int(self.integers[k.I_MODE]), int(self.integers[k.I_GUARD])
+        guard, what = self._guards[hit], int(self.integers[k.I_WHAT])
+        after = replaced(self.mode, guard.index, 0 if what == k.STICK else guard.to_sign)
+        zeros = {k.STICK: 0, k.CROSS: 1}.get(what, int(compiled.targets[row, hit, 1]))
+        target = compiled.compile(after)
+        if target is None or (what == k.FREE and zeros == 0):  # no such mode, or zeros that have to be measured
+            return self._resolve()
+        compiled.targets[row, hit, int(what == k.STICK)] = target
+        self._record(what, guard.index, row, target)
+        self.integers[k.I_MODE] = target
+        self.multiplicity[:] = 0
+        for g, own in enumerate(compiled.guards(after)):
+            if own.kind == "surface" and own.index == guard.index:
+                self.multiplicity[g] = zeros
+        return self._why(k.ACCUMULATED) if k.crowded(self.floats, self.integers) else None
+
     def _resolve(self, zero: float = ZERO) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
         before = self.mode
-        guards = self.engine.system.equations(before).guards
-        hits: list[Guard] = [g for g, hit in zip(guards, self.scratch.hits, strict=False) if hit]
+        hits: list[Guard] = [g for g, hit in zip(self._guards, self.scratch.hits, strict=False) if hit]
         x = self.x.tolist()
         decision = self.engine.switching.after_event(self.time, x, before, hits, zero=zero)
         if decision.mode is None:
             return _refusal(decision)
-        active = sorted({g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0})
+        early = self.integers[k.I_GUARD] == k.NOWHERE
+        # Where no step was taken, surfaces left a moment ago are still as good as touched.
+        fresh = {g.index for g, zeros in zip(self._guards, self.multiplicity, strict=False) if zeros and early}
+        active = sorted(
+            fresh | {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0}
+        )
         source = self.integers[k.I_MODE]
         if not self._enter(decision.mode, active, zero):
             return "failed", f"the mode after t = {self.time:.17g} has no equations"
         changed = [i for i in active if decision.mode[i] != before[i]]
-        touched = changed or sorted({g.index for g in hits})
+        touched = changed or ([] if early else sorted({g.index for g in hits}))
         for i in touched:
             kind = _KINDS.index(transition_kind(before[i], decision.mode[i]))
             self._record(kind, i, int(source), int(self.integers[k.I_MODE]))
@@ -392,7 +430,7 @@ class Session:
 
     def _ended(self) -> int | None:
         """A ``valid`` expression that has shrunk to nothing where the run stalled (the field may be singular there)."""
-        for g, guard in enumerate(self.engine.system.equations(self.mode).guards):
+        for g, guard in enumerate(self._guards):
             row = self.scratch.c[self.x.size + g]
             if guard.kind == "valid" and abs(row[0]) <= 1e-14 * max(1.0, abs(self.start.time[0]), abs(self.time)):
                 return guard.index
@@ -410,7 +448,7 @@ class Session:
             return "failed", f"the step size fell to zero at {at}: the field is singular there"
         if code == k.ACCUMULATED:
             return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
-        guard = self.engine.system.equations(self.mode).guards[self.integers[k.I_GUARD]]
+        guard = self._guards[self.integers[k.I_GUARD]]
         return "invalid", f"the model ends: {self.engine.system.valid[guard.index]} fell to 0 at {at}"
 
     def _block(self) -> TransitionBlock:

@@ -15,7 +15,7 @@ from henon_ref.henon.settling import decided
 from henon_ref.jit import inner, njit
 
 # Why the loop came back.
-HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL = range(9)
+HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL, UNKNOWN = range(10)
 # Kinds of guards.
 SURFACE, RELEASE, VALID = 0, 1, 2
 # Kinds of transitions.
@@ -27,11 +27,26 @@ F_TIME, F_LOW, F_SIGMA, F_LAST, F_LAST_LOW, F_NEAR, F_REACH, F_CAP, F_SIZE = ran
 REMEMBERED = 64
 """Modes of which the last step is kept, in the floats behind those above: a mode seen before begins with it."""
 # Integers kept between calls: mode; counts; last guard hit and its landing; steps that time cannot tell apart,
-# events that it cannot tell apart; next sample; mode of the last step.
-I_MODE, I_STEPS, I_RHS, I_EVENTS, I_COUNT, I_GUARD, I_LANDING, I_STALLED, I_CROWDED, I_SAMPLE, I_STEPPED, I_SIZE = (
-    range(12)
-)
+# events that it cannot tell apart; next sample; mode of the last step; kind of the event that leads to a mode
+# not known yet.
+(
+    I_MODE,
+    I_STEPS,
+    I_RHS,
+    I_EVENTS,
+    I_COUNT,
+    I_GUARD,
+    I_LANDING,
+    I_STALLED,
+    I_CROWDED,
+    I_SAMPLE,
+    I_STEPPED,
+    I_WHAT,
+    I_SIZE,
+) = range(13)
 
+NOWHERE = -1
+"""In place of the guard last hit: nothing was hit, a guard is at zero where a step begins."""
 _EPS = 2.220446049250313e-16
 TANGENT = 1e-9
 """Relative normal velocity below which a contact is left to Python's closer look."""
@@ -311,8 +326,8 @@ def advance(  # type: ignore[no-untyped-def]
         Machine code of each mode: expansion, closing and probe.
     constants, probes : ndarray, shape (M, K)
         Their constants.
-    layouts : ndarray of int, shape (M, 1 + G, 4)
-        (guards, sliding surfaces, 0, 0), then (kind, index, rising only, has a hold zone) a guard.
+    layouts : ndarray of int, shape (M, 1 + G, 5)
+        (guards, 0 ...), then (kind, index, rising only, has a hold zone, acts on a sliding surface) a guard.
     targets : ndarray of int, shape (M, G, 2)
         Mode after a crossing and after a stick; for a release the mode after it and the zeros it leaves
         with; -1 where not known yet.
@@ -328,7 +343,7 @@ def advance(  # type: ignore[no-untyped-def]
     Returns
     -------
     int
-        HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED or DOUBTFUL.
+        HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL or UNKNOWN.
     """
     n = x.size
     stop_at = integers[I_STEPS] + budget
@@ -374,9 +389,13 @@ def advance(  # type: ignore[no-untyped-def]
         early = False
         for g in range(guards):
             low = c[n + g, multiplicity[g]] <= 0.0 and layout[1 + g, 2] == 0
+            if low and multiplicity[g] == 0 and layout[1 + g, 0] == SURFACE:
+                multiplicity[g] = _zeros_when_leaving(c[n + g], order)
+                low = multiplicity[g] == 0
             hits[g] = 1 if low and not _silent(c[n + g], order) else 0
             early = early or hits[g] == 1
         if early:  # on a surface and not leaving it: Python looks closer
+            integers[I_GUARD] = NOWHERE
             return RESOLVE
         best, hit, doubtful, used = _first_event(
             integers, c, n, order, layout, multiplicity, change[n:], theta, method, table, work, bounds
@@ -424,7 +443,7 @@ def advance(  # type: ignore[no-untyped-def]
             )  # fmt: skip
         which, zeros, what = 0, 1, CROSS
         if kind == SURFACE:
-            if together or layout[0, 1] > 0:
+            if together or layout[1 + hit, 4] == 1:
                 target = decided(floats[F_TIME], floats[F_LOW], x, mode, layout, hits, settling)
                 if target < 0 or not _settle(
                     floats, integers, x, times, marks, states, multiplicity, mode, target, layout, layouts[target],
@@ -454,8 +473,11 @@ def advance(  # type: ignore[no-untyped-def]
         else:
             what, zeros = FREE, targets[mode, hit, 1]
         target = targets[mode, hit, which]
-        if together or target < 0:
+        if together:
             return RESOLVE
+        if target < 0:
+            integers[I_WHAT] = what
+            return UNKNOWN
         if zeros == 0 and what == FREE:
             call_expand(addresses[target, 2], floats[F_TIME], floats[F_LOW], 1.0, x, probes[target], speeds)
             integers[I_RHS] += 1
@@ -538,6 +560,21 @@ def _zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
                 return 2
             return 1 if towards < 0.0 else 0
     return 0
+
+
+@inner()
+def _zeros_when_leaving(row, order):  # type: ignore[no-untyped-def]
+    """1 or 2 for a surface on the wrong side that is being left with a speed or tangentially, 0 for any other.
+
+    A mode's side of a surface was decided when it was left, and no root came since: a value below zero is
+    rounding's (another event followed at once), and if it rises there is nothing to decide.
+    """
+    size = 0.0
+    for k in range(1, order + 1):
+        size += abs(row[k])
+    if row[1] > TANGENT * size:
+        return 1
+    return 2 if abs(row[1]) <= TANGENT * size and row[2] > 0.5 * size else 0
 
 
 @inner()

@@ -69,7 +69,7 @@ class Switching:
         mode: list[int] = []
         active: list[int] = []
         for i, h in enumerate(system.surfaces):
-            sign = exact_sign(system.numeric(h).subs(at, simultaneous=True))
+            sign = exact_sign(system.numeric(h).xreplace(at))
             if i in given and sign in (0, given[i]):
                 sign = given[i]
             elif i in given:
@@ -80,7 +80,7 @@ class Switching:
                 active.append(i)
             mode.append(sign)
         for expression in system.valid:
-            if exact_sign(system.numeric(expression).subs(at, simultaneous=True)) < 0:
+            if exact_sign(system.numeric(expression).xreplace(at)) < 0:
                 return Decision("invalid", None, f"the model does not hold at the start: {expression} < 0")
         if not active:
             return Decision("unique", tuple(mode))
@@ -101,7 +101,8 @@ class Switching:
         if len(hits) == 1 and hits[0].kind == "release":
             # The equivalent sign reaches +-1 continuously, so the field does not jump and nothing else changes.
             return Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign))
-        active = {g.index for g in hits} | {i for i, s in enumerate(mode) if s == 0}
+        sliding = [i for i, s in enumerate(mode) if s == 0]
+        active = {i for g in hits for i in self.system.together(g.index, sliding)}
         return self._decide(t, list(x), mode, tuple(sorted(active)), zero)
 
     def contact_orders(

@@ -7,7 +7,7 @@ with Discontinuous Righthand Sides* (1988), and Eqs. (6)-(8) of Olejnik and Awre
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from functools import cached_property
@@ -181,6 +181,29 @@ class FilippovSystem:
         """dh_i/dt along f, in time, states, signs and parameters."""
         return self._normal[index]
 
+    def together(self, index: int, sliding: Iterable[int]) -> frozenset[int]:
+        """The surfaces of ``sliding`` that act on a surface while it changes its side, or that it acts on, and itself.
+
+        They act through the signs in each other's normal velocities, directly or by way of each other; sliding
+        that is overridden acts on everything.
+        """
+        found, left = {index}, set(sliding) - {index}
+        while True:
+            more = {j for j in left if any(j in self._acting[i] or i in self._acting[j] for i in found)}
+            if not more:
+                return frozenset(found)
+            found |= more
+            left -= more
+
+    @cached_property
+    def _acting(self) -> tuple[frozenset[int], ...]:
+        """For each surface those whose signs are in its normal velocity."""
+        everything = frozenset(range(len(self.surfaces)))
+        return tuple(
+            everything if i in self.overrides else frozenset(j for j, s in enumerate(self.signs) if normal.has(s))
+            for i, normal in enumerate(self._normal)
+        )
+
     def hold_guards(self, index: int) -> tuple[Guard, ...]:
         """The release guards of a surface's override: its hold zone is where all are positive."""
         return tuple(
@@ -201,7 +224,9 @@ class FilippovSystem:
 
 def _along(expression: sp.Expr, states: tuple[sp.Symbol, ...], rhs: tuple[sp.Expr, ...]) -> sp.Expr:
     """Time derivative of an expression along a field."""
-    return sp.diff(expression, TIME) + sp.Add(*(sp.diff(expression, x) * f for x, f in zip(states, rhs, strict=True)))
+    moving = expression.free_symbols
+    slopes = (sp.diff(expression, x) * f for x, f in zip(states, rhs, strict=True) if x in moving)
+    return sp.diff(expression, TIME) + sp.Add(*slopes)
 
 
 def _solved_state(surface: sp.Expr, states: tuple[sp.Symbol, ...], taken: set[int]) -> int | None:
@@ -215,7 +240,8 @@ def _solved_state(surface: sp.Expr, states: tuple[sp.Symbol, ...], taken: set[in
 
 def _interpolated(expression: sp.Expr, signs: tuple[sp.Symbol, ...]) -> sp.Expr:
     """The multi-affine interpolation of an expression between the signs -1 and +1 (for one sign: Filippov's)."""
-    used = [s for s in signs if expression.has(s)]
+    free = expression.free_symbols
+    used = [s for s in signs if s in free]
     if all(sp.diff(expression, s, 2) == 0 for s in used):
         return expression
     total = sp.Integer(0)
@@ -237,12 +263,11 @@ def _filippov_sliding(
             solved[i] = k
     on_surface = _surface_substitution(system, solved)
     signs = tuple(system.signs[i] for i in sliding)
-    rhs = [_interpolated(f.subs(on_surface, simultaneous=True), signs) for f in system.field]
+    rhs = [_interpolated(f.xreplace(on_surface), signs) for f in system.field]
     normal = [
-        sp.expand(_along(system.surfaces[i], states, tuple(rhs)).subs(on_surface, simultaneous=True), deep=False)
-        for i in sliding
+        sp.expand(_along(system.surfaces[i], states, tuple(rhs)).xreplace(on_surface), deep=False) for i in sliding
     ]
-    slope = [[sp.simplify(sp.diff(n, s)) for s in signs] for n in normal]
+    slope = [[sp.simplify(sp.diff(n, s)) if n.has(s) else sp.S.Zero for s in signs] for n in normal]
     if any(entry.has(*signs) for row in slope for entry in row):
         raise ModelError(
             "signs that multiply each other on the intersection of "
@@ -273,12 +298,13 @@ def _filippov_sliding(
             # Sliding attracts while dh/dt < 0 beyond and > 0 before; it ends where either reaches 0 (tangent points).
             guards.append(Guard("release", i, 1, -n.xreplace({s: sp.Integer(1)})))
             guards.append(Guard("release", i, -1, n.xreplace({s: sp.Integer(-1)})))
-    result = [f if not f.has(*signs) else f.xreplace(equivalent) for f in rhs]
+    result = [f.xreplace(equivalent) for f in rhs]
     for i, k in solved.items():
         # x_k = r(t, others) on the surface: its derivative needs no friction force, and keeps the surface exactly.
         h = system.surfaces[i]
-        others = sp.diff(h, TIME) + sp.Add(*(sp.diff(h, x) * result[j] for j, x in enumerate(states) if j != k))
-        result[k] = -others.subs(on_surface, simultaneous=True) / sp.diff(h, states[k])
+        rates = [sp.S.Zero if j == k else rate for j, rate in enumerate(result)]
+        others = _along(h, states, tuple(rates))
+        result[k] = -others.xreplace(on_surface) / sp.diff(h, states[k])
     return tuple(result), tuple(guards), {i: equivalent[s] for i, s in zip(sliding, signs, strict=True)}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 
 from henon_ref.price.growth import Horizon
 from henon_ref.price.ladder import FAIR
+from henon_ref.price.states import Size, exponent
 from henon_ref.report import style
 from henon_ref.report.ranking import by_solver, number, right
 from henon_ref.score.columns import Row
@@ -20,6 +22,9 @@ COUNTS = {
     "steps": "steps",
 }
 """What may stand on the axis of cost."""
+
+BOUND = 1e-11
+"""Error of a stick [s] that a run of a million seconds must not exceed."""
 
 
 def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
@@ -38,10 +43,13 @@ def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
             if points:
                 _draw_line(axes, solver, points)
                 x, y = min(points, key=lambda point: point[1])
-                tips.append((solver, x, y, style.line_of(solver.removesuffix(FAIR)).colour))
+                if not solver.endswith(FAIR):
+                    tips.append((solver, x, y, style.line_of(solver).colour))
         style.decades(axes.xaxis)
         style.decades(axes.yaxis)
-        style.label_points(axes, tips, x=1.03, gap=0.04)
+        style.label_points(axes, tips, x=1.03, gap=0.05)
+        axes.plot([], [], ":", color=style.GREY, marker="o", mfc="white", ms=3.5, label="compiled callbacks (+numba)")
+        axes.legend(loc="lower left")
         axes.set(xlabel=COUNTS[count], ylabel="worst error of a transition time [s]")
     return figure
 
@@ -58,12 +66,39 @@ def _draw_line(axes: Axes, solver: str, points: Sequence[tuple[float, float]]) -
 
 def draw_growth(found: Sequence[Horizon]) -> Figure:
     """Time of a transition and error of the last sticks over the horizon."""
-    until = [own.until for own in found]
     with style.figure(2.6) as figure:
         left, right_ = figure.subplots(1, 2)
+        until = [own.until for own in found]
         left.semilogx(until, [1e6 * own.per_transition_s for own in found], "o-", color=style.VERMILLION)
         left.set(xlabel="horizon [s]", ylabel="wall time a transition [µs]", ylim=(0, None))
-        right_.loglog(until, [max(own.stick_error_s, 1e-16) for own in found], "o-", color=style.BLUE)
-        right_.set(xlabel="horizon [s]", ylabel="worst error of the last sticks [s]")
+        settled = [own for own in found if not math.isnan(own.stick_error_s)]
+        errors = [max(own.stick_error_s, 1e-16) for own in settled]
+        right_.loglog([own.until for own in settled], errors, "o-", color=style.BLUE)
+        right_.axhline(BOUND, color=style.GREY, ls="--", lw=0.9)
+        right_.annotate(f"asked for: {BOUND:.0e} s", (settled[0].until, BOUND), (0, -10), textcoords="offset points")
+        right_.set(xlabel="horizon [s]", ylabel="worst error of the last sticks [s]", ylim=(1e-14, 1e-10))
+        right_.set_xlim(left.get_xlim())
+        figure.set_layout_engine("constrained")
+    return figure
+
+
+def draw_sizes(found: Sequence[Size]) -> Figure:
+    """Time of a step over the number of states, for every solver."""
+    with style.figure(3.0) as figure:
+        axes = figure.subplots()
+        for solver in dict.fromkeys(own.solver for own in found):
+            own = [size for size in found if size.solver == solver]
+            look = style.line_of(solver)
+            power = exponent(found, solver)
+            label = solver if math.isnan(power) else f"{solver}: step ~ states^{power:.2f}"
+            axes.loglog(
+                [size.states for size in own], [1e6 * size.per_step_s for size in own], look.dashes,
+                marker=look.marker, color=look.colour, lw=look.width, label=label,
+            )  # fmt: skip
+        ticks = sorted({size.states for size in found})
+        axes.set_xticks(ticks, [str(tick) for tick in ticks], minor=False)
+        axes.set_xticks([], minor=True)
+        axes.set(xlabel="states", ylabel="wall time a step [µs]")
+        axes.legend(loc="upper left")
         figure.set_layout_engine("constrained")
     return figure

@@ -15,6 +15,9 @@ from henon_ref.score.options import Observer, Options
 
 LADDER = tuple(10.0**-k for k in range(3, 16))
 """Relative tolerances. A library that refuses one says so, and the row with it."""
+DUEL = ("henon", "heyoka")
+"""Who runs on the whole suite."""
+DUEL_TOLERANCES = (1e-6, 1e-9, 1e-11, 1e-13)
 FAIR = "+numba"
 """Mark of a baseline whose callbacks are compiled."""
 TIMEOUT = 4.0
@@ -28,22 +31,25 @@ def solvers() -> tuple[str, ...]:
     return tuple(n for own in plain for n in (own, own + FAIR) if n in known)
 
 
-def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> list[Row]:
+def run_ladder(
+    cases: Sequence[Case], options: Options, observer: Observer, tolerances: Sequence[float] = LADDER
+) -> list[Row]:
     """Run the ladder on the cases' readings; rows as in ``runs.csv``.
 
     Parameters
     ----------
     cases : sequence of Case
     options : Options
-        Solvers, processes and journals; tolerances and deadline are the ladder's own.
+        Solvers, processes and journals; the deadline is the ladder's own.
     observer : Observer
+    tolerances : sequence of float
     """
     rows: list[Row] = []
 
     def deliver(comparison: Comparison) -> None:
         rows.extend(comparison.run_rows)
 
-    asked = replace(options, solvers=options.solvers or solvers(), tolerances=LADDER, timeout=TIMEOUT)
+    asked = replace(options, solvers=options.solvers or solvers(), tolerances=tuple(tolerances), timeout=TIMEOUT)
     compare_all([_without_listings(case) for case in cases], asked, deliver, observer=observer)
     return rows
 
@@ -89,6 +95,12 @@ def ratio_at(rows: Sequence[Row], error: float, first: str, second: str) -> floa
         least[solver] = min((number(row, "wall_s") for row in able), default=math.nan)
     ratio = least[first] / least[second]
     return None if math.isnan(ratio) else ratio
+
+
+def ratios(rows: Sequence[Row], error: float) -> dict[tuple[str, str], float]:
+    """Time of ``henon`` over heyoka's at the same bound on the worst error, for every reading that both solve."""
+    found = {key: ratio_at(own, error, *DUEL) for key, own in readings_of(rows).items()}
+    return {key: ratio for key, ratio in found.items() if ratio is not None}
 
 
 def paid_after(row: Row, other: Row) -> float | None:

@@ -6,12 +6,29 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import sympy as sp
+
 from henon_ref.henon.solvers import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
-from henon_ref.model.case import Case, Reading
+from henon_ref.model.case import Case, parse_case
+from henon_ref.model.modes import Mode
 from henon_ref.price.timer import in_turn
-from henon_ref.trajectory import Trajectory
+from henon_ref.trajectory import Problem, Trajectory
 from henon_ref.truth.reference import Truth, split_double
 
+GRAZES = ("1", "1e-1", "1e-3", "1e-5", "1e-7", "1e-9")
+"""Depths of a crossing below the crest it goes through: 1 is half way up."""
+CREST = """\
+schema: 1
+name: crest
+title: A crossing near a crest
+system:
+  state: [x, v, y]
+  parameters: {{g: {depth}}}
+  surfaces: {{s: 1 - g/2 - x}}
+  field: [v, -x, s]
+initial: {{t: 0, x: 0, v: 1, y: 0}}
+until: 3
+"""
 SOLVERS = (HENON_SOLVER, HENON_NEWTON, HENON_BRENT)
 RTOL = 1e-13
 ROUNDS = 40
@@ -39,30 +56,41 @@ def landings(cases: Sequence[Case], truths: dict[tuple[str, str], Truth]) -> lis
         for reading in case.readings:
             truth = truths.get((case.name, reading.name))
             if truth is not None and truth.transitions and reading.solvers is None:
-                found += _three(case, reading, truth)
+                crossings = [t for t in truth.transitions if t.kind != "graze"]
+                exact = [split_double(t.time_digits) for t in crossings]
+                found += _three(case.name, reading.name, reading.problem, exact, [t.to_mode for t in crossings])
     return found
 
 
-def _three(case: Case, reading: Reading, truth: Truth) -> list[Landed]:
-    runs = {s.name: s.prepare(reading.problem, rtol=RTOL, deadline=20.0) for s in SOLVERS}
+def near_grazing(depths: Sequence[str] = GRAZES) -> list[Landed]:
+    """Run them on ``sin(t) = 1 - g/2``, ever nearer to the crest; its two roots are known in closed form."""
+    found = []
+    for depth in depths:
+        problem = parse_case(CREST.format(depth=depth)).readings[0].problem
+        level = 1 - sp.Rational(depth) / 2
+        exact = [split_double(str(sp.N(root, 40))) for root in (sp.asin(level), sp.pi - sp.asin(level))]
+        found += _three("crest", f"g = {depth}", problem, exact, [(-1,), (1,)])
+    return found
+
+
+def _three(
+    case: str, reading: str, problem: Problem, exact: Sequence[tuple[float, float]], modes: Sequence[Mode]
+) -> list[Landed]:
+    runs = {s.name: s.prepare(problem, rtol=RTOL, deadline=20.0) for s in SOLVERS}
     times = in_turn(runs, rounds=ROUNDS)
     lines = []
     for solver, run in runs.items():
         result = run()
         count = len(result.transitions)
         evaluations = result.counts.event_evaluations / count if count else math.nan
-        error = _error(result, truth)
-        lines.append(Landed(case.name, reading.name, solver, count, evaluations, times[solver].median, error))
+        error = _error(result, exact, modes)
+        lines.append(Landed(case, reading, solver, count, evaluations, times[solver].median, error))
     return lines
 
 
-def _error(run: Trajectory, truth: Truth) -> float:
-    crossings = [t for t in truth.transitions if t.kind != "graze"]
+def _error(run: Trajectory, exact: Sequence[tuple[float, float]], modes: Sequence[Mode]) -> float:
     own = [t for t in run.transitions if t.kind != "graze"]
-    if [t.to_mode for t in own] != [t.to_mode for t in crossings]:
+    if [t.to_mode for t in own] != list(modes):
         return math.nan
-    worst = 0.0
-    for mine, exact in zip(own, crossings, strict=True):
-        high, low = split_double(exact.time_digits)
-        worst = max(worst, abs((mine.time - high) + (mine.time_low - low)))
-    return worst
+    pairs = zip(own, exact, strict=True)
+    return max((abs((t.time - high) + (t.time_low - low)) for t, (high, low) in pairs), default=0.0)

@@ -1,0 +1,96 @@
+"""Floating-point operations of a run, counted in the machine code's source, and how near they come to the machine."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from henon_ref.henon.codegen import closing_ir, expansion_ir
+from henon_ref.henon.engine import Engine
+from henon_ref.henon.polynomial import HENON
+from henon_ref.henon.solvers import order_for
+from henon_ref.price.timer import in_turn
+from henon_ref.taylor.tape import build_tape
+from henon_ref.trajectory import Problem
+
+RTOL = 1e-12
+ROUNDS = 60
+SIZE = 60
+"""Rows of the square matrices whose product stands for the machine's limit: they stay in the nearest cache."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """A run's arithmetic."""
+
+    expansion: int
+    """Operations of one Taylor expansion in slip."""
+    stick: int
+    """The same in stick."""
+    closing: int
+    """Operations of ending a step."""
+    steps: int
+    expansions: int
+    wall_s: float
+    peak: float
+    """Operations a second of a matrix product on one core [1/s]."""
+
+    @property
+    def total(self) -> int:
+        """Operations of the run, every expansion counted as the dearer of the two (so: at most)."""
+        return self.expansions * max(self.expansion, self.stick) + self.steps * self.closing
+
+    @property
+    def rate(self) -> float:
+        """Operations a second [1/s]."""
+        return self.total / self.wall_s
+
+
+def count(ir: str) -> int:
+    """Floating-point operations in LLVM IR: a lane of a vector is one, a fused product and sum are two."""
+    total = 0
+    for line in ir.splitlines():
+        if not re.search(r"\b(fadd|fsub|fmul|fdiv)\b|fmuladd|reduce\.fadd", line) or line.startswith("declare"):
+            continue
+        lanes = re.search(r"<(\d+) x double>", line)
+        total += (2 if "fmuladd" in line else 1) * (int(lanes[1]) if lanes else 1)
+    return total
+
+
+def work(problem: Problem) -> Work:
+    """Count and time a run of a problem with one surface at tolerance 1e-12."""
+    tolerance = 0.1 * RTOL
+    order = order_for(tolerance)
+    system = problem.system
+    n = len(system.states)
+    counts = []
+    for sliding in (frozenset[int](), frozenset({0})):
+        equations = system.shared_equations(sliding)
+        tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+        counts.append(count(expansion_ir(tape, n, order, "expansion")))
+    engine = Engine(system, order)
+    start = engine.start(problem)
+
+    def run():  # type: ignore[no-untyped-def]
+        return engine.run(start, tolerance=tolerance, landing=HENON)
+
+    a = np.linspace(0, 1, SIZE * SIZE).reshape(SIZE, SIZE)
+    out = np.empty_like(a)
+
+    def product() -> None:
+        for _ in range(20):
+            np.matmul(a, a, out=out)
+
+    times = in_turn({"run": run, "product": product}, rounds=ROUNDS)
+    made = run().counts
+    return Work(
+        expansion=counts[0],
+        stick=counts[1],
+        closing=count(closing_ir(n, 1, order, "closing")),
+        steps=made.steps,
+        expansions=made.rhs_evaluations,
+        wall_s=times["run"].median,
+        peak=20 * 2 * SIZE**3 / times["product"].median,
+    )
