@@ -6,7 +6,7 @@ import mpmath
 import pytest
 import sympy as sp
 
-from henon_ref.henon.closer import DIGITS, CloserLook, Finding, first_falling_root
+from henon_ref.henon.closer import ONE, CloserLook, Finding, first_falling_root
 from henon_ref.model.system import TIME, FilippovSystem
 
 X = sp.Symbol("x", real=True)
@@ -61,14 +61,14 @@ def test_a_sine_touches_only_where_it_does() -> None:
 
 
 def test_the_first_of_many_roots_is_isolated() -> None:
-    with mpmath.workdps(DIGITS):
-        q = [mpmath.mpf(1)]
-        for root in ("0.25", "0.2500001", "0.5", "0.75"):
-            factor = [mpmath.mpf(root), mpmath.mpf(-1)]
-            q = [sum(q[i] * factor[k - i] for i in range(len(q)) if 0 <= k - i < 2) for k in range(len(q) + 1)]
-        outcome, low, high = first_falling_root(q)
-        assert outcome == "root"
-        assert low <= mpmath.mpf("0.25") <= high < mpmath.mpf("0.2500001")
+    q = [sp.Integer(1)]
+    for root in ("0.25", "0.2500001", "0.5", "0.75"):
+        factor = [sp.Rational(root), sp.Integer(-1)]
+        q = [sum(q[i] * factor[k - i] for i in range(len(q)) if 0 <= k - i < 2) for k in range(len(q) + 1)]
+    size = sum(map(abs, q))
+    outcome, low, high = first_falling_root([int(c / size * ONE) for c in q])
+    assert outcome == "root"
+    assert low <= ONE // 4 <= high < int(sp.Rational("0.2500001") * ONE)
 
 
 def test_time_is_the_system_s() -> None:

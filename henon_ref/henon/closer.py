@@ -1,8 +1,8 @@
 """A closer look at an event that double precision cannot decide: a pair of roots, a touch, or a miss.
 
-The Taylor polynomial of the step is made again from the same tape with 60 digits and twice the order, and
-its roots are isolated as in :mod:`henon_ref.henon.polynomial`, in integers of 220 bits. The state at the
-step's start is taken as it is (its rounded part included).
+The Taylor polynomial of the step is made again from the same tape, of twice the order and with 220 bits, and
+its roots are isolated as in :mod:`henon_ref.henon.polynomial`, in integers: a number v stands as v 2^220. The
+state at the step's start is taken as it is (its rounded part included).
 """
 
 from __future__ import annotations
@@ -13,29 +13,32 @@ from itertools import pairwise
 from math import comb
 from typing import Literal
 
-import mpmath
 import sympy as sp
+from flint import arb, ctx
 
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 from henon_ref.taylor.expand import Ring, expand
 from henon_ref.taylor.tape import Tape, build_tape
 
-DIGITS = 60
 ORDER = 48
 BITS = 220
-"""Bits after the point of a polynomial's coefficients, its size on the step being 1."""
+"""Bits after the point of a polynomial's coefficients, its size on the step being 1, and of places on the step."""
+ONE = 1 << BITS
 NOTHING = 2 ** (BITS - 166)
 """What counts as zero among them: 1e-50 of the polynomial's size."""
-SAME = mpmath.mpf(10) ** -10
-"""Minima closer to each other, in units of the step, are one and the same."""
+CLOSE = 2 ** (BITS - 160)
+"""Places closer to each other than 1e-48 of the step are one."""
+SAME = int(ONE * 1e-10)
+"""Minima closer to each other are one and the same."""
 DEPTH = 200
 """Halvings of the step before what is left of it counts as a point."""
 _NAMES = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt")
-_RING = Ring({name: getattr(mpmath, name) for name in _NAMES}, mpmath.power)
+_RING = Ring({name: getattr(arb, name) for name in _NAMES}, arb.__pow__)
 Pair = tuple[float, float]
 What = Literal["root", "touch", "miss"]
-Series = Sequence[mpmath.mpf]
+Fixed = Sequence[int]
+"""Coefficients, each times 2^220."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +59,13 @@ class CloserLook:
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
-        self._tapes: dict[Mode, tuple[Tape, list[mpmath.mpf]]] = {}
+        self._tapes: dict[Mode, tuple[Tape, list[arb]]] = {}
 
-    def _tape(self, mode: Mode) -> tuple[Tape, list[mpmath.mpf]]:
+    def _tape(self, mode: Mode) -> tuple[Tape, list[arb]]:
         if mode not in self._tapes:
             equations = self.system.equations(mode)
             tape = build_tape(self.system.states, equations.field, [g.expression for g in equations.guards])
-            numbers = [mpmath.mpf(str(sp.N(self.system.numeric(c), DIGITS + 10))) for c in tape.constants]
+            numbers = [arb(str(sp.N(self.system.numeric(c), 75))).mid() for c in tape.constants]
             self._tapes[mode] = (tape, numbers)
         return self._tapes[mode]
 
@@ -84,66 +87,88 @@ class CloserLook:
         reach : float
             End of the step.
         """
-        with mpmath.workdps(DIGITS):
+        with ctx.workprec(BITS):
             tape, numbers = self._tape(mode)
-            start = mpmath.mpf(time[0]) + mpmath.mpf(time[1])
-            x = [mpmath.mpf(high) + mpmath.mpf(low) for high, low in state]
+            start = arb(time[0]) + arb(time[1])
+            x = [arb(high) + arb(low) for high, low in state]
             states, outputs = expand(tape, numbers, start, x, ORDER, _RING)
             # A root that rounding has put on the step's end may lie just behind it.
-            unit = mpmath.mpf(reach) * (1 + mpmath.mpf(2) ** -46)
-            q = [c * unit ** (zeros + k) for k, c in enumerate(outputs[guard][zeros:])]
-            what, lowest, part = _decided(q, zeros, mpmath.mpf(near) / unit)
-            tau = part * unit
-            end = [_split(_value(series, tau)) for series in states]
+            unit = arb(reach) * (1 + arb(2) ** -46)
+            powers = [unit**k for k in range(ORDER + 1)]
+            q = fixed([c * power for c, power in zip(outputs[guard][zeros:], powers[zeros:], strict=False)])
+            what, lowest, part = _decided(q, zeros, _integer(arb(near) / unit))
+            tau = unit * part / ONE
+            end = [_split(_sum(series, tau)) for series in states]
             return Finding(what, lowest, _split(start + tau), tuple(end))
 
 
-def _split(number: mpmath.mpf) -> Pair:
+def _integer(number: arb) -> int:
+    """A number's middle times 2^220, rounded down."""
+    mantissa, exponent = number.mid().man_exp()
+    shift = int(exponent) + BITS
+    return int(mantissa) << shift if shift >= 0 else int(mantissa) >> -shift
+
+
+def fixed(series: Sequence[arb]) -> list[int]:
+    """A polynomial over its size, the sum of its coefficients' sizes."""
+    size = sum((abs(c) for c in series), arb(0)).mid()
+    return [_integer(c / size) for c in series] if size != 0 else [0] * len(series)
+
+
+def _split(number: arb) -> Pair:
     """A number as two doubles; what is lost to the second, too, would only make it miss round numbers."""
-    high = float(number)
-    low = float(number - mpmath.mpf(high))
+    high = float(number.mid())
+    low = float((number - high).mid())
     return high, (low if abs(low) > 2.0**-106 * abs(high) else 0.0)
 
 
-def _value(series: Series, tau: mpmath.mpf) -> mpmath.mpf:
-    return mpmath.polyval(list(reversed(series)), tau)
+def _sum(series: Sequence[arb], tau: arb) -> arb:
+    total = arb(0)
+    for c in reversed(series):
+        total = total * tau + c
+    return total
 
 
-def _derivative(series: Series) -> list[mpmath.mpf]:
+def _value(series: Fixed, place: int) -> int:
+    total = 0
+    for c in reversed(series):
+        total = (total * place >> BITS) + c
+    return total
+
+
+def _derivative(series: Fixed) -> list[int]:
     return [k * c for k, c in enumerate(series)][1:]
 
 
-def _decided(q: Series, zeros: int, near: mpmath.mpf) -> tuple[What, bool, mpmath.mpf]:
+def _decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
     """What q tau^zeros does on (0, 1] up to its minimum near a point: (what, at a minimum, where)."""
     outcome, low, high = first_falling_root(q)
-    whole = [mpmath.mpf(0)] * zeros + list(q)
+    whole = [0] * zeros + list(q)
     bottom = _minimum(whole, near)
     if outcome == "touch":
-        middle = (low + high) / 2
+        middle = (low + high) // 2
         touched = _minimum(whole, middle)
         touched = middle if touched is None else touched
         if bottom is None or touched <= bottom + SAME:
             return "touch", True, touched
     if outcome != "root" or (bottom is not None and low > bottom):  # what lies behind a minimum has to wait
         return "miss", bottom is not None, near if bottom is None else bottom
-    return "root", False, _landed(q, low, high)
+    return "root", False, _root([-c for c in q], low, high)
 
 
-def first_falling_root(q: Series) -> tuple[Literal["none", "root", "touch"], mpmath.mpf, mpmath.mpf]:
-    """Isolate the first root on (0, 1] through which a polynomial falls, in integers.
+def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int, int]:
+    """Isolate the first root on (0, 1] through which a polynomial falls: (outcome, low, high).
 
     Descartes' rule of signs on Bernstein coefficients, as in the compiled
     :func:`henon_ref.henon.polynomial.first_falling_root`.
     """
     degree = len(q) - 1
-    size = sum(abs(c) for c in q) or mpmath.mpf(1)
-    whole = [int(mpmath.ldexp(c / size, BITS)) for c in q]
-    first = [sum(comb(i, k) * whole[k] // comb(degree, k) for k in range(i + 1)) for i in range(degree + 1)]
+    first = [sum(comb(i, k) * q[k] // comb(degree, k) for k in range(i + 1)) for i in range(degree + 1)]
     stack = [(0, 0, first)]  # (level, place, coefficients) of the piece [place, place + 1] / 2^level
     before = 0
     while stack:
         level, place, b = stack.pop()
-        low, high = mpmath.ldexp(place, -level), mpmath.ldexp(place + 1, -level)
+        low, high = place << (BITS - level), (place + 1) << (BITS - level)
         signs = [1 if c > 0 else -1 for c in b if abs(c) > NOTHING]
         changes = sum(x != y for x, y in pairwise(signs))
         if not signs or level >= DEPTH:
@@ -160,7 +185,7 @@ def first_falling_root(q: Series) -> tuple[Literal["none", "root", "touch"], mpm
             return "root", low, high
         left, right = _halves(b)
         stack += [(level + 1, 2 * place + 1, right), (level + 1, 2 * place, left)]
-    return "none", mpmath.mpf(0), mpmath.mpf(0)
+    return "none", 0, 0
 
 
 def _halves(b: list[int]) -> tuple[list[int], list[int]]:
@@ -173,26 +198,31 @@ def _halves(b: list[int]) -> tuple[list[int], list[int]]:
     return left, right[::-1]
 
 
-def _landed(q: Series, low: mpmath.mpf, high: mpmath.mpf) -> mpmath.mpf:
-    """The falling root of q on [low, high]: Newton's method, halving wherever it leaves the bracket."""
-    slope, tau = _derivative(q), (low + high) / 2
-    close = mpmath.mpf(10) ** (12 - DIGITS)
-    while high - low > close * high:
-        value, fall = _value(q, tau), _value(slope, tau)
-        low, high = (tau, high) if value > 0 else (low, tau)
-        new = tau - value / fall if fall < 0 else low
-        if not low < new < high:
-            new = (low + high) / 2
-        if abs(new - tau) <= close * new:
+def _root(rising: Fixed, low: int, high: int) -> int:
+    """The root of a polynomial that rises through zero between two places: Newton's method in a bracket.
+
+    Where a step leaves the bracket, or two in a row have not halved it, it is halved.
+    """
+    slope = _derivative(rising)
+    tau, slow = (low + high) >> 1, 0
+    while high - low > CLOSE:
+        width = high - low
+        value, rate = _value(rising, tau), _value(slope, tau)
+        low, high = (tau, high) if value < 0 else (low, tau)
+        new = tau - (value << BITS) // rate if rate > 0 else -1
+        if abs(new - tau) <= CLOSE and low <= new <= high:
             return new
+        slow = slow + 1 if 2 * (high - low) > width else 0
+        if slow > 2 or not low <= new <= high:
+            new, slow = (low + high) >> 1, 0
         tau = new
     return tau
 
 
-def _minimum(series: Series, near: mpmath.mpf) -> mpmath.mpf | None:
+def _minimum(series: Fixed, near: int) -> int | None:
     """The minimum of a polynomial on [0, 1] that a point lies next to; None if there is none."""
     slope = _derivative(series)
-    width = near * mpmath.mpf(2) ** -50
+    width = max(near >> 50, 1)
     low, high = near - width, near + width
     while _value(slope, low) >= 0:
         width *= 4
@@ -202,9 +232,6 @@ def _minimum(series: Series, near: mpmath.mpf) -> mpmath.mpf | None:
     while _value(slope, high) <= 0:
         width *= 4
         high = near + width
-        if high > 1:
+        if high > ONE:
             return None
-    while high - low > high * mpmath.mpf(10) ** (20 - DIGITS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if _value(slope, middle) < 0 else (low, middle)
-    return (low + high) / 2
+    return _root(slope, low, high)

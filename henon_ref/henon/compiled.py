@@ -83,7 +83,7 @@ class CompiledSystem:
 
     system: FilippovSystem
     order: int
-    modes: list[Mode] = field(default_factory=list)
+    modes: tuple[Mode, ...] = ()
     index: dict[Mode, int] = field(default_factory=dict)
     addresses: NDArray[np.int64] = field(init=False)
     constants: NDArray[np.float64] = field(init=False)
@@ -129,7 +129,7 @@ class CompiledSystem:
             except ModelError:
                 return None
             row = len(self.modes)
-            self.modes.append(mode)
+            self.modes = (*self.modes, mode)
             self.index[mode] = row
             self._append(mode, *made)
             if self.rows.size:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, cast, overload
+from functools import cached_property
+from typing import Any, NamedTuple, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +27,12 @@ PROVEN = 1e-15
 """Relative size below which a derivative counts as zero at a root that was found in multiprecision."""
 _BUDGET = 50_000
 """Steps between two looks at the clock."""
-_NO_TIMES, _NO_MODES = np.zeros(0), np.zeros(0, dtype=np.int64)
+_NO_TIMES, _NO_SAMPLES, _NO_MODES = np.zeros(0), np.zeros((0, 1)), np.zeros(0, dtype=np.int64)
 _CHUNK = 1024
 """Transitions kept in one block of memory."""
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True, eq=False)
 class TransitionBlock(Sequence[Transition]):
     """Transitions kept as arrays; each becomes a :class:`Transition` when it is looked at."""
 
@@ -81,7 +82,18 @@ class Start:
     row: int | None
     """Its row in the compiled tables."""
     zeros: tuple[int, ...]
-    """Known zeros of the guards: surfaces that the start lies on."""
+    """Known zeros of the guards, as many as the largest mode has: surfaces that the start lies on."""
+
+    @cached_property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """What a run begins with: floats, integers, state, what rounding it lost, known zeros. Each run copies them."""
+        floats, integers = np.zeros(k.F_SIZE + k.REMEMBERED), np.zeros(k.I_SIZE, dtype=np.int64)
+        floats[k.F_TIME], floats[k.F_LOW] = self.time
+        floats[k.F_LAST] = -np.inf
+        floats[k.F_SIGMA] = max((self.until[0] - self.time[0]) + (self.until[1] - self.time[1]), 1e-280)
+        integers[k.I_MODE] = self.row or 0
+        high, low = np.array(self.x).reshape(-1, 2).T.copy()
+        return floats, integers, high, low, np.array(self.zeros, dtype=np.int64)
 
 
 class Scratch(NamedTuple):
@@ -144,10 +156,11 @@ class Engine:
         active = [i for i, h in enumerate(surfaces) if exact_sign(h) == 0]
         time = double_double(problem.start)
         row: int | None = None
-        zeros: tuple[int, ...] = ()
+        zeros = (0,) * self.compiled.most_guards
         if decision.mode is not None:
             row = self.compiled.compile(decision.mode)
-            zeros = self.known_zeros(time[0], [v[0] for v in x], decision.mode, active)
+            own = self.known_zeros(time[0], [v[0] for v in x], decision.mode, active)
+            zeros = own + zeros[len(own) :]
         return Start(time, double_double(problem.until), tuple(x), decision, row, zeros)
 
     def known_zeros(
@@ -212,25 +225,14 @@ class Session:
     """What rounding it lost; whoever changes ``x`` sets it to 0 there."""
 
     def __post_init__(self) -> None:
-        n, most = len(self.start.x), self.engine.compiled.most_guards
-        start = self.start
-        self.floats = np.zeros(k.F_SIZE + k.REMEMBERED)
-        self.floats[k.F_TIME], self.floats[k.F_LOW] = start.time
-        self.floats[k.F_LAST] = -np.inf
-        self.floats[k.F_SIGMA] = max((start.until[0] - start.time[0]) + (start.until[1] - start.time[1]), 1e-280)
-        self.integers = np.zeros(k.I_SIZE, dtype=np.int64)
-        self.integers[k.I_MODE] = start.row or 0
-        self.x = np.array([v[0] for v in start.x])
-        self.x_low = np.array([v[1] for v in start.x])
-        self.multiplicity = np.zeros(most, dtype=np.int64)
-        self.multiplicity[: len(start.zeros)] = start.zeros
+        self.floats, self.integers, self.x, self.x_low, self.multiplicity = [a.copy() for a in self.start.arrays]
         self.scratch = self.engine.scratch
         if self.sample_times is None:
             self.wanted, self.sample_modes = _NO_TIMES, _NO_MODES
-            self.samples = _NO_TIMES.reshape(0, 1)
+            self.samples = _NO_SAMPLES
         else:
             self.wanted = np.ascontiguousarray(self.sample_times, dtype=float)
-            self.samples = np.full((self.wanted.size, n), np.nan)
+            self.samples = np.full((self.wanted.size, self.x.size), np.nan)
             self.sample_modes = np.zeros(self.wanted.size, dtype=np.int64)
         self.blocks: list[tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]] = []
         self._new_block()
@@ -262,10 +264,9 @@ class Session:
 
         What ended the run is :attr:`ended` afterwards; its transitions are those not handed out before.
         """
-        modes = self.engine.compiled.modes
         while (end := self._advance()) is None:
             for times, marks, states in self.blocks:
-                yield TransitionBlock(times, marks, states, tuple(modes))
+                yield TransitionBlock(times, marks, states, self.engine.compiled.modes)
             self.blocks.clear()
         self.ended = end
         if len(end.transitions):
@@ -453,30 +454,26 @@ class Session:
 
     def _block(self) -> TransitionBlock:
         count = self.integers[k.I_COUNT]
-        return TransitionBlock(
-            self.times[:count], self.marks[:count], self.states[:count], tuple(self.engine.compiled.modes)
-        )
+        return TransitionBlock(self.times[:count], self.marks[:count], self.states[:count], self.engine.compiled.modes)
 
     def _end(self, status: Status, reason: str) -> Trajectory:
-        self._keep_block()
-        if len(self.blocks) == 1:
-            times, marks, states = self.blocks[0]
-        else:
+        transitions = self._block()
+        if self.blocks:
+            self._keep_block()
             times, marks, states = (np.concatenate(parts) for parts in zip(*self.blocks, strict=True))
-        modes = tuple(self.engine.compiled.modes)
-        counts = self.integers
+            transitions = TransitionBlock(times, marks, states, transitions.modes)
+        modes = transitions.modes
+        asked = self.sample_times is not None
         return Trajectory(
             status=status,
-            transitions=TransitionBlock(times, marks, states, modes),
+            transitions=transitions,
             end_time=self.time,
             end_state=tuple(self.x.tolist()),
             end_mode=self.mode if modes else (0,) * len(self.engine.system.surfaces),
             reason=reason,
-            counts=Counts(int(counts[k.I_STEPS]), int(counts[k.I_RHS]), int(counts[k.I_EVENTS])),
-            samples=self.samples if self.sample_times is not None else None,
-            sample_modes=None
-            if self.sample_times is None
-            else tuple(modes[m] for m in self.sample_modes[: counts[k.I_SAMPLE]]),
+            counts=Counts(*self.integers[k.I_STEPS : k.I_EVENTS + 1].tolist()),
+            samples=self.samples if asked else None,
+            sample_modes=tuple(modes[m] for m in self.sample_modes[: self.integers[k.I_SAMPLE]]) if asked else None,
         )
 
 

@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 DISTRIBUTIONS = (
-    "henon-ref", "numpy", "scipy", "sympy", "numba", "llvmlite", "heyoka", "scikit-sundae", "python-flint", "mpmath",
+    "henon-ref", "numpy", "scipy", "sympy", "numba", "llvmlite", "heyoka", "scikit-sundae", "python-flint",
     "pandas", "matplotlib", "jinja2", "pydantic", "ruamel.yaml",
 )  # fmt: skip
 """Packages whose versions a result depends on."""

@@ -1,4 +1,4 @@
-"""Run a Taylor tape over any ring: floats, mpmath numbers, balls."""
+"""Run a Taylor tape over any ring: floats, balls."""
 
 from __future__ import annotations
 

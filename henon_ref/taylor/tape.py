@@ -3,7 +3,7 @@
 Every node stands for a function of time along the solution; its Taylor coefficients follow from those of
 its arguments by the classical recurrences (Jorba and Zou, *Experimental Mathematics* 14, 2005, Sec. 2).
 The same tape is turned into machine code (:mod:`henon_ref.henon.codegen`) and run over any ring
-(:mod:`henon_ref.taylor.expand`): floats, mpmath, ball arithmetic.
+(:mod:`henon_ref.taylor.expand`): floats, ball arithmetic.
 """
 
 from __future__ import annotations
