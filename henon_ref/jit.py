@@ -26,8 +26,13 @@ def cache_folder() -> Path:
         text = path.read_bytes()
         if b"henon_ref.jit" in text:
             digest.update(text)
+    return cache_root() / f"numba-{digest.hexdigest()[:16]}"
+
+
+def cache_root() -> Path:
+    """Folder of everything that is compiled: ``NUMBA_CACHE_DIR``, or the user's cache."""
     root = os.environ.get("NUMBA_CACHE_DIR")
-    return (Path(root) if root else user_cache_path("henon_ref")) / f"numba-{digest.hexdigest()[:16]}"
+    return Path(root) if root else user_cache_path("henon_ref")
 
 
 def inner(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

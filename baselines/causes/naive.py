@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import RK45
 
 from baselines.causes.base import Cause, holds
 from baselines.causes.scipy_events import quiet
@@ -13,6 +12,8 @@ WIDTH = 1e-4
 
 def sign_in_a_stick() -> str:
     """v' = 0.5 - sign(v) from v = 0.1: it stops at t = 0.2 and stays."""
+    from scipy.integrate import RK45
+
     counts = []
     for rtol in (1e-3, 1e-5):
         solver = RK45(lambda t, v: 0.5 - np.sign(v), 0.0, np.array([0.1]), 0.3, rtol=rtol, atol=rtol)

@@ -6,8 +6,6 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
-from scipy.integrate import solve_ivp
-
 from baselines.causes.base import Cause, holds
 
 ISSUES = "https://github.com/scipy/scipy/issues"
@@ -18,6 +16,13 @@ def terminal(function: Callable[..., float], direction: int = 0) -> Callable[...
     function.terminal = True  # type: ignore[attr-defined]
     function.direction = direction  # type: ignore[attr-defined]
     return function
+
+
+def solve_ivp(*arguments: Any, **options: Any) -> Any:
+    """SciPy's, loaded with the first call: most reports check nothing."""
+    from scipy import integrate
+
+    return integrate.solve_ivp(*arguments, **options)
 
 
 def quiet(*arguments: Any, **options: Any) -> Any:

@@ -316,7 +316,7 @@ class Session:
             self.floats, self.integers, self.x, self.x_low, self.multiplicity, scratch.hits,
             *start.until, self.engine.order, self.tolerance, self.method, _BUDGET,
             compiled.addresses, compiled.constants, compiled.probes, compiled.layouts, compiled.targets,
-            (*compiled.normals, compiled.signs, compiled.rows, *scratch.room),
+            (*compiled.normals, compiled.signs, compiled.rows, *scratch.room) if compiled.rows.size else None,
             scratch.c, scratch.ahead, scratch.change, scratch.point, scratch.speeds, scratch.table, scratch.work,
             scratch.bounds,
             self.times, self.marks, self.states,

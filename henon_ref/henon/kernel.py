@@ -331,8 +331,9 @@ def advance(  # type: ignore[no-untyped-def]
     targets : ndarray of int, shape (M, G, 2)
         Mode after a crossing and after a stick; for a release the mode after it and the zeros it leaves
         with; -1 where not known yet.
-    settling : tuple
-        What :func:`henon_ref.henon.settling.decided` needs.
+    settling : tuple or None
+        What :func:`henon_ref.henon.settling.decided` needs; None where there is nothing for it to decide (it is
+        then not compiled).
     c : ndarray, shape (n + G + 1, row length)
         Taylor coefficients of states and guards in units of sigma, then the norms of the last ones.
     ahead, point : ndarray, shapes of c and x
@@ -444,6 +445,8 @@ def advance(  # type: ignore[no-untyped-def]
         which, zeros, what = 0, 1, CROSS
         if kind == SURFACE:
             if together or layout[1 + hit, 4] == 1:
+                if settling is None:
+                    return RESOLVE
                 target = decided(floats[F_TIME], floats[F_LOW], x, mode, layout, hits, settling)
                 if target < 0 or not _settle(
                     floats, integers, x, times, marks, states, multiplicity, mode, target, layout, layouts[target],

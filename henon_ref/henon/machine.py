@@ -1,8 +1,23 @@
-"""LLVM IR to callable machine code, through numba's own back end (llvmlite)."""
+"""LLVM IR to callable machine code, through numba's own back end (llvmlite), kept on disk by a hash of the IR."""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
+import os
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import llvmlite
 import llvmlite.binding as llvm
+
+from henon_ref.jit import cache_root
+
+KEPT = 2048
+"""Objects kept on disk; when there are more, the half that was not used for longest goes."""
+_CHECK = 32
+"""Bytes of the checksum in front of an object."""
 
 
 def _target() -> llvm.TargetMachine:
@@ -25,14 +40,62 @@ class MachineCode:
     def __init__(self, ir: str) -> None:
         machine = _target()
         module = llvm.parse_assembly(ir)
-        module.verify()
-        options = llvm.create_pipeline_tuning_options(speed_level=2)
-        builder = llvm.create_pass_builder(machine, options)
-        builder.getModulePassManager().run(module, builder)
+        file = _objects() / hashlib.sha256((_maker() + ir).encode()).hexdigest()
+        known = _read(file)
+        if known is None:
+            module.verify()
+            options = llvm.create_pipeline_tuning_options(speed_level=2)
+            builder = llvm.create_pass_builder(machine, options)
+            builder.getModulePassManager().run(module, builder)
         # The execution engine takes over the module and the target machine: each has its own.
         self._engine = llvm.create_mcjit_compiler(module, machine)
+        self._engine.set_object_cache(lambda _, made: _write(file, made), lambda _: known)
         self._engine.finalize_object()
 
     def address(self, name: str) -> int:
         """Address of one of its functions."""
         return int(self._engine.get_function_address(name))
+
+
+@cache
+def _maker() -> str:
+    """What machine code depends on apart from the IR."""
+    version = ".".join(map(str, llvm.llvm_version_info))
+    return f"{llvmlite.__version__} {version} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}\n"
+
+
+def _objects() -> Path:
+    return cache_root() / "objects"
+
+
+def _read(file: Path) -> bytes | None:
+    """An object from the disk; None where there is none, or not the one that was written."""
+    try:
+        found = file.read_bytes()
+        os.utime(file)
+    except OSError:
+        return None
+    check, known = found[:_CHECK], found[_CHECK:]
+    return known if hashlib.sha256(known).digest() == check else None
+
+
+def _write(file: Path, made: bytes) -> None:
+    """Keep an object, whole or not at all; a disk that takes nothing costs the next compilation, no more."""
+    with contextlib.suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=file.parent)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(hashlib.sha256(made).digest() + made)
+            os.replace(name, file)
+        except OSError:
+            Path(name).unlink(missing_ok=True)
+            raise
+        _prune(file.parent)
+
+
+def _prune(folder: Path) -> None:
+    entries = list(os.scandir(folder))
+    if len(entries) > KEPT:
+        for entry in sorted(entries, key=lambda one: one.stat().st_mtime)[: KEPT // 2]:
+            Path(entry.path).unlink(missing_ok=True)
