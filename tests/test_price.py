@@ -12,8 +12,11 @@ from henon_ref.model.case import load_case, parse_case
 from henon_ref.price import effects
 from henon_ref.price.command import orbit_problem, truths_of
 from henon_ref.price.growth import STICKS, horizons
-from henon_ref.price.ladder import paid_after, ratio_at, relative_costs
-from henon_ref.price.landings import landings
+from henon_ref.price.ladder import paid_after, relative_costs
+from henon_ref.price.landings import landings, near_grazing
+from henon_ref.price.operations import count
+from henon_ref.price.states import Size, exponent, sizes
+from henon_ref.report.ratios import ratio_at, ratios, slower_table, spread_table
 from henon_ref.score.columns import RUN_COLUMNS, Row
 
 CASES = Path(__file__).parents[1] / "cases"
@@ -108,6 +111,48 @@ def test_ratios_are_taken_at_the_same_worst_error() -> None:
     rows = [row("a", 1.0, 3), row("a", 2.0, 12), row("b", 5.0, 13)]
     assert ratio_at(rows, 1e-9, "a", "b") == pytest.approx(0.4)
     assert ratio_at(rows, 1e-14, "a", "b") is None
+
+
+def test_the_index_tells_how_ratios_spread_and_where_the_other_is_faster() -> None:
+    rows = [
+        row("henon", 1.0, 9.5), row("heyoka", 4.0, 9.5),
+        row("henon", 6.0, 9.5, case="d"), row("heyoka", 2.0, 9.5, case="d"),
+        row("henon", 1.0, 9.5, case="f"), row("heyoka", 1.0, 3),
+    ]  # fmt: skip
+    assert ratios(rows, 1e-9) == {("c", "default"): 0.25, ("d", "default"): 3.0}
+    assert [line[:2] + line[2:3] + line[-2:] for line in spread_table(rows).rows] == [
+        ("1e-06 s", "2", "0.25", "3", "1"),
+        ("1e-09 s", "2", "0.25", "3", "1"),
+    ]
+    assert slower_table(rows).rows == [("`d`", "3", "default")]
+
+
+def test_crossings_near_a_crest_are_found_by_every_landing() -> None:
+    found = near_grazing(("1", "1e-7"))
+    assert [one.transitions for one in found] == [2] * 6
+    assert max(one.error_s for one in found[:3]) < 1e-14
+    assert max(one.error_s for one in found[3:]) < 1e-11
+    assert found[3].evaluations < found[4].evaluations
+
+
+def test_operations_are_counted_by_lane_and_fused_ones_twice() -> None:
+    ir = """\
+declare <4 x double> @llvm.fmuladd.v4f64(<4 x double>, <4 x double>, <4 x double>)
+  %a = fmul contract double %x, %y
+  %b = fadd contract <4 x double> %v, %w
+  %c = call contract <4 x double> @llvm.fmuladd.v4f64(<4 x double> %v, <4 x double> %w, <4 x double> %b)
+  %d = call contract double @llvm.fmuladd.f64(double %a, double %x, double %y)
+  %e = fcmp ogt double %a, %x
+"""
+    assert count(ir) == 1 + 4 + 8 + 2
+
+
+def test_chains_of_every_length_agree() -> None:
+    found = sizes((1, 5), ("henon", "scipy-dop853"))
+    assert [size.states for size in found] == [2, 2, 10, 10]
+    assert all(size.agrees and size.transitions > 5 for size in found)
+    same = [Size(n, "a", 1, 10, 0.0, 10 * n**1.5, True) for n in (2, 16, 64)]
+    assert exponent(same, "a") == pytest.approx(1.5)
 
 
 def test_compiling_is_paid_for_after_so_many_runs() -> None:

@@ -1,4 +1,4 @@
-"""The command: ``python -m henon_ref.price CASES [--suite FOLDER] [--out reports/price]``.
+"""The command: ``python -m henon_ref.price CASES [--out reports/price]``.
 
 Exit status 0 done, 2 a bad argument, case file or folder, 130 interrupted (finished rows are kept for ``--resume``).
 """
@@ -25,16 +25,13 @@ USAGE_ERROR: Any = typer.BadParameter.__base__
 def main(
     cases: Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder of the page and its figures.")] = Path("reports/price"),
-    suite: Annotated[
-        Path | None, typer.Option(help="Folder of cases on which henon and heyoka alone are set against each other.")
-    ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Runs at work at once; more than one disturb each other.")] = 1,
     resume: Annotated[bool, typer.Option("--resume", help="Keep the rows of an interrupted list.")] = False,
 ) -> int:
     """Time every solver at every tolerance, and what landings, effects and horizons cost."""
     from henon_ref.price.command import run
 
-    return run(cases, out, suite=suite, jobs=jobs, resume=resume)
+    return run(cases, out, jobs=jobs, resume=resume)
 
 
 def command(arguments: Sequence[str] | None = None) -> int:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from henon_ref.model.case import Case, parse_case
 from henon_ref.price.effects import effect_costs
 from henon_ref.price.growth import horizons
-from henon_ref.price.ladder import DUEL, DUEL_TOLERANCES, run_ladder
+from henon_ref.price.ladder import run_ladder
 from henon_ref.price.landings import landings, near_grazing
 from henon_ref.price.operations import work
 from henon_ref.price.page import Prices, write_page
@@ -24,8 +23,6 @@ from henon_ref.truth.reference import Truth
 from henon_ref.truth.settle import stored_truth
 from henon_ref.truth.store import folder_of
 
-SUITE = "suite"
-"""Folder of the whole suite's journals while it runs."""
 FIG8 = """\
 schema: 1
 name: fig8_orbit
@@ -52,36 +49,29 @@ def orbit_problem() -> Problem:
     return parse_case(FIG8).readings[0].problem
 
 
-def run(paths: Sequence[Path], out: Path, *, suite: Path | None, jobs: int, resume: bool) -> int:
+def run(paths: Sequence[Path], out: Path, *, jobs: int, resume: bool) -> int:
     """Measure everything and write the page."""
     check_writable(out)
     cases = load_cases(paths)
-    everything = [] if suite is None else load_cases([suite])
     options = Options(processes=jobs, folder=out, resume=resume, keep_journals=True)
     with Shown() as shown:
         rows = run_ladder(cases, options, shown)
-        duels = replace(options, folder=out / SUITE, solvers=DUEL)
-        against = run_ladder(everything, duels, shown, DUEL_TOLERANCES) if everything else []
     # What follows is timed in this process, with nothing else at work.
     orbit = orbit_problem()
     found = Prices(
         rows=rows,
-        suite=against,
         landings=[*landings(cases, truths_of(cases)), *near_grazing()],
         work=work(orbit),
         effects=effect_costs(),
         growth=horizons(orbit),
         sizes=sizes(),
     )
-    names = " ".join(str(path) for path in paths) + ("" if suite is None else f" --suite {suite}")
+    names = " ".join(str(path) for path in paths)
     page = write_page(found, provenance(f"python -m henon_ref.price {names}"), out)
-    for folder, run_cases in ((out, cases), (out / SUITE, everything)):
-        for case in run_cases:
-            (folder / case.name / FILE).unlink(missing_ok=True)
-            if (folder / case.name).is_dir():
-                (folder / case.name).rmdir()
-    if everything:
-        (out / SUITE).rmdir()
+    for case in cases:
+        (out / case.name / FILE).unlink(missing_ok=True)
+        if (out / case.name).is_dir():
+            (out / case.name).rmdir()
     print(page)
     return 0
 

@@ -7,13 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from henon_ref.price import effects
 from henon_ref.price.effects import Step
 from henon_ref.price.figures import COUNTS, draw_growth, draw_ladder, draw_sizes
 from henon_ref.price.growth import Horizon
-from henon_ref.price.ladder import paid_after, ratio_at, ratios, readings_of, relative_costs
+from henon_ref.price.ladder import paid_after, relative_costs
 from henon_ref.price.landings import Landed
 from henon_ref.price.operations import Work
 from henon_ref.price.states import Size
@@ -22,6 +20,7 @@ from henon_ref.report.csvfiles import csv_text
 from henon_ref.report.manifest import Provenance
 from henon_ref.report.markdown import environment
 from henon_ref.report.ranking import LEVELS, name, number, prices
+from henon_ref.report.ratios import ratio_at, readings_of
 from henon_ref.report.tables import Table, wall
 from henon_ref.report.words import duration, setting
 from henon_ref.report.write import replace_file
@@ -29,10 +28,8 @@ from henon_ref.score.columns import RUN_COLUMNS, Row
 
 PAGE = "README.md"
 RUNS = "price.csv"
-SUITE_RUNS = "suite.csv"
 GROWTH = "growth.svg"
 SIZES = "states.svg"
-SUITE_ERRORS = (1e-6, 1e-9, 1e-12)
 RIVALS = ("heyoka", "scipy-dop853", "scipy-dop853+numba", "cvode-adams", "cvode-adams+numba")
 
 
@@ -41,8 +38,6 @@ class Prices:
     """Everything that was measured."""
 
     rows: Sequence[Row]
-    suite: Sequence[Row]
-    """Rows of `henon` and heyoka on the whole suite; empty where it was not asked for."""
     landings: Sequence[Landed]
     work: Work
     effects: Sequence[Step]
@@ -71,8 +66,6 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
         sections.append({"title": title, "figures": figures, "table": price_table(rows).markdown})
     style.save(draw_growth(found.growth), folder / GROWTH)
     style.save(draw_sizes(found.sizes), folder / SIZES)
-    if found.suite:
-        replace_file(folder / SUITE_RUNS, csv_text(RUN_COLUMNS, found.suite).encode())
     text = (
         environment()
         .get_template("price.md.j2")
@@ -90,8 +83,6 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
             of_peak=f"{100 * found.work.rate / found.work.peak:.0f} %",
             gigaflops=f"{found.work.rate / 1e9:.2g}",
             peak=f"{found.work.peak / 1e9:.2g}",
-            suite=suite_table(found.suite).markdown if found.suite else "",
-            slower=slower_table(found.suite).markdown if found.suite else "",
             runs=len(found.rows),
             rerun=origin.rerun,
             machine=origin.machine_text,
@@ -121,34 +112,6 @@ def rival_table(rows: Sequence[Row]) -> Table:
             cells = ["" if ratio is None else f"{ratio:.2g}" for ratio in ratios]
             lines.append((case if reading == "default" else f"{case}, {reading}", f"{error:.0e} s", *cells))
     return Table(("reading", "worst error", *(f"`{rival}`" for rival in RIVALS)), "lr" + "r" * len(RIVALS), lines)
-
-
-def suite_table(rows: Sequence[Row]) -> Table:
-    """How `henon`'s time over heyoka's spreads over the readings of the suite that both solve."""
-    lines: list[tuple[str, ...]] = []
-    for error in SUITE_ERRORS:
-        found = sorted(ratios(rows, error).values())
-        if found:
-            quartiles = np.quantile(found, [0.25, 0.5, 0.75])
-            above = sum(ratio > 1 for ratio in found)
-            cells = (*(f"{q:.2g}" for q in quartiles), f"{found[0]:.2g}", f"{found[-1]:.2g}", f"{above}")
-            lines.append((f"{error:.0e} s", f"{len(found)}", *cells))
-    headings = ("worst error", "readings", "lower quartile", "median", "upper quartile", "least", "largest", "above 1")
-    return Table(headings, "r" * 8, lines)
-
-
-def slower_table(rows: Sequence[Row]) -> Table:
-    """The cases in which heyoka is faster than `henon` in some reading, at the bound of 1e-9 s."""
-    slow: dict[str, list[tuple[float, str]]] = {}
-    for (case, reading), ratio in ratios(rows, SUITE_ERRORS[1]).items():
-        if ratio > 1:
-            slow.setdefault(case, []).append((ratio, reading))
-    lines: list[tuple[str, ...]] = []
-    for case, found in sorted(slow.items(), key=lambda item: -max(item[1])[0]):
-        names = ", ".join(reading for _, reading in sorted(found, reverse=True)[:4])
-        more = f" and {len(found) - 4} more" if len(found) > 4 else ""
-        lines.append((f"`{case}`", f"{max(found)[0]:.3g}", names + more))
-    return Table(("case", "largest ratio", "readings"), "lrl", lines)
 
 
 def size_table(found: Sequence[Size]) -> Table:

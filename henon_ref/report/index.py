@@ -11,6 +11,7 @@ from henon_ref import registry
 from henon_ref.report.csvfiles import read_rows
 from henon_ref.report.markdown import environment
 from henon_ref.report.ranking import LEVELS, best_of, by_solver, name, number, prices, right
+from henon_ref.report.ratios import slower_table, spread_table
 from henon_ref.report.tables import Table
 from henon_ref.report.words import count, digits
 from henon_ref.report.write import MANIFEST, REPORT, RUNS, replace_file
@@ -79,6 +80,8 @@ def entries(folder: Path) -> list[Entry]:
 def index_text(found: Sequence[Entry], further: Mapping[str, Sequence[str]] | None = None) -> str:
     """The index as markdown; ``further``: pages beside the reports, with their figures."""
     solvers = _solvers(found)
+    rows = [row for entry in found for row in entry.rows]
+    spread, slower = spread_table(rows), slower_table(rows)
     return (
         environment()
         .get_template("index.md.j2")
@@ -86,6 +89,8 @@ def index_text(found: Sequence[Entry], further: Mapping[str, Sequence[str]] | No
             answer=_answer(found, solvers),
             matrix=_matrix(found, solvers).markdown,
             cheapest=_cheapest(found).markdown,
+            spread=spread.markdown if spread.rows else "",
+            slower=slower.markdown if slower.rows else "",
             pages=dict(further or {}),
             titles={f"[{entry.case}]({entry.case}/{REPORT})": entry.title for entry in found},
         )

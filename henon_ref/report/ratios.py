@@ -1,0 +1,75 @@
+"""Times of two solvers set against each other, at the same bound on the worst error, reading by reading."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from henon_ref.report.ranking import name, number, right
+from henon_ref.report.tables import Table
+from henon_ref.score.columns import Row
+
+FIRST, SECOND = "henon", "heyoka"
+"""The two that an index sets against each other."""
+ERRORS = (1e-6, 1e-9, 1e-12)
+"""Bounds on the worst error [s]."""
+NAMED = 4
+"""Readings of a case that are named."""
+
+
+def readings_of(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
+    """Rows by case and reading."""
+    found: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        found.setdefault((str(row["case"]), str(row["reading"])), []).append(row)
+    return found
+
+
+def ratio_at(rows: Sequence[Row], error: float, first: str, second: str) -> float | None:
+    """Least time of one solver over another's among the rows whose worst error is at most ``error`` [s]."""
+    least = {}
+    for solver in (first, second):
+        able = [
+            row
+            for row in right(rows)
+            if name(row) == solver and row["wall_s"] and number(row, "max_time_error_s") <= error
+        ]
+        least[solver] = min((number(row, "wall_s") for row in able), default=math.nan)
+    ratio = least[first] / least[second]
+    return None if math.isnan(ratio) else ratio
+
+
+def ratios(rows: Sequence[Row], error: float) -> dict[tuple[str, str], float]:
+    """The first's time over the second's for every reading that both solve to within ``error`` [s]."""
+    found = {key: ratio_at(own, error, FIRST, SECOND) for key, own in readings_of(rows).items()}
+    return {key: ratio for key, ratio in found.items() if ratio is not None}
+
+
+def spread_table(rows: Sequence[Row]) -> Table:
+    """How the ratio spreads over the readings that both solve."""
+    lines: list[tuple[str, ...]] = []
+    for error in ERRORS:
+        found = sorted(ratios(rows, error).values())
+        if found:
+            quartiles = np.quantile(found, [0.25, 0.5, 0.75])
+            above = sum(ratio > 1 for ratio in found)
+            cells = (f"{found[0]:.2g}", *(f"{q:.2g}" for q in quartiles), f"{found[-1]:.3g}", f"{above}")
+            lines.append((f"{error:.0e} s", f"{len(found)}", *cells))
+    headings = ("worst error", "readings", "least", "lower quartile", "median", "upper quartile", "largest", "above 1")
+    return Table(headings, "r" * len(headings), lines)
+
+
+def slower_table(rows: Sequence[Row]) -> Table:
+    """The cases in some reading of which the second is the faster one, at the middle bound."""
+    slow: dict[str, list[tuple[float, str]]] = {}
+    for (case, reading), ratio in ratios(rows, ERRORS[1]).items():
+        if ratio > 1:
+            slow.setdefault(case, []).append((ratio, reading))
+    lines: list[tuple[str, ...]] = []
+    for case, found in sorted(slow.items(), key=lambda item: -max(item[1])[0]):
+        names = ", ".join(reading for _, reading in sorted(found, reverse=True)[:NAMED])
+        more = f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
+        lines.append((f"`{case}`", f"{max(found)[0]:.3g}", names + more))
+    return Table(("case", "largest ratio", "readings"), "lrl", lines)
