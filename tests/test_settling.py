@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from henon_ref.henon import engine as engine_module
+from henon_ref.henon import session as session_module
 from henon_ref.henon.engine import Engine
 from henon_ref.henon.polynomial import HENON
 from henon_ref.henon.solvers import HENON_SOLVER
@@ -23,9 +23,9 @@ CASES = Path(__file__).parent.parent / "cases"
 def runs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[Trajectory, Trajectory, int]:
     """A run decided in machine code and one decided in Python, and how often the first asked Python."""
     asked = 0
-    plain = engine_module.Session._resolve
+    plain = session_module.Session._resolve
 
-    def counted(self: engine_module.Session, **options: float) -> object:
+    def counted(self: session_module.Session, **options: float) -> object:
         nonlocal asked
         asked += 1
         return plain(self, **options)
@@ -36,7 +36,7 @@ def runs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[Trajectory,
     engine = Engine(problem.system, 18)
     run(engine)  # modes are compiled on first sight
     with monkeypatch.context() as patch:
-        patch.setattr(engine_module.Session, "_resolve", counted)
+        patch.setattr(session_module.Session, "_resolve", counted)
         ours = run(engine)
     slow = Engine(problem.system, 18)
     slow.compiled.rows = np.zeros(0, dtype=np.int64)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.henon.codegen import closing_ir, declarations, expansion_ir
-from henon_ref.henon.kernel import RELEASE, SURFACE, VALID
 from henon_ref.henon.machine import MachineCode
+from henon_ref.henon.registers import RELEASE, SURFACE, VALID
 from henon_ref.model.contacts import SwitchedEquations, switched_equations
 from henon_ref.model.modes import Mode, replaced
 from henon_ref.model.system import FilippovSystem, Guard, ModeEquations

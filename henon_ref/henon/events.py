@@ -1,0 +1,115 @@
+"""Guards on a step: which one falls first, which are at zero, and with how many zeros a surface is left."""
+
+from __future__ import annotations
+
+from henon_ref.henon.polynomial import BRACKET, NONE, ROOT, TOUCH, excluded, first_falling_root, land, steepness, value
+from henon_ref.henon.registers import EPS, I_EVENTS, SURFACE, TANGENT
+from henon_ref.jit import inner
+
+FLAT = 1e-5
+"""Relative steepness of a guard at its root below which the root is left to a closer look in multiprecision."""
+
+
+@inner()
+def first_event(integers, c, n, order, layout, multiplicity, lower, theta, method, table, work, bounds):  # type: ignore[no-untyped-def]
+    """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used)."""
+    powers, scaled, stack = work[0], work[1], work[2:]
+    best, hit, doubtful, used = 2.0, -1, False, 0
+    powers[0] = 0.0
+    for g in range(layout[0, 0]):
+        zeros = multiplicity[g]
+        if zeros == 0 and lower[g] > 0.0:
+            continue
+        if powers[0] == 0.0:
+            powers[0], powers[1] = 1.0, theta
+            square = theta * theta
+            for k in range(2, order + 1):
+                powers[k] = powers[k - 2] * square
+        q = c[n + g, zeros:]
+        degree = order - zeros
+        if zeros > 0 and q[0] > 0.0 and excluded(q, powers, degree):
+            continue
+        steepest = 0.0
+        end = 0.0
+        for k in range(degree + 1):
+            scaled[k] = q[k] * powers[k]
+            end += scaled[k]
+            if k > 0:
+                steepest += k * scaled[k] if k == 1 else max(k * scaled[k], 0.0)
+        if steepest < 0.0 and q[0] > 0.0:  # falls all the way: one root or none
+            outcome, low, high = ROOT if end < 0.0 else NONE, 0.0, 1.0
+        else:
+            outcome, low, high = first_falling_root(scaled, degree, table, stack, bounds)
+        if outcome == NONE:
+            continue
+        if outcome == TOUCH:
+            tau, landing, evaluations = 0.5 * (low + high), BRACKET, 0
+        else:
+            tau, landing, evaluations = land(scaled, degree, low, high, method)
+        integers[I_EVENTS] += evaluations
+        if tau < best:
+            flat = outcome == TOUCH or steepness(scaled, degree, tau) < FLAT
+            best, hit, doubtful, used = tau, g, flat, landing
+    return best, hit, doubtful, used
+
+
+@inner()
+def ends_at_zero(row, zeros, order, theta):  # type: ignore[no-untyped-def]
+    """True if a guard falls to zero at the end of a step, as far as rounding can tell."""
+    if row[zeros] <= 0.0 or not at_zero(row, zeros, order, theta, 0):
+        return False
+    slope, power = 0.0, 1.0
+    for k in range(1, order + 1):
+        slope += k * row[k] * power
+        power *= theta
+    return slope < 0.0
+
+
+@inner()
+def silent(row, order):  # type: ignore[no-untyped-def]
+    """True for a guard that is zero and stays so: nothing falls through zero there."""
+    size = 0.0
+    for k in range(order + 1):
+        size += abs(row[k])
+    return size == 0.0
+
+
+@inner()
+def at_zero(row, zeros, order, tau, rising_only):  # type: ignore[no-untyped-def]
+    """True if a guard is at zero at the event of another one, as far as rounding can tell."""
+    q = row[zeros:]
+    degree = order - zeros
+    if rising_only and q[0] < 0.0:
+        return False
+    size, power = 0.0, 1.0
+    for k in range(degree + 1):
+        size += abs(q[k]) * power
+        power *= tau
+    return size > 0.0 and value(q, degree, tau) <= 32.0 * EPS * size
+
+
+@inner()
+def zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
+    """1 if the surface is left with a speed, 2 if tangentially, 0 if the new mode's field points back at it."""
+    for g in range(layout[0, 0]):
+        if layout[1 + g, 0] == SURFACE and layout[1 + g, 1] == surface:
+            towards, beyond = speeds[2 * g], speeds[2 * g + 1]
+            if abs(towards) <= TANGENT * (abs(towards) + abs(beyond)):
+                return 2
+            return 1 if towards < 0.0 else 0
+    return 0
+
+
+@inner()
+def zeros_when_leaving(row, order):  # type: ignore[no-untyped-def]
+    """1 or 2 for a surface on the wrong side that is being left with a speed or tangentially, 0 for any other.
+
+    A mode's side of a surface was decided when it was left, and no root came since: a value below zero is
+    rounding's (another event followed at once), and if it rises there is nothing to decide.
+    """
+    size = 0.0
+    for k in range(1, order + 1):
+        size += abs(row[k])
+    if row[1] > TANGENT * size:
+        return 1
+    return 2 if abs(row[1]) <= TANGENT * size and row[2] > 0.5 * size else 0

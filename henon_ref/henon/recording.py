@@ -1,0 +1,92 @@
+"""What a run leaves behind: transitions, samples, and the mode that is entered with them."""
+
+from __future__ import annotations
+
+from henon_ref.henon.polynomial import value
+from henon_ref.henon.registers import (
+    CROSS,
+    EPS,
+    F_LAST,
+    F_LAST_LOW,
+    F_LOW,
+    F_TIME,
+    FREE,
+    I_COUNT,
+    I_CROWDED,
+    I_MODE,
+    I_SAMPLE,
+    STICK,
+    SURFACE,
+)
+from henon_ref.jit import inner, njit
+
+CROWD = 64
+"""Events in a row, each closer to the last than the resolution of time, before they count as accumulating."""
+
+
+@inner()
+def record(floats, integers, x, times, marks, states, kind, index, source, target, landing):  # type: ignore[no-untyped-def]
+    n = integers[I_COUNT]
+    times[n, 0], times[n, 1] = floats[F_TIME], floats[F_LOW]
+    marks[n, 0], marks[n, 1], marks[n, 2], marks[n, 3], marks[n, 4] = kind, index, source, target, landing
+    for i in range(x.size):
+        states[n, i] = x[i]
+    integers[I_COUNT] = n + 1
+
+
+@njit()
+def crowded(floats, integers):  # type: ignore[no-untyped-def]
+    """Count events that time cannot tell apart; True once there are too many in a row."""
+    gap = (floats[F_TIME] - floats[F_LAST]) + (floats[F_LOW] - floats[F_LAST_LOW])
+    integers[I_CROWDED] = integers[I_CROWDED] + 1 if gap <= 2.0 * EPS * abs(floats[F_TIME]) else 0
+    floats[F_LAST], floats[F_LAST_LOW] = floats[F_TIME], floats[F_LOW]
+    return integers[I_CROWDED] >= CROWD
+
+
+@inner()
+def sample(floats, integers, c, order, part, sigma, mode, sample_times, samples, sample_modes):  # type: ignore[no-untyped-def]
+    """Fill the samples that lie on the step just taken, up to ``part`` (in units of sigma)."""
+    while integers[I_SAMPLE] < sample_times.size:
+        k = integers[I_SAMPLE]
+        at = ((sample_times[k] - floats[F_TIME]) - floats[F_LOW]) / sigma
+        if at > part:
+            return
+        for i in range(samples.shape[1]):
+            samples[k, i] = value(c[i], order, max(at, 0.0))
+        sample_modes[k] = mode
+        integers[I_SAMPLE] = k + 1
+
+
+@inner()
+def settle(  # type: ignore[no-untyped-def]
+    floats, integers, x, times, marks, states, multiplicity, mode, target, layout, after, hits, signs, landing,
+):  # fmt: skip
+    """Go over to a mode in which several surfaces may have changed; False where Python has to tell of it."""
+    changes = 0
+    for i in range(signs.shape[1]):
+        changes += 1 if signs[mode, i] != signs[target, i] else 0
+    if changes == 0 or integers[I_COUNT] + changes > times.shape[0]:
+        return False
+    for i in range(signs.shape[1]):
+        before, now = signs[mode, i], signs[target, i]
+        if before != now:
+            kind = STICK if now == 0 else FREE if before == 0 else CROSS
+            record(floats, integers, x, times, marks, states, kind, i, mode, target, landing)
+    for g in range(after[0, 0]):
+        multiplicity[g] = 0
+        if after[1 + g, 0] == SURFACE:  # left with a speed: the decision was a clear one
+            surface = after[1 + g, 1]
+            multiplicity[g] = 1 if signs[mode, surface] == 0 else 0
+            for k in range(layout[0, 0]):
+                if hits[k] == 1 and layout[1 + k, 1] == surface:
+                    multiplicity[g] = 1
+    integers[I_MODE] = target
+    return True
+
+
+@inner()
+def start(multiplicity, layout, surface, zeros):  # type: ignore[no-untyped-def]
+    """Known zeros of the guards at the start of a mode: those of the surface just left."""
+    for g in range(layout[0, 0]):
+        same = layout[1 + g, 0] == SURFACE and layout[1 + g, 1] == surface
+        multiplicity[g] = zeros if same else 0

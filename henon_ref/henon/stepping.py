@@ -1,0 +1,199 @@
+"""Taylor steps: how long they are, taking them, and whether a long one is to be believed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from henon_ref.henon.calls import bits, call_closing, call_expand, from_bits
+from henon_ref.henon.registers import EPS, F_LOW, F_SIGMA, F_TIME, I_RHS, I_STALLED, I_STEPS
+from henon_ref.jit import inner
+
+HUGE = 1e100
+"""A state beyond this has blown up (no smaller bound is safe whatever the units)."""
+LEAP = 4.0
+"""A step this many times longer than the last is checked at its end before it is believed."""
+FAR = 1e30
+"""A step, in units of sigma, that no coefficient limits."""
+STALL = 1000
+"""Steps in a row too short to move a double's time before the run counts as stalled."""
+
+
+@inner()
+def add_time(floats, step):  # type: ignore[no-untyped-def]
+    """t += step as a compensated sum (Neumaier), so that late times lose no digits of a duration."""
+    t = floats[F_TIME]
+    total = t + step
+    part = total - t
+    lost = (t - (total - part)) + (step - part)
+    low = floats[F_LOW] + lost
+    floats[F_TIME] = total + low
+    floats[F_LOW] = low - (floats[F_TIME] - total)
+
+
+@inner()
+def _root(above, below, power):  # type: ignore[no-untyped-def]
+    """(above / below) ** power to about one part in 100: a step size needs no more. Both positive.
+
+    The exponent and the leading bits of a double are a piecewise linear logarithm to base 2.
+    """
+    exponent = (bits(above) - bits(below)) * (2.220446049250313e-16 * power)
+    shifted = exponent + 6755399441055744.0  # 1.5 * 2^52: rounds to a whole number, which the low bits then hold
+    part = exponent - (shifted - 6755399441055744.0)
+    return from_bits((bits(shifted) + 1023) << 52) * (1.0 + part * (0.6931471805599453 + 0.24022650695910072 * part))
+
+
+@inner(fastmath={"contract", "nsz"})
+def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
+    """Largest relative size of the last two coefficients over states and guards on a step of theta sigma."""
+    last, before = 0.0, 0.0
+    for r in range(rows):
+        row = c[r]
+        scale = abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2])) + 1e-300
+        last = max(last, abs(row[order]) / scale)
+        before = max(before, abs(row[order - 1]) / scale)
+    return last, before
+
+
+@inner()
+def step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
+    """Step in units of sigma at which the last two terms fall below the tolerance (Jorba and Zou 2005, Sec. 3).
+
+    0 where a coefficient is not finite.
+    """
+    last, before = c[rows, 0], c[rows, 1]
+    if not c[rows, 2] < np.inf:
+        return 0.0
+    theta = 1.0
+    longest = min(c[rows, 3], FAR)
+    power, other = 1.0 / order, 1.0 / (order - 1)
+    for _ in range(4):
+        new = FAR
+        if last > 0.0:
+            new = min(new, _root(tolerance, last, power))
+        if before > 0.0:
+            new = min(new, _root(tolerance, before, other))
+        if new >= 0.5 * theta:
+            return min(new, longest)
+        theta = new
+        last, before = _error_norms(c, rows, order, theta)
+    return min(theta, longest)
+
+
+@inner()
+def move(x, x_low, change):  # type: ignore[no-untyped-def]
+    """x += change as a compensated sum; False where the state has blown up."""
+    bounded = True
+    for i in range(x.size):
+        step = change[i] + x_low[i]
+        total = x[i] + step
+        part = total - x[i]
+        x_low[i] = (x[i] - (total - part)) + (step - part)
+        x[i] = total
+        bounded = bounded and abs(total) < HUGE
+    return bounded
+
+
+@inner()
+def glide(  # type: ignore[no-untyped-def]
+    floats, integers, x, x_low, expansion, closing, constants, c, change,
+    guards, until, until_low, order, tolerance, alone, stop_at,
+):  # fmt: skip
+    """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
+
+    ``alone``: look at the very first one. Returns the step proposed in units of sigma; 0 where the budget of
+    steps is used up, -1 where the step size fell to zero, -2 where the state blew up.
+    """
+    n = x.size
+    while True:
+        if integers[I_STEPS] >= stop_at:
+            return 0.0
+        remaining = (until - floats[F_TIME]) + (until_low - floats[F_LOW])
+        sigma = floats[F_SIGMA]
+        call_expand(expansion, floats[F_TIME], floats[F_LOW], sigma, x, constants, c)
+        integers[I_RHS] += 1
+        theta = step_size(c, n + guards, order, tolerance)
+        if theta < 1e-6 or (theta > 1e6 and sigma < remaining):
+            # sigma is far from the step: bring it there and expand again before anything is read off.
+            new = sigma * 1e-4 if theta == 0.0 else max(min(sigma * theta, remaining), 1e-290)
+            if sigma <= 1e-280 and new <= sigma:
+                return -1.0
+            if new < 0.5 * sigma or new > 2.0 * sigma:
+                floats[F_SIGMA] = new
+                continue
+        step = theta * sigma
+        integers[I_STALLED] = integers[I_STALLED] + 1 if step <= 0.25 * EPS * abs(floats[F_TIME]) else 0
+        if integers[I_STALLED] > STALL:
+            return -1.0
+        if alone or step >= remaining or theta > LEAP:
+            return theta
+        call_closing(closing, theta, c, change)
+        for g in range(guards):
+            if not change[n + g] > 0.0:
+                return theta
+        if not move(x, x_low, change):
+            return -2.0
+        add_time(floats, step)
+        integers[I_STEPS] += 1
+        floats[F_SIGMA] = min(step, 1e3 * sigma)
+
+
+@inner()
+def trusted(floats, integers, x, expansion, closing, constants, c, ahead, change, point, guards, order, theta):  # type: ignore[no-untyped-def]
+    """A step no longer than where the expansion still tells what lies there, ``theta`` if that is so.
+
+    Coefficients that are zero promise an endless step (a high power seen from where it is flat). The
+    expansion is made anew on the step and at its end: guards and slopes must be what was foretold. A step no
+    longer than the last needs no such trust (and where a guard is next to zero rounding alone may disagree).
+    """
+    n = x.size
+    sigma = floats[F_SIGMA]
+    for _ in range(200):
+        agreed = True
+        for part in (0.37, 1.0):
+            at = part * theta
+            call_closing(closing, at, c, change)
+            for i in range(n):
+                point[i] = x[i] + change[i]
+            call_expand(expansion, floats[F_TIME] + at * sigma, floats[F_LOW], sigma, point, constants, ahead)
+            integers[I_RHS] += 1
+            for r in range(n + guards):
+                first = 1 if r < n else 0  # slopes of states, values of guards
+                foretold, size, power = 0.0, abs(ahead[r, first]), 1.0
+                for k in range(first, order + 1):
+                    term = c[r, k] * power * (k if first == 1 else 1)
+                    foretold += term
+                    size += abs(term)
+                    power *= at
+                # A slope that moves its state by no more than rounding over the step is none, whatever its digits.
+                dust = 4.0 * EPS * abs(x[r]) / at if first == 1 else 0.0
+                agreed = agreed and abs(foretold - ahead[r, first]) <= max(1e-6 * size, dust)
+        if agreed:
+            return theta
+        theta *= 0.25
+        if theta <= 1.0:
+            return theta
+    return theta
+
+
+@inner()
+def polish(  # type: ignore[no-untyped-def]
+    floats, integers, x, x_low, expansion, closing, constants, ahead, change, row, sigma, theta, until,
+):  # fmt: skip
+    """Put the end of a slide on its guard to the last digit, whatever the tolerance of the step that led there.
+
+    A tangent point is where the field's normal velocity vanishes: left a little beside it, the field would
+    point back at the surface, and the slide would begin anew. Newton's steps on the expansion at the landing.
+    """
+    for _ in range(3):
+        call_expand(expansion, floats[F_TIME], floats[F_LOW], sigma, x, constants, ahead)
+        integers[I_RHS] += 1
+        off, slope = ahead[row, 0], ahead[row, 1]
+        size = abs(off) + abs(slope) * theta
+        if abs(off) <= 2.0 * EPS * size or not slope < 0.0:
+            return
+        shift = -off / slope
+        if abs(shift) > 0.1 * theta or floats[F_TIME] + shift * sigma > until:
+            return
+        call_closing(closing, shift, ahead, change)
+        move(x, x_low, change)
+        add_time(floats, shift * sigma)
