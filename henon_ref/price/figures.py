@@ -30,7 +30,7 @@ BOUND = 1e-11
 def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
     """Worst error of a transition's time against a cost, one line a solver, for one reading."""
     with style.figure(4.4) as figure:
-        axes = figure.add_axes((0.1, 0.12, 0.68, 0.82))
+        axes = figure.add_axes((0.1, 0.12, 0.68, 0.8))
         axes.set_xscale("log")
         axes.set_yscale("log")
         tips = []
@@ -49,7 +49,7 @@ def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
         style.decades(axes.yaxis)
         style.label_points(axes, tips, x=1.03, gap=0.05)
         axes.plot([], [], ":", color=style.GREY, marker="o", mfc="white", ms=3.5, label="compiled callbacks (+numba)")
-        axes.legend(loc="lower left")
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         axes.set(xlabel=COUNTS[count], ylabel="worst error of a transition time [s]")
     return figure
 
