@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
+from textwrap import dedent
 
 import pytest
 
 import henon_ref
+from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.model.case import parse_case
+
+ROOT = Path(__file__).parent.parent
 
 HEAVY = ("numpy", "sympy", "pandas", "numba", "pydantic", "ruamel.yaml", "matplotlib", "heyoka", "typer")
 
@@ -38,3 +44,12 @@ def test_compare_is_the_function_whoever_imported_the_command_first(before: str)
     """``henon_ref.compare(case)`` works although the command's module has the same name."""
     code = f"{before}import henon_ref\ntry: henon_ref.compare()\nexcept TypeError as e: print(e)"
     assert fresh(code) == "compare() missing 1 required positional argument: 'case'"
+
+
+def test_the_case_that_readme_shows_runs_and_sticks() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    shown = text[text.index("    schema: 1\n") : text.index("    .venv/bin/python -m henon_ref.compare my_belt.yaml")]
+    case = parse_case(dedent(shown))
+    run = HENON_SOLVER.prepare(case.readings[0].problem, rtol=1e-12)()
+    assert run.status == "ok"
+    assert {"stick", "release"} <= {t.kind for t in run.transitions}
