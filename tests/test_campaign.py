@@ -14,6 +14,7 @@ from henon_ref.comparison import Comparison, compare, compare_all
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.score import truthjob
 from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
+from henon_ref.score.gate import gate_failures
 from henon_ref.score.journal import FILE, read
 from henon_ref.score.options import Options
 from henon_ref.score.truthjob import Statement
@@ -130,6 +131,12 @@ def test_the_gate_names_what_is_not_met():
     assert words.startswith("default: henon (rtol 1e-06): status wrong (1 missed")
     (words,) = compare(case(), solvers=[replace(Fake(), name="henon")], tolerances=[1e-4]).gate_failures()
     assert "worst time error 0.0001 s, wanted <= 1e-05 s" in words
+
+
+def test_a_bound_that_bounds_nothing_is_not_met():
+    row = dict.fromkeys(RUN_COLUMNS) | {"solver": "henon", "rtol": 1e-6, "status": "ok", "reference_transitions": 0}
+    (words,) = gate_failures(case().readings[0], [row])
+    assert words.endswith("worst time error <= 1e-05 s bounds nothing: the exact run has no transition")
 
 
 def test_a_bound_of_a_solver_that_was_not_asked_for_is_left_out():

@@ -63,7 +63,9 @@ def _broken(gate: Gate, row: Row) -> list[str]:
         value = row[column]
         if bound is None:
             continue
-        if not isinstance(value, float):
+        if not isinstance(value, float) and row["reference_transitions"] == 0:
+            words.append(f"{name} <= {bound:g} s bounds nothing: the exact run has no transition")
+        elif not isinstance(value, float):
             words.append(f"{name} unknown, wanted <= {bound:g} s")
         elif value > bound:
             words.append(f"{name} {value:.3g} s, wanted <= {bound:g} s")
