@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from importlib import metadata
 from math import isfinite
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from baselines.callbacks import LastSeen
 from baselines.flow import Stop
 from baselines.mode_functions import EPSILON
-from baselines.restart import Watcher
+from baselines.restart import STOPPED, Watcher
 
 # SUNDIALS' own logger writes its warnings ("t + h = t") to the standard output of the process, past Python.
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
@@ -25,17 +26,42 @@ STEPS_BETWEEN_OUTPUTS = 1_000_000
 """``max_num_steps``: counts between outputs only, so it bounds nothing here; the deadline does."""
 
 
+@dataclass(frozen=True)
+class SundialsLibrary:
+    """What is the same of CVODE and IDA as the driver sees them; each adds its ``flow``."""
+
+    solver: Any
+    make: Callable[..., Any]
+    """The class of scikit-sundae."""
+    rtol: float
+    atol: float
+
+    @property
+    def landing(self) -> str:
+        return str(self.solver.landing)
+
+    @property
+    def accuracy(self) -> tuple[float, float]:
+        return self.rtol, self.atol
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        return STOPPED * self.rtol, STOPPED * self.atol
+
+    def loosened(self) -> Self:
+        return replace(self, rtol=max(self.rtol, 1e-6), atol=max(self.atol, 1e-6))
+
+    def location_error(self, t: float) -> float:
+        """SUNDIALS locates a root to ``100 eps (abs(t) + abs(h))``; the step h is not known here."""
+        return 100.0 * EPSILON * abs(t)
+
+
 def sundae_version() -> str:
     """scikit-sundae's version, empty where it is not installed."""
     try:
         return metadata.version("scikit-sundae")
     except metadata.PackageNotFoundError:
         return ""
-
-
-def location_error(t: float) -> float:
-    """SUNDIALS locates a root to ``100 eps (abs(t) + abs(h))``; the step h is not known here."""
-    return 100.0 * EPSILON * abs(t)
 
 
 def event_function(watchers: Sequence[Watcher], last: LastSeen, direction: int) -> Callable[..., None]:

@@ -15,10 +15,10 @@ the deadline does, inside the callbacks.
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import redirect_stdout
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +28,12 @@ from baselines.driver import prepared, tolerances
 from baselines.flow import Stop
 from baselines.functions import Callbacks
 from baselines.mode_functions import ModeFunctions
-from baselines.restart import STOPPED, Fresh, GatedGuards, Restart
+from baselines.restart import Fresh, GatedGuards, Restart
 from baselines.sundials import (
     LEAST_RTOL,
     STEPS_BETWEEN_OUTPUTS,
+    SundialsLibrary,
     event_function,
-    location_error,
     sampled,
     stopped,
     sundae_version,
@@ -86,32 +86,8 @@ class SundialsCvode:
         return prepared(problem, library, sample_times=sample_times, deadline=deadline)
 
 
-@dataclass(frozen=True)
-class _Library:
+class _Library(SundialsLibrary):
     """CVODE with its tolerances."""
-
-    solver: SundialsCvode
-    cvode: Callable[..., Any]
-    rtol: float
-    atol: float
-
-    @property
-    def landing(self) -> str:
-        return self.solver.landing
-
-    @property
-    def accuracy(self) -> tuple[float, float]:
-        return self.rtol, self.atol
-
-    @property
-    def errors(self) -> tuple[float, float]:
-        return STOPPED * self.rtol, STOPPED * self.atol
-
-    def loosened(self) -> _Library:
-        return replace(self, rtol=max(self.rtol, 1e-6), atol=max(self.atol, 1e-6))
-
-    def location_error(self, t: float) -> float:
-        return location_error(t)
 
     def flow(self, model: ModeFunctions, work: Work, horizon: float) -> _Flow:
         return _Flow(self, model, work, horizon)
@@ -122,7 +98,7 @@ class _Flow:
 
     def __init__(self, library: _Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         solver = library.solver
-        self._cvode, self._model, self._work, self._horizon = library.cvode, model, work, horizon
+        self._cvode, self._model, self._work, self._horizon = library.make, model, work, horizon
         self._gates = GatedGuards(model, solver.restart, library.errors)
         self._last = LastSeen(len(model.states), work.count_event)
         self._rhs = filling_field(model, solver.callbacks, work)

@@ -19,7 +19,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,12 +31,12 @@ from baselines.driver import prepared, tolerances
 from baselines.flow import Stop
 from baselines.functions import ARITHMETIC, Callbacks, Jacobian, compiled, scalar
 from baselines.mode_functions import ModeFunctions
-from baselines.restart import STOPPED, Fresh, GatedGuards, Restart, Watcher
+from baselines.restart import Fresh, GatedGuards, Restart, Watcher
 from baselines.sundials import (
     LEAST_RTOL,
     STEPS_BETWEEN_OUTPUTS,
+    SundialsLibrary,
     event_function_of_dae,
-    location_error,
     sampled,
     stopped,
     sundae_version,
@@ -89,32 +89,8 @@ class SundialsIda:
         return prepared(problem, library, sample_times=sample_times, deadline=deadline)
 
 
-@dataclass(frozen=True)
-class _Library:
+class _Library(SundialsLibrary):
     """IDA with its tolerances."""
-
-    solver: SundialsIda
-    ida: Callable[..., Any]
-    rtol: float
-    atol: float
-
-    @property
-    def landing(self) -> str:
-        return self.solver.landing
-
-    @property
-    def accuracy(self) -> tuple[float, float]:
-        return self.rtol, self.atol
-
-    @property
-    def errors(self) -> tuple[float, float]:
-        return STOPPED * self.rtol, STOPPED * self.atol
-
-    def loosened(self) -> _Library:
-        return replace(self, rtol=max(self.rtol, 1e-6), atol=max(self.atol, 1e-6))
-
-    def location_error(self, t: float) -> float:
-        return location_error(t)
 
     def flow(self, model: ModeFunctions, work: Work, horizon: float) -> _Flow:
         return _Flow(self, model, work, horizon)
@@ -170,7 +146,7 @@ class _Flow:
 
     def __init__(self, library: _Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         solver = library.solver
-        self._ida, self._work, self._horizon = library.ida, work, horizon
+        self._ida, self._work, self._horizon = library.make, work, horizon
         self._states = n = len(model.states)
         self._equations = equations = _Equations(model)
         self._gates = GatedGuards(model, solver.restart, library.errors)

@@ -1,7 +1,7 @@
 """numba's ``njit`` with a disk cache that knows when any compiled module of this package has changed.
 
 numba looks at a function's own file only; a function compiled into another one would go stale there. The
-cache therefore lives in a folder named after the text of all modules that compile, outside the source tree.
+cache therefore lives in a folder named after the text of :mod:`henon_ref.henon`, outside the source tree.
 """
 
 from __future__ import annotations
@@ -20,12 +20,10 @@ from platformdirs import user_cache_path
 
 @cache
 def cache_folder() -> Path:
-    """Folder of the compiled functions (``NUMBA_CACHE_DIR`` or the user's cache, by a hash of the sources)."""
+    """Folder of the compiled functions, by a hash of the package that compiles, with the constants it compiles in."""
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        text = path.read_bytes()
-        if b"henon_ref.jit" in text:
-            digest.update(text)
+    for path in [Path(__file__), *sorted((Path(__file__).parent / "henon").glob("*.py"))]:
+        digest.update(path.read_bytes())
     return cache_root() / f"numba-{digest.hexdigest()[:16]}"
 
 

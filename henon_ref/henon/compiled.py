@@ -17,7 +17,7 @@ from henon_ref.henon.machine import MachineCode
 from henon_ref.henon.registers import RELEASE, SURFACE, VALID
 from henon_ref.model.contacts import SwitchedEquations, switched_equations
 from henon_ref.model.modes import Mode, replaced
-from henon_ref.model.system import FilippovSystem, Guard, ModeEquations
+from henon_ref.model.system import FilippovSystem, Guard
 from henon_ref.taylor.tape import Tape, build_tape
 
 SURFACES = 8
@@ -164,7 +164,9 @@ class CompiledSystem:
         if sliding not in self._shapes:
             equations = system.shared_equations(sliding)
             outputs = [g.expression for g in equations.guards]
-            self._shapes[sliding] = _shape(system, self.order, equations.field, outputs, _speeds(system, equations))
+            self._shapes[sliding] = _shape(
+                system, self.order, equations.field, outputs, _speeds(system, equations.guards)
+            )
         shape = self._shapes[sliding]
         signs = {system.signs[i]: sp.Integer(s) for i, s in enumerate(mode)}
         return shape.addresses, self._numbers(shape.expansion, signs), self._numbers(shape.probe, signs)
@@ -207,10 +209,10 @@ class CompiledSystem:
                     self.targets[row, g, 0] = self.index.get(replaced(mode, guard.index, guard.to_sign), -1)
 
 
-def _speeds(system: FilippovSystem, equations: ModeEquations) -> list[sp.Expr]:
+def _speeds(system: FilippovSystem, guards: Sequence[Guard]) -> list[sp.Expr]:
     """For every guard on a surface: speed towards it on this side, speed away from it on the other."""
     speeds: list[sp.Expr] = []
-    for guard in equations.guards:
+    for guard in guards:
         if guard.kind == "surface":
             sign = system.signs[guard.index]
             normal = system.normal_velocity(guard.index)
@@ -237,11 +239,7 @@ class SwitchedModes:
     def __init__(self, equations: SwitchedEquations, order: int) -> None:
         self.equations = equations
         system = equations.system
-        speeds: list[sp.Expr] = []
-        for i, own in enumerate(equations.switches):
-            normal = system.normal_velocity(i)
-            speeds += [-own.sign * normal, -own.sign * normal.xreplace({own.sign: -own.sign}), sp.S.Zero, sp.S.Zero]
-        speeds += [sp.S.Zero] * (2 * len(system.valid))
+        speeds = _speeds(system, equations.guards((1,) * len(system.surfaces)))
         shape = _shape(system, order, equations.field, equations.outputs, speeds)
         self._code = shape.code
         self._addresses = shape.addresses

@@ -1,7 +1,4 @@
-"""Codes, and places in the arrays, that the compiled loop and Python share.
-
-They are compiled in by value, so this file counts for the hash of the cache (see :mod:`henon_ref.jit`).
-"""
+"""Codes, and places in the arrays, that the compiled loop and Python share."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ import numpy as np
 from henon_ref import registry
 from henon_ref.model.case import parse_case
 from henon_ref.price.timer import in_turn
+from henon_ref.solver import Run
 from henon_ref.trajectory import Problem, Trajectory
 
 BLOCKS = (1, 2, 4, 8, 16, 32, 64)
@@ -104,13 +106,11 @@ def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> l
     return found
 
 
-def _prepared(name: str, problem: Problem):  # type: ignore[no-untyped-def]
-    from time import perf_counter
-
-    began = perf_counter()
+def _prepared(name: str, problem: Problem) -> tuple[Run, float]:
+    began = time.perf_counter()
     run = registry.solver(name).prepare(problem, rtol=RTOL)
     run()  # modes are made ready where they are first met
-    return run, perf_counter() - began
+    return run, time.perf_counter() - began
 
 
 def _agree(first: Trajectory, other: Trajectory) -> bool:
