@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -62,8 +62,7 @@ class Transition:
     """How the event was put on the surface: ``henon``, ``newton``, ``brent``, ``bracket``, or the library's way."""
 
 
-@dataclass(frozen=True, slots=True)
-class Counts:
+class Counts(NamedTuple):
     """Work done by one run. The solver's docstring says what each counts."""
 
     steps: int = 0
@@ -71,9 +70,8 @@ class Counts:
     event_evaluations: int = 0
 
 
-@dataclass(frozen=True)
-class Trajectory:
-    """What a run returns: every transition so far, and how it ended.
+class Trajectory(NamedTuple):
+    """What a run returns: every transition so far, and how it ended (a tuple: quick to make).
 
     A run that stops early (``diverged``, ``nonunique``, ``invalid``, ``timeout``, ``failed``) still holds
     all transitions up to there. A solver never says ``wrong``: scoring does.

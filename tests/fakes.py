@@ -83,7 +83,7 @@ def found(times: tuple[float, ...] = TIMES, error: float = 0.0) -> tuple[Transit
 def trajectory(transitions: tuple[Transition, ...], status: str = "ok", **changes: object) -> Trajectory:
     """A run with these transitions."""
     whole = Trajectory(status, transitions, 5.0, (0.0,), (1,), counts=Counts(10, 40, 20), max_surface_drift=1e-14)
-    return replace(whole, **changes)
+    return whole._replace(**changes)
 
 
 def statement(case: Case, reading: object) -> Statement:

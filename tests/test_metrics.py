@@ -87,7 +87,7 @@ def test_a_run_that_ends_as_the_exact_one_does_is_right(status):
     truth = expected(TIMES[:3], status=status, end_time=2.7)
     run = trajectory(found(TIMES[:3]), status, end_time=2.7001)
     assert score(run, truth, tolerance=1e-6).verdict.word == "right"
-    late = score(replace(run, end_time=4.0), truth, tolerance=1e-6)
+    late = score(run._replace(end_time=4.0), truth, tolerance=1e-6)
     assert late.status == "wrong"
     assert "not at 2.7" in late.reason
 

@@ -249,8 +249,7 @@ class TangentFlow:
             Where there was none before ``until`` (status ``ok``; go on with a later ``until``), or the run
             ended there.
         """
-        horizon = (until, 0.0) if isinstance(until, float) else double_double(sp.sympify(until))
-        self._session.start = replace(self._session.start, until=horizon)
+        self._session.until = (until, 0.0) if isinstance(until, float) else double_double(sp.sympify(until))
         self._session.blocks.clear()  # transitions handed out already
         event = self._session.next_event()
         if isinstance(event, Trajectory):

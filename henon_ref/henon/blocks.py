@@ -1,15 +1,15 @@
-"""Transitions of a run as arrays."""
+"""Transitions of a run as an array."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.henon.polynomial import LANDINGS
+from henon_ref.henon.registers import R_FROM, R_KIND, R_LANDING, R_LOW, R_STATE, R_SURFACE, R_TIME, R_TO
 from henon_ref.model.modes import Mode
 from henon_ref.trajectory import Kind, Transition
 
@@ -17,20 +17,33 @@ KINDS: tuple[Kind, ...] = ("stick", "release", "crossing", "graze")
 """By the numbers of :mod:`henon_ref.henon.registers`."""
 
 
-@dataclass(slots=True, eq=False)
 class TransitionBlock(Sequence[Transition]):
-    """Transitions kept as arrays; each becomes a :class:`Transition` when it is looked at."""
+    """Transitions kept as rows of an array; each becomes a :class:`Transition` when it is looked at.
 
-    times: NDArray[np.float64]
-    """(k, 2): time and what rounding it lost."""
-    marks: NDArray[np.int64]
-    """(k, 5): kind, surface, mode before, mode after, landing."""
-    states: NDArray[np.float64]
-    """(k, n)."""
-    modes: tuple[Mode, ...]
+    Parameters
+    ----------
+    records : ndarray, shape (k, R_STATE + n)
+    modes : tuple
+        Modes by the numbers that the records hold.
+    """
+
+    __slots__ = ("_modes", "_records")
+
+    def __init__(self, records: NDArray[np.float64], modes: tuple[Mode, ...]) -> None:
+        self._records, self._modes = records, modes
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Time and what rounding it lost [s], shape (k, 2)."""
+        return self._records[:, [R_TIME, R_LOW]]
+
+    @property
+    def kinds(self) -> NDArray[np.int64]:
+        """Index into :data:`KINDS`, shape (k,)."""
+        return self._records[:, R_KIND].astype(np.int64)
 
     def __len__(self) -> int:
-        return len(self.times)
+        return len(self._records)
 
     @overload
     def __getitem__(self, at: int) -> Transition: ...
@@ -38,15 +51,15 @@ class TransitionBlock(Sequence[Transition]):
     def __getitem__(self, at: slice) -> TransitionBlock: ...
     def __getitem__(self, at: int | slice) -> Transition | TransitionBlock:
         if isinstance(at, slice):
-            return TransitionBlock(self.times[at], self.marks[at], self.states[at], self.modes)
-        kind, surface, source, target, landing = self.marks[at]
+            return TransitionBlock(self._records[at], self._modes)
+        row = self._records[at].tolist()
         return Transition(
-            kind=KINDS[kind],
-            surface=int(surface),
-            from_mode=self.modes[source],
-            to_mode=self.modes[target],
-            time=float(self.times[at, 0]),
-            state=tuple(self.states[at].tolist()),
-            time_low=float(self.times[at, 1]),
-            landing=LANDINGS[landing],
+            kind=KINDS[int(row[R_KIND])],
+            surface=int(row[R_SURFACE]),
+            from_mode=self._modes[int(row[R_FROM])],
+            to_mode=self._modes[int(row[R_TO])],
+            time=row[R_TIME],
+            state=tuple(row[R_STATE:]),
+            time_low=row[R_LOW],
+            landing=LANDINGS[int(row[R_LANDING])],
         )

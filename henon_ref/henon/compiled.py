@@ -14,7 +14,18 @@ from numpy.typing import NDArray
 from henon_ref.errors import ModelError
 from henon_ref.henon.codegen import closing_ir, declarations, expansion_ir
 from henon_ref.henon.machine import MachineCode
-from henon_ref.henon.registers import RELEASE, SURFACE, VALID
+from henon_ref.henon.registers import (
+    G_AFTER,
+    G_STUCK,
+    RELEASE,
+    SURFACE,
+    T_CLOSING,
+    T_EXPANSION,
+    T_GUARDS,
+    T_PROBE,
+    T_SIZE,
+    VALID,
+)
 from henon_ref.model.contacts import SwitchedEquations, switched_equations
 from henon_ref.model.modes import Mode, replaced
 from henon_ref.model.system import FilippovSystem, Guard
@@ -85,11 +96,8 @@ class CompiledSystem:
     order: int
     modes: tuple[Mode, ...] = ()
     index: dict[Mode, int] = field(default_factory=dict)
-    addresses: NDArray[np.int64] = field(init=False)
-    constants: NDArray[np.float64] = field(init=False)
-    probes: NDArray[np.float64] = field(init=False)
-    layouts: NDArray[np.int64] = field(init=False)
-    targets: NDArray[np.int64] = field(init=False)
+    tables: NDArray[np.int64] = field(init=False)
+    numbers: NDArray[np.float64] = field(init=False)
     signs: NDArray[np.int64] = field(init=False)
     """(M, surfaces): the entries of each row's mode."""
     rows: NDArray[np.int64] = field(init=False)
@@ -98,12 +106,8 @@ class CompiledSystem:
     _switched: SwitchedModes | None = field(init=False)
 
     def __post_init__(self) -> None:
-        guards = self.most_guards
-        self.addresses = np.zeros((0, 3), dtype=np.int64)
-        self.constants = np.zeros((0, 1))
-        self.probes = np.zeros((0, 1))
-        self.layouts = np.zeros((0, 1 + guards, 5), dtype=np.int64)
-        self.targets = np.zeros((0, guards, 2), dtype=np.int64)
+        self.tables = np.zeros((0, 1 + self.most_guards, T_SIZE), dtype=np.int64)
+        self.numbers = np.zeros((0, 2, 1))
         surfaces = len(self.system.surfaces)
         self.signs = np.zeros((0, surfaces), dtype=np.int64)
         equations = switched_equations(self.system) if surfaces > SHAPES else None
@@ -173,25 +177,25 @@ class CompiledSystem:
 
     def _append(self, mode: Mode, addresses: list[int], constants: Sequence[float], probes: Sequence[float]) -> None:
         row = self.index[mode]
-        self.addresses = _with_row(self.addresses, row, addresses)
-        self.constants = _with_row(self.constants, row, constants)
-        self.probes = _with_row(self.probes, row, probes)
-        self.signs = _with_row(self.signs, row, mode)
-        layout = np.zeros(self.layouts.shape[1:], dtype=np.int64)
-        targets = np.full(self.targets.shape[1:], -1, dtype=np.int64)
+        numbers = np.zeros((2, max(len(constants), len(probes), 1)))
+        numbers[0, : len(constants)], numbers[1, : len(probes)] = constants, probes
+        self.numbers = _with_row(self.numbers, row, numbers)
+        self.signs = _with_row(self.signs, row, np.array(mode))
+        layout = np.zeros(self.tables.shape[1:], dtype=np.int64)
+        layout[1:, [G_AFTER, G_STUCK]] = -1
         guards, system = self.guards(mode), self.system
         sliding = [i for i, s in enumerate(mode) if s == 0]
-        layout[0, 0] = len(guards)
+        layout[0, T_GUARDS] = len(guards)
+        layout[0, [T_EXPANSION, T_CLOSING, T_PROBE]] = addresses
         for g, guard in enumerate(guards):
             surface = guard.kind == "surface"
             held = surface and system.held_inside(guard.index)
             acting = surface and len(system.together(guard.index, sliding)) > 1
-            layout[1 + g] = _KIND[guard.kind], guard.index, guard.rising_only, held, acting
+            layout[1 + g, :G_AFTER] = _KIND[guard.kind], guard.index, guard.rising_only, held, acting
             if guard.kind == "release":
                 # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
-                targets[g, 1] = 0 if guard.index in system.overrides else 2
-        self.layouts = _with_row(self.layouts, row, layout)
-        self.targets = _with_row(self.targets, row, targets)
+                layout[1 + g, G_STUCK] = 0 if guard.index in system.overrides else 2
+        self.tables = _with_row(self.tables, row, layout)
 
     def _numbers(self, tape: Tape, signs: dict[sp.Symbol, sp.Expr]) -> list[float]:
         """Constants rounded to double, then what the rounding lost."""
@@ -203,10 +207,10 @@ class CompiledSystem:
         for row, mode in enumerate(self.modes):
             for g, guard in enumerate(self.system.equations(mode).guards):
                 if guard.kind == "surface":
-                    after = (replaced(mode, guard.index, guard.to_sign), replaced(mode, guard.index, 0))
-                    self.targets[row, g] = [self.index.get(m, -1) for m in after]
-                elif guard.kind == "release":
-                    self.targets[row, g, 0] = self.index.get(replaced(mode, guard.index, guard.to_sign), -1)
+                    self.tables[row, 1 + g, G_STUCK] = self.index.get(replaced(mode, guard.index, 0), -1)
+                if guard.kind != "valid":
+                    after = replaced(mode, guard.index, guard.to_sign)
+                    self.tables[row, 1 + g, G_AFTER] = self.index.get(after, -1)
 
 
 def _speeds(system: FilippovSystem, guards: Sequence[Guard]) -> list[sp.Expr]:
@@ -222,14 +226,14 @@ def _speeds(system: FilippovSystem, guards: Sequence[Guard]) -> list[sp.Expr]:
     return speeds
 
 
-def _with_row(table: NDArray[Any], row: int, values: Sequence[float] | NDArray[np.int64]) -> NDArray[Any]:
-    """The table with one more row written; room for more, and wider, where it has none left."""
-    new = np.asarray(values, dtype=table.dtype)
-    if row == len(table) or new.shape[0] > table.shape[1]:
-        larger = np.zeros((max(2 * row, 4), max(new.shape[0], table.shape[1]), *table.shape[2:]), dtype=table.dtype)
-        larger[:row, : table.shape[1]] = table[:row]
+def _with_row(table: NDArray[Any], row: int, new: NDArray[Any]) -> NDArray[Any]:
+    """The table with one more row written; room for more, and longer ones, where it has none left."""
+    if row == len(table) or new.shape[-1] > table.shape[-1]:
+        wide = max(new.shape[-1], table.shape[-1])
+        larger = np.zeros((max(2 * row, 4), *table.shape[1:-1], wide), dtype=table.dtype)
+        larger[:row, ..., : table.shape[-1]] = table[:row]
         table = larger
-    table[row, : new.shape[0]] = new
+    table[row, ..., : new.shape[-1]] = new
     return table
 
 

@@ -14,7 +14,8 @@ from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.codegen import row_length
 from henon_ref.henon.compiled import CompiledSystem, double_double
-from henon_ref.henon.polynomial import DEPTH, bernstein_table
+from henon_ref.henon.kernel import BANDS
+from henon_ref.henon.polynomial import bernstein_table
 from henon_ref.henon.session import Session
 from henon_ref.henon.settling import work_space
 from henon_ref.model.modes import Mode
@@ -41,46 +42,33 @@ class Start:
     """Known zeros of the guards, as many as the largest mode has: surfaces that the start lies on."""
 
     @cached_property
-    def arrays(self) -> tuple[NDArray[Any], ...]:
-        """What a run begins with: floats, integers, state, what rounding it lost, known zeros. Each run copies them."""
-        floats, integers = np.zeros(k.F_SIZE + k.REMEMBERED), np.zeros(k.I_SIZE, dtype=np.int64)
+    def arrays(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Floats and integers that a run begins with (see :mod:`henon_ref.henon.registers`). Each run copies them."""
+        high, low = zip(*self.x, strict=True)
+        floats = np.array([0.0] * k.F_STATE + [*high, *low])
         floats[k.F_TIME], floats[k.F_LOW] = self.time
+        floats[k.F_UNTIL], floats[k.F_UNTIL_LOW] = self.until
         floats[k.F_LAST] = -np.inf
         floats[k.F_SIGMA] = max((self.until[0] - self.time[0]) + (self.until[1] - self.time[1]), 1e-280)
+        integers = np.array([0] * k.I_SIZE + [*self.zeros] + [0] * len(self.zeros))
         integers[k.I_MODE] = self.row or 0
-        high, low = np.array(self.x).reshape(-1, 2).T.copy()
-        return floats, integers, high, low, np.array(self.zeros, dtype=np.int64)
+        return floats, integers
 
 
 class Scratch(NamedTuple):
     """Arrays that the compiled loop works on and leaves nothing in: runs of one engine share them."""
 
-    hits: NDArray[np.int64]
-    c: NDArray[np.float64]
-    ahead: NDArray[np.float64]
-    change: NDArray[np.float64]
-    point: NDArray[np.float64]
-    speeds: NDArray[np.float64]
-    room: tuple[NDArray[np.float64], ...]
-    table: NDArray[np.float64]
-    work: NDArray[np.float64]
-    bounds: NDArray[np.float64]
+    band: NDArray[np.float64]
+    room: NDArray[np.float64]
+    bernstein: NDArray[np.float64]
 
 
 def _scratch(compiled: CompiledSystem) -> Scratch:
     n, most, order = len(compiled.system.states), compiled.most_guards, compiled.order
-    rows = n + most + 1, row_length(order)
     return Scratch(
-        hits=np.zeros(most, dtype=np.int64),
-        c=np.zeros(rows),
-        ahead=np.zeros(rows),
-        change=np.zeros(n + most),
-        point=np.zeros(n),
-        speeds=np.zeros((n + 2 * most, 1)),
-        room=work_space(n, len(compiled.system.surfaces)),
-        table=bernstein_table(order),
-        work=np.zeros((4 + DEPTH, order + 1)),
-        bounds=np.zeros((2 + DEPTH, 2)),
+        band=np.zeros((2 * (n + most + 1) + BANDS, row_length(order))),
+        room=np.zeros(3 * n + 3 * most),
+        bernstein=bernstein_table(order),
     )
 
 
@@ -101,6 +89,13 @@ class Engine:
         self.switching = Switching(system)
         self.closer = CloserLook(system)
         self.scratch = _scratch(self.compiled)
+        self._settling = work_space(len(system.states), len(system.surfaces))
+
+    @property
+    def settling(self) -> tuple[Any, ...] | None:
+        """What the compiled loop decides events of several surfaces with; None where it need not."""
+        compiled = self.compiled
+        return (*compiled.normals, compiled.signs, compiled.rows, *self._settling) if compiled.rows.size else None
 
     def start(self, problem: Problem) -> Start:
         """What is decided once a problem, in exact numbers: where it starts and in which mode."""

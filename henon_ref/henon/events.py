@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from henon_ref.henon.polynomial import BRACKET, NONE, ROOT, TOUCH, excluded, first_falling_root, land, steepness, value
-from henon_ref.henon.registers import EPS, I_EVENTS, SURFACE, TANGENT
+from henon_ref.henon.registers import EPS, G_INDEX, G_KIND, I_EVENTS, SURFACE, T_GUARDS, TANGENT
 from henon_ref.jit import inner
 
 FLAT = 1e-5
@@ -16,7 +16,7 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, metho
     powers, scaled, stack = work[0], work[1], work[2:]
     best, hit, doubtful, used = 2.0, -1, False, 0
     powers[0] = 0.0
-    for g in range(layout[0, 0]):
+    for g in range(layout[0, T_GUARDS]):
         zeros = multiplicity[g]
         if zeros == 0 and lower[g] > 0.0:
             continue
@@ -91,8 +91,8 @@ def at_zero(row, zeros, order, tau, rising_only):  # type: ignore[no-untyped-def
 @inner()
 def zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
     """1 if the surface is left with a speed, 2 if tangentially, 0 if the new mode's field points back at it."""
-    for g in range(layout[0, 0]):
-        if layout[1 + g, 0] == SURFACE and layout[1 + g, 1] == surface:
+    for g in range(layout[0, T_GUARDS]):
+        if layout[1 + g, G_KIND] == SURFACE and layout[1 + g, G_INDEX] == surface:
             towards, beyond = speeds[2 * g], speeds[2 * g + 1]
             if abs(towards) <= TANGENT * (abs(towards) + abs(beyond)):
                 return 2

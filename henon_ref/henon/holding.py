@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from henon_ref.henon.calls import call_expand
+from henon_ref.henon.registers import G_INDEX, G_KIND, RELEASE, T_EXPANSION, T_GUARDS
 from henon_ref.jit import inner
 
 EDGE = 1e-9
 """Size of the smallest release guard, relative to all their coefficients, below which Python looks closer."""
-_RELEASE = 1
 
 
 @inner()
-def held(t, low, sigma, x, index, layout, expansion, constants, ahead, order):  # type: ignore[no-untyped-def]
+def held(t, low, sigma, x, index, layout, constants, ahead, order):  # type: ignore[no-untyped-def]
     """+1 inside the hold zone of a surface, -1 outside, 0 where that is not clear.
 
     Parameters
@@ -21,17 +21,17 @@ def held(t, low, sigma, x, index, layout, expansion, constants, ahead, order):  
     index : int
         The surface.
     layout : ndarray of int
-        Guards of the stick (see :func:`henon_ref.henon.kernel.advance`).
-    expansion, constants
-        Its machine code.
+        Table of the stick (see :func:`henon_ref.henon.kernel.advance`).
+    constants : ndarray
+        Its constants.
     ahead : ndarray
         Work space of its expansion.
     """
     n = x.size
-    call_expand(expansion, t, low, sigma, x, constants, ahead)
+    call_expand(layout[0, T_EXPANSION], t, low, sigma, x, constants, ahead)
     least, size = 1e300, 0.0
-    for g in range(layout[0, 0]):
-        if layout[1 + g, 0] == _RELEASE and layout[1 + g, 1] == index:
+    for g in range(layout[0, T_GUARDS]):
+        if layout[1 + g, G_KIND] == RELEASE and layout[1 + g, G_INDEX] == index:
             least = min(least, ahead[n + g, 0])
             for k in range(order + 1):
                 size += abs(ahead[n + g, k])

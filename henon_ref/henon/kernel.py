@@ -9,34 +9,50 @@ from __future__ import annotations
 from henon_ref.henon.calls import call_closing, call_expand
 from henon_ref.henon.events import at_zero, ends_at_zero, first_event, silent, zeros_at_release, zeros_when_leaving
 from henon_ref.henon.holding import held
-from henon_ref.henon.polynomial import BRACKET
+from henon_ref.henon.polynomial import BRACKET, DEPTH
 from henon_ref.henon.recording import crowded, record, sample, settle, start
 from henon_ref.henon.registers import (
     ACCUMULATED,
     CROSS,
     DIVERGED,
     DOUBTFUL,
+    EVENT,
     F_CAP,
     F_LOW,
     F_NEAR,
     F_REACH,
     F_SIGMA,
     F_SIZE,
+    F_STATE,
     F_TIME,
+    F_UNTIL,
+    F_UNTIL_LOW,
     FREE,
     FULL,
+    G_ACTS,
+    G_AFTER,
+    G_HOLD,
+    G_INDEX,
+    G_KIND,
+    G_RISING,
+    G_STUCK,
     HORIZON,
+    I_ARRIVED,
     I_COUNT,
     I_GUARD,
     I_LANDING,
+    I_METHOD,
     I_MODE,
+    I_ORDER,
     I_RHS,
     I_SAMPLE,
+    I_SIZE,
     I_STEPPED,
     I_STEPS,
     I_WHAT,
     INVALID,
     NOWHERE,
+    ON,
     PAUSE,
     RELEASE,
     REMEMBERED,
@@ -44,207 +60,220 @@ from henon_ref.henon.registers import (
     STALLED,
     STICK,
     SURFACE,
+    T_CLOSING,
+    T_GUARDS,
+    T_PROBE,
     TANGENT,
     UNKNOWN,
     VALID,
-)  # fmt: skip
+)
 from henon_ref.henon.settling import decided
-from henon_ref.henon.stepping import LEAP, add_time, glide, move, polish, trusted
-from henon_ref.jit import njit
+from henon_ref.henon.stepping import LEAP, add_time, glide, move, polish, remaining, trusted
+from henon_ref.jit import inner, njit
+
+BUDGET = 50_000
+"""Steps between two looks at the clock, in Python."""
+BANDS = 6 + 2 * DEPTH
+"""Rows of the work space that root isolation needs."""
 
 
 @njit()
-def advance(  # type: ignore[no-untyped-def]
-    floats, integers, x, x_low, multiplicity, hits,
-    until, until_low, order, tolerance, method, budget,
-    addresses, constants, probes, layouts, targets, settling,
-    c, ahead, change, point, speeds, table, work, bounds,
-    times, marks, states,
-    sample_times, samples, sample_modes,
-):  # fmt: skip
+def advance(floats, integers, records, tables, numbers, settling, band, room, bernstein, sample_times, samples):  # type: ignore[no-untyped-def]
     """Run until the horizon, or until Python is needed.
 
     Parameters
     ----------
-    floats, integers : ndarray
-        State of the run (F_..., I_...).
-    x, x_low : ndarray, shape (n,)
-        State, and what rounding it lost.
-    multiplicity : ndarray of int, shape (G,)
-        Known zeros of each guard at the present point (the surface just left), divided out.
-    hits : ndarray of int, shape (G,)
-        Guards at zero when the loop comes back with RESOLVE.
-    until, until_low : float
-        Horizon.
-    budget : int
-        Steps before it comes back with PAUSE.
-    addresses : ndarray of int, shape (M, 3)
-        Machine code of each mode: expansion, closing and probe.
-    constants, probes : ndarray, shape (M, K)
-        Their constants.
-    layouts : ndarray of int, shape (M, 1 + G, 5)
-        (guards, 0 ...), then (kind, index, rising only, has a hold zone, acts on a sliding surface) a guard.
-    targets : ndarray of int, shape (M, G, 2)
-        Mode after a crossing and after a stick; for a release the mode after it and the zeros it leaves
-        with; -1 where not known yet.
+    floats : ndarray, shape (F_STATE + 2 n,)
+        State of the run: F_..., then x, then what rounding it lost.
+    integers : ndarray of int, shape (I_SIZE + 2 G,)
+        I_..., then known zeros of each guard, then 1 for those at zero when the loop comes back with RESOLVE.
+    records : ndarray, shape (block, R_STATE + n)
+        Transitions, a row each.
+    tables : ndarray of int, shape (M, 1 + G, T_SIZE)
+        Machine code, guards, and what follows them, of each mode (T_..., G_...).
+    numbers : ndarray, shape (M, 2, K)
+        Constants of its expansion, and of its probe.
     settling : tuple or None
         What :func:`henon_ref.henon.settling.decided` needs; None where there is nothing for it to decide (it is
         then not compiled).
-    c : ndarray, shape (n + G + 1, row length)
-        Taylor coefficients of states and guards in units of sigma, then the norms of the last ones.
-    ahead, point : ndarray, shapes of c and x
-        Work space: the expansion at the end of a step that is checked.
-    change : ndarray, shape (n + G,)
-        Change of the states over a step, bounds of the guards from below.
+    band : ndarray, shape (2 (n + G + 1) + BANDS, row length)
+        Work space: Taylor coefficients of states and guards in units of sigma, then the norms of the last ones;
+        the same at the end of a step that is checked; what isolating roots needs.
+    room : ndarray, shape (3 n + 3 G,)
+        Change of the states over a step and bounds of the guards from below; a state; normal velocities.
+    bernstein : ndarray
+        :func:`henon_ref.henon.polynomial.bernstein_table`.
+    sample_times, samples : ndarray, shapes (k,) and (k, n + 1)
+        Where samples are wanted; states and mode there.
 
     Returns
     -------
     int
         HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL or UNKNOWN.
     """
-    n = x.size
-    stop_at = integers[I_STEPS] + budget
+    stop_at = integers[I_STEPS] + BUDGET
+    code = EVENT if integers[I_ARRIVED] == 1 else ON
     while True:
-        mode = integers[I_MODE]
-        slot = F_SIZE + min(mode, REMEMBERED - 1)
-        if mode != integers[I_STEPPED] and floats[slot] > 0.0:
-            floats[F_SIGMA] = min(floats[slot], floats[F_CAP])
-        integers[I_STEPPED] = mode
-        layout = layouts[mode]
-        guards = layout[0, 0]
-        if integers[I_COUNT] + 1 > times.shape[0]:
-            return FULL
-        remaining = (until - floats[F_TIME]) + (until_low - floats[F_LOW])
-        if remaining <= 0.0:
-            return HORIZON
-        alone = integers[I_SAMPLE] < sample_times.size
+        if code == ON:
+            code = _to_event(
+                floats, integers, tables, numbers, band, room, bernstein, sample_times, samples,
+                records.shape[0], stop_at,
+            )  # fmt: skip
+        if code == EVENT:
+            code = _through_event(floats, integers, records, tables, numbers, settling, band, room)
+        if code != ON:
+            return code
+
+
+@inner()
+def _to_event(  # type: ignore[no-untyped-def]
+    floats, integers, tables, numbers, band, room, bernstein, sample_times, samples, block, stop_at,
+):  # fmt: skip
+    """One look ahead: steps that no guard can end, then one that is looked at; ON, EVENT, or why Python is needed."""
+    n, most = (floats.size - F_STATE) // 2, tables.shape[1] - 1
+    x, x_low = floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
+    multiplicity, hits = integers[I_SIZE : I_SIZE + most], integers[I_SIZE + most :]
+    rows = n + most + 1
+    c, ahead, work, bounds = band[:rows], band[rows : 2 * rows], band[2 * rows :], band[2 * rows + 4 + DEPTH :]
+    change, point = room[: n + most], room[n + most : 2 * n + most]
+    order = integers[I_ORDER]
+    mode = integers[I_MODE]
+    slot = F_SIZE + min(mode, REMEMBERED - 1)
+    if mode != integers[I_STEPPED] and floats[slot] > 0.0:
+        floats[F_SIGMA] = min(floats[slot], floats[F_CAP])
+    integers[I_STEPPED] = mode
+    layout, constants = tables[mode], numbers[mode, 0]
+    guards = layout[0, T_GUARDS]
+    if integers[I_COUNT] + 1 > block:
+        return FULL
+    if remaining(floats) <= 0.0:
+        return HORIZON
+    alone = integers[I_SAMPLE] < sample_times.size
+    for g in range(guards):
+        alone = alone or multiplicity[g] > 0
+    theta = glide(floats, integers, x, x_low, layout, constants, c, change, alone, stop_at)
+    if theta == 0.0:
+        return PAUSE
+    if theta < 0.0:
+        return STALLED if theta > -1.5 else DIVERGED
+    sigma = floats[F_SIGMA]
+    natural = theta * sigma
+    left = remaining(floats)
+    final = natural >= left
+    if final:
+        theta = left / sigma
+    if natural > LEAP * sigma:
+        believed = trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta)
+        if believed < theta:
+            theta, final = believed, False
+            natural = theta * sigma
+    call_closing(layout[0, T_CLOSING], theta, c, change)
+    early = False
+    for g in range(guards):
+        low = c[n + g, multiplicity[g]] <= 0.0 and layout[1 + g, G_RISING] == 0
+        if low and multiplicity[g] == 0 and layout[1 + g, G_KIND] == SURFACE:
+            multiplicity[g] = zeros_when_leaving(c[n + g], order)
+            low = multiplicity[g] == 0
+        hits[g] = 1 if low and not silent(c[n + g], order) else 0
+        early = early or hits[g] == 1
+    if early:  # on a surface and not leaving it: Python looks closer
+        integers[I_GUARD] = NOWHERE
+        return RESOLVE
+    best, hit, doubtful, used = first_event(
+        integers, c, n, order, layout, multiplicity, change[n:], theta, integers[I_METHOD], bernstein, work, bounds
+    )
+    if final and hit < 0:  # the horizon belongs to the run: an event at it counts
         for g in range(guards):
-            alone = alone or multiplicity[g] > 0
-        theta = glide(
-            floats, integers, x, x_low, addresses[mode, 0], addresses[mode, 1], constants[mode], c, change,
-            guards, until, until_low, order, tolerance, alone, stop_at,
-        )  # fmt: skip
-        if theta == 0.0:
-            return PAUSE
-        if theta < 0.0:
-            return STALLED if theta > -1.5 else DIVERGED
-        sigma = floats[F_SIGMA]
-        natural = theta * sigma
-        remaining = (until - floats[F_TIME]) + (until_low - floats[F_LOW])
-        final = natural >= remaining
+            if ends_at_zero(c[n + g], multiplicity[g], order, theta):
+                best, hit, doubtful = 1.0, g, True
+    part = theta if hit < 0 else best * theta
+    integers[I_GUARD], integers[I_LANDING] = hit, BRACKET if doubtful else used
+    if doubtful:
+        floats[F_NEAR], floats[F_REACH] = part * sigma, theta * sigma
+        return DOUBTFUL
+    if integers[I_SAMPLE] < sample_times.size:
+        sample(floats, integers, c, order, part, mode, sample_times, samples)
+    if hit >= 0:
+        for g in range(guards):
+            hits[g] = 1 if g == hit or at_zero(c[n + g], multiplicity[g], order, part, layout[1 + g, G_RISING]) else 0
+        call_closing(layout[0, T_CLOSING], part, c, change)
+    bounded = move(x, x_low, change)
+    add_time(floats, part * sigma)
+    integers[I_STEPS] += 1
+    floats[F_CAP] = 1e3 * part * sigma if part > 0.0 else sigma
+    floats[F_SIGMA] = min(natural, floats[F_CAP]) if part > 0.0 else sigma
+    floats[slot] = natural
+    if not bounded:
+        return DIVERGED
+    if hit < 0:
+        multiplicity[:guards] = 0
         if final:
-            theta = remaining / sigma
-        if natural > LEAP * sigma:
-            believed = trusted(
-                floats, integers, x, addresses[mode, 0], addresses[mode, 1], constants[mode], c, ahead, change, point,
-                guards, order, theta,
-            )  # fmt: skip
-            if believed < theta:
-                theta, final = believed, False
-                natural = theta * sigma
-        call_closing(addresses[mode, 1], theta, c, change)
-        early = False
-        for g in range(guards):
-            low = c[n + g, multiplicity[g]] <= 0.0 and layout[1 + g, 2] == 0
-            if low and multiplicity[g] == 0 and layout[1 + g, 0] == SURFACE:
-                multiplicity[g] = zeros_when_leaving(c[n + g], order)
-                low = multiplicity[g] == 0
-            hits[g] = 1 if low and not silent(c[n + g], order) else 0
-            early = early or hits[g] == 1
-        if early:  # on a surface and not leaving it: Python looks closer
-            integers[I_GUARD] = NOWHERE
-            return RESOLVE
-        best, hit, doubtful, used = first_event(
-            integers, c, n, order, layout, multiplicity, change[n:], theta, method, table, work, bounds
-        )
-        if final and hit < 0:  # the horizon belongs to the run: an event at it counts
-            for g in range(guards):
-                if ends_at_zero(c[n + g], multiplicity[g], order, theta):
-                    best, hit, doubtful = 1.0, g, True
-        part = theta if hit < 0 else best * theta
-        if doubtful:
-            integers[I_GUARD], integers[I_LANDING] = hit, BRACKET
-            floats[F_NEAR], floats[F_REACH] = part * sigma, theta * sigma
-            return DOUBTFUL
-        if integers[I_SAMPLE] < sample_times.size:
-            sample(floats, integers, c, order, part, sigma, mode, sample_times, samples, sample_modes)
-        together = False
-        if hit >= 0:
-            for g in range(guards):
-                hits[g] = 1 if g == hit or at_zero(c[n + g], multiplicity[g], order, part, layout[1 + g, 2]) else 0
-                together = together or (hits[g] == 1 and g != hit)
-            call_closing(addresses[mode, 1], part, c, change)
-        bounded = move(x, x_low, change)
-        add_time(floats, part * sigma)
-        integers[I_STEPS] += 1
-        floats[F_CAP] = 1e3 * part * sigma if part > 0.0 else sigma
-        floats[F_SIGMA] = min(natural, floats[F_CAP]) if part > 0.0 else sigma
-        floats[slot] = natural
-        if not bounded:
-            return DIVERGED
-        if hit < 0:
-            multiplicity[:guards] = 0
-            if final:
-                floats[F_TIME], floats[F_LOW] = until, until_low
-                return HORIZON
-            continue
-        kind, index = layout[1 + hit, 0], layout[1 + hit, 1]
-        integers[I_GUARD] = hit
-        integers[I_LANDING] = used
-        if kind == VALID:
-            return INVALID
-        if kind == RELEASE:
-            polish(
-                floats, integers, x, x_low, addresses[mode, 0], addresses[mode, 1], constants[mode], ahead, change,
-                n + hit, sigma, theta, until,
-            )  # fmt: skip
-        which, zeros, what = 0, 1, CROSS
-        if kind == SURFACE:
-            if together or layout[1 + hit, 4] == 1:
-                if settling is None:
-                    return RESOLVE
-                target = decided(floats[F_TIME], floats[F_LOW], x, mode, layout, hits, settling)
-                if target < 0 or not settle(
-                    floats, integers, x, times, marks, states, multiplicity, mode, target, layout, layouts[target],
-                    hits, settling[2], used,
-                ):  # fmt: skip
-                    return RESOLVE
-                if crowded(floats, integers):
-                    return ACCUMULATED
-                continue
-            call_expand(addresses[mode, 2], floats[F_TIME], floats[F_LOW], 1.0, x, probes[mode], speeds)
-            integers[I_RHS] += 1
-            inside, beyond = speeds[n + 2 * hit, 0], speeds[n + 2 * hit + 1, 0]
-            if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
+            floats[F_TIME], floats[F_LOW] = floats[F_UNTIL], floats[F_UNTIL_LOW]
+            return HORIZON
+        return ON
+    if layout[1 + hit, G_KIND] == RELEASE:
+        polish(floats, integers, x, x_low, layout, constants, ahead, change, n + hit, sigma, theta)
+    return EVENT
+
+
+@inner()
+def _through_event(floats, integers, records, tables, numbers, settling, band, room):  # type: ignore[no-untyped-def]
+    """Change the mode at the event the run stands at; ON, or why Python is needed."""
+    n, most = (floats.size - F_STATE) // 2, tables.shape[1] - 1
+    x = floats[F_STATE : F_STATE + n]
+    multiplicity, hits = integers[I_SIZE : I_SIZE + most], integers[I_SIZE + most :]
+    speeds = room[2 * n + most :]
+    integers[I_ARRIVED] = 0
+    mode, hit, used = integers[I_MODE], integers[I_GUARD], integers[I_LANDING]
+    layout = tables[mode]
+    kind, index = layout[1 + hit, G_KIND], layout[1 + hit, G_INDEX]
+    together = False
+    for g in range(layout[0, T_GUARDS]):
+        together = together or (hits[g] == 1 and g != hit)
+    if kind == VALID:
+        return INVALID
+    zeros, what, target = 1, CROSS, layout[1 + hit, G_AFTER]
+    if kind == SURFACE:
+        if together or layout[1 + hit, G_ACTS] == 1:
+            if settling is None:
                 return RESOLVE
-            stuck = beyond < 0.0
-            if layout[1 + hit, 3] == 1:
-                stick = targets[mode, hit, 1]
-                zone = 0 if stick < 0 else held(
-                    floats[F_TIME], floats[F_LOW], floats[F_SIGMA], x, index, layouts[stick], addresses[stick, 0],
-                    constants[stick], ahead, order,
-                )  # fmt: skip
-                if zone == 0 or (stuck and zone < 0):
-                    return RESOLVE
-                stuck = zone > 0
-            if stuck:
-                which, zeros, what = 1, 0, STICK
-        else:
-            what, zeros = FREE, targets[mode, hit, 1]
-        target = targets[mode, hit, which]
-        if together:
-            return RESOLVE
-        if target < 0:
-            integers[I_WHAT] = what
-            return UNKNOWN
-        if zeros == 0 and what == FREE:
-            call_expand(addresses[target, 2], floats[F_TIME], floats[F_LOW], 1.0, x, probes[target], speeds)
-            integers[I_RHS] += 1
-            zeros = zeros_at_release(layouts[target], index, speeds[n:, 0])
-            if zeros == 0:
+            target = decided(floats[F_TIME], floats[F_LOW], x, mode, layout, hits, settling)
+            if target < 0 or not settle(
+                floats, integers, x, records, multiplicity, target, layout, tables[target], hits, settling[2]
+            ):
                 return RESOLVE
-        record(floats, integers, x, times, marks, states, what, index, mode, target, used)
-        integers[I_MODE] = target
-        start(multiplicity, layouts[target], index, zeros)
-        if crowded(floats, integers):
-            return ACCUMULATED
+            return ACCUMULATED if crowded(floats, integers) else ON
+        call_expand(layout[0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, numbers[mode, 1], speeds)
+        integers[I_RHS] += 1
+        inside, beyond = speeds[n + 2 * hit], speeds[n + 2 * hit + 1]
+        if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
+            return RESOLVE
+        stuck = beyond < 0.0
+        if layout[1 + hit, G_HOLD] == 1:
+            stick = layout[1 + hit, G_STUCK]
+            zone = 0 if stick < 0 else held(
+                floats[F_TIME], floats[F_LOW], floats[F_SIGMA], x, index, tables[stick], numbers[stick, 0],
+                band[n + most + 1 :], integers[I_ORDER],
+            )  # fmt: skip
+            if zone == 0 or (stuck and zone < 0):
+                return RESOLVE
+            stuck = zone > 0
+        if stuck:
+            zeros, what, target = 0, STICK, layout[1 + hit, G_STUCK]
+    else:
+        zeros, what = layout[1 + hit, G_STUCK], FREE
+    if together:
+        return RESOLVE
+    if target < 0:
+        integers[I_WHAT] = what
+        return UNKNOWN
+    if zeros == 0 and what == FREE:
+        call_expand(tables[target, 0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, numbers[target, 1], speeds)
+        integers[I_RHS] += 1
+        zeros = zeros_at_release(tables[target], index, speeds[n:])
+        if zeros == 0:
+            return RESOLVE
+    record(floats, integers, x, records, what, index, mode, target, used)
+    integers[I_MODE] = target
+    start(multiplicity, tables[target], index, zeros)
+    return ACCUMULATED if crowded(floats, integers) else ON

@@ -9,14 +9,27 @@ from henon_ref.henon.registers import (
     F_LAST,
     F_LAST_LOW,
     F_LOW,
+    F_SIGMA,
     F_TIME,
     FREE,
+    G_INDEX,
+    G_KIND,
     I_COUNT,
     I_CROWDED,
+    I_LANDING,
     I_MODE,
     I_SAMPLE,
+    R_FROM,
+    R_KIND,
+    R_LANDING,
+    R_LOW,
+    R_STATE,
+    R_SURFACE,
+    R_TIME,
+    R_TO,
     STICK,
     SURFACE,
+    T_GUARDS,
 )
 from henon_ref.jit import inner, njit
 
@@ -25,13 +38,13 @@ CROWD = 64
 
 
 @inner()
-def record(floats, integers, x, times, marks, states, kind, index, source, target, landing):  # type: ignore[no-untyped-def]
-    n = integers[I_COUNT]
-    times[n, 0], times[n, 1] = floats[F_TIME], floats[F_LOW]
-    marks[n, 0], marks[n, 1], marks[n, 2], marks[n, 3], marks[n, 4] = kind, index, source, target, landing
+def record(floats, integers, x, records, kind, index, source, target, landing):  # type: ignore[no-untyped-def]
+    row = records[integers[I_COUNT]]
+    row[R_TIME], row[R_LOW] = floats[F_TIME], floats[F_LOW]
+    row[R_KIND], row[R_SURFACE], row[R_FROM], row[R_TO], row[R_LANDING] = kind, index, source, target, landing
     for i in range(x.size):
-        states[n, i] = x[i]
-    integers[I_COUNT] = n + 1
+        row[R_STATE + i] = x[i]
+    integers[I_COUNT] += 1
 
 
 @njit()
@@ -44,41 +57,41 @@ def crowded(floats, integers):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def sample(floats, integers, c, order, part, sigma, mode, sample_times, samples, sample_modes):  # type: ignore[no-untyped-def]
-    """Fill the samples that lie on the step just taken, up to ``part`` (in units of sigma)."""
+def sample(floats, integers, c, order, part, mode, sample_times, samples):  # type: ignore[no-untyped-def]
+    """Fill the samples that lie on the step just taken, up to ``part`` (in units of sigma); the mode stands last."""
     while integers[I_SAMPLE] < sample_times.size:
         k = integers[I_SAMPLE]
-        at = ((sample_times[k] - floats[F_TIME]) - floats[F_LOW]) / sigma
+        at = ((sample_times[k] - floats[F_TIME]) - floats[F_LOW]) / floats[F_SIGMA]
         if at > part:
             return
-        for i in range(samples.shape[1]):
+        n = samples.shape[1] - 1
+        for i in range(n):
             samples[k, i] = value(c[i], order, max(at, 0.0))
-        sample_modes[k] = mode
+        samples[k, n] = mode
         integers[I_SAMPLE] = k + 1
 
 
 @inner()
-def settle(  # type: ignore[no-untyped-def]
-    floats, integers, x, times, marks, states, multiplicity, mode, target, layout, after, hits, signs, landing,
-):  # fmt: skip
+def settle(floats, integers, x, records, multiplicity, target, layout, after, hits, signs):  # type: ignore[no-untyped-def]
     """Go over to a mode in which several surfaces may have changed; False where Python has to tell of it."""
+    mode, landing = integers[I_MODE], integers[I_LANDING]
     changes = 0
     for i in range(signs.shape[1]):
         changes += 1 if signs[mode, i] != signs[target, i] else 0
-    if changes == 0 or integers[I_COUNT] + changes > times.shape[0]:
+    if changes == 0 or integers[I_COUNT] + changes > records.shape[0]:
         return False
     for i in range(signs.shape[1]):
         before, now = signs[mode, i], signs[target, i]
         if before != now:
             kind = STICK if now == 0 else FREE if before == 0 else CROSS
-            record(floats, integers, x, times, marks, states, kind, i, mode, target, landing)
-    for g in range(after[0, 0]):
+            record(floats, integers, x, records, kind, i, mode, target, landing)
+    for g in range(after[0, T_GUARDS]):
         multiplicity[g] = 0
-        if after[1 + g, 0] == SURFACE:  # left with a speed: the decision was a clear one
-            surface = after[1 + g, 1]
+        if after[1 + g, G_KIND] == SURFACE:  # left with a speed: the decision was a clear one
+            surface = after[1 + g, G_INDEX]
             multiplicity[g] = 1 if signs[mode, surface] == 0 else 0
-            for k in range(layout[0, 0]):
-                if hits[k] == 1 and layout[1 + k, 1] == surface:
+            for k in range(layout[0, T_GUARDS]):
+                if hits[k] == 1 and layout[1 + k, G_INDEX] == surface:
                     multiplicity[g] = 1
     integers[I_MODE] = target
     return True
@@ -87,6 +100,6 @@ def settle(  # type: ignore[no-untyped-def]
 @inner()
 def start(multiplicity, layout, surface, zeros):  # type: ignore[no-untyped-def]
     """Known zeros of the guards at the start of a mode: those of the surface just left."""
-    for g in range(layout[0, 0]):
-        same = layout[1 + g, 0] == SURFACE and layout[1 + g, 1] == surface
+    for g in range(layout[0, T_GUARDS]):
+        same = layout[1 + g, G_KIND] == SURFACE and layout[1 + g, G_INDEX] == surface
         multiplicity[g] = zeros if same else 0

@@ -15,20 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.henon.calls import call_expand
+from henon_ref.henon.registers import G_INDEX, G_KIND, SURFACE, T_GUARDS
 from henon_ref.jit import inner
 
 MARGIN = 1e-6
 """Relative distance from a tie from which on a decision is clear in double precision."""
 MOST = 4
 """Surfaces in play; with more the candidates are searched, not tried (Python does)."""
-_SURFACE = 0
 
 
 def work_space(states: int, surfaces: int) -> tuple[NDArray[Any], ...]:
     """Room for states and signs, normal velocities, the linear systems, and surfaces in play."""
     return (
         np.zeros(states + surfaces),
-        np.zeros((states + 2 * surfaces, 1)),
+        np.zeros(states + 2 * surfaces),
         np.zeros((3 + 2 * MOST + 2**MOST, MOST + 1)),
         np.zeros((2, MOST), dtype=np.int64),
     )
@@ -60,10 +60,10 @@ def decided(t, low, x, mode, layout, hits, settling):  # type: ignore[no-untyped
     count = 0
     for i in range(surfaces):
         involved = signs[mode, i] == 0
-        for g in range(layout[0, 0]):
-            if hits[g] == 1 and layout[1 + g, 0] != _SURFACE:
+        for g in range(layout[0, T_GUARDS]):
+            if hits[g] == 1 and layout[1 + g, G_KIND] != SURFACE:
                 return -1
-            involved = involved or (hits[g] == 1 and layout[1 + g, 1] == i)
+            involved = involved or (hits[g] == 1 and layout[1 + g, G_INDEX] == i)
         if involved:
             if count == MOST:
                 return -1
@@ -110,7 +110,7 @@ def _affine(address, constants, t, low, point, values, n, active, count, a, b, s
             point[n + active[k]] = 1.0 if corner >> k & 1 else -1.0
         call_expand(address, t, low, 1.0, point, constants, values)
         for k in range(count):
-            found[corner, k] = values[first + active[k], 0]
+            found[corner, k] = values[first + active[k]]
     for k in range(count):
         a[k] = 0.0
         b[k, :] = 0.0

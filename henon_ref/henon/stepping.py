@@ -5,7 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from henon_ref.henon.calls import bits, call_closing, call_expand, from_bits
-from henon_ref.henon.registers import EPS, F_LOW, F_SIGMA, F_TIME, I_RHS, I_STALLED, I_STEPS
+from henon_ref.henon.registers import (
+    EPS,
+    F_LOW,
+    F_SIGMA,
+    F_TIME,
+    F_TOLERANCE,
+    F_UNTIL,
+    F_UNTIL_LOW,
+    I_ORDER,
+    I_RHS,
+    I_STALLED,
+    I_STEPS,
+    T_CLOSING,
+    T_EXPANSION,
+    T_GUARDS,
+)
 from henon_ref.jit import inner
 
 HUGE = 1e100
@@ -28,6 +43,12 @@ def add_time(floats, step):  # type: ignore[no-untyped-def]
     low = floats[F_LOW] + lost
     floats[F_TIME] = total + low
     floats[F_LOW] = low - (floats[F_TIME] - total)
+
+
+@inner()
+def remaining(floats):  # type: ignore[no-untyped-def]
+    """Time left up to the horizon."""
+    return (floats[F_UNTIL] - floats[F_TIME]) + (floats[F_UNTIL_LOW] - floats[F_LOW])
 
 
 @inner()
@@ -94,27 +115,25 @@ def move(x, x_low, change):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def glide(  # type: ignore[no-untyped-def]
-    floats, integers, x, x_low, expansion, closing, constants, c, change,
-    guards, until, until_low, order, tolerance, alone, stop_at,
-):  # fmt: skip
+def glide(floats, integers, x, x_low, layout, constants, c, change, alone, stop_at):  # type: ignore[no-untyped-def]
     """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
 
     ``alone``: look at the very first one. Returns the step proposed in units of sigma; 0 where the budget of
     steps is used up, -1 where the step size fell to zero, -2 where the state blew up.
     """
-    n = x.size
+    n, guards = x.size, layout[0, T_GUARDS]
+    expansion, closing = layout[0, T_EXPANSION], layout[0, T_CLOSING]
     while True:
         if integers[I_STEPS] >= stop_at:
             return 0.0
-        remaining = (until - floats[F_TIME]) + (until_low - floats[F_LOW])
+        left = remaining(floats)
         sigma = floats[F_SIGMA]
         call_expand(expansion, floats[F_TIME], floats[F_LOW], sigma, x, constants, c)
         integers[I_RHS] += 1
-        theta = step_size(c, n + guards, order, tolerance)
-        if theta < 1e-6 or (theta > 1e6 and sigma < remaining):
+        theta = step_size(c, n + guards, integers[I_ORDER], floats[F_TOLERANCE])
+        if theta < 1e-6 or (theta > 1e6 and sigma < left):
             # sigma is far from the step: bring it there and expand again before anything is read off.
-            new = sigma * 1e-4 if theta == 0.0 else max(min(sigma * theta, remaining), 1e-290)
+            new = sigma * 1e-4 if theta == 0.0 else max(min(sigma * theta, left), 1e-290)
             if sigma <= 1e-280 and new <= sigma:
                 return -1.0
             if new < 0.5 * sigma or new > 2.0 * sigma:
@@ -124,7 +143,7 @@ def glide(  # type: ignore[no-untyped-def]
         integers[I_STALLED] = integers[I_STALLED] + 1 if step <= 0.25 * EPS * abs(floats[F_TIME]) else 0
         if integers[I_STALLED] > STALL:
             return -1.0
-        if alone or step >= remaining or theta > LEAP:
+        if alone or step >= left or theta > LEAP:
             return theta
         call_closing(closing, theta, c, change)
         for g in range(guards):
@@ -138,23 +157,24 @@ def glide(  # type: ignore[no-untyped-def]
 
 
 @inner()
-def trusted(floats, integers, x, expansion, closing, constants, c, ahead, change, point, guards, order, theta):  # type: ignore[no-untyped-def]
+def trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta):  # type: ignore[no-untyped-def]
     """A step no longer than where the expansion still tells what lies there, ``theta`` if that is so.
 
     Coefficients that are zero promise an endless step (a high power seen from where it is flat). The
     expansion is made anew on the step and at its end: guards and slopes must be what was foretold. A step no
     longer than the last needs no such trust (and where a guard is next to zero rounding alone may disagree).
     """
-    n = x.size
+    n, guards = x.size, layout[0, T_GUARDS]
     sigma = floats[F_SIGMA]
     for _ in range(200):
         agreed = True
         for part in (0.37, 1.0):
             at = part * theta
-            call_closing(closing, at, c, change)
+            call_closing(layout[0, T_CLOSING], at, c, change)
             for i in range(n):
                 point[i] = x[i] + change[i]
-            call_expand(expansion, floats[F_TIME] + at * sigma, floats[F_LOW], sigma, point, constants, ahead)
+            end = floats[F_TIME] + at * sigma
+            call_expand(layout[0, T_EXPANSION], end, floats[F_LOW], sigma, point, constants, ahead)
             integers[I_RHS] += 1
             for r in range(n + guards):
                 first = 1 if r < n else 0  # slopes of states, values of guards
@@ -176,24 +196,22 @@ def trusted(floats, integers, x, expansion, closing, constants, c, ahead, change
 
 
 @inner()
-def polish(  # type: ignore[no-untyped-def]
-    floats, integers, x, x_low, expansion, closing, constants, ahead, change, row, sigma, theta, until,
-):  # fmt: skip
+def polish(floats, integers, x, x_low, layout, constants, ahead, change, row, sigma, theta):  # type: ignore[no-untyped-def]
     """Put the end of a slide on its guard to the last digit, whatever the tolerance of the step that led there.
 
     A tangent point is where the field's normal velocity vanishes: left a little beside it, the field would
     point back at the surface, and the slide would begin anew. Newton's steps on the expansion at the landing.
     """
     for _ in range(3):
-        call_expand(expansion, floats[F_TIME], floats[F_LOW], sigma, x, constants, ahead)
+        call_expand(layout[0, T_EXPANSION], floats[F_TIME], floats[F_LOW], sigma, x, constants, ahead)
         integers[I_RHS] += 1
         off, slope = ahead[row, 0], ahead[row, 1]
         size = abs(off) + abs(slope) * theta
         if abs(off) <= 2.0 * EPS * size or not slope < 0.0:
             return
         shift = -off / slope
-        if abs(shift) > 0.1 * theta or floats[F_TIME] + shift * sigma > until:
+        if abs(shift) > 0.1 * theta or floats[F_TIME] + shift * sigma > floats[F_UNTIL]:
             return
-        call_closing(closing, shift, ahead, change)
+        call_closing(layout[0, T_CLOSING], shift, ahead, change)
         move(x, x_low, change)
         add_time(floats, shift * sigma)

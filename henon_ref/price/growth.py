@@ -60,7 +60,7 @@ def _run(engine: Engine, start, horizon: float) -> Horizon:  # type: ignore[no-u
     last: list[float] = []
     for block in session.stream():
         count += len(block)
-        for (high, low), kind in zip(block.times[-400:], block.marks[-400:, 0], strict=True):
+        for (high, low), kind in zip(block.times[-400:], block.kinds[-400:], strict=True):
             if kind == _STICK:
                 opened = high, low
             elif kind == _RELEASE and opened is not None:
