@@ -15,6 +15,7 @@ from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.codegen import row_length
 from henon_ref.henon.compiled import CompiledSystem, double_double
 from henon_ref.henon.kernel import BANDS
+from henon_ref.henon.near import NearLook
 from henon_ref.henon.polynomial import bernstein_table
 from henon_ref.henon.session import Session
 from henon_ref.henon.settling import work_space
@@ -87,6 +88,7 @@ class Engine:
         self.order = order
         self.compiled = CompiledSystem(system, order)
         self.switching = Switching(system)
+        self.near = NearLook(system)
         self.closer = CloserLook(system)
         self.scratch = _scratch(self.compiled)
         self._settling = work_space(len(system.states), len(system.surfaces))

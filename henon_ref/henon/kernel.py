@@ -187,12 +187,12 @@ def _to_event(  # type: ignore[no-untyped-def]
             if ends_at_zero(c[n + g], multiplicity[g], order, theta):
                 best, hit, doubtful = 1.0, g, True
     part = theta if hit < 0 else best * theta
+    if integers[I_SAMPLE] < sample_times.size:
+        sample(floats, integers, c, order, part, mode, sample_times, samples)
     integers[I_GUARD], integers[I_LANDING] = hit, BRACKET if doubtful else used
     if doubtful:
         floats[F_NEAR], floats[F_REACH] = part * sigma, theta * sigma
         return DOUBTFUL
-    if integers[I_SAMPLE] < sample_times.size:
-        sample(floats, integers, c, order, part, mode, sample_times, samples)
     if hit >= 0:
         for g in range(guards):
             hits[g] = 1 if g == hit or at_zero(c[n + g], multiplicity[g], order, part, layout[1 + g, G_RISING]) else 0

@@ -15,7 +15,7 @@ from henon_ref.henon.emitter import ONE, Writer, literal
 FARTHEST = 1e15
 """Phases beyond this go to the C library: a double tells them apart no better than by eighths."""
 
-_HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
+_HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33)
 """pi/2 as an unevaluated sum of three doubles."""
 
 

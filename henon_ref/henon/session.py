@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from henon_ref.henon import registers as k
 from henon_ref.henon.blocks import KINDS, TransitionBlock
 from henon_ref.henon.kernel import advance
+from henon_ref.henon.near import MISS, PASSED, ROOT, UNSURE, arrive
 from henon_ref.henon.recording import crowded
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import ZERO, Decision
@@ -189,41 +190,34 @@ class Session:
         return None
 
     def _closer_look(self) -> bool:
-        """Decide a doubtful event in multiprecision; True if there is one to resolve."""
-        guard, floats = int(self.integers[k.I_GUARD]), self.floats
-        finding = self.engine.closer.look(
-            self.mode,
-            self.engine.compiled.places(self.mode)[guard],
-            int(self.multiplicity[guard]),
-            (floats[k.F_TIME], floats[k.F_LOW]),
-            list(zip(self.x.tolist(), self.x_low.tolist(), strict=True)),
-            floats[k.F_NEAR],
-            floats[k.F_REACH],
-        )
-        floats[k.F_TIME], floats[k.F_LOW] = finding.time
-        late = _later(finding.time, self.until)
-        if late:  # the guard reaches zero just behind the horizon
-            floats[k.F_TIME], floats[k.F_LOW] = self.until
-        self.x[:] = [high for high, _ in finding.state]
-        self.x_low[:] = [low for _, low in finding.state]
-        self.integers[k.I_STEPS] += 1
-        self.multiplicity[:] = 0
-        self.hits[:] = 0
-        if late:
-            return False
-        touched = self._guards[guard]
+        """Go to a doubtful event with more digits: in double-double where they suffice, else in multiprecision.
+
+        True if there is an event to resolve there.
+        """
+        row, guard = int(self.integers[k.I_MODE]), int(self.integers[k.I_GUARD])
+        compiled = self.engine.compiled
+        mode = compiled.modes[row]
+        places = compiled.places(mode)
+        outcome = self.engine.near.look(self.floats, self.integers, mode, compiled.tables[row], places)
+        if outcome != UNSURE:
+            return outcome == ROOT and bool(self.hits[guard])
+        touched, zeros, floats = self._guards[guard], int(self.multiplicity[guard]), self.floats
+        start = floats[k.F_TIME], floats[k.F_LOW]
+        state = list(zip(self.x.tolist(), self.x_low.tolist(), strict=True))
+        found = self.engine.closer.look(mode, places[guard], zeros, start, state, floats[k.F_NEAR], floats[k.F_REACH])
+        floats[k.F_TIME], floats[k.F_LOW] = found.time
+        self.x[:] = [high for high, _ in found.state]
+        self.x_low[:] = [low for _, low in found.state]
         # A hold zone holds what only touches its surface.
-        caught = finding.what == "touch" and touched.kind == "surface" and self.engine.system.held_inside(touched.index)
-        if finding.what == "root" or caught:
-            self.hits[guard] = 1
-            return True
-        if finding.lowest:
-            orders = self.engine.known_zeros(self.time, self.x.tolist(), self.mode, [touched.index])
+        touch = found.what == "touch" and touched.kind == "surface"
+        caught = touch and self.engine.system.held_inside(touched.index)
+        arrive(floats, self.integers, ROOT if found.what == "root" or caught else MISS if found.lowest else PASSED)
+        if self.multiplicity[guard]:
+            orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, [touched.index])
             self.multiplicity[guard] = max(2, orders[guard])
-        if finding.what == "touch" and touched.kind == "surface":  # a stick whose own end is touched goes on
-            row = int(self.integers[k.I_MODE])
+        if touch and self.multiplicity[guard]:  # a stick whose own end is touched goes on
             self._record(KINDS.index("graze"), touched.index, row, row)
-        return False
+        return bool(self.hits[guard])
 
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:
         if self.integers[k.I_COUNT] >= self.block:
@@ -316,11 +310,6 @@ class Session:
         transitions = TransitionBlock(records, modes)
         # By position: by name it takes half a microsecond more, a tenth of a short run.
         return Trajectory(status, transitions, self.time, x, end_mode, reason, counts, drift, samples, sample_modes)
-
-
-def _later(time: tuple[float, float], horizon: tuple[float, float]) -> bool:
-    """True if a time lies behind the horizon by more than the rounding of a compensated sum."""
-    return (time[0] - horizon[0]) + (time[1] - horizon[1]) > 2e-17 * abs(horizon[0])
 
 
 def _refusal(decision: Decision) -> tuple[Status, str]:

@@ -49,6 +49,8 @@ class Switching:
         self.system = system
         self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[float]] | None] = {}
         self._holds: dict[int, Callable[..., list[float]]] = {}
+        self._point: tuple[float, ...] = ()
+        self._kept: dict[Mode, tuple[list[list[float]], float]] = {}
         normals = [system.numeric(system.normal_velocity(i)) for i in range(len(system.surfaces))]
         self._normals = sp.lambdify([TIME, *system.states, *system.signs], normals, "math", cse=True)
 
@@ -116,11 +118,10 @@ class Switching:
         made = self._equations(mode)
         if made is None:
             return []
-        equations, tape, numbers = made
-        states, outputs = expand(tape, numbers, t, x, ORDER)
-        rate, active = _rate(states, outputs), set(active)
+        outputs, rate = self._expanded(mode, t, x)
+        active = set(active)
         orders = []
-        for guard, series in zip(equations.guards, outputs, strict=True):
+        for guard, series in zip(made[0].guards, outputs, strict=True):
             first = 1 if guard.kind == "surface" else 0
             if guard.kind == "valid" or guard.index not in active or guard.rising_only:
                 orders.append(0)
@@ -179,6 +180,22 @@ class Switching:
                 self._tapes[mode] = (equations, tape, numbers)
         return self._tapes[mode]
 
+    def _expanded(self, mode: Mode, t: float, x: Sequence[float]) -> tuple[list[list[float]], float]:
+        """Series of a mode's guards from a point, and their rate; those of the last point are kept."""
+        here = self._here(t, x)
+        if mode not in here:
+            made = self._equations(mode)
+            assert made is not None
+            states, outputs = expand(made[1], made[2], t, x, ORDER)
+            here[mode] = outputs, _rate(states, outputs)
+        return here[mode]
+
+    def _here(self, t: float, x: Sequence[float]) -> dict[Mode, tuple[list[list[float]], float]]:
+        point = (t, *x)
+        if point != self._point:
+            self._point, self._kept = point, {}
+        return self._kept
+
     def _violations(
         self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float
     ) -> tuple[Guard, ...] | None:
@@ -186,15 +203,13 @@ class Switching:
         made = self._equations(mode)
         if made is None:
             return None
-        equations, tape, numbers = made
         try:
-            states, outputs = expand(tape, numbers, t, x, ORDER)
+            outputs, rate = self._expanded(mode, t, x)
         except (ZeroDivisionError, ValueError, OverflowError):
             return None
-        rate = _rate(states, outputs)
         active = set(active)
         broken: list[Guard] = []
-        for guard, series in zip(equations.guards, outputs, strict=True):
+        for guard, series in zip(made[0].guards, outputs, strict=True):
             if guard.kind == "valid" or guard.index not in active:
                 continue
             if guard.index in self.system.overrides:
