@@ -13,10 +13,10 @@ X = sp.Symbol("x", real=True)
 S = sp.Symbol("s", real=True)
 
 
-def look(surface: sp.Expr, near: float, reach: float = 2.0) -> Finding:
+def look(surface: sp.Expr, near: float, reach: float = 2.0, *, alone: bool = False) -> Finding:
     """Look at a surface that depends on x = t alone, from t = 0 on its upper side."""
     system = FilippovSystem((X,), (S,), (surface,), (sp.Integer(1),))
-    return CloserLook(system).look((1,), 0, 0, (0.0, 0.0), [(0.0, 0.0)], near, reach)
+    return CloserLook(system).look((1,), 0, 0, (0.0, 0.0), [(0.0, 0.0)], near, reach, alone=alone)
 
 
 @pytest.mark.parametrize("power", [2, 4, 6])
@@ -39,6 +39,16 @@ def test_an_exact_touch_is_one(power: int) -> None:
     found = look((X - 1) ** power, 1 - 1e-7)
     assert (found.what, found.lowest) == ("touch", True)
     assert found.time[0] == pytest.approx(1, abs=1e-11 if power == 6 else 1e-15)
+
+
+@pytest.mark.parametrize("depth", ["0", "1e-30", "-1e-30", "1e-45", "-1e-45", "1e-53", "-1e-53"])
+def test_a_minimum_that_stands_alone_is_what_the_whole_step_says_it_is(depth: str) -> None:
+    surface = (X - 1) ** 2 * (3 + X) + sp.Rational(depth)
+    whole, alone = look(surface, 1 + 1e-9), look(surface, 1 + 1e-9, alone=True)
+    assert (alone.what, alone.lowest) == (whole.what, whole.lowest)
+    with mpmath.workdps(40):
+        difference = mpmath.fsum(alone.time) - mpmath.fsum(whole.time)
+        assert abs(difference) < (1e-30 if whole.what == "root" else 1e-15)
 
 
 def test_a_root_behind_the_minimum_waits() -> None:

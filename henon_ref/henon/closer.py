@@ -70,7 +70,16 @@ class CloserLook:
         return self._tapes[mode]
 
     def look(
-        self, mode: Mode, guard: int, zeros: int, time: Pair, state: Sequence[Pair], near: float, reach: float
+        self,
+        mode: Mode,
+        guard: int,
+        zeros: int,
+        time: Pair,
+        state: Sequence[Pair],
+        near: float,
+        reach: float,
+        *,
+        alone: bool = False,
     ) -> Finding:
         """Find the guard's first root up to a doubtful point, or its minimum there.
 
@@ -86,6 +95,8 @@ class CloserLook:
             Where double precision saw the doubtful point, counted from the start.
         reach : float
             End of the step.
+        alone : bool
+            The guard is known to fall to a minimum at the doubtful point and to have no root much before it.
         """
         with ctx.workprec(BITS):
             tape, numbers = self._tape(mode)
@@ -96,7 +107,8 @@ class CloserLook:
             unit = arb(reach) * (1 + arb(2) ** -46)
             powers = [unit**k for k in range(ORDER + 1)]
             q = fixed([c * power for c, power in zip(outputs[guard][zeros:], powers[zeros:], strict=False)])
-            what, lowest, part = _decided(q, zeros, _integer(arb(near) / unit))
+            decided = _at_minimum if alone else _decided
+            what, lowest, part = decided(q, zeros, _integer(arb(near) / unit))
             tau = unit * part / ONE
             end = [_split(_sum(series, tau)) for series in states]
             return Finding(what, lowest, _split(start + tau), tuple(end))
@@ -154,6 +166,23 @@ def _decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
     if outcome != "root" or (bottom is not None and low > bottom):  # what lies behind a minimum has to wait
         return "miss", bottom is not None, near if bottom is None else bottom
     return "root", False, _root([-c for c in q], low, high)
+
+
+def _at_minimum(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
+    """The same where the sign of the minimum alone is open."""
+    whole = [0] * zeros + list(q)
+    bottom = _minimum(whole, near)
+    if bottom is None:
+        return _decided(q, zeros, near)
+    depth = _value(whole, bottom)
+    if abs(depth) <= NOTHING:
+        return "touch", True, bottom
+    if depth > 0:
+        return "miss", True, bottom
+    width = CLOSE
+    while _value(whole, bottom - width) <= 0:
+        width *= 4
+    return "root", False, _root([-c for c in whole], bottom - width, bottom)
 
 
 def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int, int]:

@@ -103,6 +103,7 @@ class CompiledSystem:
     rows: NDArray[np.int64] = field(init=False)
     """Row of every mode, written in base 3; -1 where not compiled yet, empty where modes are not decided by it."""
     _shapes: dict[frozenset[int], _Shape] = field(default_factory=dict)
+    _guards: dict[Mode, tuple[Guard, ...]] = field(default_factory=dict)
     _switched: SwitchedModes | None = field(init=False)
 
     def __post_init__(self) -> None:
@@ -144,7 +145,10 @@ class CompiledSystem:
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Guards of a mode in the order of its row."""
-        return self._switched.equations.guards(mode) if self._switched else self.system.equations(mode).guards
+        if mode not in self._guards:
+            switched = self._switched
+            self._guards[mode] = switched.equations.guards(mode) if switched else self.system.equations(mode).guards
+        return self._guards[mode]
 
     def places(self, mode: Mode) -> Sequence[int]:
         """Where each of them stands in :meth:`FilippovSystem.equations`; -1 where it has no counterpart there."""

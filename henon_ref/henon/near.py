@@ -42,9 +42,9 @@ from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 from henon_ref.taylor.tape import build_tape
 
-UNSURE, ROOT, STEEP, MISS, PASSED = range(5)
-"""Outcomes: not decided; a root, one steep enough for signs in double precision; a minimum above zero; none of them
-up to the step's end."""
+UNSURE, OPEN, ROOT, STEEP, MISS, PASSED = range(6)
+"""Outcomes: not decided; nothing but the sign of a minimum undecided; a root, and one steep enough for signs in double
+precision; a minimum above zero; none of them up to the step's end."""
 ORDER = 48
 """Order of the expansion."""
 LOCAL = 16
@@ -124,7 +124,7 @@ def look_near(  # type: ignore[no-untyped-def]
     Returns
     -------
     int
-        UNSURE, and nothing has changed; or where the run stands now.
+        UNSURE or OPEN, and the run has not moved (with OPEN the doubtful point is the minimum); or where it is now.
     """
     n = (floats.size - F_STATE) // 2
     x, x_low = floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
@@ -144,8 +144,10 @@ def look_near(  # type: ignore[no-untyped-def]
         size += abs(q[k])
     start = floats[F_NEAR] / unit
     outcome, s, s_low = _decided(q, q_low, size, start, work)
-    if outcome == UNSURE:
-        return UNSURE
+    if outcome == OPEN:
+        floats[F_NEAR] = s * unit
+    if outcome in (UNSURE, OPEN):
+        return outcome
     tau, tau_low = dd.multiply(s, s_low, unit, 0.0)
     floats[F_TIME], floats[F_LOW] = dd.add(floats[F_TIME], floats[F_LOW], tau, tau_low)
     for i in range(n):
@@ -205,8 +207,11 @@ def _decided(q, q_low, size, start, work):  # type: ignore[no-untyped-def]
     if not s > 0.0 or (minimum and s >= 1.0 - 2.0 * BEYOND):  # at the very end another step may see more
         return UNSURE, 0.0, 0.0
     _recentred(q, q_low, s, s_low, g)
-    if minimum and (abs(g[0]) <= NOISE * size or (g[0] > 0.0 and not _double_zero(g, size))):
+    if minimum and g[0] >= -NOISE * size and not _double_zero(g, size):
         return UNSURE, 0.0, 0.0
+    touching = minimum and abs(g[0]) <= NOISE * size
+    if touching:
+        g[0] = g[1] = 0.0
     if not minimum:
         if not (abs(g[0]) <= NOISE * size and -g[1] > SLOPE * size):
             return UNSURE, 0.0, 0.0
@@ -220,6 +225,8 @@ def _decided(q, q_low, size, start, work):  # type: ignore[no-untyped-def]
         return UNSURE, 0.0, 0.0
     if width < s and not _stays_clear(q, s - width, size, b, stack):
         return UNSURE, 0.0, 0.0
+    if touching:
+        return OPEN, s, s_low
     if not minimum:
         return (STEEP, s, s_low) if s <= 1.0 else (PASSED, start, 0.0)
     if g[0] > 0.0:
@@ -338,7 +345,7 @@ def _sign_changes(g, width, rest, b):  # type: ignore[no-untyped-def]
             b[i] += b[i - 1]
     changes, before = 0, 0.0
     for i in range(LOCAL + 1):
-        if i == 0 and b[0] == 0.0:  # the window ends at a root
+        if before == 0.0 and b[i] == 0.0:  # the window ends at a root
             continue
         if not abs(b[i]) > rest:
             return -1

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from henon_ref.henon import registers as k
 from henon_ref.henon.blocks import KINDS, TransitionBlock
 from henon_ref.henon.kernel import advance
-from henon_ref.henon.near import MISS, PASSED, ROOT, UNSURE, arrive
+from henon_ref.henon.near import MISS, OPEN, PASSED, ROOT, UNSURE, arrive
 from henon_ref.henon.recording import crowded
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import ZERO, Decision
@@ -199,12 +199,14 @@ class Session:
         mode = compiled.modes[row]
         places = compiled.places(mode)
         outcome = self.engine.near.look(self.floats, self.integers, mode, compiled.tables[row], places)
-        if outcome != UNSURE:
+        if outcome not in (UNSURE, OPEN):
             return outcome == ROOT and bool(self.hits[guard])
         touched, zeros, floats = self._guards[guard], int(self.multiplicity[guard]), self.floats
         start = floats[k.F_TIME], floats[k.F_LOW]
         state = list(zip(self.x.tolist(), self.x_low.tolist(), strict=True))
-        found = self.engine.closer.look(mode, places[guard], zeros, start, state, floats[k.F_NEAR], floats[k.F_REACH])
+        found = self.engine.closer.look(
+            mode, places[guard], zeros, start, state, floats[k.F_NEAR], floats[k.F_REACH], alone=outcome == OPEN
+        )
         floats[k.F_TIME], floats[k.F_LOW] = found.time
         self.x[:] = [high for high, _ in found.state]
         self.x_low[:] = [low for _, low in found.state]

@@ -42,6 +42,15 @@ class Decision:
     reason: str = ""
 
 
+class _Point:
+    """What has been worked out at one point, by mode."""
+
+    def __init__(self, place: tuple[float, ...]) -> None:
+        self.place = place
+        self.series: dict[Mode, tuple[list[list[float]], float]] = {}
+        self.normals: dict[Mode, list[float]] = {}
+
+
 class Switching:
     """Decides the modes of one system in double precision (tapes are made once a mode and kept)."""
 
@@ -49,8 +58,7 @@ class Switching:
         self.system = system
         self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[float]] | None] = {}
         self._holds: dict[int, Callable[..., list[float]]] = {}
-        self._point: tuple[float, ...] = ()
-        self._kept: dict[Mode, tuple[list[list[float]], float]] = {}
+        self._point = _Point(())
         normals = [system.numeric(system.normal_velocity(i)) for i in range(len(system.surfaces))]
         self._normals = sp.lambdify([TIME, *system.states, *system.signs], normals, "math", cse=True)
 
@@ -182,19 +190,20 @@ class Switching:
 
     def _expanded(self, mode: Mode, t: float, x: Sequence[float]) -> tuple[list[list[float]], float]:
         """Series of a mode's guards from a point, and their rate; those of the last point are kept."""
-        here = self._here(t, x)
-        if mode not in here:
+        kept = self._at(t, x).series
+        if mode not in kept:
             made = self._equations(mode)
             assert made is not None
             states, outputs = expand(made[1], made[2], t, x, ORDER)
-            here[mode] = outputs, _rate(states, outputs)
-        return here[mode]
+            kept[mode] = outputs, _rate(states, outputs)
+        return kept[mode]
 
-    def _here(self, t: float, x: Sequence[float]) -> dict[Mode, tuple[list[list[float]], float]]:
-        point = (t, *x)
-        if point != self._point:
-            self._point, self._kept = point, {}
-        return self._kept
+    def _at(self, t: float, x: Sequence[float]) -> _Point:
+        """What is known at a point; that of the last one is kept, for one event asks for it several times."""
+        place = (t, *x)
+        if place != self._point.place:
+            self._point = _Point(place)
+        return self._point
 
     def _violations(
         self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float
@@ -255,8 +264,12 @@ class Switching:
 
     def _both_sides(self, t: float, x: Sequence[float], mode: Mode, index: int) -> tuple[float, float]:
         """dh/dt of a surface below and above it (signs of the mode elsewhere)."""
-        below, above = (self._normals(t, *x, *replaced(mode, index, s))[index] for s in (-1, 1))
-        return below, above
+        kept = self._at(t, x).normals
+        sides = [replaced(mode, index, -1), replaced(mode, index, 1)]
+        for side in sides:
+            if side not in kept:
+                kept[side] = self._normals(t, *x, *side)
+        return kept[sides[0]][index], kept[sides[1]][index]
 
     def _attracts(self, t: float, x: Sequence[float], mode: Mode, index: int) -> bool:
         below, above = self._both_sides(t, x, mode, index)
@@ -309,7 +322,7 @@ def _rate(states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]] =
 def _leading(series: Sequence[float], first: int, rate: float, size: float, zero: float) -> int | None:
     """Index of the first coefficient from ``first`` on that is not zero, or None."""
     scaled = [c / rate**k for k, c in enumerate(series)]
-    unit = max(size / rate if first else size, max((abs(c) for c in scaled[first:]), default=0.0))
+    unit = max(size / rate if first else size, *map(abs, scaled[first:]))
     for k in range(first, len(scaled)):
         if abs(scaled[k]) > zero * unit:
             return k
