@@ -51,6 +51,12 @@ def test_a_minimum_that_stands_alone_is_what_the_whole_step_says_it_is(depth: st
         assert abs(difference) < (1e-30 if whole.what == "root" else 1e-15)
 
 
+@pytest.mark.parametrize(("gap", "what"), [("1e-40", "miss"), ("-1e-40", "root"), ("0", "touch")])
+def test_a_series_that_falls_slowly_is_taken_far_enough(gap: str, what: str) -> None:
+    """1/(5 - x) on a step of 2: the terms fall by 0.4 each, so that 48 of them leave 1e-19."""
+    assert look(((X - 1) ** 2 + sp.Rational(gap)) / (5 - X), 1.0).what == what
+
+
 def test_a_root_behind_the_minimum_waits() -> None:
     found = look(((X - 1) ** 2 + sp.Rational(1, 10**20)) * (sp.Rational(3, 2) - X), 1.0)
     assert (found.what, found.lowest) == ("miss", True)

@@ -10,7 +10,7 @@ import sympy as sp
 
 from henon_ref.henon import compiled
 from henon_ref.henon.engine import Engine
-from henon_ref.henon.polynomial import HENON
+from henon_ref.henon.registers import HENON
 from henon_ref.henon.session import Session
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.model.case import load_case, parse_case

@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 
 from henon_ref.henon.engine import Engine
-from henon_ref.henon.polynomial import HENON
+from henon_ref.henon.registers import HENON
 from henon_ref.model.system import FilippovSystem
 from henon_ref.trajectory import Problem
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
+from pathlib import Path
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -12,15 +15,18 @@ import sympy as sp
 from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook, Finding
 from henon_ref.henon.near import MISS, OPEN, PASSED, ROOT, STEEP, UNSURE, NearLook
+from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.model.case import load_case
 from henon_ref.model.system import FilippovSystem
 
+CASES = Path(__file__).parent.parent / "cases"
 X = sp.Symbol("x", real=True)
 S = sp.Symbol("s", real=True)
 Place = tuple[float, float]
 
 
 def look(surface: sp.Expr, near: float, reach: float = 2.0) -> tuple[int, Place, Place]:
-    """(outcome, time, state) of a surface that depends on x = t alone, from t = 0 on its upper side."""
+    """(outcome, when, state) of a surface that depends on x = t alone, from t = 0 on its upper side."""
     system = FilippovSystem((X,), (S,), (surface,), (sp.Integer(1),))
     floats, integers = np.zeros(k.F_STATE + 2), np.zeros(k.I_SIZE + 4, dtype=np.int64)
     floats[k.F_NEAR], floats[k.F_REACH], floats[k.F_UNTIL] = near, reach, 2 * reach
@@ -43,30 +49,37 @@ def exact(pair: Place) -> mpmath.mpf:
 
 @pytest.mark.parametrize(("power", "depth"), [(2, "1e-10"), (2, "1e-16"), (2, "1e-24"), (4, "1e-8"), (4, "1e-10")])
 def test_a_dip_below_zero_is_a_root(power: int, depth: str) -> None:
-    outcome, time, state = look((X - 1) ** power - sp.Rational(depth), 1 + 1e-9)
+    outcome, when, state = look((X - 1) ** power - sp.Rational(depth), 1 + 1e-9)
     with mpmath.workdps(40):
         root = 1 - mpmath.mpf(depth) ** (mpmath.mpf(1) / power)
         assert outcome in (ROOT, STEEP)
         distance = float(depth) ** (1 / power)  # from the minimum: known to a double's digits
-        assert abs(exact(time) - root) < 1e-15 * distance + 1e-27 / distance ** (power - 1)
-        assert abs(exact(state) - exact(time)) < 1e-30
+        assert abs(exact(when) - root) < 1e-15 * distance + 1e-27 / distance ** (power - 1)
+        assert abs(exact(state) - exact(when)) < 1e-30
 
 
 @pytest.mark.parametrize("depth", ["1e-12", "1e-16", "1e-24"])
 def test_a_dip_that_ends_above_zero_is_a_miss(depth: str) -> None:
-    outcome, time, _ = look((X - 1) ** 2 + sp.Rational(depth), 1 - 1e-7)
+    outcome, when, _ = look((X - 1) ** 2 + sp.Rational(depth), 1 - 1e-7)
     assert outcome == MISS
-    assert abs(exact(time) - 1) < 1e-15
+    assert abs(exact(when) - 1) < 1e-15
 
 
 def test_of_a_touch_the_place_is_found_and_the_sign_left_open() -> None:
-    outcome, time, state = look((X - 1) ** 2, 1 - 1e-7)
-    assert (outcome, time, state) == (OPEN, (0.0, 0.0), (0.0, 0.0))
+    outcome, when, state = look((X - 1) ** 2, 1 - 1e-7)
+    assert (outcome, when, state) == (OPEN, (0.0, 0.0), (0.0, 0.0))
     assert look((X - 1) ** 4, 1 - 1e-7)[0] == UNSURE
 
 
 def test_a_miss_that_no_parabola_tells_of_is_left_open() -> None:
     assert look((X - 1) ** 4 + sp.Rational("1e-20"), 1 - 1e-7)[0] == UNSURE
+
+
+def test_a_series_that_falls_too_slowly_is_left_open() -> None:
+    """1/(5 - x) on a step of 2: the terms fall by 0.4 each, and by 0.8 on a step of 4."""
+    dip = ((X - 1) ** 2 - sp.Rational("1e-20")) / (5 - X)
+    assert look(dip, 1.0, reach=1.5)[0] == STEEP
+    assert look(dip, 1.0, reach=4.0)[0] == UNSURE
 
 
 def test_a_minimum_well_above_zero_is_not_taken_for_a_double_zero() -> None:
@@ -84,9 +97,9 @@ def test_a_root_at_the_end_of_the_step_is_found_in_round_numbers() -> None:
 
 def test_a_root_behind_the_end_of_the_step_is_not_this_ones() -> None:
     late = 1 - X + sp.Rational("1e-12")
-    outcome, time, _ = look(late, 1.0, reach=1.0)
+    outcome, when, _ = look(late, 1.0, reach=1.0)
     assert outcome == PASSED
-    assert abs(exact(time) - 1) < 1e-25
+    assert abs(exact(when) - 1) < 1e-25
 
 
 def test_an_earlier_pair_of_roots_is_not_passed_over() -> None:
@@ -101,10 +114,10 @@ def test_a_sine_meets_its_crest_line_only_where_it_does() -> None:
     for power in (12, 16, 20, 24):
         gap = sp.Rational(1, 10**power)
         assert look(1 + gap - sp.sin(X), 1.57, reach=2.5)[0] == MISS
-        outcome, time, _ = look(1 - gap - sp.sin(X), 1.57, reach=2.5)
+        outcome, when, _ = look(1 - gap - sp.sin(X), 1.57, reach=2.5)
         assert outcome in (ROOT, STEEP)
         with mpmath.workdps(40):
-            assert abs(exact(time) - mpmath.asin(1 - mpmath.mpf(10) ** -power)) < 1e-15 * 10 ** (
+            assert abs(exact(when) - mpmath.asin(1 - mpmath.mpf(10) ** -power)) < 1e-15 * 10 ** (
                 -power / 2
             ) + 1e-27 * 10 ** (power / 2)
 
@@ -132,7 +145,7 @@ def test_it_never_says_anything_else_than_multiprecision_does() -> None:
     said: Counter[int] = Counter()
     for _ in range(150):
         surface, near, reach = cluster(rng)
-        outcome, time, _ = look(surface, near, reach)
+        outcome, when, _ = look(surface, near, reach)
         said[outcome] += 1
         if outcome in (UNSURE, OPEN):
             continue
@@ -142,9 +155,26 @@ def test_it_never_says_anything_else_than_multiprecision_does() -> None:
         # A minimum's place is known to the root of the precision, a root's to the precision over its steepness.
         bound = {MISS: 1e-12, ROOT: 1e-13, STEEP: 1e-15, PASSED: 1e-20}[outcome]
         with mpmath.workdps(40):
-            assert abs(exact(time) - exact(found.time)) < bound, (surface, near, reach)
+            assert abs(exact(when) - exact(found.time)) < bound, (surface, near, reach)
     assert said[ROOT] + said[STEEP] > 40
     assert said[MISS] > 15
+
+
+@pytest.mark.parametrize(("loading", "status"), [(0.2, "ok"), (0.0, "timeout")])
+def test_compiling_it_is_not_counted_against_a_deadline(
+    loading: float, status: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = load_case(CASES / "hard" / "grazing.yaml").reading("inside1e10").problem
+    looked = NearLook.look
+
+    def slow(self: NearLook, *arguments: Any) -> int:
+        time.sleep(0.2)
+        self.loading_s += loading
+        return looked(self, *arguments)
+
+    HENON_SOLVER.prepare(problem, rtol=1e-12)()  # whatever is compiled is compiled now
+    monkeypatch.setattr(NearLook, "look", slow)
+    assert HENON_SOLVER.prepare(problem, rtol=1e-12, deadline=0.1)().status == status
 
 
 def test_it_stands_back_from_what_it_has_no_digits_for() -> None:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from henon_ref.errors import UnsupportedError
 from henon_ref.henon.compiled import double_double
 from henon_ref.henon.engine import Engine
-from henon_ref.henon.polynomial import HENON
+from henon_ref.henon.registers import HENON
 from henon_ref.henon.session import Session
 from henon_ref.henon.solvers import order_for
 from henon_ref.model.modes import Mode

@@ -1,6 +1,6 @@
 """A closer look at an event that double precision cannot decide: a pair of roots, a touch, or a miss.
 
-The Taylor polynomial of the step is made again from the same tape, of twice the order and with 220 bits, and
+The Taylor polynomial of the step is made again from the same tape, of higher order and with 220 bits, and
 its roots are isolated as in :mod:`henon_ref.henon.polynomial`, in integers: a number v stands as v 2^220. The
 state at the step's start is taken as it is (its rounded part included).
 """
@@ -21,7 +21,8 @@ from henon_ref.model.system import FilippovSystem
 from henon_ref.taylor.expand import Ring, expand
 from henon_ref.taylor.tape import Tape, build_tape
 
-ORDER = 48
+ORDERS = (48, 96, 192)
+"""Orders of the expansion, tried in turn until its last terms count for nothing."""
 BITS = 220
 """Bits after the point of a polynomial's coefficients, its size on the step being 1, and of places on the step."""
 ONE = 1 << BITS
@@ -102,11 +103,14 @@ class CloserLook:
             tape, numbers = self._tape(mode)
             start = arb(time[0]) + arb(time[1])
             x = [arb(high) + arb(low) for high, low in state]
-            states, outputs = expand(tape, numbers, start, x, ORDER, _RING)
             # A root that rounding has put on the step's end may lie just behind it.
             unit = arb(reach) * (1 + arb(2) ** -46)
-            powers = [unit**k for k in range(ORDER + 1)]
-            q = fixed([c * power for c, power in zip(outputs[guard][zeros:], powers[zeros:], strict=False)])
+            for order in ORDERS:
+                states, outputs = expand(tape, numbers, start, x, order, _RING)
+                powers = [unit**k for k in range(order + 1)]
+                q = fixed([c * power for c, power in zip(outputs[guard][zeros:], powers[zeros:], strict=False)])
+                if max(map(abs, q[-4:])) <= NOTHING:
+                    break
             decided = _at_minimum if alone else _decided
             what, lowest, part = decided(q, zeros, _integer(arb(near) / unit))
             tau = unit * part / ONE

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from henon_ref.henon.polynomial import BRACKET, NONE, ROOT, TOUCH, excluded, first_falling_root, land, steepness, value
-from henon_ref.henon.registers import EPS, G_INDEX, G_KIND, I_EVENTS, SURFACE, T_GUARDS, TANGENT
+from henon_ref.henon.polynomial import NONE, ROOT, TOUCH, excluded, first_falling_root, land, steepness, value
+from henon_ref.henon.registers import BRACKET, EPS, G_INDEX, G_KIND, I_EVENTS, SURFACE, T_GUARDS, TANGENT
 from henon_ref.jit import inner
 
 FLAT = 1e-5

@@ -9,10 +9,11 @@ from __future__ import annotations
 from henon_ref.henon.calls import call_closing, call_expand
 from henon_ref.henon.events import at_zero, ends_at_zero, first_event, silent, zeros_at_release, zeros_when_leaving
 from henon_ref.henon.holding import held
-from henon_ref.henon.polynomial import BRACKET, DEPTH
+from henon_ref.henon.polynomial import DEPTH
 from henon_ref.henon.recording import crowded, record, sample, settle, start
 from henon_ref.henon.registers import (
     ACCUMULATED,
+    BRACKET,
     CROSS,
     DIVERGED,
     DOUBTFUL,
@@ -125,7 +126,7 @@ def advance(floats, integers, records, tables, numbers, settling, band, room, be
             return code
 
 
-@inner()
+@inner(inline="always")
 def _to_event(  # type: ignore[no-untyped-def]
     floats, integers, tables, numbers, band, room, bernstein, sample_times, samples, block, stop_at,
 ):  # fmt: skip
@@ -216,7 +217,7 @@ def _to_event(  # type: ignore[no-untyped-def]
     return EVENT
 
 
-@inner()
+@inner(inline="always")
 def _through_event(floats, integers, records, tables, numbers, settling, band, room):  # type: ignore[no-untyped-def]
     """Change the mode at the event the run stands at; ON, or why Python is needed."""
     n, most = (floats.size - F_STATE) // 2, tables.shape[1] - 1

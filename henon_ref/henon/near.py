@@ -9,6 +9,7 @@ has one root or none (Descartes' rule). Whatever is not clear that way is left t
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -45,8 +46,8 @@ from henon_ref.taylor.tape import build_tape
 UNSURE, OPEN, ROOT, STEEP, MISS, PASSED = range(6)
 """Outcomes: not decided; nothing but the sign of a minimum undecided; a root, and one steep enough for signs in double
 precision; a minimum above zero; none of them up to the step's end."""
-ORDER = 48
-"""Order of the expansion."""
+ORDER = 64
+"""Highest order of the expansion; it ends before where its terms have become negligible."""
 LOCAL = 16
 """Degree of the polynomial on a window."""
 FINE = 4
@@ -62,6 +63,7 @@ WIDEST = 0.1
 SLOPE = 1e-11
 """Relative slope at a root from which on double precision has its sign right."""
 HALVINGS = 60
+"""Pieces of the step that are kept at once."""
 PARABOLIC = 1e-6
 """Relative curvature of a minimum that is one of second order."""
 BEYOND = 2.0**-46
@@ -73,6 +75,8 @@ class NearLook:
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
+        self.loading_s = 0.0
+        """Seconds that went into compiling :func:`look_near`, or reading it from the disk: no run's own time."""
         self._looks: dict[Mode, tuple[NDArray[Any], ...]] = {}
 
     def look(
@@ -86,7 +90,10 @@ class NearLook:
         """See :func:`look_near`; ``places`` are the guards' in the order of :meth:`FilippovSystem.equations`."""
         if mode not in self._looks:
             self._looks[mode] = (np.array(places, dtype=np.int64), *self._program(mode))
+        began = None if self.loading_s else time.perf_counter()
         outcome: int = look_near(floats, integers, layout, *self._looks[mode])
+        if began is not None:
+            self.loading_s = time.perf_counter() - began
         return outcome
 
     def _program(self, mode: Mode) -> tuple[NDArray[Any], ...]:
@@ -135,7 +142,7 @@ def look_near(  # type: ignore[no-untyped-def]
         codes, constants, field, outputs, floats[F_TIME], floats[F_LOW], x, x_low, unit, 0.0, ORDER,
         integers[I_ORDER], high, low, sizes,
     )  # fmt: skip
-    if last < 0:
+    if last < 0 or not _settled(high, outputs, n, last, sizes):
         return UNSURE
     row = outputs[places[guard]]
     q, q_low = high[row, zeros : last + 1], low[row, zeros : last + 1]
@@ -176,6 +183,17 @@ def arrive(floats, integers, outcome):  # type: ignore[no-untyped-def]
     elif outcome != PASSED:
         integers[I_SIZE + most + guard] = 1
         integers[I_ARRIVED] = 1 if outcome == STEEP else 0
+
+
+@inner()
+def _settled(high, outputs, n, last, sizes):  # type: ignore[no-untyped-def]
+    """True if what the expansions leave out does not count."""
+    for i in range(n + outputs.size):
+        row = i if i < n else outputs[i - n]
+        for k in range(max(last - 3, 0), last + 1):
+            if abs(high[row, k]) > 0.01 * NOISE * sizes[row]:
+                return False
+    return True
 
 
 @inner()
@@ -223,7 +241,7 @@ def _decided(q, q_low, size, start, work):  # type: ignore[no-untyped-def]
     changes = _sign_changes(g, width, _rest(q, s, width), b)
     if width >= WIDEST or changes < 0 or changes != (1 if g[0] < 0.0 else 0):
         return UNSURE, 0.0, 0.0
-    if width < s and not _stays_clear(q, s - width, size, b, stack):
+    if width < s and not _stays_clear(q, s - width, size, stack):
         return UNSURE, 0.0, 0.0
     if touching:
         return OPEN, s, s_low
@@ -355,7 +373,7 @@ def _sign_changes(g, width, rest, b):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _stays_clear(q, end, size, b, stack):  # type: ignore[no-untyped-def]
+def _stays_clear(q, end, size, stack):  # type: ignore[no-untyped-def]
     """True if a polynomial is larger than COARSE of its size all over [0, end], by double precision."""
     least = COARSE * size
     degree, power, tail = 0, 1.0, 0.0

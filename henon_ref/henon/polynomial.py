@@ -11,13 +11,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.jit import inner, njit
+from henon_ref.henon.registers import BRACKET, BRENT, NEWTON
+from henon_ref.jit import inner
 
 NONE, ROOT, TOUCH = 0, 1, 2
 """Outcome of :func:`first_falling_root`."""
-HENON, NEWTON, BRENT, BRACKET = 0, 1, 2, 3
-"""Landings."""
-LANDINGS = ("henon", "newton", "brent", "bracket")
 DEPTH = 64
 """Subdivisions kept at once: as many halvings as a double has room for."""
 _EPS = 2.220446049250313e-16
@@ -25,18 +23,18 @@ _POLY = {"contract", "nsz"}
 
 
 def bernstein_table(order: int) -> NDArray[np.float64]:
-    """Weights w[d, i, k] = binom(i, k) / binom(d, k), from powers to Bernstein coefficients of degree d <= order."""
+    """Weights w[d, k, i] = binom(i, k) / binom(d, k), from powers to Bernstein coefficients of degree d <= order."""
     from math import comb
 
     table = np.zeros((order + 1, order + 1, order + 1))
     for d in range(order + 1):
         for i in range(d + 1):
             for k in range(i + 1):
-                table[d, i, k] = comb(i, k) / comb(d, k)
+                table[d, k, i] = comb(i, k) / comb(d, k)
     return table
 
 
-@njit(fastmath=_POLY)
+@inner(fastmath=_POLY)
 def excluded(q, powers, degree):  # type: ignore[no-untyped-def]
     """True if q > 0 on the whole step by its negative terms alone (q[k] * powers[k] at the step's end)."""
     total = q[0]
@@ -45,7 +43,7 @@ def excluded(q, powers, degree):  # type: ignore[no-untyped-def]
     return total > 0.0
 
 
-@njit(fastmath=_POLY)
+@inner(fastmath=_POLY)
 def value(q, degree, tau):  # type: ignore[no-untyped-def]
     """q(tau) by Horner's rule."""
     total = q[degree]
@@ -54,7 +52,7 @@ def value(q, degree, tau):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit()
+@inner()
 def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-untyped-def]
     """Isolate the first root on (0, 1] through which the polynomial falls.
 
@@ -80,11 +78,13 @@ def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-unty
     for k in range(degree + 1):
         size += abs(a[k])
     noise = 4.0 * _EPS * size
+    b = stack[0]
     for i in range(degree + 1):
-        total = 0.0
-        for k in range(i + 1):
-            total += weights[i, k] * a[k]
-        stack[0, i] = total
+        b[i] = a[0]
+    for k in range(1, degree + 1):  # a column at a time, so that the sums go side by side in vectors
+        column, own = weights[k], a[k]
+        for i in range(degree + 1):
+            b[i] += column[i] * own
     bounds[0, 0], bounds[0, 1] = 0.0, 1.0
     top = 1
     before = 0
@@ -139,7 +139,7 @@ def steepness(q, degree, tau):  # type: ignore[no-untyped-def]
     return -slope * tau / size
 
 
-@njit(fastmath=_POLY)
+@inner(fastmath=_POLY)
 def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     """Put the step's end on the root of q that [low, high], within [0, 1], brackets, q falling.
 

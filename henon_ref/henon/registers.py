@@ -8,6 +8,9 @@ HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL
 SURFACE, RELEASE, VALID = 0, 1, 2
 # Kinds of transitions.
 STICK, FREE, CROSS = 0, 1, 2
+# Ways of landing.
+HENON, NEWTON, BRENT, BRACKET = range(4)
+LANDINGS = ("henon", "newton", "brent", "bracket")
 # Floats of a run: t and what rounding it lost, sigma, time of the last event and what it lost; where on the step a
 # doubtful event is, and the step's end, both counted from its start; the largest sigma that a mode just entered may
 # begin with; horizon and what rounding it lost; tolerance.

@@ -110,9 +110,10 @@ class Session:
 
     def run(self) -> Trajectory:
         """Go to the horizon (or to where the run ends before it)."""
-        began = time.perf_counter()
+        near = self.engine.near
+        began = time.perf_counter() - near.loading_s
         while (end := self._advance()) is None:
-            if self.deadline is not None and time.perf_counter() - began > self.deadline:
+            if self.deadline is not None and time.perf_counter() - began - near.loading_s > self.deadline:
                 return self._end("timeout", f"stopped after {self.deadline:g} s at t = {self.time:.17g}")
         return end
 

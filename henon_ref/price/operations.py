@@ -9,7 +9,7 @@ import numpy as np
 
 from henon_ref.henon.codegen import closing_ir, expansion_ir
 from henon_ref.henon.engine import Engine
-from henon_ref.henon.polynomial import HENON
+from henon_ref.henon.registers import HENON
 from henon_ref.henon.solvers import order_for
 from henon_ref.price.timer import in_turn
 from henon_ref.taylor.tape import build_tape

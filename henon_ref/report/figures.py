@@ -80,6 +80,5 @@ def svg(figure: Figure) -> bytes:
 
 
 def preload() -> None:
-    """Import what drawing needs, so that workers forked from here on have it."""
-    import matplotlib.backends.backend_svg
-    import matplotlib.figure  # noqa: F401
+    """Import what drawing and writing need, so that workers forked from here on have it, and nobody waits for it."""
+    import sympy.physics.units  # noqa: F401 - SymPy's simplify asks for it

@@ -19,6 +19,8 @@ from henon_ref.trajectory import Problem, Trajectory
 
 PREPARE_SECONDS = 120.0
 """Time that the preparation of a run may take [s]."""
+LOADING_SECONDS = 20.0
+"""Time that a first run of a reading may take for what its preparation could not foresee (compiling, loading) [s]."""
 BUDGET = 0.3
 """Seconds that the samples of one row may take where the caller does not say how many to take."""
 MOST_SHOWN = 40
@@ -72,7 +74,7 @@ class RunJob:
     @property
     def grace(self) -> float:
         """Seconds after which a run that does not keep its deadline is stopped from outside."""
-        return 1.25 * self.timeout + 1.0
+        return 1.25 * self.timeout + 1.0 + (LOADING_SECONDS if self.cold else 0.0)
 
     def timing_seconds(self, first: float) -> float:
         """Time that all samples may take, given the first run's."""
