@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fakes import TIMES, Fake, case, expected, found, reference, statement, trajectory
+from fakes import TIMES, Fake, Reference, case, expected, found, reference, statement, trajectory
 
 from henon_ref.comparison import Comparison
 from henon_ref.model.case import load_case
@@ -34,6 +34,7 @@ from henon_ref.score.rows import Outcome, Record, record, score_outcome
 from henon_ref.score.runjob import Samples
 from henon_ref.score.settings import Setting
 from henon_ref.score.worker import Failure
+from henon_ref.trajectory import Transition
 
 ORIGIN = Provenance(
     "python -m henon_ref.compare made_up.yaml",
@@ -86,6 +87,27 @@ def test_the_answer_names_who_is_right_and_what_it_costs(comparison):
     assert "Wrong at looser settings only: `scipy-rk45` (at 1e-6)." in second
     assert "Unavailable here: `ida`." in second
     assert "0.75 and 0.5 s where the source prints 0.75 s" in third or "exact stick durations" in third
+
+
+def test_a_run_that_only_touches_is_told_from_one_where_nothing_happens():
+    def told(truth, seen):
+        records = []
+        for solver, transitions in (("henon", seen), ("scipy-rk45", ())):
+            outcome = Outcome("made_up", case().readings[0], solver, Setting(rtol=1e-6, atol=1e-6))
+            outcome.trajectory = trajectory(transitions)
+            score_outcome(outcome, truth)
+            records.append(record(outcome, truth))
+        whole = compared(*records, expected=truth)
+        return answer(whole, whole.readings[0])[0]
+
+    touch = Reference("graze", 0, (1,), (1,), 1.0)
+    seen = (Transition("graze", 0, (1,), (1,), 1.0, (0.25,)),)
+    assert told(replace(expected(), transitions=()), ()).startswith(
+        "The exact run has no transition; all 2 solvers agree."
+    )
+    touching = told(replace(expected(), transitions=(touch,)), seen)
+    assert touching.startswith("The exact run touches a surface once and has no transition; all 2 solvers agree, ")
+    assert "1 of 2 solvers report the touch." in touching
 
 
 def test_published_durations_that_hold_and_that_do_not():

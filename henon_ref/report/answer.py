@@ -52,12 +52,25 @@ def _accuracy(rows: Sequence[Row], result: ReadingResult) -> str:
         what += f" up to t = {significant(expected.end_time, 9)} s, where the truth ends,"
     if expected.status == "ok":
         if not transitions:
-            return f"The exact run has no transition; {_who(good, tried, 'agree')}."
+            touches = len(expected.transitions)
+            what = f"touches a surface {_times(touches)} and has" if touches else "has"
+            seen = [solver for solver in good if sees_touches(solvers[solver])]
+            told = f", {_who(seen, tried, 'report the touch')}" if touches else ""
+            return f"The exact run {what} no transition; {_who(good, tried, 'agree')}{told}."
         return f"{_capital(_who(good, tried, f'find {what} in order'))}. {_best(rows)}".strip()
     why = f": {result.statement.reason.rstrip('.')}" if result.statement.reason else ""
     ends = f"The exact run ends at t = {significant(expected.end_time, 9)} s, {expected.status}{why}."
     found = f", with {what} before it" if transitions and good else ""
     return f"{ends} {_capital(_who(good, tried, 'say so'))}{found}. {_best(rows)}".strip()
+
+
+def _times(count: int) -> str:
+    return {1: "once", 2: "twice"}.get(count, f"{count} times")
+
+
+def sees_touches(rows: Sequence[Row]) -> bool:
+    """Whether a solver reports every touch in some right row."""
+    return any(row["verdict"] == "right" and row["missed_touches"] == 0 for row in rows)
 
 
 def _who(good: Sequence[str], tried: Sequence[str], verb: str) -> str:
