@@ -168,6 +168,14 @@ def test_samples_lie_on_the_trajectory() -> None:
     np.testing.assert_allclose(result.samples[:, 0], 0.6 + 4.7 * np.cos(wanted), rtol=0, atol=1e-14)
 
 
+@pytest.mark.parametrize("gap", ["10**(-10)", "-10**(-16)", "0"])
+def test_samples_before_an_event_that_takes_a_closer_look_are_of_their_own_time(gap: str) -> None:
+    problem = make_problem("x v", ["v", "-x"], {"s": f"1 - {gap} - x"}, [0, 1], 3)
+    wanted = np.linspace(0, 3, 50)
+    result = run(problem, sample_times=wanted)
+    np.testing.assert_allclose(result.samples[:, 0], np.sin(wanted), rtol=0, atol=1e-14)
+
+
 def test_error_follows_the_tolerance() -> None:
     problem = make_problem("x v", ["v", "-x - 3*s/5"], {"s": "v"}, ["53/10", 0], 20)
     errors = [np.abs(times(run(problem, rtol=r)) - math.pi * np.arange(1, 5)).max() for r in (1e-4, 1e-8, 1e-12)]

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import sympy as sp
 
 from henon_ref.model.case import load_case, parse_case
 from henon_ref.price import effects
@@ -18,29 +19,30 @@ from henon_ref.price.operations import count
 from henon_ref.price.states import Size, exponent, sizes
 from henon_ref.report.ratios import ratio_at, ratios, slower_table, spread_table
 from henon_ref.score.columns import RUN_COLUMNS, Row
+from henon_ref.trajectory import Problem
 
 CASES = Path(__file__).parents[1] / "cases"
 BASE = dict(list(effects.OSCILLATOR.items())[:3])
 
-BY_HAND = """\
-schema: 1
-name: by_hand
-title: The oscillator without damping, cubic spring and base, written out
-system:
-  state: [x1, x2]
-  surfaces: {s: x2 - 0.3}
-  field: [x2, -x1 - s*0.4/(1 + s*(x2 - 0.3))]
-initial: {t: 0, x1: 1, x2: 0}
-until: 60
-"""
 
-
-def test_what_a_scene_does_not_name_is_not_in_its_tape() -> None:
-    """The same operations as a system written by hand without it, one for one."""
-    scene = effects.slip_tape(effects.oscillator(BASE).system)
-    hand = effects.slip_tape(parse_case(BY_HAND).readings[0].problem.system)
-    assert scene.counts == hand.counts
-    assert [(node.op, node.args) for node in scene.nodes] == [(node.op, node.args) for node in hand.nodes]
+@pytest.mark.parametrize(
+    ("body", "problem"),
+    [
+        ("belt oscillator", effects.oscillator(BASE)),
+        ("rig", effects.rig(dict(list(effects.RIG.items())[:5]))),
+    ],
+)
+def test_what_a_scene_does_not_name_is_not_in_its_tape(body: str, problem: Problem) -> None:
+    """The same operations as a system written by hand without it."""
+    written = parse_case(effects.BY_HAND[body]).readings[0].problem
+    assert effects.slip_tape(problem.system).counts == effects.slip_tape(written.system).counts
+    at = {x: sp.Rational(k + 2, 7) for k, x in enumerate(problem.system.states)}
+    for mode in ((-1,), (0,), (1,)):
+        ours, theirs = (
+            [sp.simplify(p.system.numeric(f).xreplace(at)) for f in p.system.equations(mode).field]
+            for p in (problem, written)
+        )
+        assert ours == theirs
 
 
 @pytest.mark.parametrize("name", list(effects.OFF))

@@ -300,7 +300,7 @@ class Session:
 
     def _end(self, status: Status, reason: str) -> Trajectory:
         integers, modes, n = self.integers.tolist(), self.engine.compiled.modes, len(self.start.x)
-        records = self.records[: integers[k.I_COUNT]]
+        records = self.records[: integers[k.I_COUNT]].copy()  # who keeps many runs need not keep their blocks
         if self.blocks:
             records = np.concatenate([*self.blocks, records])
         samples = sample_modes = None

@@ -56,6 +56,31 @@ RIG_OFF = {
     "bracket_damper": "{coefficient: z}",
     "load_coupling": "{friction: z, stiffness: 1, coefficient: z}",
 }
+WRITTEN = """\
+schema: 1
+name: by_hand
+title: Written out by hand
+system: {{state: [{state}], surfaces: {{s: {surface}}}, field: [{field}]}}
+initial: {initial}
+until: {until}
+"""
+BY_HAND = {
+    "belt oscillator": WRITTEN.format(
+        state="x1, x2",
+        surface="x2 - 0.3",
+        field="x2, -x1 - s*0.4/(1 + s*(x2 - 0.3))",
+        initial="{t: 0, x1: 1, x2: 0}",
+        until=60,
+    ),
+    "rig": WRITTEN.format(
+        state="x1, x2, x3, x4",
+        surface="x2 - 0.4",
+        field="x2, -x1 - (x3 + 0.5*s/(1 + 3*s*(x2 - 0.4)))/2, x4, -3/4*(x1 + 2*x3)",
+        initial="{t: 0, x1: 0, x2: 0.4, x3: 0.1, x4: 0}",
+        until=60,
+    ),
+}
+"""The first scene of each body as a system, with nothing in it of the effects that are added later."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +97,8 @@ class Step:
     per_step_s: float
     """Wall time of one Taylor step of a whole run [s]."""
     carried_per_step_s: float
+    written_per_step_s: float | None
+    """The same of :data:`BY_HAND`; None where more effects are in than it has."""
 
 
 def oscillator(effects: dict[str, str], *, until: float = 60.0) -> Problem:
@@ -119,17 +146,20 @@ def effect_costs() -> list[Step]:
             own = {name: effects[name] for name in names[:count]}
             all_in = {**own, **{name: off[name] for name in names[count:]}}
             problems = {"own": make(own), "carried": make(all_in)}
+            if count == base:
+                problems["written"] = parse_case(BY_HAND[body]).readings[0].problem
             runs = {key: HENON_SOLVER.prepare(problem, rtol=RTOL) for key, problem in problems.items()}
             times = in_turn(runs, rounds=ROUNDS)
-            steps = {key: run().counts.steps for key, run in runs.items()}
+            a_step = {key: times[key].median / run().counts.steps for key, run in runs.items()}
             found.append(
                 Step(
                     body=body,
                     effect=names[count - 1] if count > base else ", ".join(names[:base]),
                     operations=operations(problems["own"].system),
                     carried=operations(problems["carried"].system),
-                    per_step_s=times["own"].median / steps["own"],
-                    carried_per_step_s=times["carried"].median / steps["carried"],
+                    per_step_s=a_step["own"],
+                    carried_per_step_s=a_step["carried"],
+                    written_per_step_s=a_step.get("written"),
                 )
             )
     return found
@@ -146,6 +176,7 @@ def table(steps: Sequence[Step]) -> list[tuple[str, ...]]:
             f"{1e9 * step.per_step_s:.0f} ns",
             f"{1e9 * step.carried_per_step_s:.0f} ns",
             f"{step.per_step_s / step.carried_per_step_s:.2f}",
+            "" if step.written_per_step_s is None else f"{step.per_step_s / step.written_per_step_s:.2f}",
         )
         for step in steps
     ]

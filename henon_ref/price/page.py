@@ -177,8 +177,9 @@ def effect_table(steps: Sequence[Step]) -> Table:
     """What every effect costs, and what it costs to carry those that are not asked for."""
     headings = (
         "body", "effect added", "operations", "carried at zero", "time a step", "carried at zero", "ratio",
+        "to one by hand",
     )  # fmt: skip
-    return Table(headings, "llrrrrr", effects.table(steps))
+    return Table(headings, "llrrrrrr", effects.table(steps))
 
 
 def growth_table(found: Sequence[Horizon]) -> Table:
