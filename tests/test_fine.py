@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from henon_ref.henon import doubledouble as dd
 from henon_ref.henon import fine
+from henon_ref.henon import program as lowered
 from henon_ref.henon.compiled import double_double
 from henon_ref.jit import njit
 from henon_ref.model.system import TIME
@@ -26,7 +27,7 @@ a = sp.Symbol("a", real=True)
 t = TIME
 NAMES = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt")
 ARB = Ring({name: getattr(arb, name) for name in NAMES}, arb.__pow__)
-FUNCTIONS = {name: getattr(fine, name.upper()) for name in NAMES if name != "sqrt"} | {"power": fine.POWER}
+FUNCTIONS = {name: getattr(lowered, name.upper()) for name in NAMES if name != "sqrt"} | {"power": lowered.POWER}
 ADD, MULTIPLY, DIVIDE, ROOT = range(4)
 Pair = tuple[float, float]
 
@@ -170,7 +171,7 @@ class Expansion:
         self.tape = build_tape((x, y), field, outputs)
         self.numbers = [double_double(c) for c in self.tape.constants]
         self.unit, self.order = unit, order
-        made = fine.program(self.tape, self.numbers)
+        made = lowered.program(self.tape, self.numbers)
         self.high, self.low = (np.full((made.rows, order + 1), np.nan) for _ in range(2))
         self.sizes = np.empty(made.rows)
         self.state = np.array([0.2, -0.4]), np.array([0.0, 1e-18])
@@ -217,7 +218,7 @@ def test_every_recurrence_is_that_of_the_rings(name: str) -> None:
 
 def test_the_tapes_above_use_every_operation() -> None:
     used = set().union(*(build_tape((x, y), *parts).counts for parts in TAPES.values()))
-    assert used == {*fine._PLAIN, *fine._PRODUCT, *fine._QUOTIENT, "power"}
+    assert used == {*lowered._PLAIN, *lowered._PRODUCT, *lowered._QUOTIENT, "power"}
 
 
 def test_it_ends_once_nothing_counts_any_more() -> None:

@@ -1,25 +1,54 @@
 """Taylor coefficients of a solution in double-double, about 31 digits: one interpreter, compiled once for all models.
 
-A tape (:mod:`henon_ref.taylor.tape`) is lowered to a few operations: every function f with f' = a' q or f' = a' / q
-becomes the series of a' (in slopes k a_k), a product or a quotient, and an integral that starts with f(a_0).
+What it interprets is a tape that was lowered to a few operations (:mod:`henon_ref.henon.program`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
 
-import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
 from henon_ref.henon import doubledouble as dd
+from henon_ref.henon.program import (
+    ACOS,
+    ADD,
+    ASIN,
+    ATAN,
+    CLOCK,
+    CONSTANT,
+    COS,
+    COSH,
+    DEGREE,
+    DEGREE_A,
+    DEGREE_B,
+    DIV,
+    EXP,
+    FIRST,
+    LOG,
+    MUL,
+    OP,
+    OWN,
+    RECIP,
+    RSUB,
+    SCALE,
+    SIN,
+    SINH,
+    SLOPE,
+    SQRT,
+    SQUARE,
+    STATE,
+    SUB,
+    TAN,
+    TANH,
+    A,
+    B,
+    C,
+)
 from henon_ref.jit import inner, njit
-from henon_ref.taylor.tape import INFINITE, Node, Tape
 
 NEGLIGIBLE = 1e-31
 """Size of a coefficient, relative to its series, that no longer counts."""
@@ -27,106 +56,6 @@ QUIET = 4
 """So many orders in a row without one that counts end the expansion."""
 LANES = 4
 """Doubles in a register."""
-# Operations. From SIN on they are integrals, falling ones from COS on.
-CONSTANT, CLOCK, STATE, ADD, SUB, SCALE, SHIFT, RSUB, SLOPE, MUL, SQUARE, SQRT, DIV, RECIP = range(14)
-SIN, TAN, SINH, COSH, TANH, EXP, LOG, ASIN, ATAN, POWER, COS, ACOS = range(14, 26)
-# Columns of a program's codes: operation; row it writes, rows it reads; its constant (a clock's slope is in B);
-# first index of a sum; degrees in time of its own series and of those it reads.
-OP, OWN, A, B, C, FIRST, DEGREE, DEGREE_A, DEGREE_B = range(9)
-COLUMNS = 9
-
-_PLAIN = {
-    "constant": CONSTANT,
-    "clock": CLOCK,
-    "state": STATE,
-    "add": ADD,
-    "sub": SUB,
-    "scale": SCALE,
-    "shift": SHIFT,
-    "rsub": RSUB,
-    "mul": MUL,
-    "square": SQUARE,
-    "div": DIV,
-    "recip": RECIP,
-    "sqrt": SQRT,
-}
-_PRODUCT = {"sin": SIN, "cos": COS, "tan": TAN, "sinh": SINH, "cosh": COSH, "tanh": TANH, "exp": EXP}
-"""Functions f of a with f' = a' q, where q is f itself or the node's second argument."""
-_QUOTIENT = {"log": LOG, "asin": ASIN, "acos": ACOS, "atan": ATAN}
-"""Functions f of a with f' = a' / q, where q is a itself or the node's second argument."""
-
-
-class Program(NamedTuple):
-    """A tape as arrays."""
-
-    codes: NDArray[np.int64]
-    """(operations, COLUMNS): one operation a row, in the order of their evaluation."""
-    constants: NDArray[np.float64]
-    """(C + 1, 2): high and low part of each, and a zero for operations without one."""
-    field: NDArray[np.int64]
-    """(n,): row of x_i'."""
-    outputs: NDArray[np.int64]
-    """(outputs,): row of each further function."""
-    rows: int
-    """Series it works on: row i < N is node i of the tape, its first n the states; helpers follow."""
-
-
-def program(tape: Tape, numbers: Sequence[tuple[float, float]]) -> Program:
-    """Lower a tape; ``numbers`` are its constants as (high, low)."""
-    lowered = _Lowered(tape)
-    return Program(
-        np.array(lowered.codes, dtype=np.int64).reshape(-1, COLUMNS),
-        np.array([*numbers, (0.0, 0.0)], dtype=np.float64),
-        np.array(tape.field, dtype=np.int64),
-        np.array(tape.outputs, dtype=np.int64),
-        len(lowered.degrees),
-    )
-
-
-class _Lowered:
-    """Codes of a tape's nodes and of the helpers between them."""
-
-    def __init__(self, tape: Tape) -> None:
-        self.codes: list[list[int]] = []
-        self.degrees = [node.degree for node in tape.nodes]
-        """Of every row."""
-        self._slopes: dict[int, int] = {}
-        for own, node in enumerate(tape.nodes):
-            self._lower(own, node)
-
-    def _emit(self, op: int, a: int = 0, b: int = 0, c: int = 0, *, own: int = -1, first: int = 0) -> int:
-        if own < 0:
-            own = len(self.degrees)
-            self.degrees.append(self.degrees[a] if op == SLOPE else INFINITE)
-        degrees = [self.degrees[row] for row in (own, a, b)] if op not in (CONSTANT, CLOCK) else [self.degrees[own]] * 3
-        self.codes.append([op, own, a, b, c, first, *degrees])
-        return own
-
-    def _slope(self, a: int) -> int:
-        if a not in self._slopes:
-            self._slopes[a] = self._emit(SLOPE, a)
-        return self._slopes[a]
-
-    def _lower(self, own: int, node: Node) -> None:
-        a, b = (*node.args, 0, 0)[:2]
-        c = node.constants[0] if node.constants else 0
-        if node.op in _PLAIN:
-            if node.op in ("square", "recip"):
-                b = a
-            elif node.op == "sqrt":
-                b = own
-            elif node.op == "clock":
-                b = node.constants[1]
-            self._emit(_PLAIN[node.op], a, b, c, own=own, first=int(node.op == "sqrt"))
-        elif node.op in _PRODUCT:
-            q = b if len(node.args) > 1 else own
-            self._emit(_PRODUCT[node.op], a, self._emit(MUL, self._slope(a), q, first=1), own=own)
-        elif node.op in _QUOTIENT:
-            q = b if len(node.args) > 1 else a
-            self._emit(_QUOTIENT[node.op], a, self._emit(DIV, self._slope(a), q), own=own)
-        else:  # power: f' = c a' f / a
-            product = self._emit(SCALE, self._emit(MUL, self._slope(a), own, first=1), c=c)
-            self._emit(POWER, a, self._emit(DIV, product, a), c, own=own)
 
 
 @intrinsic
@@ -289,7 +218,7 @@ def expand_fine(  # type: ignore[no-untyped-def]
     Parameters
     ----------
     codes, constants, field, outputs : ndarray
-        Of a :class:`Program`.
+        Of a :class:`henon_ref.henon.program.Program`.
     t, t_low, unit, unit_low : float
     x, x_low : ndarray, shape (n,)
     order, least : int

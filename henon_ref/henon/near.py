@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from henon_ref.henon import doubledouble as dd
 from henon_ref.henon.compiled import double_double
 from henon_ref.henon.events import at_zero
-from henon_ref.henon.fine import expand_fine, program
+from henon_ref.henon.fine import expand_fine
+from henon_ref.henon.program import program
 from henon_ref.henon.registers import (
     EPS,
     F_LOW,
@@ -122,7 +123,7 @@ def look_near(  # type: ignore[no-untyped-def]
     places : ndarray of int, shape (guards,)
         Where its guards stand among the outputs; -1 for those that have no place there.
     codes, constants, field, outputs : ndarray
-        The mode as a :class:`henon_ref.henon.fine.Program`.
+        The mode as a :class:`henon_ref.henon.program.Program`.
     high, low, sizes : ndarray
         Work space of :func:`henon_ref.henon.fine.expand_fine`.
     work : ndarray, shape (4 + HALVINGS, ORDER + 1)
