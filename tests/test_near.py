@@ -14,8 +14,9 @@ import sympy as sp
 
 from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook, Finding
-from henon_ref.henon.near import MISS, OPEN, PASSED, ROOT, STEEP, UNSURE, NearLook
+from henon_ref.henon.near import NearLook
 from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.henon.window import MISS, OPEN, PASSED, ROOT, STEEP, UNSURE
 from henon_ref.model.case import load_case
 from henon_ref.model.system import FilippovSystem
 

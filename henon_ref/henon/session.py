@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from henon_ref.henon import registers as k
 from henon_ref.henon.blocks import KINDS, TransitionBlock
 from henon_ref.henon.kernel import advance
-from henon_ref.henon.near import MISS, OPEN, PASSED, ROOT, UNSURE, arrive
+from henon_ref.henon.near import arrive
 from henon_ref.henon.recording import crowded
+from henon_ref.henon.window import MISS, OPEN, PASSED, ROOT, UNSURE
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import ZERO, Decision
 from henon_ref.model.system import Guard
