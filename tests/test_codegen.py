@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from henon_ref.henon.codegen import declarations, expansion_ir, row_length
+from henon_ref.henon.codegen import expansion_ir
+from henon_ref.henon.emitter import declarations
 from henon_ref.henon.linear import Forms
 from henon_ref.henon.machine import MachineCode
+from henon_ref.henon.rows import row_length
 from henon_ref.model.system import TIME
 from henon_ref.taylor.expand import expand
 from henon_ref.taylor.tape import Tape, build_tape
@@ -72,6 +74,35 @@ def test_lanes_of_convolutions_add_up(order: int) -> None:
     states, outputs = expand(tape, numbers, 0.3, point, order)
     out = run(tape, [*numbers, *[0.0] * len(numbers)], (0.3, 0.0), point, order)
     np.testing.assert_allclose(out[:5, : order + 1], np.array(states + outputs), rtol=3e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("order", [3, 4, 9, 16, 24])
+@pytest.mark.parametrize(
+    "field",
+    [
+        # Quotients and a reciprocal with denominators in common.
+        [x / (1 + y) + y / (1 + y), -x + y / (3 + x), z],
+        # A sine that a rate and a reciprocal read; one that only one of them reads; sine and cosine of one clock.
+        [3 * sp.sin(TIME) + 1 / (2 + sp.sin(TIME)), sp.cos(2 * TIME) - x * sp.sin(2 * TIME), 5 * sp.cos(TIME) - z * z],
+        # States that follow one another: a chain, a circle, and one that follows itself.
+        [2 * y, 3 * z, x * y],
+        [y, z, -x],
+        [y, y, -2 * z],
+        # A form of a followed state, read by products.
+        [3 * y, -((x - 2 * sp.sin(TIME)) ** 3) - 1 / (1 + y * y), z * (x - sp.sin(TIME))],
+        # A reciprocal read by one rate, by two, and by a product.
+        [7 / (2 + y), 1 / (3 + x) - 5 / (2 + y), z / (4 + z)],
+    ],
+)
+def test_factors_taken_into_what_they_multiply(field: list[sp.Expr], order: int) -> None:
+    """Whatever is folded, skipped or stored from another row: the coefficients are those of plain recurrences."""
+    tape = build_tape((x, y, z), field, [x - 2 * y, z * x + sp.cos(3 * TIME)])
+    numbers = [float(c) for c in tape.constants]
+    point = [0.4, -0.3, 0.6]
+    states, outputs = expand(tape, numbers, 0.3, point, order)
+    out = run(tape, [*numbers, *[0.0] * len(numbers)], (0.3, 0.0), point, order)
+    np.testing.assert_allclose(out[:5, : order + 1], np.array(states + outputs), rtol=3e-12, atol=1e-15)
+    assert not out[:5, order + 1 :].any()
 
 
 def test_a_row_behind_its_coefficients_is_zero() -> None:

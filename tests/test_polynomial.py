@@ -11,6 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
+from henon_ref.henon import landing as landings
 from henon_ref.henon import polynomial as p
 from henon_ref.henon import registers as k
 
@@ -24,8 +25,8 @@ def isolate(coefficients, stack, bounds):
 
 
 @numba.njit
-def land(coefficients, low, high, landing):
-    return p.land(coefficients, ORDER, low, high, landing)
+def land(coefficients, low, high, method):
+    return landings.land(coefficients, ORDER, low, high, method)
 
 
 @numba.njit

@@ -11,8 +11,10 @@ import pytest
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.henon.codegen import declarations, expansion_ir, row_length
+from henon_ref.henon.codegen import expansion_ir
+from henon_ref.henon.emitter import declarations
 from henon_ref.henon.machine import MachineCode
+from henon_ref.henon.rows import row_length
 from henon_ref.model.system import TIME
 from henon_ref.taylor.expand import Ring, expand
 from henon_ref.taylor.tape import build_tape

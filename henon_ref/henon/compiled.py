@@ -12,7 +12,9 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
-from henon_ref.henon.codegen import closing_ir, declarations, expansion_ir
+from henon_ref.henon.closing import closing_ir
+from henon_ref.henon.codegen import expansion_ir
+from henon_ref.henon.emitter import declarations
 from henon_ref.henon.machine import MachineCode
 from henon_ref.henon.registers import (
     G_AFTER,

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
+LANES = 4
+"""Doubles in a vector."""
 FAST = "nsz arcp"
 """The order of a sum stays as written, and what is fused is said."""
 LIBM = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log")
@@ -22,8 +24,8 @@ def literal(value: float) -> str:
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
 
 
-def declarations(lanes: int) -> str:
-    """LLVM declarations of the functions that generated code calls; ``lanes``: doubles in a vector."""
+def declarations() -> str:
+    """LLVM declarations of the functions that generated code calls."""
     lines = [f"declare double @{f}(double) readnone nounwind" for f in LIBM]
     lines.append("declare double @pow(double, double) readnone nounwind")
     lines += [f"declare double @llvm.{f}.f64(double)" for f in _INTRINSICS if f != "fma"]
@@ -32,7 +34,7 @@ def declarations(lanes: int) -> str:
     for n in (2, 4):
         kind = f"<{n} x double>"
         lines.append(f"declare {kind} @llvm.fmuladd.v{n}f64({kind}, {kind}, {kind})")
-    lines.append(f"declare double @llvm.vector.reduce.fadd.v{lanes}f64(double, <{lanes} x double>)")
+    lines.append(f"declare double @llvm.vector.reduce.fadd.v{LANES}f64(double, <{LANES} x double>)")
     return "\n".join(lines) + "\n"
 
 
@@ -93,9 +95,20 @@ class Writer:
     def scaled(self, factor: float, a: Value) -> Value:
         return self.mul(literal(factor), a)
 
+    def plus(self, a: str, b: str) -> str:
+        return self.binary("fadd", a, b)
+
     def larger(self, a: str, b: str) -> str:
         """The larger of two numbers that are not negative."""
         return self.emit(f"select i1 {self.emit(f'fcmp ogt double {a}, {b}')}, double {a}, double {b}")
+
+    def paired(self, operation: Callable[[str, str], str], values: Sequence[str]) -> str:
+        """All values taken together in pairs of pairs; zero where there is none."""
+        values = list(values)
+        while len(values) > 1:
+            pairs = [operation(values[i], values[i + 1]) for i in range(0, len(values) - 1, 2)]
+            values = pairs + values[2 * len(pairs) :]
+        return values[0] if values else ZERO
 
     def load(self, array: str, index: int, kind: str = "double") -> str:
         pointer = self.emit(f"getelementptr double, ptr {array}, i64 {index}")

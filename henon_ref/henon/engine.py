@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook
-from henon_ref.henon.codegen import row_length
 from henon_ref.henon.compiled import CompiledSystem, double_double
 from henon_ref.henon.kernel import BANDS
 from henon_ref.henon.near import NearLook
 from henon_ref.henon.polynomial import bernstein_table
+from henon_ref.henon.rows import row_length
 from henon_ref.henon.session import Session
 from henon_ref.henon.settling import work_space
 from henon_ref.model.modes import Mode
@@ -144,7 +144,7 @@ class Engine:
         tolerance : float
             Local error of a step, relative to the size of each state and guard on the step.
         landing : int
-            HENON, NEWTON or BRENT of :mod:`henon_ref.henon.polynomial`.
+            HENON, NEWTON or BRENT of :mod:`henon_ref.henon.registers`.
         sample_times : ndarray, shape (k,), optional
         deadline : float, optional
             Seconds after which the run stops with status ``timeout``.

@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
-from henon_ref.henon.polynomial import NONE, ROOT, TOUCH, excluded, first_falling_root, land, steepness, value
+from henon_ref.henon.landing import land
+from henon_ref.henon.polynomial import (
+    NONE,
+    ROOT,
+    TOUCH,
+    excluded,
+    first_falling_root,
+    powers_of,
+    steepness,
+    value,
+)
 from henon_ref.henon.registers import BRACKET, EPS, G_INDEX, G_KIND, I_EVENTS, SURFACE, T_GUARDS, TANGENT
 from henon_ref.jit import inner
 
@@ -21,10 +31,7 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, metho
         if zeros == 0 and lower[g] > 0.0:
             continue
         if powers[0] == 0.0:
-            powers[0], powers[1] = 1.0, theta
-            square = theta * theta
-            for k in range(2, order + 1):
-                powers[k] = powers[k - 2] * square
+            powers_of(theta, powers, order)
         q = c[n + g, zeros:]
         degree = order - zeros
         if zeros > 0 and q[0] > 0.0 and excluded(q, powers, degree):

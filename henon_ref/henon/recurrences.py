@@ -7,86 +7,12 @@ come last, so that from order to order only they are waited for.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 
-from henon_ref.henon.emitter import ONE, ZERO, Value, Writer, literal
+from henon_ref.henon.convolutions import Convolutions
+from henon_ref.henon.emitter import LANES, ONE, ZERO, Value, Writer, literal
 from henon_ref.henon.phase import sin_cos
-from henon_ref.taylor.tape import INFINITE, Node, Tape
-
-LANES = 4
-"""Doubles in a vector."""
-SHORTEST = 8
-"""Order from which convolutions go in vectors."""
-
-Pair = tuple[int, int]
-
-
-class Convolutions:
-    """The older parts of all convolutions of an order, several at a time in the lanes of vectors.
-
-    u * v at order k is the sum of u_j v_(k-j): the lanes u_j v_(k-j) and v_j u_(k-j), for j from 2 to below
-    k/2, take two vectors of the same shape, one the other with neighbours swapped. What is left (j = 0 and 1
-    and the middle) is for whoever asks.
-    """
-
-    def __init__(self, w: Writer, series: Callable[[int], Sequence[Value]], pairs: Sequence[Pair], order: int) -> None:
-        self.w, self.series, self.order = w, series, order
-        half = LANES // 2
-        wanted = list(pairs) if order >= SHORTEST else []
-        self.groups = [wanted[i : i + half] for i in range(0, len(wanted), half)]
-        self.operands: list[dict[int, tuple[str, str]]] = [{} for _ in self.groups]
-        self.sums: dict[tuple[Pair, int], str] = {}
-        self.grouped = frozenset(wanted)
-
-    def pack(self, k: int) -> None:
-        """Take in the coefficients of order k, once they are all known."""
-        if k < 2 or k > self.order - 2:
-            return
-        for group, operands in zip(self.groups, self.operands, strict=True):
-            values = [self.series(node)[k] or ZERO for pair in group for node in pair]
-            packed = self.w.vector(values)
-            swapped = self.w.shuffled(len(values), packed, [i ^ 1 for i in range(len(values))])
-            operands[k] = packed, swapped
-
-    def add_up(self, k: int) -> None:
-        """Sums for order k, of coefficients up to k - 2."""
-        if k < 5:
-            return
-        w = self.w
-        for group, operands in zip(self.groups, self.operands, strict=True):
-            lanes = 2 * len(group)
-            chains = ["", ""]
-            for at, j in enumerate(range((k - 1) // 2, 1, -1)):
-                a, b = operands[j][0], operands[k - j][1]
-                which = at % 2 if k > 10 else 0
-                chain = chains[which]
-                chains[which] = w.lanewise_fused(lanes, a, b, chain) if chain else w.lanewise("fmul", lanes, a, b)
-            total = w.lanewise("fadd", lanes, chains[1], chains[0]) if chains[1] else chains[0]
-            swapped = w.shuffled(lanes, total, [i ^ 1 for i in range(lanes)])
-            total = w.lanewise("fadd", lanes, total, swapped)
-            for at, pair in enumerate(group):
-                self.sums[pair, k] = w.lane(lanes, total, 2 * at)
-
-    def older(self, pair: Pair, k: int) -> Value:
-        """Sum of u_j v_(k-j) over 2 <= j <= k - 2."""
-        w, (u, v) = self.w, (self.series(pair[0]), self.series(pair[1]))
-        if pair not in self.grouped:
-            return w.total([(u[j], v[k - j]) for j in range(2, k - 1)])
-        total: Value = self.sums.get((pair, k))
-        if k % 2 == 0 and k >= 4:
-            total = w.fused(u[k // 2], v[k // 2], total)
-        return total
-
-    def inner(self, pair: Pair, k: int) -> Value:
-        """Sum of u_j v_(k-j) over 1 <= j <= k - 1, the newest v last."""
-        w, (u, v) = self.w, (self.series(pair[0]), self.series(pair[1]))
-        total = self.older(pair, k)
-        if k == 2:
-            return w.mul(u[1], v[1])
-        if k > 2:
-            total = w.fused(u[k - 1], v[1], total)
-            total = w.fused(u[1], v[k - 1], total)
-        return total
+from henon_ref.taylor.tape import Node, Tape
 
 
 class Recurrences:
@@ -99,6 +25,8 @@ class Recurrences:
     convolutions : Convolutions
     series : callable
         Coefficients known so far of a node.
+    shares : mapping
+        Factors that reciprocals and sines of time are made with, where whoever reads them would multiply.
     """
 
     def __init__(
@@ -108,13 +36,15 @@ class Recurrences:
         constant: Callable[[int, bool], str],
         convolutions: Convolutions,
         series: Callable[[int], list[Value]],
+        shares: Mapping[int, Value],
         order: int,
     ) -> None:
         self.w, self.tape, self.constant, self.convolutions = w, tape, constant, convolutions
-        self.series, self.order = series, order
+        self.series, self.shares, self.order = series, shares, order
         self._phase: dict[int, tuple[str, str]] = {}
         self._made: dict[tuple[object, ...], Value] = {}
-        self._turns: dict[int, tuple[list[Value], list[Value]]] = {}
+        self._turns: dict[int, list[Value]] = {}
+        self._turned: dict[int, tuple[list[str], tuple[str, str]]] = {}
 
     def value(self, at: int, node: Node, k: int) -> Value:
         """Coefficient k of node ``at``."""
@@ -124,13 +54,13 @@ class Recurrences:
         if op == "clock":
             return self._clock(at, node, k)
         if op == "mul":
-            return self._product(node.args, k)
+            return self._product(at, node, k)
         if op == "square":
             return self._square(node.args[0], k)
         if op == "div":
             return self._quotient(at, node, k)
         if op in ("sin", "cos") and self.tape.nodes[node.args[0]].op == "clock":
-            return self._turning(node)[op == "cos"][k]
+            return self._turning(at, node)[k]
         return self._start(at, node) if k == 0 else self._transcendental(at, node, k)
 
     def made(self, *key: object, make: Callable[[], Value]) -> Value:
@@ -139,29 +69,39 @@ class Recurrences:
             self._made[key] = make()
         return self._made[key]
 
-    def reciprocal(self, at: int, k: int, numerator: str, below: tuple[int, str, str]) -> Value:
-        """Coefficient k of ``numerator / (a x + b)``; ``below``: the node x, the value of a x + b, and a."""
+    def reciprocal(self, at: int, k: int, below: tuple[int, Value, Value]) -> Value:
+        """Coefficient k of ``c / (a x + b)``; ``below``: the node x, the value of a x + b, and a."""
         w, (base, start, slope) = self.w, below
-        y, x = self.series(at), self.series(base)
-        inverse = self.made("inverse of", start, make=lambda: w.exact("fdiv", ONE, start))
+        inverse = self._inverse(start)
         if k == 0:
-            return w.mul(numerator, inverse)
-        # -(sum over j < k of y_j a_(k-j)) / a_0, the newest coefficient of x apart
-        minus = self.made(at, "minus", make=lambda: w.neg(w.mul(slope, inverse)))
-        newest = self.made(at, "newest", make=lambda: w.mul(minus, y[0]))
-        if k == 1:
-            return w.mul(newest, x[1])
-        before = self.made(at, "before", make=lambda: w.mul(minus, x[1]))
-        old = self.convolutions.older((base, at), k)
-        if k > 2:
-            old = w.fused(x[k - 1], y[1], old)
-        return w.fused(newest, x[k], w.fused(before, y[k - 1], w.mul(old, minus)))
+            numerator = self.constant(self.tape.nodes[at].constants[0], False)
+            return w.mul(w.mul(self.shares.get(at, ONE), numerator), inverse)
+        return self._divided(base, at, k, self.made(at, "minus", make=lambda: w.neg(w.mul(slope, inverse))))
 
-    def _product(self, args: tuple[int, ...], k: int) -> Value:
-        w, (a, b) = self.w, (self.series(args[0]), self.series(args[1]))
+    def _inverse(self, value: Value) -> str:
+        start = value or ZERO
+        made = self.made("inverse of", start, make=lambda: self.w.exact("fdiv", ONE, start))
+        return made or ZERO
+
+    def _divided(self, base: int, at: int, k: int, minus: Value) -> Value:
+        """Sum of (minus x_j) y_(k-j) over 1 <= j <= k: what quotient y's coefficient owes to its older ones."""
+        w, c = self.w, self.convolutions
+        x, y, pair = self.series(base), self.series(at), (base, at, at)
+        c.scale(pair, minus)
+        newest = self.made(at, "newest", make=lambda: w.mul(minus, y[0]))
+        rest = None
+        if k > 1:
+            total, rest = c.parts(pair, k)
+            if k > 2:
+                rest = w.fused(self.made(at, "after", make=lambda: w.mul(minus, y[1])), x[k - 1], rest)
+            rest = w.add(w.fused(c.left(pair, 1), y[k - 1], rest), total)
+        return w.fused(newest, x[k], rest)
+
+    def _product(self, at: int, node: Node, k: int) -> Value:
+        w, (a, b) = self.w, (self.series(node.args[0]), self.series(node.args[1]))
         if k == 0:
             return w.mul(a[0], b[0])
-        old = self.convolutions.inner((args[0], args[1]), k)
+        old = self.convolutions.inner((node.args[0], node.args[1], at), k)
         return w.fused(a[0], b[k], w.fused(a[k], b[0], old))
 
     def _twice(self, node: int, j: int) -> Value:
@@ -182,14 +122,12 @@ class Recurrences:
         return w.fused(self._twice(node, 0), a[k], self._halved(node, k))
 
     def _quotient(self, at: int, node: Node, k: int) -> Value:
-        w, y = self.w, self.series(at)
-        a, b = self.series(node.args[0]), self.series(node.args[1])
-        start = b[0] or ZERO
-        inverse = self.made("inverse of", start, make=lambda: w.exact("fdiv", ONE, start))
+        w, (a, b) = self.w, (self.series(node.args[0]), self.series(node.args[1]))
+        inverse = self._inverse(b[0])
         if k == 0:
             return w.mul(a[0], inverse)
-        rest = w.fused(y[0], b[k], self.convolutions.inner((node.args[1], at), k))
-        return w.mul(w.sub(a[k], rest), inverse)
+        minus = self.made(at, "minus", make=lambda: w.neg(inverse))
+        return w.fused(a[k], inverse, self._divided(node.args[1], at, k, minus))
 
     # -- functions of time ------------------------------------------------------------------------------
 
@@ -218,29 +156,31 @@ class Recurrences:
         self._phase[at] = total, low
         return w.exact("fadd", total, low)
 
-    def _turning(self, node: Node) -> tuple[list[Value], list[Value]]:
-        """All coefficients of the sine and the cosine of c0 + c1 t: (c1 sigma)^k / k! times a value that turns."""
-        clock = node.args[0]
-        if clock not in self._turns:
-            w = self.w
-            s, c = sin_cos(w, *self._phase[clock])
-            rate = w.mul(self.constant(self.tape.nodes[clock].constants[1], False), "%sigma") if self.order else None
-            sines: list[Value] = [s]
-            cosines: list[Value] = [c]
-            if rate is not None:
-                minus_s, minus_c = w.emit(f"fneg double {s}"), w.emit(f"fneg double {c}")
-                powers = powers_of(w, rate, -(-(self.order + 1) // LANES))
-                for values, pattern in ((sines, [s, c, minus_s, minus_c]), (cosines, [c, minus_s, minus_c, s])):
-                    turn = w.vector(pattern)
-                    for v, power in enumerate(powers):
-                        inverse = [literal(_inverse_factorial(v * LANES + i)) for i in range(LANES)]
-                        row = w.lanewise("fmul", LANES, power, w.lanewise("fmul", LANES, turn, w.vector(inverse)))
-                        values += [w.lane(LANES, row, i) for i in range(LANES) if v + i > 0]
-            else:
-                sines += [None] * self.order
-                cosines += [None] * self.order
-            self._turns[clock] = sines, cosines
-        return self._turns[clock]
+    def _turning(self, at: int, node: Node) -> list[Value]:
+        """All coefficients of the sine or cosine of c0 + c1 t: (c1 sigma)^k / k! times a value that turns."""
+        if at not in self._turns:
+            w, share = self.w, self.shares.get(at, ONE)
+            powers, (sine, cosine) = self._phases(node.args[0])
+            s, c = w.mul(sine, share), w.mul(cosine, share)
+            row = [s if node.op == "sin" else c]
+            pattern = [s, c, w.neg(s), w.neg(c)] if node.op == "sin" else [c, w.neg(s), w.neg(c), s]
+            turn = w.vector([value or ZERO for value in pattern])
+            for v, power in enumerate(powers):
+                inverse = [literal(_inverse_factorial(v * LANES + i)) for i in range(LANES)]
+                vector = w.lanewise("fmul", LANES, power, w.lanewise("fmul", LANES, turn, w.vector(inverse)))
+                row += [w.lane(LANES, vector, i) for i in range(LANES) if v + i > 0]
+            self._turns[at] = row
+        return self._turns[at]
+
+    def _phases(self, clock: int) -> tuple[list[str], tuple[str, str]]:
+        """Powers of c1 sigma up to the order, in vectors (none for order 0); sine and cosine of c0 + c1 t."""
+        if clock not in self._turned:
+            w, powers = self.w, []
+            if self.order:
+                rate = w.mul(self.constant(self.tape.nodes[clock].constants[1], False), "%sigma")
+                powers = powers_of(w, rate or ZERO, -(-(self.order + 1) // LANES))
+            self._turned[clock] = powers, sin_cos(w, *self._phase[clock])
+        return self._turned[clock]
 
     # -- functions of the state -------------------------------------------------------------------------
 
@@ -259,9 +199,7 @@ class Recurrences:
     def _transcendental(self, at: int, node: Node, k: int) -> Value:
         w, op, y, a = self.w, node.op, self.series(at), self.series(node.args[0])
         if op == "sqrt":
-            start = y[0] or ZERO
-            inverse = self.made("inverse of", start, make=lambda: w.exact("fdiv", ONE, start))
-            return w.mul(w.scaled(0.5, w.sub(a[k], self._halved(at, k))), inverse)
+            return w.mul(w.scaled(0.5, w.sub(a[k], self._halved(at, k))), self._inverse(y[0]))
         if op == "power":
             return self._power(at, node, k)
         if op in ("exp", "sin", "cos", "sinh", "cosh", "tan", "tanh"):
@@ -274,9 +212,7 @@ class Recurrences:
         q = self.series(below)
         terms = [(self._weighted(at, j), q[k - j]) for j in range(1, k)]
         rest = w.neg(a[k]) if op == "acos" else a[k]
-        start = q[0] or ZERO
-        inverse = self.made("inverse of", start, make=lambda: w.exact("fdiv", ONE, start))
-        return w.mul(w.sub(rest, w.scaled(1.0 / k, w.total(terms[:-1], terms[-1:]))), inverse)
+        return w.mul(w.sub(rest, w.scaled(1.0 / k, w.total(terms[:-1], terms[-1:]))), self._inverse(q[0]))
 
     def _power(self, at: int, node: Node, k: int) -> Value:
         w, y, a = self.w, self.series(at), self.series(node.args[0])
@@ -293,21 +229,6 @@ class Recurrences:
     def _weighted(self, node: int, j: int) -> Value:
         value = self.series(node)[j]
         return self.made(node, "weighted", j, make=lambda: self.w.scaled(float(j), value))
-
-
-def convolved(tape: Tape, bases: Callable[[int], int]) -> list[Pair]:
-    """The products worth a lane: pairs of nodes that are no polynomials in time; ``bases``: what a node is read as."""
-    pairs: list[Pair] = []
-    for at, node in enumerate(tape.nodes):
-        if node.op == "mul":
-            pair = node.args[0], node.args[1]
-        elif node.op in ("recip", "div"):
-            pair = bases(node.args[-1]), at
-        else:
-            continue
-        if all(tape.nodes[i].degree == INFINITE for i in pair):
-            pairs.append(pair)
-    return list(dict.fromkeys(pairs))
 
 
 def powers_of(w: Writer, x: str, vectors: int) -> list[str]:

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from henon_ref.henon.calls import call_expand
-from henon_ref.henon.codegen import declarations, expansion_ir
+from henon_ref.henon.codegen import expansion_ir
 from henon_ref.henon.compiled import double_double
+from henon_ref.henon.emitter import declarations
 from henon_ref.henon.machine import MachineCode
 from henon_ref.jit import inner, njit
 from henon_ref.model.modes import Mode

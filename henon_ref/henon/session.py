@@ -43,7 +43,7 @@ class Session:
     tolerance : float
         Local error of a step, relative to the size of each state and guard on the step.
     landing : int
-        HENON, NEWTON or BRENT of :mod:`henon_ref.henon.polynomial`.
+        HENON, NEWTON or BRENT of :mod:`henon_ref.henon.registers`.
     sample_times : ndarray, shape (k,), optional
     deadline : float, optional
         Seconds after which the run stops with status ``timeout``.

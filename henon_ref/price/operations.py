@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from henon_ref.henon.codegen import closing_ir, expansion_ir
+from henon_ref.henon.closing import closing_ir
+from henon_ref.henon.codegen import expansion_ir
 from henon_ref.henon.engine import Engine
 from henon_ref.henon.registers import HENON
 from henon_ref.henon.solvers import order_for

@@ -1,0 +1,153 @@
+"""Landings: putting the step's end on a guard's root that stands alone on the step."""
+
+from __future__ import annotations
+
+from henon_ref.henon.polynomial import POLY, value
+from henon_ref.henon.registers import BRACKET, BRENT, EPS, NEWTON
+from henon_ref.jit import inner
+
+
+@inner(fastmath=POLY)
+def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
+    """Put the step's end on the root of q that [low, high], within [0, 1], brackets, q falling.
+
+    ``HENON``: the independent variable is swapped from t to h (Hénon 1982; Eq. (14) of the paper) and one
+    Taylor step of order 4 in h, of length -h, is taken from a point near the surface: dt/dh = 1/h', whose
+    Taylor series is the reversion of h's. It is repeated once where the first step was long.
+    ``NEWTON``: the same with order 1, repeated. ``BRENT``: bracketing alone. Where h' is too small for
+    the swap (grazing), bisection decides, and the landing says ``BRACKET``.
+
+    Returns
+    -------
+    tau : float
+    used : int
+        The landing that was used.
+    evaluations : int
+        Evaluations of the polynomial (with its derivatives counted as one).
+    """
+    if low == high:
+        return low, method, 0
+    # A root at ``high`` itself, if there is one, is not the one bracketed: q is negative just before it.
+    below, above, evaluations = q[0], 0.0, 0
+    if low > 0.0:
+        below, evaluations = value(q, degree, low), 1
+    for k in range(degree + 1):
+        above += q[k]
+    if high < 1.0:
+        above, evaluations = value(q, degree, high), evaluations + 1
+    if method == BRENT and below > 0.0 > above:
+        tau, more = _brent(q, degree, low, high, below, above)
+        return tau, BRENT, evaluations + more
+    left, right = low, high
+    # The chord's root, but where another root next to ``high`` may have left nothing but rounding there.
+    chord = below > 0.0 and above < -0.01 * below
+    tau = low + (high - low) * below / (below - above) if chord else 0.5 * (low + high)
+    order_one = method == NEWTON
+    for _ in range(12):
+        g0, g1, g2, g3, g4 = q[degree], 0.0, 0.0, 0.0, 0.0
+        for k in range(degree - 1, -1, -1):
+            if not order_one:
+                g4 = g4 * tau + g3
+                g3 = g3 * tau + g2
+                g2 = g2 * tau + g1
+            g1 = g1 * tau + g0
+            g0 = g0 * tau + q[k]
+        evaluations += 1
+        if g0 > 0.0:
+            left = tau
+        else:
+            right = tau
+        if g1 >= 0.0:  # not yet, or no longer, on the way down
+            tau = 0.5 * (left + right)
+            continue
+        u = -g0 / g1
+        delta, error = u, 1.0
+        if not order_one:
+            delta, error = _reverted(u, 1.0 / g1, g2, g3, g4)
+            if error == 1.0:  # the swapped series does not converge from here: come closer first
+                delta = u if low < tau + u < high else 0.5 * (left + right) - tau
+        new = tau + delta
+        if not left <= new <= right:
+            new = min(max(new, left), right)
+            if new in (left, right) and abs(delta) > 8.0 * EPS * right:
+                new = 0.5 * (left + right)
+                tau = new
+                continue
+        moved = abs(new - tau)
+        tau = new
+        if moved <= 2.0 * EPS * new or error * moved <= 0.25 * EPS * new:
+            return tau, method, evaluations
+    tau, more = _bisect(q, degree, left, right)
+    return tau, BRACKET, evaluations + more
+
+
+@inner(fastmath=POLY)
+def _reverted(u, inverse, g2, g3, g4):  # type: ignore[no-untyped-def]
+    """Step to the zero by the reversed series in h, of order 4, and its relative error; 1 where it is no good.
+
+    ``u`` is the step of order 1, ``inverse`` 1 / h'. The terms fall off like powers of one number; the error
+    is about the fourth.
+    """
+    b2, b3, b4 = g2 * inverse, g3 * inverse, g4 * inverse
+    second, third, fourth = abs(b2 * u), abs(b3 * u * u), abs(b4 * u * u * u)
+    if second > 0.125 or third > 0.015 or fourth > 0.002:
+        return u, 1.0
+    step = u * (1.0 + u * (-b2 + u * ((2.0 * b2 * b2 - b3) + u * (5.0 * b2 * b3 - b4 - 5.0 * b2**3))))
+    return step, second**4 + third**2 + fourth * max(second, third)
+
+
+@inner(fastmath=POLY)
+def _bisect(q, degree, left, right):  # type: ignore[no-untyped-def]
+    evaluations = 0
+    while right - left > 2.0 * EPS * right and evaluations < 200:
+        middle = 0.5 * (left + right)
+        if middle <= left or middle >= right:
+            break
+        evaluations += 1
+        if value(q, degree, middle) > 0.0:
+            left = middle
+        else:
+            right = middle
+    return 0.5 * (left + right), evaluations
+
+
+@inner(fastmath=POLY)
+def _brent(q, degree, low, high, below, above):  # type: ignore[no-untyped-def]
+    """Brent's method (*Algorithms for Minimization without Derivatives*, 1973, Ch. 4)."""
+    a, b, fa, fb = low, high, below, above
+    c, fc = a, fa
+    d = e = b - a
+    evaluations = 0
+    while evaluations < 200:
+        if abs(fc) < abs(fb):
+            a, b, c = b, c, b
+            fa, fb, fc = fb, fc, fb
+        tolerance = EPS * abs(b)
+        half = 0.5 * (c - b)
+        if abs(half) <= tolerance or fb == 0.0:
+            break
+        if abs(e) >= tolerance and abs(fa) > abs(fb):
+            s = fb / fa
+            if a == c:
+                p, r = 2.0 * half * s, 1.0 - s
+            else:
+                u, v = fa / fc, fb / fc
+                p = s * (2.0 * half * u * (u - v) - (b - a) * (v - 1.0))
+                r = (u - 1.0) * (v - 1.0) * (s - 1.0)
+            if p > 0.0:
+                r = -r
+            p = abs(p)
+            if 2.0 * p < min(3.0 * half * r - abs(tolerance * r), abs(e * r)):
+                e, d = d, p / r
+            else:
+                d = e = half
+        else:
+            d = e = half
+        a, fa = b, fb
+        b += d if abs(d) > tolerance else (tolerance if half > 0.0 else -tolerance)
+        fb = value(q, degree, b)
+        evaluations += 1
+        if (fb > 0.0) == (fc > 0.0):
+            c, fc = a, fa
+            d = e = b - a
+    return b, evaluations
