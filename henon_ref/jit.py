@@ -6,9 +6,11 @@ cache therefore lives in a folder named after the text of :mod:`henon_ref.henon`
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -57,3 +59,15 @@ def njit(*, allocates: bool = False, **options: Any) -> Callable[[Callable[..., 
         return compiled
 
     return decorate
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Leave the garbage alone: numba makes millions of objects that stay, and looking through them is a fifth."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collecting:
+            gc.enable()

@@ -37,7 +37,7 @@ from henon_ref.henon.registers import (
 )
 from henon_ref.henon.stepping import remaining
 from henon_ref.henon.window import BEYOND, HALVINGS, MISS, NOISE, OPEN, PASSED, ROOT, STEEP, UNSURE, decide
-from henon_ref.jit import inner, njit
+from henon_ref.jit import compiling, inner, njit
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 from henon_ref.taylor.tape import build_tape
@@ -66,10 +66,12 @@ class NearLook:
         """See :func:`look_near`; ``places`` are the guards' in the order of :meth:`FilippovSystem.equations`."""
         if mode not in self._looks:
             self._looks[mode] = (np.array(places, dtype=np.int64), *self._program(mode))
-        began = None if self.loading_s else time.perf_counter()
-        outcome: int = look_near(floats, integers, layout, *self._looks[mode])
-        if began is not None:
-            self.loading_s = time.perf_counter() - began
+        if self.loading_s:
+            return int(look_near(floats, integers, layout, *self._looks[mode]))
+        began = time.perf_counter()
+        with compiling():
+            outcome = int(look_near(floats, integers, layout, *self._looks[mode]))
+        self.loading_s = time.perf_counter() - began
         return outcome
 
     def _program(self, mode: Mode) -> tuple[NDArray[Any], ...]:
