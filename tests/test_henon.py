@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from henon_ref.henon.solvers import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.model.case import load_case
@@ -182,3 +183,24 @@ def test_error_follows_the_tolerance() -> None:
     assert errors[0] < 1e-3
     assert errors[1] < 1e-7
     assert errors[2] < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("drive", "release"),
+    [
+        ("2*exp(-((t - 10)/w)**2)", 10 - 1e-4 * math.sqrt(math.log(2))),  # -1e10 at the start
+        ("exp(20*t**2 - 2000)", 10.0),  # the argument stands still where the run begins
+        ("exp(-20*(t - 4)**2*(t - 14)**2 + 7000*(t - 9))", None),  # and once more on the way, asleep
+        ("(1 + tanh(1000*(t - 9)))*51/100", 9 + math.atanh(49 / 51) / 1000),
+    ],
+)
+@pytest.mark.parametrize("rtol", [1e-6, 1e-12])
+def test_a_drive_that_sleeps_is_waited_for_in_few_steps(drive: str, release: float | None, rtol: float) -> None:
+    """Zero to the last digit, with all its derivatives, until it wakes: its argument tells when."""
+    drive = drive.replace("w", "(1/10000)")
+    result = run(make_problem("x", [f"{drive} - s"], {"s": "x"}, [0], "21/2"), rtol=rtol)
+    assert result.transitions[0].kind == "release"
+    if release is None:
+        release = brentq(lambda t: -20 * (t - 4) ** 2 * (t - 14) ** 2 + 7000 * (t - 9), 9.5, 10.5, xtol=1e-14)
+    assert result.transitions[0].time == pytest.approx(release, rel=1e-14)
+    assert result.counts.steps < 2000

@@ -46,8 +46,8 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str) -> str:
     expander.store()
     if order >= 3:
         rows = [*expander.solution, *expander.outputs]
-        exponents = [expander.series(node.args[0]) for node in tape.nodes if node.op in ("exp", "sinh", "tanh")]
-        for at, value in enumerate([*norms(w, rows, expander.sizes, order), longest(w, exponents)]):
+        tails = [(n.op, expander.series(n.args[0])) for n in tape.nodes if n.op in ("exp", "sinh", "tanh")]
+        for at, value in enumerate([*norms(w, rows, expander.sizes, order), longest(w, tails)]):
             w.store(value, "%C", len(rows) * row_length(order) + at)
     body = "\n".join(w.lines)
     return (

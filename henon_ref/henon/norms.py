@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from henon_ref.henon.emitter import ONE, Value, Writer, literal
+from henon_ref.henon.emitter import ONE, ZERO, Value, Writer, literal
 
 SWING = 8.0
 """How far the argument of an exponential may move on one step."""
+ASLEEP = {"exp": 750.0, "tanh": 20.0}
+"""Argument (of exp: minus the argument) from which on the value is 0 (of tanh: 1 or -1) to the last digit."""
 
 
 def norms(w: Writer, rows: Sequence[Sequence[Value]], sizes: Sequence[str], order: int) -> list[str]:
@@ -30,19 +32,31 @@ def inverse_size(w: Writer, row: Sequence[Value]) -> str:
     return w.exact("fdiv", ONE, size)
 
 
-def longest(w: Writer, arguments: Sequence[Sequence[Value]]) -> str:
+def longest(w: Writer, exponentials: Sequence[tuple[str, Sequence[Value]]]) -> str:
     """Longest step, in units of sigma, on which no exponential's argument moves by more than SWING.
 
     An exponential that is zero in double precision (a drive that sleeps) has no Taylor coefficient that could
-    tell of its waking: its argument does.
+    tell of its waking: its argument does. As long as it sleeps the argument may move half the way to where it wakes.
+
+    Parameters
+    ----------
+    exponentials : sequence
+        Of each ``exp``, ``sinh`` and ``tanh`` the name, and the coefficients of the argument.
     """
     result = literal(1e30)
-    for argument in arguments:
-        terms = [w.call("fabs", a) for a in argument[1:3] if a is not None]
-        if terms:
-            total = terms[0] if len(terms) == 1 else w.binary("fadd", terms[0], terms[1])
-            ratio = w.exact("fdiv", literal(SWING), w.binary("fadd", total, literal(1e-300)))
-            result = w.emit(
-                f"select i1 {w.emit(f'fcmp olt double {ratio}, {result}')}, double {ratio}, double {result}"
-            )
+    for name, argument in exponentials:
+        start, slope, bend = argument[0] or ZERO, argument[1], argument[2]
+        if slope is None and bend is None:
+            continue
+        swing = literal(SWING)
+        if name in ASLEEP:
+            depth = w.neg(start) if name == "exp" else w.call("fabs", start)
+            asleep = w.exact("fmul", literal(0.5), w.exact("fsub", depth or ZERO, literal(ASLEEP[name])))
+            swing = w.larger(asleep, swing)
+        # The root of |bend| theta^2 + |slope| theta = swing.
+        a, b = (w.call("fabs", value or ZERO) for value in (bend, slope))
+        inside = w.exact("fadd", w.exact("fmul", b, b), w.exact("fmul", literal(4.0), w.exact("fmul", a, swing)))
+        below = w.exact("fadd", w.exact("fadd", b, w.call("sqrt", inside)), literal(1e-300))
+        ratio = w.exact("fdiv", w.exact("fmul", literal(2.0), swing), below)
+        result = w.emit(f"select i1 {w.emit(f'fcmp olt double {ratio}, {result}')}, double {ratio}, double {result}")
     return result
