@@ -6,6 +6,7 @@ argument (one message on standard error), 130 interrupted.
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -26,6 +27,8 @@ from henon_ref.report.request import Request  # noqa: E402
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 DONE, GATE, BAD, INTERRUPTED = 0, 1, 2, 130
+SELDOM = 200_000
+"""Objects made between two looks for garbage."""
 KEPT = "finished rows are kept, --resume goes on from them"
 # What typer raises for a wrong argument; it exports this one class of them only.
 USAGE_ERROR: Any = typer.BadParameter.__base__
@@ -94,6 +97,7 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 def command(arguments: Sequence[str] | None = None) -> int:
     """Run the command; the exit status. Whatever goes wrong is one message on standard error."""
     signal.signal(signal.SIGTERM, _terminate)
+    gc.set_threshold(SELDOM)  # what is imported and compiled stays: looking through it again and again is for nothing
     try:
         # Run outside of typer, which has its own way with an interrupt.
         request = app(arguments, prog_name="python -m henon_ref.compare", standalone_mode=False)
