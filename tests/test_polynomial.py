@@ -38,7 +38,7 @@ def first_root(roots: list[float], lead: float, landing: int = k.HENON) -> tuple
     coefficients = np.zeros(ORDER + 1)
     poly = Polynomial.fromroots(roots) * lead
     coefficients[: len(roots) + 1] = poly.coef
-    stack, bounds = np.zeros((p.DEPTH + 2, ORDER + 1)), np.zeros((p.DEPTH + 2, 2))
+    stack, bounds = np.zeros((p.DEPTH + 2, TABLE.shape[2])), np.zeros((p.DEPTH + 2, 2))
     outcome, low, high = isolate(coefficients, stack, bounds)
     if outcome != p.ROOT:
         return outcome, 0.5 * (low + high), -1
@@ -79,7 +79,7 @@ def test_a_double_root_is_a_touch_and_a_near_miss_is_nothing() -> None:
     assert first_root([0.5, 0.5], 1.0)[0] in (p.TOUCH, p.ROOT)
     coefficients = np.zeros(ORDER + 1)
     coefficients[:3] = [0.25 + 1e-9, -1.0, 1.0]
-    stack, bounds = np.zeros((p.DEPTH + 2, ORDER + 1)), np.zeros((p.DEPTH + 2, 2))
+    stack, bounds = np.zeros((p.DEPTH + 2, TABLE.shape[2])), np.zeros((p.DEPTH + 2, 2))
     assert isolate(coefficients, stack, bounds)[0] == p.NONE
 
 

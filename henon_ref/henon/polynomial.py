@@ -22,7 +22,10 @@ POLY = {"contract", "nsz"}
 
 
 def bernstein_table(order: int) -> NDArray[np.float64]:
-    """Weights w[d, k, i] = binom(i, k) / binom(d, k), from powers to Bernstein coefficients of degree d <= order."""
+    """Weights w[d, k, i] = binom(i, k) / binom(d, k), from powers to Bernstein coefficients of degree d <= order.
+
+    The last axis goes on, with zeros, to whole fours.
+    """
     from math import comb
 
     table = np.zeros((order + 1, order + 1, order // 4 * 4 + 4))
@@ -72,7 +75,7 @@ def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-unty
         Coefficients in powers of a variable on [0, 1].
     table : ndarray
         :func:`bernstein_table`.
-    stack : ndarray, shape (DEPTH + 2, >= degree + 1)
+    stack : ndarray, shape (DEPTH + 2, whole fours above degree)
     bounds : ndarray, shape (DEPTH + 2, 2)
         Work space.
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
 from henon_ref.henon.engine import Engine
+from henon_ref.henon.loading import load
 from henon_ref.henon.registers import BRENT, HENON, LANDINGS, NEWTON
-from henon_ref.jit import compiling
 from henon_ref.solver import Run
 from henon_ref.trajectory import Problem, Trajectory
 
@@ -57,8 +57,8 @@ class HenonSolver:
         tolerance = max(0.1 * rtol, 2e-16)
         engine = Engine(problem.system, order_for(tolerance))
         start = engine.start(problem)
-        with compiling():  # loads the loop
-            engine.run(replace(start, until=start.time), tolerance=tolerance, landing=self.method)
+        nothing = replace(start, until=start.time)
+        load(lambda: engine.run(nothing, tolerance=tolerance, landing=self.method))
 
         def run() -> Trajectory:
             return engine.run(
