@@ -204,3 +204,15 @@ def test_a_drive_that_sleeps_is_waited_for_in_few_steps(drive: str, release: flo
         release = brentq(lambda t: -20 * (t - 4) ** 2 * (t - 14) ** 2 + 7000 * (t - 9), 9.5, 10.5, xtol=1e-14)
     assert result.transitions[0].time == pytest.approx(release, rel=1e-14)
     assert result.counts.steps < 2000
+
+
+@pytest.mark.parametrize("power", [3, 4, 8])
+@pytest.mark.parametrize("rtol", [1e-2, 1e-6, 1e-12])
+def test_a_drive_whose_argument_is_flat_at_the_start_is_not_slept_through(power: int, rtol: float) -> None:
+    """No derivative up to the power tells of the pulse at t = 10: looking back from a step's end does."""
+    drive = f"2*exp(-((t**{power} - 10**{power})/10**{power - 2})**2)"
+    result = run(make_problem("x", [f"{drive} - s"], {"s": "x"}, [0], 20), rtol=rtol)
+    assert kinds(result) == ["release", "stick"]
+    release = (10.0**power - 10.0 ** (power - 2) * math.sqrt(math.log(2))) ** (1 / power)
+    assert result.transitions[0].time == pytest.approx(release, rel=1e-13)
+    assert result.counts.steps < 1000

@@ -102,6 +102,10 @@ class Writer:
         """The larger of two numbers that are not negative."""
         return self.emit(f"select i1 {self.emit(f'fcmp ogt double {a}, {b}')}, double {a}, double {b}")
 
+    def smaller(self, a: str, b: str) -> str:
+        """The smaller of two numbers."""
+        return self.emit(f"select i1 {self.emit(f'fcmp olt double {a}, {b}')}, double {a}, double {b}")
+
     def paired(self, operation: Callable[[str, str], str], values: Sequence[str]) -> str:
         """All values taken together in pairs of pairs; zero where there is none."""
         values = list(values)

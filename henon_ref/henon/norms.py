@@ -8,6 +8,8 @@ from henon_ref.henon.emitter import ONE, ZERO, Value, Writer, literal
 
 SWING = 8.0
 """How far the argument of an exponential may move on one step."""
+DOUBLE = 2.0
+"""How many times sigma a step may be where an argument has terms of order 3 and higher."""
 ASLEEP = {"exp": 750.0, "tanh": 20.0}
 """Argument (of exp: minus the argument) from which on the value is 0 (of tanh: 1 or -1) to the last digit."""
 
@@ -38,6 +40,9 @@ def longest(w: Writer, exponentials: Sequence[tuple[str, Sequence[Value]]]) -> s
     An exponential that is zero in double precision (a drive that sleeps) has no Taylor coefficient that could
     tell of its waking: its argument does. As long as it sleeps the argument may move half the way to where it wakes.
 
+    On a step theta <= DOUBLE the argument a moves by no more than abs(a_1) theta + bend theta^2, where bend is
+    the sum of abs(a_j) DOUBLE^(j - 2): exact where a is quadratic, and then without that limit.
+
     Parameters
     ----------
     exponentials : sequence
@@ -45,18 +50,30 @@ def longest(w: Writer, exponentials: Sequence[tuple[str, Sequence[Value]]]) -> s
     """
     result = literal(1e30)
     for name, argument in exponentials:
-        start, slope, bend = argument[0] or ZERO, argument[1], argument[2]
-        if slope is None and bend is None:
+        moving = [(j, value) for j, value in enumerate(argument) if j > 0 and value is not None]
+        if not moving:
             continue
+        slope = next((w.call("fabs", value) for j, value in moving if j == 1), ZERO)
+        bend, quadratic = ZERO, ZERO
+        for j, value in moving:
+            if j > 1:
+                bend = w.plus(bend, w.binary("fmul", w.call("fabs", value), literal(DOUBLE ** (j - 2))))
+            if j == 2:
+                quadratic = bend
         swing = literal(SWING)
         if name in ASLEEP:
+            start = argument[0] or ZERO
             depth = w.neg(start) if name == "exp" else w.call("fabs", start)
             asleep = w.exact("fmul", literal(0.5), w.exact("fsub", depth or ZERO, literal(ASLEEP[name])))
             swing = w.larger(asleep, swing)
-        # The root of |bend| theta^2 + |slope| theta = swing.
-        a, b = (w.call("fabs", value or ZERO) for value in (bend, slope))
-        inside = w.exact("fadd", w.exact("fmul", b, b), w.exact("fmul", literal(4.0), w.exact("fmul", a, swing)))
-        below = w.exact("fadd", w.exact("fadd", b, w.call("sqrt", inside)), literal(1e-300))
-        ratio = w.exact("fdiv", w.exact("fmul", literal(2.0), swing), below)
-        result = w.emit(f"select i1 {w.emit(f'fcmp olt double {ratio}, {result}')}, double {ratio}, double {result}")
+        inside = w.exact(
+            "fadd", w.exact("fmul", slope, slope), w.exact("fmul", literal(4.0), w.exact("fmul", bend, swing))
+        )
+        below = w.exact("fadd", w.exact("fadd", slope, w.call("sqrt", inside)), literal(1e-300))
+        root = w.exact("fdiv", w.exact("fmul", literal(2.0), swing), below)
+        result = w.smaller(root, result)
+        if bend != quadratic:  # there are terms of order 3 and higher; none of them counts where they add nothing
+            free = w.emit(f"fcmp oeq double {bend}, {quadratic}")
+            limit = w.emit(f"select i1 {free}, double {literal(1e30)}, double {literal(DOUBLE)}")
+            result = w.smaller(limit, result)
     return result

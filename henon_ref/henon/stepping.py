@@ -176,6 +176,7 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
             end = floats[F_TIME] + at * sigma
             call_expand(layout[0, T_EXPANSION], end, floats[F_LOW], sigma, point, constants, ahead)
             integers[I_RHS] += 1
+            agreed = agreed and ahead[n + guards, 3] >= 0.25 * at  # the exponentials allow the way back, too
             for r in range(n + guards):
                 first = 1 if r < n else 0  # slopes of states, values of guards
                 foretold, size, power = 0.0, abs(ahead[r, first]), 1.0
