@@ -44,14 +44,7 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     tau = low + (high - low) * below / (below - above) if chord else 0.5 * (low + high)
     order_one = method == NEWTON
     for _ in range(12):
-        g0, g1, g2, g3, g4 = q[degree], 0.0, 0.0, 0.0, 0.0
-        for k in range(degree - 1, -1, -1):
-            if not order_one:
-                g4 = g4 * tau + g3
-                g3 = g3 * tau + g2
-                g2 = g2 * tau + g1
-            g1 = g1 * tau + g0
-            g0 = g0 * tau + q[k]
+        g0, g1, g2, g3, g4 = _around(q, degree, tau, order_one)
         evaluations += 1
         if g0 > 0.0:
             left = tau
@@ -79,6 +72,20 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
             return tau, method, evaluations
     tau, more = _bisect(q, degree, left, right)
     return tau, BRACKET, evaluations + more
+
+
+@inner(fastmath=POLY)
+def _around(q, degree, tau, order_one):  # type: ignore[no-untyped-def]
+    """Taylor coefficients 0 to 4 of q around tau; 0 and 1 only where no more are wanted."""
+    g0, g1, g2, g3, g4 = q[degree], 0.0, 0.0, 0.0, 0.0
+    for k in range(degree - 1, -1, -1):
+        if not order_one:
+            g4 = g4 * tau + g3
+            g3 = g3 * tau + g2
+            g2 = g2 * tau + g1
+        g1 = g1 * tau + g0
+        g0 = g0 * tau + q[k]
+    return g0, g1, g2, g3, g4
 
 
 @inner(fastmath=POLY)

@@ -66,6 +66,27 @@ def value(q, degree, tau):  # type: ignore[no-untyped-def]
 
 
 @inner()
+def _to_bernstein(a, degree, weights, b):  # type: ignore[no-untyped-def]
+    """Bernstein coefficients on [0, 1], a column of the weights at a time: the sums go side by side in vectors."""
+    fours = degree // 4 + 1
+    for i in range(4 * fours):
+        b[i] = a[0]
+    for k in range(1, degree + 1):
+        column, own = weights[k], a[k]
+        for i in range(4 * fours):
+            b[i] += column[i] * own
+
+
+@inner()
+def _halve(left, right, degree):  # type: ignore[no-untyped-def]
+    """Bernstein coefficients of both halves of what ``right`` stands for (de Casteljau, in place)."""
+    for i in range(degree + 1):
+        left[i] = right[0]
+        for j in range(degree - i):
+            right[j] = 0.5 * (right[j] + right[j + 1])
+
+
+@inner()
 def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-untyped-def]
     """Isolate the first root on (0, 1] through which the polynomial falls.
 
@@ -86,19 +107,12 @@ def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-unty
     low, high : float
         The interval it lies in (equal where it was hit exactly).
     """
-    weights = table[degree]
     size = 0.0
     for k in range(degree + 1):
         size += abs(a[k])
     noise = 4.0 * EPS * size
     b = stack[0]
-    fours = degree // 4 + 1
-    for i in range(4 * fours):
-        b[i] = a[0]
-    for k in range(1, degree + 1):  # a column at a time, so that the sums go side by side in vectors
-        column, own = weights[k], a[k]
-        for i in range(4 * fours):
-            b[i] += column[i] * own
+    _to_bernstein(a, degree, table[degree], b)
     bounds[0, 0], bounds[0, 1] = 0.0, 1.0
     top = 1
     before = 0
@@ -130,12 +144,7 @@ def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-unty
         if largest <= noise or top + 2 > DEPTH or high - low < 4.0 * EPS:
             return TOUCH, low, high
         middle = 0.5 * (low + high)
-        right = stack[top]
-        left = stack[top + 1]
-        for i in range(degree + 1):  # de Casteljau in place: what stays behind is the right half, in order
-            left[i] = right[0]
-            for j in range(degree - i):
-                right[j] = 0.5 * (right[j] + right[j + 1])
+        _halve(stack[top + 1], stack[top], degree)
         bounds[top, 0], bounds[top, 1] = middle, high
         bounds[top + 1, 0], bounds[top + 1, 1] = low, middle
         top += 2
