@@ -221,7 +221,9 @@ def test_an_interrupt_keeps_finished_rows_and_says_how_to_go_on(made_up, tmp_pat
     script = tmp_path / "run.py"
     script.write_text(
         textwrap.dedent(f"""
+        import signal
         import sys
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in what a shell runs in the background
         sys.path.insert(0, {str(Path(__file__).parent)!r})
         from fakes import Fake, statement
         from henon_ref import compare, registry
