@@ -110,6 +110,7 @@ class Driver:
     def run(self) -> Trajectory:
         """The whole run, afresh."""
         self.work.start()
+        self.table.switching.forget()
         system, x = self.problem.system, self.initial
         record = Record(
             self.work,

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import pytest
 import sympy as sp
 
+from henon_ref import registry
+from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.model import switching
 from henon_ref.model.switching import Switching, exact_sign
+from henon_ref.taylor.expand import expand
 from tests.conftest import make_problem
 
 
@@ -62,3 +69,26 @@ def test_contact_orders_count_the_zeros_of_h() -> None:
     assert switching.contact_orders(0.5, [0.0, 0.0], (1,), [0]) == [2]
     assert switching.contact_orders(0.0, [0.0, 0.0], (1,), [0]) == [3]
     assert switching.contact_orders(0.0, [0.0, 0.0], (1,), []) == [0]
+
+
+def test_a_run_does_not_live_on_what_an_earlier_one_worked_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two surfaces are met at once, at the same point in every run: each run makes the expansions it needs."""
+    problem = make_problem("x y", ["(3 + u)/2 + 0*s", "(3 + s)/2 + y - x"], {"s": "x", "u": "y"}, [-1, -1], 2)
+    made = 0
+
+    def counted(*arguments: Any) -> Any:
+        nonlocal made
+        made += 1
+        return expand(*arguments)
+
+    monkeypatch.setattr(switching, "expand", counted)
+    for solver in (HENON_SOLVER, registry.solver("scipy-dop853")):
+        run = solver.prepare(problem, rtol=1e-9)
+        counts = []
+        for _ in range(3):
+            made = 0
+            run()
+            counts.append(made)
+        assert counts[0] > 0
+        assert len(set(counts[1:])) == 1
+        assert counts[1] > 0

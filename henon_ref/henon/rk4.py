@@ -159,6 +159,7 @@ class _Integration:
     def run(self) -> Trajectory:
         """Integrate to the horizon, or to where there is no going on."""
         problem = self.plan.problem
+        self.plan.switching.forget()
         decision = self.plan.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
         recent: deque[float] = deque(maxlen=CROWDED)
         while decision.mode is not None:

@@ -62,6 +62,7 @@ class Session:
         block: int = _CHUNK,
     ) -> None:
         self.engine, self.start, self.deadline, self.block = engine, start, deadline, block
+        engine.switching.forget()
         floats, integers = start.arrays
         self.floats, self.integers = floats, integers = floats.copy(), integers.copy()
         floats[k.F_TOLERANCE] = tolerance

@@ -58,9 +58,13 @@ class Switching:
         self.system = system
         self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[float]] | None] = {}
         self._holds: dict[int, Callable[..., list[float]]] = {}
-        self._point = _Point(())
+        self.forget()
         normals = [system.numeric(system.normal_velocity(i)) for i in range(len(system.surfaces))]
         self._normals = sp.lambdify([TIME, *system.states, *system.signs], normals, "math", cse=True)
+
+    def forget(self) -> None:
+        """A run begins: what an earlier one has worked out at the same point is none of its own work."""
+        self._point = _Point(())
 
     def initial_mode(
         self, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None

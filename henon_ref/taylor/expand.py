@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import mul
 from typing import Any
 
 from henon_ref.taylor.tape import Tape
@@ -45,91 +46,124 @@ def expand(
     states : list of n lists of ``order + 1`` coefficients
     outputs : list of ``len(tape.outputs)`` lists of ``order + 1`` coefficients
     """
-    series: list[list[Any]] = [[] for _ in tape.nodes]
     solution = [[value] for value in state]
+    series = [solution[node.args[0]] if node.op == "state" else [] for node in tape.nodes]
+    numbers = [[constants[i] for i in node.constants] for node in tape.nodes]
+    steps = [
+        _step(node.op, own, [series[i] for i in node.args], c, time, ring)
+        for node, own, c in zip(tape.nodes, series, numbers, strict=True)
+        if node.op != "state"
+    ]
+    links = [(target, series[source]) for target, source in zip(solution, tape.field, strict=False)]
     for k in range(order + 1):
-        for node, own in zip(tape.nodes, series, strict=True):
-            if node.op == "state":
-                own.append(solution[node.args[0]][k])
-            else:
-                own.append(_coefficient(node, own, series, k, constants, time, ring))
+        for step in steps:
+            step(k)
         if k < order:
-            for target, source in zip(solution, tape.field, strict=True):
-                target.append(series[source][k] / (k + 1))
+            for target, rate in links:
+                target.append(rate[k] / (k + 1))
     return solution, [series[i] for i in tape.outputs]
 
 
-def _dot(a: list[Any], b: list[Any], first: int, last: int, total: int) -> Any:
-    """Sum of a[j] b[total - j] over first <= j <= last (0 where there is none)."""
-    result: Any = 0
-    for j in range(first, last + 1):
-        result = result + a[j] * b[total - j]
-    return result
+Series = list[Any]
+Step = Callable[[int], None]
+"""Appends coefficient k of one node to its series."""
 
 
-def _derived(a: list[Any], q: list[Any], k: int) -> Any:
-    """Coefficient k of y with y' = a' q."""
-    result: Any = 0
-    for j in range(1, k + 1):
-        result = result + j * a[j] * q[k - j]
-    return result / k
-
-
-def _quotient(y: list[Any], a: list[Any], q: list[Any], k: int) -> Any:
-    """Coefficient k of y with y' q = a'."""
-    result = k * a[k]
-    for j in range(1, k):
-        result = result - j * y[j] * q[k - j]
-    return result / (k * q[0])
-
-
-def _coefficient(
-    node: Any, y: list[Any], series: list[list[Any]], k: int, constants: Sequence[Any], time: Any, ring: Ring
-) -> Any:
-    op, c = node.op, [constants[i] for i in node.constants]
-    if op == "constant":
-        return c[0] if k == 0 else 0 * c[0]
-    if op == "clock":
-        return c[0] + c[1] * time if k == 0 else c[1] if k == 1 else 0 * c[1]
-    a = series[node.args[0]]
-    if op in ("add", "sub", "mul", "div"):
-        b = series[node.args[1]]
-        if op == "add":
-            return a[k] + b[k]
-        if op == "sub":
-            return a[k] - b[k]
-        return _dot(a, b, 0, k, k) if op == "mul" else (a[k] - _dot(y, b, 0, k - 1, k)) / b[0]
-    if op == "square":
-        half = 2 * _dot(a, a, 0, (k - 1) // 2, k)
-        return half if k % 2 else half + a[k // 2] * a[k // 2]
-    if op == "scale":
-        return c[0] * a[k]
-    if op == "shift":
-        return a[k] + c[0] if k == 0 else a[k]
-    if op == "rsub":
-        return c[0] - a[k] if k == 0 else -a[k]
-    if op == "recip":
-        return c[0] / a[0] if k == 0 else -_dot(y, a, 0, k - 1, k) / a[0]
-    return _transcendental(op, y, a, series[node.args[1]] if len(node.args) > 1 else y, k, c, ring)
-
-
-def _transcendental(op: str, y: list[Any], a: list[Any], q: list[Any], k: int, c: list[Any], ring: Ring) -> Any:
-    if k == 0:
-        return ring.power(a[0], c[0]) if op == "power" else ring.functions[op](a[0])
-    if op == "sqrt":
-        return (a[k] - _dot(y, y, 1, k - 1, k)) / (2 * y[0])
+def _step(op: str, y: Series, args: Sequence[Series], c: Series, time: Any, ring: Ring) -> Step:
+    if op in ("constant", "clock"):
+        return _listed(y, c if op == "constant" else [c[0] + c[1] * time, c[1]], 0 * c[0])
+    a, b = args[0], args[-1]
+    if op in ("scale", "shift", "rsub", "recip"):
+        return _WITH_NUMBER[op](y, a, c[0])
+    if op in _RATIONAL:
+        return _RATIONAL[op](y, a, b)
     if op == "power":
-        result: Any = 0
-        for j in range(1, k + 1):
-            result = result + (c[0] * j - (k - j)) * a[j] * y[k - j]
-        return result / (k * a[0])
-    if op == "exp":
-        return _derived(a, y, k)
-    if op == "log":
-        return _quotient(y, a, a, k)
-    if op in ("atan", "asin"):
-        return _quotient(y, a, q, k)
-    if op == "acos":
-        return _quotient(y, [-value for value in a], q, k)
-    value = _derived(a, q, k)
-    return -value if op == "cos" else value
+        return _power(y, a, c[0], ring.power)
+    function = ring.functions[op]
+    if op == "sqrt":
+        return _root(y, a, function)
+    if op in ("log", "atan", "asin", "acos"):
+        return _quotient(y, a, b, -1 if op == "acos" else 1, function)
+    return _product_integral(y, a, y if op == "exp" else b, -1 if op == "cos" else 1, function)
+
+
+def _listed(y: Series, values: Series, zero: Any) -> Step:
+    return lambda k: y.append(values[k] if k < len(values) else zero)
+
+
+def _product(y: Series, a: Series, b: Series) -> Step:
+    return lambda k: y.append(sum(map(mul, a, b[k::-1])))
+
+
+def _square(y: Series, a: Series, _: Series) -> Step:
+    def step(k: int) -> None:
+        half = 2 * sum(map(mul, a[: (k + 1) // 2], a[k : k // 2 : -1]))
+        y.append(half if k % 2 else half + a[k // 2] * a[k // 2])
+
+    return step
+
+
+def _ratio(y: Series, a: Series, b: Series) -> Step:
+    return lambda k: y.append((a[k] - sum(map(mul, y, b[k:0:-1]))) / b[0])
+
+
+def _reciprocal(y: Series, a: Series, c: Any) -> Step:
+    return lambda k: y.append(-sum(map(mul, y, a[k:0:-1])) / a[0] if k else c / a[0])
+
+
+def _root(y: Series, a: Series, root: Callable[[Any], Any]) -> Step:
+    return lambda k: y.append((a[k] - sum(map(mul, y[1:], y[:0:-1]))) / (2 * y[0]) if k else root(a[0]))
+
+
+def _power(y: Series, a: Series, c: Any, power: Callable[[Any, Any], Any]) -> Step:
+    def step(k: int) -> None:
+        if k == 0:
+            y.append(power(a[0], c))
+        else:
+            y.append(sum((c * j - (k - j)) * a[j] * y[k - j] for j in range(1, k + 1)) / (k * a[0]))
+
+    return step
+
+
+def _product_integral(y: Series, a: Series, q: Series, sign: int, function: Callable[[Any], Any]) -> Step:
+    """y with y' = sign a' q."""
+    slopes: Series = []
+
+    def step(k: int) -> None:
+        if k == 0:
+            y.append(function(a[0]))
+            return
+        slopes.append(sign * k * a[k])
+        y.append(sum(map(mul, slopes, q[k - 1 :: -1])) / k)
+
+    return step
+
+
+def _quotient(y: Series, a: Series, q: Series, sign: int, function: Callable[[Any], Any]) -> Step:
+    """y with y' q = sign a'."""
+    slopes: Series = []
+
+    def step(k: int) -> None:
+        if k == 0:
+            y.append(function(a[0]))
+            return
+        slope = (sign * k * a[k] - sum(map(mul, slopes, q[k - 1 : 0 : -1]))) / q[0]
+        slopes.append(slope)
+        y.append(slope / k)
+
+    return step
+
+
+_RATIONAL: dict[str, Callable[[Series, Series, Series], Step]] = {
+    "add": lambda y, a, b: lambda k: y.append(a[k] + b[k]),
+    "sub": lambda y, a, b: lambda k: y.append(a[k] - b[k]),
+    "mul": _product,
+    "square": _square,
+    "div": _ratio,
+}
+_WITH_NUMBER: dict[str, Callable[[Series, Series, Any], Step]] = {
+    "scale": lambda y, a, c: lambda k: y.append(c * a[k]),
+    "shift": lambda y, a, c: lambda k: y.append(a[k] if k else a[0] + c),
+    "rsub": lambda y, a, c: lambda k: y.append(-a[k] if k else c - a[0]),
+    "recip": _reciprocal,
+}
