@@ -37,7 +37,7 @@ def test_a_dip_below_zero_is_a_root_and_one_above_it_a_miss(power: int, depth: s
 @pytest.mark.parametrize("power", [2, 4, 6])
 def test_an_exact_touch_is_one(power: int) -> None:
     found = look((X - 1) ** power, 1 - 1e-7)
-    assert (found.what, found.lowest) == ("touch", True)
+    assert (found.what, found.lowest, found.parabolic) == ("touch", True, power == 2)
     assert found.time[0] == pytest.approx(1, abs=1e-11 if power == 6 else 1e-15)
 
 

@@ -9,6 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
+from flint import arb, arb_poly
 
 from henon_ref.errors import ModelError
 from henon_ref.henon.codegen import expansion_ir
@@ -17,7 +18,8 @@ from henon_ref.henon.machine import MachineCode
 from henon_ref.henon.rows import row_length
 from henon_ref.model.system import TIME
 from henon_ref.taylor.expand import Ring, expand
-from henon_ref.taylor.tape import build_tape
+from henon_ref.taylor.polynomials import plan, polynomials
+from henon_ref.taylor.tape import INFINITE, build_tape
 
 x, y = sp.symbols("x y", real=True)
 a = sp.Symbol("a", real=True)
@@ -113,3 +115,30 @@ def test_constants_are_folded_and_zeros_cost_nothing() -> None:
 def test_a_field_with_a_jump_as_text_is_refused() -> None:
     with pytest.raises(ModelError, match="no Taylor recurrence for Abs"):
         build_tape((x,), [sp.Abs(x)], [])
+
+
+def test_motion_that_is_a_polynomial_in_time_is_known_by_its_form() -> None:
+    """y' = 2 t, x' = y^2: degrees 2 and 5; a function of a constant is one; states that feed on each other are none."""
+    tape = build_tape((x, y), [y**2, 2 * t], [x * y - 3, sp.sin(y), (1 - y) ** 3 / 7])
+    assert [tape.nodes[i].degree for i in (0, 1, *tape.outputs)] == [5, 2, 7, INFINITE, 6]
+    still = build_tape((x, y), [sp.Integer(3), sp.Integer(0)], [x / (1 + a**2)])
+    assert [still.nodes[i].degree for i in (0, *still.outputs)] == [1, 1]
+    assert [node.degree for node in build_tape((x, y), [y, x], []).nodes] == [INFINITE, INFINITE]
+    assert build_tape((x, y), (), [x * y]).nodes[0].degree == INFINITE  # of no field nothing is known
+
+
+def test_polynomial_motion_is_that_of_the_expansion() -> None:
+    tape = build_tape((x, y), [y**2 - t, 2 * t + a], [x * y - 3 * x**3, sp.exp(x), 1 - t * y])
+    numbers = [arb(str(sp.N(c.subs(a, 5)))) for c in tape.constants]
+    start, state = arb("0.3"), [arb("0.2"), arb("-0.4")]
+    states, outputs = expand(tape, numbers, start, state, 20, Ring({"exp": arb.exp}, arb.__pow__))
+    assert plan(tape, 1) is None
+    for output in (0, 2):
+        steps = plan(tape, output)
+        assert steps is not None
+        values = polynomials(steps, tape, [arb_poly([c]) for c in numbers], start, state)
+        found = [values[0], values[1], values[tape.outputs[output]]]
+        for series, polynomial in zip([*states, outputs[output]], found, strict=True):
+            assert polynomial.degree() <= tape.nodes[tape.outputs[0]].degree
+            assert all((c - polynomial[k]).contains(0) for k, c in enumerate(series))
+            assert max(float(c.rad()) for c in series) < 1e-9

@@ -1,6 +1,6 @@
 """A closer look at an event that double precision cannot decide: a pair of roots, a touch, or a miss.
 
-The Taylor polynomial of the step is made again from the same tape, of higher order and with 220 bits, and
+The polynomial of the step is made again with 220 bits (:mod:`henon_ref.henon.multiprecision`), and
 its roots are isolated as in :mod:`henon_ref.henon.polynomial`, in integers: a number v stands as v 2^220. The
 state at the step's start is taken as it is (its rounded part included).
 """
@@ -13,16 +13,13 @@ from itertools import pairwise
 from math import comb
 from typing import Literal
 
-import sympy as sp
 from flint import arb, ctx
 
+from henon_ref.henon.multiprecision import Motions
+from henon_ref.henon.window import PARABOLIC
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
-from henon_ref.taylor.expand import Ring, expand
-from henon_ref.taylor.tape import Tape, build_tape
 
-ORDERS = (48, 96, 192)
-"""Orders of the expansion, tried in turn until its last terms count for nothing."""
 BITS = 220
 """Bits after the point of a polynomial's coefficients, its size on the step being 1, and of places on the step."""
 ONE = 1 << BITS
@@ -32,10 +29,12 @@ CLOSE = 2 ** (BITS - 160)
 """Places closer to each other than 1e-48 of the step are one."""
 SAME = int(ONE * 1e-10)
 """Minima closer to each other are one and the same."""
+CURVED = int(ONE * PARABOLIC)
+"""A second derivative above this at a minimum makes it one of second order."""
 DEPTH = 200
 """Halvings of the step before what is left of it counts as a point."""
-_NAMES = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt")
-_RING = Ring({name: getattr(arb, name) for name in _NAMES}, arb.__pow__)
+_BEYOND = 1 + arb(2) ** -46
+"""A root that rounding has put on the step's end may lie just behind it."""
 Pair = tuple[float, float]
 What = Literal["root", "touch", "miss"]
 Fixed = Sequence[int]
@@ -49,6 +48,8 @@ class Finding:
     what: What
     lowest: bool
     """True where the guard has a minimum there (a touch, or a miss)."""
+    parabolic: bool
+    """True where that is a minimum of second order."""
     time: Pair
     """The time of the root or the minimum, and what rounding it lost."""
     state: tuple[Pair, ...]
@@ -56,19 +57,10 @@ class Finding:
 
 
 class CloserLook:
-    """Multiprecision tapes of one system, made when they are first needed."""
+    """Looks closer at one system's events."""
 
     def __init__(self, system: FilippovSystem) -> None:
-        self.system = system
-        self._tapes: dict[Mode, tuple[Tape, list[arb]]] = {}
-
-    def _tape(self, mode: Mode) -> tuple[Tape, list[arb]]:
-        if mode not in self._tapes:
-            equations = self.system.equations(mode)
-            tape = build_tape(self.system.states, equations.field, [g.expression for g in equations.guards])
-            numbers = [arb(str(sp.N(self.system.numeric(c), 75))).mid() for c in tape.constants]
-            self._tapes[mode] = (tape, numbers)
-        return self._tapes[mode]
+        self._motions = Motions(system)
 
     def look(
         self,
@@ -100,22 +92,16 @@ class CloserLook:
             The guard is known to fall to a minimum at the doubtful point and to have no root much before it.
         """
         with ctx.workprec(BITS):
-            tape, numbers = self._tape(mode)
             start = arb(time[0]) + arb(time[1])
             x = [arb(high) + arb(low) for high, low in state]
-            # A root that rounding has put on the step's end may lie just behind it.
-            unit = arb(reach) * (1 + arb(2) ** -46)
-            for order in ORDERS:
-                states, outputs = expand(tape, numbers, start, x, order, _RING)
-                powers = [unit**k for k in range(order + 1)]
-                q = fixed([c * power for c, power in zip(outputs[guard][zeros:], powers[zeros:], strict=False)])
-                if max(map(abs, q[-4:])) <= NOTHING:
-                    break
+            unit = arb(reach) * _BEYOND
+            states, series = self._motions.polynomials(mode, guard, start, x, unit)
             decided = _at_minimum if alone else _decided
+            q = fixed(series[zeros:])
             what, lowest, part = decided(q, zeros, _integer(arb(near) / unit))
+            parabolic = lowest and _bend([0] * zeros + q, part) > CURVED
             tau = unit * part / ONE
-            end = [_split(_sum(series, tau)) for series in states]
-            return Finding(what, lowest, _split(start + tau), tuple(end))
+            return Finding(what, lowest, parabolic, _split(start + tau), tuple([_split(x(tau)) for x in states]))
 
 
 def _integer(number: arb) -> int:
@@ -138,13 +124,6 @@ def _split(number: arb) -> Pair:
     return high, (low if abs(low) > 2.0**-106 * abs(high) else 0.0)
 
 
-def _sum(series: Sequence[arb], tau: arb) -> arb:
-    total = arb(0)
-    for c in reversed(series):
-        total = total * tau + c
-    return total
-
-
 def _value(series: Fixed, place: int) -> int:
     total = 0
     for c in reversed(series):
@@ -154,6 +133,10 @@ def _value(series: Fixed, place: int) -> int:
 
 def _derivative(series: Fixed) -> list[int]:
     return [k * c for k, c in enumerate(series)][1:]
+
+
+def _bend(series: Fixed, place: int) -> int:
+    return _value(_derivative(_derivative(series)), place)
 
 
 def _decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:

@@ -217,7 +217,7 @@ class Session:
         touch = found.what == "touch" and touched.kind == "surface"
         caught = touch and self.engine.system.held_inside(touched.index)
         arrive(floats, self.integers, ROOT if found.what == "root" or caught else MISS if found.lowest else PASSED)
-        if self.multiplicity[guard]:
+        if self.multiplicity[guard] and not found.parabolic:
             orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, [touched.index])
             self.multiplicity[guard] = max(2, orders[guard])
         if touch and self.multiplicity[guard]:  # a stick whose own end is touched goes on

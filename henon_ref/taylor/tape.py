@@ -9,7 +9,7 @@ The same tape is turned into machine code (:mod:`henon_ref.henon.codegen`) and r
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import sympy as sp
 
@@ -36,7 +36,7 @@ class Node:
     constants: tuple[int, ...] = ()
     """Indices into :attr:`Tape.constants`."""
     degree: int = INFINITE
-    """Degree in time where the form alone bounds it; coefficients above it are zero."""
+    """Degree in time along every solution, where the form alone bounds it; coefficients above it are zero."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,9 @@ def build_tape(states: Sequence[sp.Symbol], field: Iterable[sp.Expr], outputs: I
     builder = _Builder(tuple(states), _repeated([*field, *outputs]))
     field_nodes = tuple(builder.node(expression) for expression in field)
     output_nodes = tuple(builder.node(expression) for expression in outputs)
-    return Tape(tuple(builder.nodes), tuple(builder.constants), field_nodes, output_nodes)
+    degrees = _degrees(builder.nodes, field_nodes)
+    nodes = tuple(replace(node, degree=degree) for node, degree in zip(builder.nodes, degrees, strict=True))
+    return Tape(nodes, tuple(builder.constants), field_nodes, output_nodes)
 
 
 class _Builder:
@@ -111,28 +113,25 @@ class _Builder:
             self.constants.append(value)
         return self._constant_index[value]
 
-    def _add(self, op: str, args: tuple[int, ...] = (), constants: tuple[int, ...] = (), degree: int = INFINITE) -> int:
-        self.nodes.append(Node(op, args, constants, degree))
+    def _add(self, op: str, args: tuple[int, ...] = (), constants: tuple[int, ...] = ()) -> int:
+        self.nodes.append(Node(op, args, constants))
         return len(self.nodes) - 1
 
-    def _op(self, op: str, *args: int, constants: tuple[sp.Expr, ...] = (), degree: int = INFINITE) -> int:
+    def _op(self, op: str, *args: int, constants: tuple[sp.Expr, ...] = ()) -> int:
         indices = tuple(self._constant(c) for c in constants)
         key = (op, args, indices)
         if key not in self._interned:
-            self._interned[key] = self._add(op, args, indices, degree)
+            self._interned[key] = self._add(op, args, indices)
         return self._interned[key]
-
-    def _degree(self, node: int) -> int:
-        return self.nodes[node].degree
 
     # -- expressions ------------------------------------------------------------------------------------
 
     def _make(self, e: sp.Expr) -> int:
         if self._is_constant(e):
-            return self._op("constant", constants=(e,), degree=0)
+            return self._op("constant", constants=(e,))
         if not e.free_symbols & (self.moving - {TIME}) and sp.diff(e, TIME, 2) == 0:
             slope = sp.diff(e, TIME)
-            return self._op("clock", constants=(sp.expand(e - slope * TIME), slope), degree=1)
+            return self._op("clock", constants=(sp.expand(e - slope * TIME), slope))
         if e.is_Add:
             return self._sum(e.args, sp.Integer(1))
         if e.is_Mul:
@@ -176,13 +175,11 @@ class _Builder:
             if total < 0:
                 total = self._scaled(c, e)
             elif c == -1 or c.could_extract_minus_sign():
-                part = self._scaled(-c, e)
-                total = self._op("sub", total, part, degree=max(self._degree(total), self._degree(part)))
+                total = self._op("sub", total, self._scaled(-c, e))
             else:
-                part = self._scaled(c, e)
-                total = self._op("add", total, part, degree=max(self._degree(total), self._degree(part)))
+                total = self._op("add", total, self._scaled(c, e))
         if constant != 0:
-            total = self._op("shift", total, constants=(constant,), degree=self._degree(total))
+            total = self._op("shift", total, constants=(constant,))
         return total
 
     def _scaled(self, factor: sp.Expr, e: sp.Expr) -> int:
@@ -191,8 +188,7 @@ class _Builder:
         numerator, denominator = _fraction(e)
         if self._is_constant(numerator) and denominator != 1:
             return self._op("recip", self.node(denominator), constants=(factor * numerator,))
-        node = self.node(e)
-        return self._op("scale", node, constants=(factor,), degree=self._degree(node))
+        return self._op("scale", self.node(e), constants=(factor,))
 
     def _product(self, e: sp.Expr) -> int:
         factor, rest = self._split(e)
@@ -214,10 +210,7 @@ class _Builder:
         return total
 
     def _multiplied(self, a: int, b: int) -> int:
-        degree = self._degree(a) + self._degree(b)
-        if a == b:
-            return self._op("square", a, degree=min(degree, INFINITE))
-        return self._op("mul", min(a, b), max(a, b), degree=min(degree, INFINITE))
+        return self._op("square", a) if a == b else self._op("mul", min(a, b), max(a, b))
 
     def _power(self, base: sp.Expr, exponent: sp.Expr) -> int:
         if base == sp.E:
@@ -274,6 +267,32 @@ class _Builder:
                 return self._op("atan", inner, self._op("shift", square, constants=(sp.Integer(1),)))
             return self._op(name, inner, self._op("sqrt", self._op("rsub", square, constants=(sp.Integer(1),))))
         raise ModelError(f"no Taylor recurrence for {name}: a field is smooth in t and x; write signs as sign symbols")
+
+
+def _degrees(nodes: Sequence[Node], field: Sequence[int]) -> list[int]:
+    """Degree in time of each node along every solution; a state's is one more than that of its derivative."""
+    states, before = [INFINITE] * len(nodes), [0]
+    while states != before:  # where states feed on each other all stay without bound; each round may settle one
+        before = states
+        degrees: list[int] = []
+        for node in nodes:
+            degrees.append(states[node.args[0]] if node.op == "state" else _degree(node, degrees))
+        states = [min(degrees[source] + 1, INFINITE) for source in field] + states[len(field) :]
+    return degrees
+
+
+def _degree(node: Node, known: Sequence[int]) -> int:
+    """Degree of a node from those of the nodes before it."""
+    if not node.args:
+        return 1 if node.op == "clock" else 0
+    first, second = known[node.args[0]], known[node.args[-1]] if node.args[-1] < len(known) else INFINITE
+    if node.op in ("add", "sub"):
+        return max(first, second)
+    if node.op in ("mul", "square"):
+        return min(first + second, INFINITE)
+    if node.op in ("scale", "shift", "rsub") or (first == 0 and node.op != "div"):
+        return first
+    return first if node.op == "div" and second == 0 else INFINITE
 
 
 def _repeated(expressions: Iterable[sp.Expr]) -> frozenset[sp.Expr]:
