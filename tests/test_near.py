@@ -14,7 +14,7 @@ import sympy as sp
 
 from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook, Finding
-from henon_ref.henon.near import NearLook
+from henon_ref.henon.near import ACROSS, NearLook
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.henon.window import MISS, OPEN, PASSED, ROOT, STEEP, UNSURE
 from henon_ref.model.case import load_case
@@ -28,14 +28,21 @@ Place = tuple[float, float]
 
 def look(surface: sp.Expr, near: float, reach: float = 2.0) -> tuple[int, Place, Place]:
     """(outcome, when, state) of a surface that depends on x = t alone, from t = 0 on its upper side."""
-    system = FilippovSystem((X,), (S,), (surface,), (sp.Integer(1),))
+    outcome, floats = looked_at(sp.Integer(1), surface, near, reach)
+    return outcome, (floats[k.F_TIME], floats[k.F_LOW]), (floats[k.F_STATE], floats[k.F_STATE + 1])
+
+
+def looked_at(field: sp.Expr, surface: sp.Expr, near: float, reach: float, *, acts: bool = False) -> tuple[int, Any]:
+    """(outcome, the run's floats) for another field."""
+    system = FilippovSystem((X,), (S,), (surface,), (field,))
     floats, integers = np.zeros(k.F_STATE + 2), np.zeros(k.I_SIZE + 4, dtype=np.int64)
     floats[k.F_NEAR], floats[k.F_REACH], floats[k.F_UNTIL] = near, reach, 2 * reach
     integers[k.I_ORDER] = 20
     layout = np.zeros((3, k.T_SIZE), dtype=np.int64)
-    layout[0, k.T_GUARDS] = 1
+    layout[0, k.T_GUARDS], layout[1, k.G_ACTS] = 1, acts
     outcome = NearLook(system).look(floats, integers, (1,), layout, [0])
-    return outcome, (floats[k.F_TIME], floats[k.F_LOW]), (floats[k.F_STATE], floats[k.F_STATE + 1])
+    assert integers[k.I_ARRIVED] == {STEEP: k.LANDED, ACROSS: k.TOLD}.get(outcome, 0)
+    return outcome, floats
 
 
 def finding(surface: sp.Expr, near: float, reach: float = 2.0) -> Finding:
@@ -53,7 +60,7 @@ def test_a_dip_below_zero_is_a_root(power: int, depth: str) -> None:
     outcome, when, state = look((X - 1) ** power - sp.Rational(depth), 1 + 1e-9)
     with mpmath.workdps(40):
         root = 1 - mpmath.mpf(depth) ** (mpmath.mpf(1) / power)
-        assert outcome in (ROOT, STEEP)
+        assert outcome in (ACROSS, STEEP)
         distance = float(depth) ** (1 / power)  # from the minimum: known to a double's digits
         assert abs(exact(when) - root) < 1e-15 * distance + 1e-27 / distance ** (power - 1)
         assert abs(exact(state) - exact(when)) < 1e-30
@@ -89,7 +96,22 @@ def test_a_minimum_well_above_zero_is_not_taken_for_a_double_zero() -> None:
 
 def test_the_steepness_of_a_root_is_told() -> None:
     assert look((X - 1) ** 2 - sp.Rational("1e-18"), 1.0)[0] == STEEP
-    assert look((X - 1) ** 2 - sp.Rational("1e-26"), 1.0)[0] == ROOT
+    assert look((X - 1) ** 2 - sp.Rational("1e-26"), 1.0)[0] == ACROSS
+
+
+@pytest.mark.parametrize(("below", "ratio"), [(-2, -2.0), (1, 1.0), (3, 3.0)])
+def test_of_a_flat_root_it_is_told_what_the_field_does_beyond(below: int, ratio: float) -> None:
+    """x' = 1 above the surface (x - 1)^2 = 1e-23 and another constant below it: a stick, or a crossing."""
+    field = (1 + below + (1 - below) * S) / 2
+    surface = (X - 1) ** 2 - sp.Rational("1e-23")
+    outcome, floats = looked_at(field, surface, 1.0, 2.0)
+    assert outcome == ACROSS
+    assert abs(floats[k.F_BEYOND] - ratio) < 1e-6
+    assert looked_at(field, surface, 1.0, 2.0, acts=True)[0] == ROOT  # other surfaces have a say
+
+
+def test_of_a_flat_root_a_field_along_the_surface_is_left_to_others() -> None:
+    assert looked_at((1 + S) / 2, (X - 1) ** 2 - sp.Rational("1e-23"), 1.0, 2.0)[0] == ROOT
 
 
 def test_a_root_at_the_end_of_the_step_is_found_in_round_numbers() -> None:
@@ -116,7 +138,7 @@ def test_a_sine_meets_its_crest_line_only_where_it_does() -> None:
         gap = sp.Rational(1, 10**power)
         assert look(1 + gap - sp.sin(X), 1.57, reach=2.5)[0] == MISS
         outcome, when, _ = look(1 - gap - sp.sin(X), 1.57, reach=2.5)
-        assert outcome in (ROOT, STEEP)
+        assert outcome in (ACROSS, STEEP)
         with mpmath.workdps(40):
             assert abs(exact(when) - mpmath.asin(1 - mpmath.mpf(10) ** -power)) < 1e-15 * 10 ** (
                 -power / 2
@@ -151,13 +173,13 @@ def test_it_never_says_anything_else_than_multiprecision_does() -> None:
         if outcome in (UNSURE, OPEN):
             continue
         found = finding(surface, near, reach)
-        what = {ROOT: "root", STEEP: "root", MISS: "miss", PASSED: "miss"}[outcome]
+        what = {ACROSS: "root", STEEP: "root", MISS: "miss", PASSED: "miss"}[outcome]
         assert what == found.what, (surface, near, reach)
         # A minimum's place is known to the root of the precision, a root's to the precision over its steepness.
-        bound = {MISS: 1e-12, ROOT: 1e-13, STEEP: 1e-15, PASSED: 1e-20}[outcome]
+        bound = {MISS: 1e-12, ACROSS: 1e-13, STEEP: 1e-15, PASSED: 1e-20}[outcome]
         with mpmath.workdps(40):
             assert abs(exact(when) - exact(found.time)) < bound, (surface, near, reach)
-    assert said[ROOT] + said[STEEP] > 40
+    assert said[ACROSS] + said[STEEP] > 40
     assert said[MISS] > 15
 
 

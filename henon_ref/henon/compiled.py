@@ -70,10 +70,10 @@ class _Shape:
 
 
 def _shape(
-    system: FilippovSystem, order: int, field: Sequence[sp.Expr], outputs: Sequence[sp.Expr], speeds: Sequence[sp.Expr]
+    system: FilippovSystem, order: int, field: Sequence[sp.Expr], outputs: Sequence[sp.Expr], sides: Sequence[sp.Expr]
 ) -> _Shape:
     n = len(system.states)
-    expansion, probe = build_tape(system.states, field, outputs), build_tape(system.states, (), speeds)
+    expansion, probe = build_tape(system.states, field, outputs), build_tape(system.states, (), sides)
     code = MachineCode(
         declarations()
         + expansion_ir(expansion, n, order, "expansion")
@@ -175,7 +175,7 @@ class CompiledSystem:
             equations = system.shared_equations(sliding)
             outputs = [g.expression for g in equations.guards]
             self._shapes[sliding] = _shape(
-                system, self.order, equations.field, outputs, _speeds(system, equations.guards)
+                system, self.order, equations.field, outputs, speeds(system, equations.guards)
             )
         shape = self._shapes[sliding]
         signs = {system.signs[i]: sp.Integer(s) for i, s in enumerate(mode)}
@@ -219,17 +219,17 @@ class CompiledSystem:
                     self.tables[row, 1 + g, G_AFTER] = self.index.get(after, -1)
 
 
-def _speeds(system: FilippovSystem, guards: Sequence[Guard]) -> list[sp.Expr]:
+def speeds(system: FilippovSystem, guards: Sequence[Guard]) -> list[sp.Expr]:
     """For every guard on a surface: speed towards it on this side, speed away from it on the other."""
-    speeds: list[sp.Expr] = []
+    found: list[sp.Expr] = []
     for guard in guards:
         if guard.kind == "surface":
             sign = system.signs[guard.index]
             normal = system.normal_velocity(guard.index)
-            speeds += [-sign * normal, -sign * normal.xreplace({sign: -sign})]
+            found += [-sign * normal, -sign * normal.xreplace({sign: -sign})]
         else:
-            speeds += [sp.Integer(0), sp.Integer(0)]
-    return speeds
+            found += [sp.Integer(0), sp.Integer(0)]
+    return found
 
 
 def _with_row(table: NDArray[Any], row: int, new: NDArray[Any]) -> NDArray[Any]:
@@ -249,8 +249,8 @@ class SwitchedModes:
     def __init__(self, equations: SwitchedEquations, order: int) -> None:
         self.equations = equations
         system = equations.system
-        speeds = _speeds(system, equations.guards((1,) * len(system.surfaces)))
-        shape = _shape(system, order, equations.field, equations.outputs, speeds)
+        sides = speeds(system, equations.guards((1,) * len(system.surfaces)))
+        shape = _shape(system, order, equations.field, equations.outputs, sides)
         self._code = shape.code
         self._addresses = shape.addresses
         self._tables = self._table(shape.expansion), self._table(shape.probe)

@@ -18,6 +18,7 @@ from henon_ref.henon.registers import (
     DIVERGED,
     DOUBTFUL,
     EVENT,
+    F_BEYOND,
     F_CAP,
     F_LOW,
     F_NEAR,
@@ -65,6 +66,7 @@ from henon_ref.henon.registers import (
     T_GUARDS,
     T_PROBE,
     TANGENT,
+    TOLD,
     UNKNOWN,
     VALID,
 )
@@ -113,7 +115,7 @@ def advance(floats, integers, records, tables, numbers, settling, band, room, be
         HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL or UNKNOWN.
     """
     stop_at = integers[I_STEPS] + BUDGET
-    code = EVENT if integers[I_ARRIVED] == 1 else ON
+    code = EVENT if integers[I_ARRIVED] > 0 else ON
     while True:
         if code == ON:
             code = _to_event(
@@ -224,6 +226,7 @@ def _through_event(floats, integers, records, tables, numbers, settling, band, r
     x = floats[F_STATE : F_STATE + n]
     multiplicity, hits = integers[I_SIZE : I_SIZE + most], integers[I_SIZE + most :]
     speeds = room[2 * n + most :]
+    told = integers[I_ARRIVED] == TOLD
     integers[I_ARRIVED] = 0
     mode, hit, used = integers[I_MODE], integers[I_GUARD], integers[I_LANDING]
     layout = tables[mode]
@@ -244,9 +247,11 @@ def _through_event(floats, integers, records, tables, numbers, settling, band, r
             ):
                 return RESOLVE
             return ACCUMULATED if crowded(floats, integers) else ON
-        call_expand(layout[0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, numbers[mode, 1], speeds)
-        integers[I_RHS] += 1
-        inside, beyond = speeds[n + 2 * hit], speeds[n + 2 * hit + 1]
+        inside, beyond = 1.0, floats[F_BEYOND]
+        if not told:
+            call_expand(layout[0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, numbers[mode, 1], speeds)
+            integers[I_RHS] += 1
+            inside, beyond = speeds[n + 2 * hit], speeds[n + 2 * hit + 1]
         if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
             return RESOLVE
         stuck = beyond < 0.0

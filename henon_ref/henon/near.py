@@ -12,14 +12,16 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.henon import doubledouble as dd
-from henon_ref.henon.compiled import double_double
+from henon_ref.henon.compiled import double_double, speeds
 from henon_ref.henon.events import at_zero
 from henon_ref.henon.fine import expand_fine
 from henon_ref.henon.program import program
 from henon_ref.henon.registers import (
+    F_BEYOND,
     F_LOW,
     F_NEAR,
     F_REACH,
@@ -27,13 +29,20 @@ from henon_ref.henon.registers import (
     F_TIME,
     F_UNTIL,
     F_UNTIL_LOW,
+    G_ACTS,
+    G_HOLD,
+    G_KIND,
     G_RISING,
     I_ARRIVED,
     I_GUARD,
     I_ORDER,
     I_SIZE,
     I_STEPS,
+    LANDED,
+    SURFACE,
     T_GUARDS,
+    TANGENT,
+    TOLD,
 )
 from henon_ref.henon.stepping import remaining
 from henon_ref.henon.window import BEYOND, HALVINGS, MISS, NOISE, OPEN, PASSED, ROOT, STEEP, UNSURE, decide
@@ -44,6 +53,10 @@ from henon_ref.taylor.tape import build_tape
 
 ORDER = 64
 """Highest order of the expansion; it ends before where its terms have become negligible."""
+ACROSS = 6
+"""Outcome besides those of a window: a root, and the field beyond its surface is known."""
+CERTAIN = 1e3 * NOISE
+"""What a speed has to exceed of its size for its sign to be certain."""
 
 
 class NearLook:
@@ -76,18 +89,21 @@ class NearLook:
 
     def _program(self, mode: Mode) -> tuple[NDArray[Any], ...]:
         """A mode's tape as arrays, and work space for it."""
-        equations = self.system.equations(mode)
-        tape = build_tape(self.system.states, equations.field, [g.expression for g in equations.guards])
+        system, equations = self.system, self.system.equations(mode)
+        signs = {sign: sp.Integer(s) for sign, s in zip(system.signs, mode, strict=True)}
+        sides = [speed.xreplace(signs) for speed in speeds(system, equations.guards)]
+        tape = build_tape(system.states, equations.field, [*(g.expression for g in equations.guards), *sides])
         codes, constants, field, outputs, rows = program(
-            tape, [double_double(self.system.numeric(c)) for c in tape.constants]
+            tape, [double_double(system.numeric(c)) for c in tape.constants]
         )
         shapes = [(rows, ORDER + 1), (rows, ORDER + 1), (rows,), (4 + HALVINGS, ORDER + 1)]
-        return codes, constants, field, outputs, *(np.zeros(shape) for shape in shapes)
+        guards = len(equations.guards)
+        return codes, constants, field, outputs[:guards], outputs[guards:], *(np.zeros(shape) for shape in shapes)
 
 
 @njit()
 def look_near(  # type: ignore[no-untyped-def]
-    floats, integers, layout, places, codes, constants, field, outputs, high, low, sizes, work,
+    floats, integers, layout, places, codes, constants, field, outputs, sides, high, low, sizes, work,
 ):  # fmt: skip
     """Decide a doubtful event and go there.
 
@@ -100,7 +116,9 @@ def look_near(  # type: ignore[no-untyped-def]
     places : ndarray of int, shape (guards,)
         Where its guards stand among the outputs; -1 for those that have no place there.
     codes, constants, field, outputs : ndarray
-        The mode as a :class:`henon_ref.henon.program.Program`.
+        The mode as a :class:`henon_ref.henon.program.Program`; its outputs are the guards.
+    sides : ndarray of int, shape (2 outputs,)
+        Where the speeds towards the surface of each guard, and away from it beyond, stand in it.
     high, low, sizes : ndarray
         Work space of :func:`henon_ref.henon.fine.expand_fine`.
     work : ndarray, shape (4 + HALVINGS, ORDER + 1)
@@ -109,7 +127,8 @@ def look_near(  # type: ignore[no-untyped-def]
     Returns
     -------
     int
-        UNSURE or OPEN, and the run has not moved (with OPEN the doubtful point is the minimum); or where it is now.
+        UNSURE or OPEN, and the run has not moved (with OPEN the doubtful point is the minimum); or where it is now,
+        with ACROSS at a root beyond whose surface the field is known.
     """
     n = (floats.size - F_STATE) // 2
     x, x_low = floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
@@ -138,12 +157,19 @@ def look_near(  # type: ignore[no-untyped-def]
     for i in range(n):
         x[i], x_low[i] = _value(high[i, : last + 1], low[i, : last + 1], s, s_low)
     if outcome in (ROOT, STEEP):
+        together = False
         for g in range(layout[0, T_GUARDS]):
             if g != guard and places[g] >= 0:
-                own = high[outputs[places[g]], : last + 1]
-                if at_zero(own, integers[I_SIZE + g], last, s, layout[1 + g, G_RISING]):
+                series = high[outputs[places[g]], : last + 1]
+                if at_zero(series, integers[I_SIZE + g], last, s, layout[1 + g, G_RISING]):
                     integers[I_SIZE + most + g] = 1
-                    outcome = ROOT
+                    together = True
+        own = layout[1 + guard]
+        if together:
+            outcome = ROOT
+        elif outcome == ROOT and own[G_KIND] == SURFACE and own[G_HOLD] == 0 and own[G_ACTS] == 0:
+            floats[F_BEYOND] = _beyond(high, low, sizes, sides[2 * places[guard] :], last, s, s_low)
+            outcome = ROOT if floats[F_BEYOND] == 0.0 else ACROSS
     arrive(floats, integers, outcome)
     return outcome
 
@@ -160,7 +186,7 @@ def arrive(floats, integers, outcome):  # type: ignore[no-untyped-def]
         integers[I_SIZE + guard] = 2
     elif outcome != PASSED:
         integers[I_SIZE + most + guard] = 1
-        integers[I_ARRIVED] = 1 if outcome == STEEP else 0
+        integers[I_ARRIVED] = TOLD if outcome == ACROSS else LANDED if outcome == STEEP else 0
 
 
 @inner()
@@ -172,6 +198,23 @@ def _settled(high, outputs, n, last, sizes):  # type: ignore[no-untyped-def]
             if abs(high[row, k]) > 0.01 * NOISE * sizes[row]:
                 return False
     return True
+
+
+@inner()
+def _beyond(high, low, sizes, rows, last, s, s_low):  # type: ignore[no-untyped-def]
+    """Speed away from a surface beyond it, in units of that towards it; 0 where they cannot be told for certain."""
+    towards = 0.0
+    for i in range(2):
+        row = rows[i]
+        for k in range(max(last - 3, 0), last + 1):
+            if abs(high[row, k]) > 0.01 * NOISE * sizes[row]:
+                return 0.0
+        speed, _ = _value(high[row, : last + 1], low[row, : last + 1], s, s_low)
+        if not abs(speed) > CERTAIN * sizes[row]:
+            return 0.0
+        if i == 0:
+            towards = speed
+    return speed / towards if towards > 0.0 and abs(speed) > TANGENT * towards else 0.0
 
 
 @inner()

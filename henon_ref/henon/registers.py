@@ -12,8 +12,9 @@ STICK, FREE, CROSS = 0, 1, 2
 HENON, NEWTON, BRENT, BRACKET = range(4)
 LANDINGS = ("henon", "newton", "brent", "bracket")
 # Floats of a run: t and what rounding it lost, sigma, time of the last event and what it lost; where on the step a
-# doubtful event is, and the step's end, both counted from its start; the largest sigma that a mode just entered may
-# begin with; horizon and what rounding it lost; tolerance.
+# doubtful event is, and the step's end, both counted from its start; the speed away from a surface beyond it, where a
+# closer look has told it, in units of that towards it; the largest sigma that a mode just entered may begin with;
+# horizon and what rounding it lost; tolerance.
 (
     F_TIME,
     F_LOW,
@@ -22,19 +23,20 @@ LANDINGS = ("henon", "newton", "brent", "bracket")
     F_LAST_LOW,
     F_NEAR,
     F_REACH,
+    F_BEYOND,
     F_CAP,
     F_UNTIL,
     F_UNTIL_LOW,
     F_TOLERANCE,
     F_SIZE,
-) = range(12)
+) = range(13)
 REMEMBERED = 64
 """Modes of which the last step is kept, in the floats behind those above: a mode seen before begins with it."""
 F_STATE = F_SIZE + REMEMBERED
 """Where the state stands, followed by what rounding it lost."""
 # Integers of a run: mode; counts; last guard hit and its landing; steps that time cannot tell apart, events that it
-# cannot tell apart; next sample; mode of the last step; kind of the event that leads to a mode not known yet; 1 where
-# the run stands at an event that was decided outside; order; method of landing.
+# cannot tell apart; next sample; mode of the last step; kind of the event that leads to a mode not known yet; LANDED
+# or TOLD where the run stands at an event that was decided outside; order; method of landing.
 (
     I_MODE,
     I_STEPS,
@@ -65,6 +67,8 @@ G_KIND, G_INDEX, G_RISING, G_HOLD, G_ACTS, G_AFTER, G_STUCK, T_SIZE = range(8)
 # A transition.
 R_TIME, R_LOW, R_KIND, R_SURFACE, R_FROM, R_TO, R_LANDING, R_STATE = range(8)
 
+LANDED, TOLD = 1, 2
+"""The run stands at an event; with TOLD what is beyond its surface is known, too."""
 NOWHERE = -1
 """In place of the guard last hit: nothing was hit, a guard is at zero where a step begins."""
 EPS = 2.220446049250313e-16
