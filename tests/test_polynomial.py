@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from math import comb
 
 import numba
 import numpy as np
@@ -14,14 +15,29 @@ from numpy.polynomial import Polynomial
 from henon_ref.henon import landing as landings
 from henon_ref.henon import polynomial as p
 from henon_ref.henon import registers as k
+from henon_ref.henon.bernstein import bernstein_code
+from henon_ref.henon.calls import call_bernstein
+from henon_ref.henon.rows import row_length
 
 ORDER = 12
-TABLE = p.bernstein_table(ORDER)
+ADDRESS = bernstein_code(ORDER).address("bernstein")
 
 
 @numba.njit
-def isolate(coefficients, stack, bounds):
-    return p.first_falling_root(coefficients, ORDER, TABLE, stack, bounds)
+def isolate(coefficients, powers, scaled, stack, bounds):
+    outcome = call_bernstein(ADDRESS, coefficients, powers, ORDER, scaled, stack[0])
+    return outcome, p.first_falling_root(scaled, ORDER, stack, bounds)
+
+
+def isolated(coefficients: np.ndarray) -> tuple[int, float, float]:
+    """What the subdivision finds on [0, 1]; where the signs alone tell, they tell the same."""
+    width = row_length(ORDER)
+    q = np.zeros(width)
+    q[: ORDER + 1] = coefficients
+    stack, bounds = np.zeros((p.DEPTH + 2, width)), np.zeros((p.DEPTH + 2, 2))
+    outcome, found = isolate(q, np.ones(width), np.zeros(width), stack, bounds)
+    assert outcome in (p.LOOK, found[0])
+    return found
 
 
 @numba.njit
@@ -38,8 +54,7 @@ def first_root(roots: list[float], lead: float, landing: int = k.HENON) -> tuple
     coefficients = np.zeros(ORDER + 1)
     poly = Polynomial.fromroots(roots) * lead
     coefficients[: len(roots) + 1] = poly.coef
-    stack, bounds = np.zeros((p.DEPTH + 2, TABLE.shape[2])), np.zeros((p.DEPTH + 2, 2))
-    outcome, low, high = isolate(coefficients, stack, bounds)
+    outcome, low, high = isolated(coefficients)
     if outcome != p.ROOT:
         return outcome, 0.5 * (low + high), -1
     tau, used, _ = land(coefficients, low, high, landing)
@@ -79,8 +94,7 @@ def test_a_double_root_is_a_touch_and_a_near_miss_is_nothing() -> None:
     assert first_root([0.5, 0.5], 1.0)[0] in (p.TOUCH, p.ROOT)
     coefficients = np.zeros(ORDER + 1)
     coefficients[:3] = [0.25 + 1e-9, -1.0, 1.0]
-    stack, bounds = np.zeros((p.DEPTH + 2, TABLE.shape[2])), np.zeros((p.DEPTH + 2, 2))
-    assert isolate(coefficients, stack, bounds)[0] == p.NONE
+    assert isolated(coefficients)[0] == p.NONE
 
 
 def test_a_rising_root_is_no_event_but_the_falling_one_after_it_is() -> None:
@@ -109,3 +123,40 @@ def test_a_pair_whose_first_root_is_a_bisection_point_is_no_touch() -> None:
         outcome, tau, _ = first_root(roots, 1.0)
         assert outcome == p.ROOT
         assert tau == pytest.approx(roots[0], abs=1e-12)
+
+
+@pytest.mark.parametrize("order", [4, 7, 12, 24])
+@pytest.mark.parametrize("short", [0, 1, 2])
+def test_the_machine_code_makes_bernstein_coefficients_and_reads_their_signs(order: int, short: int) -> None:
+    address, width = bernstein_code(order).address("bernstein"), row_length(order)
+
+    @numba.njit
+    def run(q, powers, a, b):
+        return call_bernstein(address, q, powers, order - short, a, b)
+
+    rng = np.random.default_rng(order)
+    theta, seen = 0.7, set()
+    for _ in range(200):
+        q = rng.normal(size=width) * 3.0 ** -(rng.uniform(0, 2) ** np.arange(width))
+        q[order - short + 1 :] = np.nan  # the next row: not its own
+        powers, a, b = theta ** np.arange(width), np.zeros(width), np.zeros(width)
+        outcome = run(q, powers, a, b)
+        kept = np.array([q[i] * theta**i if i <= order - short else 0.0 for i in range(width)])
+        exact = [sum(comb(i, j) / comb(order, j) * kept[j] for j in range(i + 1)) for i in range(order + 1)]
+        np.testing.assert_allclose(a, kept, rtol=1e-15)
+        np.testing.assert_allclose(b[: order + 1], exact, atol=1e-14 * abs(kept).sum())
+        changes = sum(x * y < 0 for x, y in itertools.pairwise(exact))
+        assert outcome == (
+            p.NONE if changes == 0 or (changes == 1 and exact[0] < 0) else p.ROOT if changes == 1 else p.LOOK
+        )
+        seen.add(outcome)
+    assert seen == {p.NONE, p.ROOT, p.LOOK}
+
+
+def test_a_zero_or_no_number_among_them_is_looked_at() -> None:
+    width = row_length(ORDER)
+    for first in (0.0, np.nan):
+        q = np.ones(width)
+        q[0] = first
+        stack, bounds = np.zeros((p.DEPTH + 2, width)), np.zeros((p.DEPTH + 2, 2))
+        assert isolate(q, np.ones(width), np.zeros(width), stack, bounds)[0] == p.LOOK

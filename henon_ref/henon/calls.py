@@ -42,6 +42,21 @@ def call_closing(typing, address, theta, c, out):  # type: ignore[no-untyped-def
 
 
 @intrinsic
+def call_bernstein(typing, address, q, powers, degree, a, b):  # type: ignore[no-untyped-def]
+    """Call :mod:`henon_ref.henon.bernstein` by address (arrays are C-contiguous)."""
+    signature = types.int64(types.int64, q, powers, types.int64, a, b)
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        pointer, integer = ir.DoubleType().as_pointer(), ir.IntType(64)
+        kind = ir.FunctionType(integer, [pointer, pointer, integer, pointer, pointer])
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        q, powers, a, b = (context.make_array(sig.args[i])(context, builder, value=args[i]).data for i in (1, 2, 4, 5))
+        return builder.call(function, [q, powers, args[3], a, b])
+
+    return signature, codegen
+
+
+@intrinsic
 def bits(typing, number):  # type: ignore[no-untyped-def]
     """The bits of a double as an integer."""
     signature = types.int64(types.float64)

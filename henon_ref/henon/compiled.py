@@ -12,6 +12,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
+from henon_ref.henon.bernstein import bernstein_code
 from henon_ref.henon.closing import closing_ir
 from henon_ref.henon.codegen import expansion_ir
 from henon_ref.henon.emitter import declarations
@@ -21,6 +22,7 @@ from henon_ref.henon.registers import (
     G_STUCK,
     RELEASE,
     SURFACE,
+    T_BERNSTEIN,
     T_CLOSING,
     T_EXPANSION,
     T_GUARDS,
@@ -193,6 +195,7 @@ class CompiledSystem:
         sliding = [i for i, s in enumerate(mode) if s == 0]
         layout[0, T_GUARDS] = len(guards)
         layout[0, [T_EXPANSION, T_CLOSING, T_PROBE]] = addresses
+        layout[0, T_BERNSTEIN] = bernstein_code(self.order).address("bernstein")
         for g, guard in enumerate(guards):
             surface = guard.kind == "surface"
             held = surface and system.held_inside(guard.index)

@@ -34,6 +34,7 @@ def declarations() -> str:
     for n in (2, 4):
         kind = f"<{n} x double>"
         lines.append(f"declare {kind} @llvm.fmuladd.v{n}f64({kind}, {kind}, {kind})")
+    lines.append("declare i64 @llvm.ctpop.i64(i64)")
     lines.append(f"declare double @llvm.vector.reduce.fadd.v{LANES}f64(double, <{LANES} x double>)")
     return "\n".join(lines) + "\n"
 

@@ -15,7 +15,6 @@ from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.compiled import CompiledSystem, double_double
 from henon_ref.henon.kernel import BANDS
 from henon_ref.henon.near import NearLook
-from henon_ref.henon.polynomial import bernstein_table
 from henon_ref.henon.rows import row_length
 from henon_ref.henon.session import Session
 from henon_ref.henon.settling import work_space
@@ -61,7 +60,6 @@ class Scratch(NamedTuple):
 
     band: NDArray[np.float64]
     room: NDArray[np.float64]
-    bernstein: NDArray[np.float64]
 
 
 def _scratch(compiled: CompiledSystem) -> Scratch:
@@ -69,7 +67,6 @@ def _scratch(compiled: CompiledSystem) -> Scratch:
     return Scratch(
         band=np.zeros((2 * (n + most + 1) + BANDS, row_length(order))),
         room=np.zeros(3 * n + 3 * most),
-        bernstein=bernstein_table(order),
     )
 
 

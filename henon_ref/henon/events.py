@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from henon_ref.henon.calls import call_bernstein
 from henon_ref.henon.landing import land
 from henon_ref.henon.polynomial import (
+    LOOK,
     NONE,
-    ROOT,
     TOUCH,
     excluded,
     first_falling_root,
@@ -13,7 +14,7 @@ from henon_ref.henon.polynomial import (
     steepness,
     value,
 )
-from henon_ref.henon.registers import BRACKET, EPS, G_INDEX, G_KIND, I_EVENTS, SURFACE, T_GUARDS, TANGENT
+from henon_ref.henon.registers import BRACKET, EPS, G_INDEX, G_KIND, I_EVENTS, SURFACE, T_BERNSTEIN, T_GUARDS, TANGENT
 from henon_ref.jit import inner
 
 FLAT = 1e-5
@@ -21,7 +22,7 @@ FLAT = 1e-5
 
 
 @inner()
-def first_event(integers, c, n, order, layout, multiplicity, lower, theta, method, table, work, bounds):  # type: ignore[no-untyped-def]
+def first_event(integers, c, n, order, layout, multiplicity, lower, theta, method, work, bounds):  # type: ignore[no-untyped-def]
     """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used)."""
     powers, scaled, stack = work[0], work[1], work[2:]
     best, hit, doubtful, used = 2.0, -1, False, 0
@@ -36,17 +37,9 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, metho
         degree = order - zeros
         if zeros > 0 and q[0] > 0.0 and excluded(q, powers, degree):
             continue
-        steepest = 0.0
-        end = 0.0
-        for k in range(degree + 1):
-            scaled[k] = q[k] * powers[k]
-            end += scaled[k]
-            if k > 0:
-                steepest += k * scaled[k] if k == 1 else max(k * scaled[k], 0.0)
-        if steepest < 0.0 and q[0] > 0.0:  # falls all the way: one root or none
-            outcome, low, high = ROOT if end < 0.0 else NONE, 0.0, 1.0
-        else:
-            outcome, low, high = first_falling_root(scaled, degree, table, stack, bounds)
+        outcome, low, high = call_bernstein(layout[0, T_BERNSTEIN], q, powers, degree, scaled, stack[0]), 0.0, 1.0
+        if outcome == LOOK:
+            outcome, low, high = first_falling_root(scaled, order, stack, bounds)
         if outcome == NONE:
             continue
         if outcome == TOUCH:

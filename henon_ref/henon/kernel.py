@@ -81,7 +81,7 @@ BANDS = 6 + 2 * DEPTH
 
 
 @njit()
-def advance(floats, integers, records, tables, numbers, settling, band, room, bernstein, sample_times, samples):  # type: ignore[no-untyped-def]
+def advance(floats, integers, records, tables, numbers, settling, band, room, sample_times, samples):  # type: ignore[no-untyped-def]
     """Run until the horizon, or until Python is needed.
 
     Parameters
@@ -104,8 +104,6 @@ def advance(floats, integers, records, tables, numbers, settling, band, room, be
         the same at the end of a step that is checked; what isolating roots needs.
     room : ndarray, shape (3 n + 3 G,)
         Change of the states over a step and bounds of the guards from below; a state; normal velocities.
-    bernstein : ndarray
-        :func:`henon_ref.henon.polynomial.bernstein_table`.
     sample_times, samples : ndarray, shapes (k,) and (k, n + 1)
         Where samples are wanted; states and mode there.
 
@@ -119,7 +117,7 @@ def advance(floats, integers, records, tables, numbers, settling, band, room, be
     while True:
         if code == ON:
             code = _to_event(
-                floats, integers, tables, numbers, band, room, bernstein, sample_times, samples,
+                floats, integers, tables, numbers, band, room, sample_times, samples,
                 records.shape[0], stop_at,
             )  # fmt: skip
         if code == EVENT:
@@ -130,7 +128,7 @@ def advance(floats, integers, records, tables, numbers, settling, band, room, be
 
 @inner(inline="always")
 def _to_event(  # type: ignore[no-untyped-def]
-    floats, integers, tables, numbers, band, room, bernstein, sample_times, samples, block, stop_at,
+    floats, integers, tables, numbers, band, room, sample_times, samples, block, stop_at,
 ):  # fmt: skip
     """One look ahead: steps that no guard can end, then one that is looked at; ON, EVENT, or why Python is needed."""
     n, most = (floats.size - F_STATE) // 2, tables.shape[1] - 1
@@ -183,7 +181,7 @@ def _to_event(  # type: ignore[no-untyped-def]
         integers[I_GUARD] = NOWHERE
         return RESOLVE
     best, hit, doubtful, used = first_event(
-        integers, c, n, order, layout, multiplicity, change[n:], theta, integers[I_METHOD], bernstein, work, bounds
+        integers, c, n, order, layout, multiplicity, change[n:], theta, integers[I_METHOD], work, bounds
     )
     if final and hit < 0:  # the horizon belongs to the run: an event at it counts
         for g in range(guards):

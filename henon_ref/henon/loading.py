@@ -24,11 +24,11 @@ try:
 except ImportError:  # elsewhere than on Unix every process compiles for itself
     fcntl = None  # type: ignore[assignment]
 
-_ROW, _ROWS, _TABLE = float64[::1], float64[:, ::1], float64[:, :, ::1]
+_ROW, _ROWS = float64[::1], float64[:, ::1]
 _COUNTS, _LAYOUT = int64[::1], int64[:, ::1]
 CALLED: tuple[tuple[Any, tuple[Any, ...]], ...] = (
     (first_event, (
-        _COUNTS, _ROWS, int64, int64, _LAYOUT, _COUNTS, _ROW, float64, int64, _TABLE, _ROWS, _ROWS,
+        _COUNTS, _ROWS, int64, int64, _LAYOUT, _COUNTS, _ROW, float64, int64, _ROWS, _ROWS,
     )),
     (held, (float64, float64, float64, _ROW, int64, _LAYOUT, _ROW, _ROWS, int64)),
     (polish, (_ROW, _COUNTS, _ROW, _ROW, _LAYOUT, _ROW, _ROWS, _ROW, int64, float64, float64)),

@@ -1,39 +1,21 @@
 """Roots of a guard's Taylor polynomial on one step: none is stepped over.
 
-A guard is first bounded (:func:`excluded`); where the bound does not decide, its Bernstein coefficients on
-the step count the roots (Descartes' rule of signs; Mourrain and Pavone, *J. Symbolic Comput.* 44, 2009),
-subdividing until the first falling root stands alone or the polynomial is zero to rounding (a touch).
+A guard is first bounded (:func:`excluded`); where the bound does not decide, the signs of its Bernstein coefficients
+on the step count the roots (:mod:`henon_ref.henon.bernstein`), subdividing until the first falling root stands alone
+or the polynomial is zero to rounding (a touch).
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from henon_ref.henon.registers import EPS
 from henon_ref.jit import inner
 
-NONE, ROOT, TOUCH = 0, 1, 2
-"""Outcome of :func:`first_falling_root`."""
+NONE, ROOT, TOUCH, LOOK = range(4)
+"""Outcome of :func:`first_falling_root`, and of :mod:`henon_ref.henon.bernstein` (LOOK: it has to be called)."""
 DEPTH = 64
 """Subdivisions kept at once: as many halvings as a double has room for."""
 POLY = {"contract", "nsz"}
 """A product and a sum may be one operation."""
-
-
-def bernstein_table(order: int) -> NDArray[np.float64]:
-    """Weights w[d, k, i] = binom(i, k) / binom(d, k), from powers to Bernstein coefficients of degree d <= order.
-
-    The last axis goes on, with zeros, to whole fours.
-    """
-    from math import comb
-
-    table = np.zeros((order + 1, order + 1, order // 4 * 4 + 4))
-    for d in range(order + 1):
-        for i in range(d + 1):
-            for k in range(i + 1):
-                table[d, k, i] = comb(i, k) / comb(d, k)
-    return table
 
 
 @inner()
@@ -66,18 +48,6 @@ def value(q, degree, tau):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _to_bernstein(a, degree, weights, b):  # type: ignore[no-untyped-def]
-    """Bernstein coefficients on [0, 1], a column of the weights at a time: the sums go side by side in vectors."""
-    fours = degree // 4 + 1
-    for i in range(4 * fours):
-        b[i] = a[0]
-    for k in range(1, degree + 1):
-        column, own = weights[k], a[k]
-        for i in range(4 * fours):
-            b[i] += column[i] * own
-
-
-@inner()
 def _halve(left, right, degree):  # type: ignore[no-untyped-def]
     """Bernstein coefficients of both halves of what ``right`` stands for (de Casteljau, in place)."""
     for i in range(degree + 1):
@@ -87,16 +57,15 @@ def _halve(left, right, degree):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-untyped-def]
+def first_falling_root(a, degree, stack, bounds):  # type: ignore[no-untyped-def]
     """Isolate the first root on (0, 1] through which the polynomial falls.
 
     Parameters
     ----------
     a : ndarray, shape (degree + 1,)
         Coefficients in powers of a variable on [0, 1].
-    table : ndarray
-        :func:`bernstein_table`.
     stack : ndarray, shape (DEPTH + 2, whole fours above degree)
+        Its first row holds the Bernstein coefficients on [0, 1]; the others are work space.
     bounds : ndarray, shape (DEPTH + 2, 2)
         Work space.
 
@@ -111,8 +80,6 @@ def first_falling_root(a, degree, table, stack, bounds):  # type: ignore[no-unty
     for k in range(degree + 1):
         size += abs(a[k])
     noise = 4.0 * EPS * size
-    b = stack[0]
-    _to_bernstein(a, degree, table[degree], b)
     bounds[0, 0], bounds[0, 1] = 0.0, 1.0
     top = 1
     before = 0

@@ -59,7 +59,7 @@ F_STATE = F_SIZE + REMEMBERED
 # out; 1 for a guard that is at zero.
 
 # A mode's table: its own row, then a row a guard.
-T_GUARDS, T_EXPANSION, T_CLOSING, T_PROBE = range(4)
+T_GUARDS, T_EXPANSION, T_CLOSING, T_PROBE, T_BERNSTEIN = range(5)
 # Kind, index, whether only its rise counts, whether it has a hold zone, whether it acts on a sliding surface; row of
 # the mode after a crossing (or a release) and after a stick, -1 where not known yet. For a release the last is the
 # number of zeros that the surface is left with.
