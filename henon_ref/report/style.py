@@ -166,6 +166,7 @@ def label_points(axes: Axes, points: Sequence[tuple[str, float, float, str]], *,
     heights = [min(max(float(to_axes.transform((px, py))[1]), 0.0), 1.0) for _, px, py, _ in points]
     gap = min(gap, 1.04 / max(len(points) - 1, 1))
     placed = spread(heights, gap, -0.02, 1.02)
+    line = {"arrowstyle": "-", "lw": 0.5, "alpha": 0.55, "shrinkA": 1, "shrinkB": 3, "relpos": (0.0, 0.5)}
     for (text, px, py, colour), height in zip(points, placed, strict=True):
         axes.annotate(
             text,
@@ -176,7 +177,7 @@ def label_points(axes: Axes, points: Sequence[tuple[str, float, float, str]], *,
             fontsize=8.0,
             color=colour,
             annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "lw": 0.5, "color": colour, "alpha": 0.55, "shrinkA": 1, "shrinkB": 3},
+            arrowprops={**line, "color": colour},
         )
 
 
