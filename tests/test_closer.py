@@ -92,3 +92,12 @@ def test_time_is_the_system_s() -> None:
     found = CloserLook(system).look((1,), 0, 0, (0.5, 1e-20), [(0.0, 0.0)], 0.5, 0.75)
     assert found.what == "root"
     assert found.time == (1.0, 0.0)
+
+
+@pytest.mark.parametrize("power", [3, 5, 7])
+def test_a_root_of_odd_order_is_a_root(power: int) -> None:
+    """All is below 1e-50 about it, as about a touch; on the far side the guard is negative."""
+    found = look((1 - X) ** power * (2 + X), 1 - 1e-3)
+    assert found.what == "root"
+    assert abs(found.time[0] - 1) < 1e-15
+    assert look((1 - X) ** (power + 1) * (2 + X), 1 - 1e-3).what == "touch"

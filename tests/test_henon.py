@@ -216,3 +216,39 @@ def test_a_drive_whose_argument_is_flat_at_the_start_is_not_slept_through(power:
     release = (10.0**power - 10.0 ** (power - 2) * math.sqrt(math.log(2))) ** (1 / power)
     assert result.transitions[0].time == pytest.approx(release, rel=1e-13)
     assert result.counts.steps < 1000
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12, 1e-15])
+@pytest.mark.parametrize("near", [100, 1000, 10000])
+def test_a_first_step_from_beside_a_branch_point_ends(near: int, rtol: float) -> None:
+    """exp(-sqrt(e + t^2)): from the horizon's length coefficients are 1e30, from the step that they seem to allow none."""
+    result = run(make_problem("y", [f"exp(-sqrt(1/{near} + t**2))"], {"s": "y - 1/2"}, [0], 3), rtol)
+    exact = run(make_problem("y", [f"exp(-sqrt(1/{near} + t**2))"], {"s": "y - 1/2"}, [0], 3), 1e-14)
+    assert kinds(result) == ["crossing"]
+    assert times(result) == pytest.approx(times(exact), rel=max(10 * rtol, 1e-13))
+    assert result.counts.rhs_evaluations < 100
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-10, 1e-14])
+def test_a_high_power_is_not_leapt_over(rtol: float) -> None:
+    """x' = t^30 from t = -3 through where it is flat: on the far side terms grow after those a step is judged by."""
+    result = run(make_problem("x", ["t**30"], {"s": "x - 39*10**12"}, [0], "7/2", start=-3), rtol)
+    assert kinds(result) == ["crossing"]
+    assert times(result)[0] == pytest.approx((31 * 39e12 - 3**31) ** (1 / 31), rel=max(rtol, 1e-14))
+
+
+@pytest.mark.parametrize("power", [11, 21, 41])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7, 1e-9])
+def test_soft_walls_of_a_high_power_keep_the_energy(power: int, rtol: float) -> None:
+    """v^2/2 + x^(p + 1)/(p + 1) is constant; between the walls all terms vanish but those of order p and 2 p + 1."""
+    result = run(make_problem("x v", ["v", f"-x**{power}"], {"s": "x - 9/10"}, [1, 0], 50), rtol)
+    x, v = result.end_state
+    assert result.status == "ok"
+    assert abs(0.5 * v * v * (power + 1) + x ** (power + 1) - 1) < 30 * rtol
+
+
+@pytest.mark.parametrize("valid", ["(t - 1)**2", "(t - 1)**4"])
+def test_a_model_ends_where_it_only_just_does(valid: str) -> None:
+    result = run(make_problem("x", ["1"], {"s": "x - 5"}, [0], 3, valid=[valid]))
+    assert result.status == "invalid"
+    assert result.end_time == 1.0

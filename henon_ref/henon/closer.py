@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import comb
+from math import comb, factorial
 from typing import Literal
 
 from flint import arb, ctx
@@ -31,6 +31,8 @@ SAME = int(ONE * 1e-10)
 """Minima closer to each other are one and the same."""
 CURVED = int(ONE * PARABOLIC)
 """A second derivative above this at a minimum makes it one of second order."""
+STANDING = int(ONE * 1e-6)
+"""A Taylor coefficient above this counts: the one of lowest order tells the order of a root."""
 DEPTH = 200
 """Halvings of the step before what is left of it counts as a point."""
 _BEYOND = 1 + arb(2) ** -46
@@ -144,8 +146,12 @@ def _decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
     outcome, low, high = first_falling_root(q)
     whole = [0] * zeros + list(q)
     bottom = _minimum(whole, near)
+    middle = (low + high) // 2
+    if outcome == "touch" or (outcome == "root" and low == high):  # all is next to nothing there
+        crossed = _odd_root(q, middle)
+        if crossed is not None and (bottom is None or bottom >= low):
+            return "root", False, crossed
     if outcome == "touch":
-        middle = (low + high) // 2
         touched = _minimum(whole, middle)
         touched = middle if touched is None else touched
         if bottom is None or touched <= bottom + SAME:
@@ -153,6 +159,21 @@ def _decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
     if outcome != "root" or (bottom is not None and low > bottom):  # what lies behind a minimum has to wait
         return "miss", bottom is not None, near if bottom is None else bottom
     return "root", False, _root([-c for c in q], low, high)
+
+
+def _odd_root(q: Fixed, place: int) -> int | None:
+    """The root of odd order that all is next to nothing about; None where the order is even.
+
+    A root of order m is one of order 1 of derivative m - 1, which tells where it is.
+    """
+    order, before, slope = 1, list(q), _derivative(q)
+    while slope and abs(_value(slope, place)) <= STANDING * factorial(order):
+        order, before, slope = order + 1, slope, _derivative(slope)
+    if not slope or order % 2 == 0:
+        return None
+    for _ in range(8):
+        place -= (_value(before, place) << BITS) // _value(slope, place)
+    return place
 
 
 def _at_minimum(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:

@@ -71,7 +71,7 @@ from henon_ref.henon.registers import (
     VALID,
 )
 from henon_ref.henon.settling import decided
-from henon_ref.henon.stepping import LEAP, add_time, glide, move, polish, remaining, trusted
+from henon_ref.henon.stepping import LEAP, add_time, glide, move, polish, remaining, swells, trusted
 from henon_ref.jit import inner, njit
 
 BUDGET = 50_000
@@ -163,7 +163,7 @@ def _to_event(  # type: ignore[no-untyped-def]
     final = natural >= left
     if final:
         theta = left / sigma
-    if natural > LEAP * sigma:
+    if natural > LEAP * sigma or swells(c, n + guards, order, theta):
         believed = trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta)
         if believed < theta:
             theta, final = believed, False

@@ -213,9 +213,10 @@ class Session:
         floats[k.F_TIME], floats[k.F_LOW] = found.time
         self.x[:] = [high for high, _ in found.state]
         self.x_low[:] = [low for _, low in found.state]
-        # A hold zone holds what only touches its surface.
+        # A hold zone holds what only touches its surface, and a model ends where it only just does.
         touch = found.what == "touch" and touched.kind == "surface"
         caught = touch and self.engine.system.held_inside(touched.index)
+        caught = caught or (found.what == "touch" and touched.kind == "valid")
         arrive(floats, self.integers, ROOT if found.what == "root" or caught else MISS if found.lowest else PASSED)
         if self.multiplicity[guard] and not found.parabolic:
             orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, [touched.index])

@@ -27,6 +27,10 @@ HUGE = 1e100
 """A state beyond this has blown up (no smaller bound is safe whatever the units)."""
 LEAP = 4.0
 """A step this many times longer than the last is checked at its end before it is believed."""
+GAP = 1e-5
+"""Terms this much smaller than those before them are no tail but a gap."""
+LEAST = 1.0 / 64.0
+"""A step this much shorter than the last one is believed unchecked."""
 FAR = 1e30
 """A step, in units of sigma, that no coefficient limits."""
 STALL = 1000
@@ -101,6 +105,34 @@ def step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
 
 
 @inner()
+def swells(c, rows, order, theta):  # type: ignore[no-untyped-def]
+    """True if the terms of a row do not fall towards the last ones as those of a series do that has converged.
+
+    The last two are as large as those before them or halfway to them: what comes after may be larger still (a high
+    power whose turn comes later, in a small part of a large state). Or they are next to nothing all at once: a gap.
+    """
+    if c[rows, 0] * theta <= 0.5 * c[rows, 1]:  # the usual case
+        return False
+    middle = order // 2
+    for r in range(rows):
+        row = c[r]
+        scale = abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2]))
+        half, before, end, power = 0.0, 0.0, 0.0, 1.0
+        for k in range(order + 1):
+            term = abs(row[k]) * power
+            if k >= order - 1:
+                end = max(end, term)
+            elif k >= order - 3:
+                before = max(before, term)
+            if middle - 1 <= k <= middle + 2:
+                half = max(half, term)
+            power *= theta
+        if (end >= min(half, before) and end > EPS * scale) or (end < GAP * before and before > EPS * scale):
+            return True
+    return False
+
+
+@inner()
 def move(x, x_low, change):  # type: ignore[no-untyped-def]
     """x += change as a compensated sum; False where the state has blown up."""
     bounded = True
@@ -123,6 +155,7 @@ def glide(floats, integers, x, x_low, layout, constants, c, change, alone, stop_
     """
     n, guards = x.size, layout[0, T_GUARDS]
     expansion, closing = layout[0, T_EXPANSION], layout[0, T_CLOSING]
+    shrunk = False
     while True:
         if integers[I_STEPS] >= stop_at:
             return 0.0
@@ -131,19 +164,24 @@ def glide(floats, integers, x, x_low, layout, constants, c, change, alone, stop_
         call_expand(expansion, floats[F_TIME], floats[F_LOW], sigma, x, constants, c)
         integers[I_RHS] += 1
         theta = step_size(c, n + guards, integers[I_ORDER], floats[F_TOLERANCE])
-        if theta < 1e-6 or (theta > 1e6 and sigma < left):
-            # sigma is far from the step: bring it there and expand again before anything is read off.
-            new = sigma * 1e-4 if theta == 0.0 else max(min(sigma * theta, left), 1e-290)
+        if theta < 1e-6 or (theta > 1e6 and sigma < left and not shrunk):
+            # sigma is far from the step: bring it there and expand again before anything is read off. Where it is
+            # much too long even the step is not to be believed: it shrinks by degrees, and does not grow again here.
+            new = max(sigma * max(theta, 1e-4), 1e-290) if theta < 1.0 else min(sigma * theta, left)
             if sigma <= 1e-280 and new <= sigma:
                 return -1.0
             if new < 0.5 * sigma or new > 2.0 * sigma:
+                shrunk = shrunk or new < sigma
                 floats[F_SIGMA] = new
                 continue
+        if shrunk:
+            theta = min(theta, 1e6)
+            shrunk = False
         step = theta * sigma
         integers[I_STALLED] = integers[I_STALLED] + 1 if step <= 0.25 * EPS * abs(floats[F_TIME]) else 0
         if integers[I_STALLED] > STALL:
             return -1.0
-        if alone or step >= left or theta > LEAP:
+        if alone or step >= left or theta > LEAP or swells(c, n + guards, integers[I_ORDER], theta):
             return theta
         call_closing(closing, theta, c, change)
         for g in range(guards):
@@ -160,9 +198,10 @@ def glide(floats, integers, x, x_low, layout, constants, c, change, alone, stop_
 def trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta):  # type: ignore[no-untyped-def]
     """A step no longer than where the expansion still tells what lies there, ``theta`` if that is so.
 
-    Coefficients that are zero promise an endless step (a high power seen from where it is flat). The
-    expansion is made anew on the step and at its end: guards and slopes must be what was foretold. A step no
-    longer than the last needs no such trust (and where a guard is next to zero rounding alone may disagree).
+    Coefficients that are zero promise an endless step (a high power seen from where it is flat), and terms that
+    do not fall promise nothing. The expansion is made anew on the step and at its end: guards and slopes must be what
+    was foretold. A step much shorter than the last one, whose terms fall, needs no such trust (and where a guard is
+    next to zero rounding alone may disagree).
     """
     n, guards = x.size, layout[0, T_GUARDS]
     sigma = floats[F_SIGMA]
@@ -191,7 +230,7 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
         if agreed:
             return theta
         theta *= 0.25
-        if theta <= 1.0:
+        if theta <= LEAST and not swells(c, n + guards, order, theta):
             return theta
     return theta
 
