@@ -221,7 +221,7 @@ def test_a_drive_whose_argument_is_flat_at_the_start_is_not_slept_through(power:
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12, 1e-15])
 @pytest.mark.parametrize("near", [100, 1000, 10000])
 def test_a_first_step_from_beside_a_branch_point_ends(near: int, rtol: float) -> None:
-    """exp(-sqrt(e + t^2)): from the horizon's length coefficients are 1e30, from the step that they seem to allow none."""
+    """exp(-sqrt(e + t^2)): coefficients are 1e30 in units of the horizon, and none in those of the step they allow."""
     result = run(make_problem("y", [f"exp(-sqrt(1/{near} + t**2))"], {"s": "y - 1/2"}, [0], 3), rtol)
     exact = run(make_problem("y", [f"exp(-sqrt(1/{near} + t**2))"], {"s": "y - 1/2"}, [0], 3), 1e-14)
     assert kinds(result) == ["crossing"]

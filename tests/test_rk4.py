@@ -19,6 +19,7 @@ from henon_ref.henon.rk4 import RK4
 from henon_ref.model.system import TIME, FilippovSystem
 from henon_ref.solver import Solver
 from henon_ref.trajectory import Problem
+from tests.conftest import make_problem
 
 X, V, Q, U = sp.symbols("x v q u", real=True)
 S, R = sp.symbols("s r", real=True)
@@ -203,3 +204,13 @@ def test_a_deadline_in_the_past_is_a_timeout(forced_coulomb):
 def test_a_step_is_needed(forced_slide, step):
     with pytest.raises(UnsupportedError, match="positive step"):
         RK4.prepare(forced_slide, step=step)
+
+
+@pytest.mark.parametrize("step", [1e-2, 1e-3, 1e-4])
+def test_a_crossing_at_the_very_end_of_a_step_is_found(step: float) -> None:
+    """Switch times that are whole numbers of steps: the kernel adds its time up otherwise than the run does."""
+    surfaces = {"a": "t - 20", "b": "t - 201/10", "c": "t - 60", "d": "t - 60 - 10**(-10)"}
+    problem = make_problem("x", ["10**4*(a - b + c - d)/2"], surfaces, [0], 100)
+    result = RK4.prepare(problem, step=step)()
+    assert result.status == "ok"
+    assert [q.time for q in result.transitions] == pytest.approx([20, 20.1, 60, 60], abs=1e-9)

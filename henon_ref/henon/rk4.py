@@ -210,12 +210,14 @@ class _Integration:
         if len(landings) < len(found):
             return "failed", f"a guard is not a number on the step from t = {t:.17g}"
         self.landings += len(landings)
+        if not found:  # by the kernel's time, added up otherwise, a guard is just crossed: here the next step does it
+            self._sample_up_to(kernel, h)
+            self._move(h)
+            self.x = new.copy()
+            return Decision("unique", self.mode)
         first = min(landings.values(), key=lambda landing: landing.offset)
         hits = [kernel.guards[i] for i, landing in landings.items() if landing.offset <= first.offset + TOGETHER]
-        while self.filled < self.wanted.size and self.wanted[self.filled] <= t + first.offset:
-            kernel.step(t, self.x, self.wanted[self.filled] - t, self.samples[self.filled])
-            self.filled += 1
-        self._record_modes()
+        self._sample_up_to(kernel, first.offset)
         self._move(first.offset)
         self.x = first.state
         state = tuple(self.x.tolist())
@@ -226,6 +228,13 @@ class _Integration:
         if time.perf_counter() > self.stop_at:
             return "timeout", f"out of time at t = {self.time:.17g}"
         return decision
+
+    def _sample_up_to(self, kernel: Kernel, offset: float) -> None:
+        """Fill the samples on the next part of a step."""
+        while self.filled < self.wanted.size and self.wanted[self.filled] <= self.time + offset:
+            kernel.step(self.time, self.x, self.wanted[self.filled] - self.time, self.samples[self.filled])
+            self.filled += 1
+        self._record_modes()
 
     def _lost(self, code: int) -> tuple[Status, str]:
         """How a run ends whose next step is not in numbers."""
