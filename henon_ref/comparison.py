@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
+from henon_ref.errors import CaseError
 from henon_ref.model.case import Case
 from henon_ref.score.campaign import Campaign
 from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, Row
@@ -18,6 +19,8 @@ from henon_ref.solver import Solver
 
 if TYPE_CHECKING:
     import pandas as pd
+
+T = TypeVar("T")
 
 
 @dataclass
@@ -106,13 +109,13 @@ def compare(
     solvers : sequence of str or Solver, optional
         Names, or instances of your own; None: those the case lists, or all.
     tolerances : sequence of float, optional
-        Relative tolerances in place of the case's.
+        Relative tolerances in place of the case's, each from 1e-16 to below 1.
     repeats : int, optional
-        Timing samples a row; None: as many as fit a fraction of a second.
+        Timing samples a row, 1 or more; None: as many as fit a fraction of a second.
     timeout : float
-        Seconds one run may take.
+        Seconds one run may take, 0.01 or more.
     processes : int
-        Runs at work at once.
+        Runs at work at once, 1 or more.
 
     Returns
     -------
@@ -121,11 +124,13 @@ def compare(
     Raises
     ------
     CaseError
-        Where a solver is unknown, or none asked for applies to the case.
+        For an argument that is not allowed: an unknown solver, none that applies to the case, a tolerance of 0.
     """
+    if not isinstance(case, Case):
+        raise CaseError(f"case is {case!r}, wanted a Case: henon_ref.load_case(path) reads one")
     options = Options(
-        solvers=None if solvers is None else tuple(solvers),
-        tolerances=None if tolerances is None else tuple(tolerances),
+        solvers=_listed("solvers", solvers),
+        tolerances=_listed("tolerances", tolerances),
         repeats=repeats,
         timeout=timeout,
         processes=processes,
@@ -133,6 +138,15 @@ def compare(
     found: list[Comparison] = []
     compare_all([case], options, found.append)
     return found[0]
+
+
+def _listed(name: str, values: Sequence[T] | None) -> tuple[T, ...] | None:
+    """An argument that is a sequence, as a tuple; one string or number is none."""
+    if values is None:
+        return None
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise CaseError(f"{name} is {values!r}, wanted a sequence: {name}=[{values!r}]")
+    return tuple(values)
 
 
 def compare_all(

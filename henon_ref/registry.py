@@ -1,7 +1,8 @@
 """Solvers by name: the built-in ones, imported when asked for, and third parties' by entry point.
 
 A third party registers an instance of :class:`henon_ref.solver.Solver` (or a function without arguments that
-makes one) under the entry-point group ``henon_ref.solvers``; the entry point's name is the solver's.
+makes one) under the entry-point group ``henon_ref.solvers``; the entry point's name is the solver's. One that
+holds no solver is listed all the same: its rows say what is wrong with it.
 
 A library is restarted after every event, and how is a habit of its own (:mod:`baselines.restart`):
 ``heyoka@direction`` is heyoka restarted by another habit than ``heyoka``'s own. Such names are solvers like any
@@ -18,7 +19,7 @@ from typing import Any, cast
 
 from henon_ref.errors import CaseError, UnavailableError
 from henon_ref.model.grammar import did_you_mean, listed
-from henon_ref.solver import Solver
+from henon_ref.solver import Solver, fault
 
 GROUP = "henon_ref.solvers"
 RESTARTS = ("event-free-step", "offset", "direction", "none")
@@ -95,11 +96,11 @@ def check(name: str) -> str:
     CaseError
         With the nearest name, where there is none, or no such habit of restarting it.
     """
-    plain = plain_name(name)
+    plain, habit = _parted(name)
     if plain not in names():
         raise CaseError(f"unknown solver '{plain}'{did_you_mean(plain, names())}; solvers: {listed(names())}")
     if plain != name:
-        check_restart(name[len(plain) + len(AT) :])
+        check_restart(habit)
         if not restart_of(plain):
             able = [known for known in default_names() if restart_of(known)]
             raise CaseError(f"'{plain}' restarts no library, so it takes no '{AT}'; those that do: {listed(able)}")
@@ -121,12 +122,20 @@ def check_restart(habit: str) -> str:
 
 def plain_name(name: str) -> str:
     """The solver's name without the habit it is restarted by."""
-    return name.partition(AT)[0]
+    return _parted(name)[0]
+
+
+def _parted(name: str) -> tuple[str, str]:
+    """The solver's name and the habit it is restarted by; a third party's name may hold an ``@`` of its own."""
+    if name in _third_party():
+        return name, ""
+    plain, _, habit = name.partition(AT)
+    return plain, habit
 
 
 def restart_of(name: str) -> str:
     """The habit by which a built-in solver restarts its library; empty where there is nothing to restart."""
-    plain, _, habit = name.partition(AT)
+    plain, habit = _parted(name)
     return habit or (_BUILT_IN[plain].restart if plain in _BUILT_IN else "")
 
 
@@ -136,9 +145,17 @@ def with_restart(name: str, habit: str) -> str:
 
 
 def fixed_step(name: str) -> bool:
-    """Whether a solver is driven by a step instead of tolerances."""
+    """Whether a solver is driven by a step instead of tolerances; no, where a third party's cannot be loaded."""
     name = plain_name(name)
-    return _BUILT_IN[name].fixed_step if name in _BUILT_IN else solver(name).fixed_step
+    return _BUILT_IN[name].fixed_step if name in _BUILT_IN else _says_fixed_step(_third_party()[check(name)])
+
+
+@cache
+def _says_fixed_step(point: EntryPoint) -> bool:
+    try:
+        return _loaded(point).fixed_step
+    except UnavailableError:  # its rows will say why
+        return False
 
 
 def distribution(name: str) -> str:
@@ -167,21 +184,38 @@ def solver(name: str) -> Solver:
     CaseError
         Where there is no solver of that name, or no such habit of restarting it.
     UnavailableError
-        Where its library is not installed.
+        Where its library is not installed, or its entry point holds no solver.
     """
     check(name)
-    plain, _, habit = name.partition(AT)
+    plain, habit = _parted(name)
+    if plain not in _BUILT_IN:
+        return _loaded(_third_party()[plain])
     try:
-        if plain in _BUILT_IN:
-            instance = _instance(import_module(_BUILT_IN[plain].module), plain)
-            if not habit:
-                return instance
-            frozen: Any = instance  # a dataclass with a field for it: its entry here says so
-            return cast(Solver, replace(frozen, name=name, restart=habit))
-        found = _third_party()[name].load()
+        instance = _instance(import_module(_BUILT_IN[plain].module), plain)
     except ImportError as error:
         raise UnavailableError(f"{name} cannot be imported: {error}") from error
-    return found if isinstance(found, Solver) else found()
+    if not habit:
+        return instance
+    frozen: Any = instance  # a dataclass with a field for it: its entry here says so
+    return cast(Solver, replace(frozen, name=name, restart=habit))
+
+
+def _loaded(point: EntryPoint) -> Solver:
+    """The solver that an entry point holds, or that the function it holds makes."""
+    where = f"the entry point {point.name} = {point.value}"
+    try:
+        found = point.load()
+        if callable(found) and not isinstance(found, type | Solver):
+            found = found()
+        words = fault(found)
+    except UnavailableError:
+        raise
+    except (Exception, SystemExit) as error:  # a stranger's module may raise anything when it is imported
+        text = " ".join(str(error).split())
+        raise UnavailableError(f"{where} cannot be loaded: {type(error).__name__}: {text}") from error
+    if words:
+        raise UnavailableError(f"{where} {words}")
+    return cast(Solver, found)
 
 
 def _instance(module: object, name: str) -> Solver:

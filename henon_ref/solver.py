@@ -12,6 +12,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.errors import HenonRefError
 from henon_ref.trajectory import Problem, Trajectory
 
 Run = Callable[[], Trajectory]
@@ -28,6 +29,8 @@ class Solver(Protocol):
       JIT. Its time is reported as ``compile_s``; the run's time does not hold it.
     * The returned callable does the whole run and has no memory of earlier calls.
     * Transitions come in order of time; every one of them is reported, also after a failure.
+    * What the run returns is checked (:mod:`henon_ref.score.returned`): a :class:`Trajectory`, times finite, an
+      entry a state and a surface; NumPy's numbers will do. What fails the check is a row ``failed``.
     * ``UnsupportedError`` from ``prepare`` where the solver cannot do the problem; ``UnavailableError``
       where its library is missing. Other failures of a library are status ``failed`` with the reason.
     * The docstring says what ``steps``, ``rhs_evaluations`` and ``event_evaluations`` count.
@@ -70,3 +73,25 @@ class Solver(Protocol):
             Seconds a run may take; past it the run returns status ``timeout`` with what it has.
         """
         ...
+
+
+class ContractError(HenonRefError):
+    """A solver does not keep the contract; the message says where (status ``failed``)."""
+
+
+def fault(candidate: object) -> str:
+    """What keeps an object from being a solver, as the end of a sentence; empty where nothing does.
+
+    The version is not asked for: that may import the library.
+    """
+    if isinstance(candidate, type):
+        return f"is the class {candidate.__name__}, wanted an instance of it: {candidate.__name__}()"
+    missing = [member for member in ("name", "fixed_step", "landing", "prepare") if not hasattr(candidate, member)]
+    if missing:
+        kind = type(candidate).__name__
+        return f"is no solver: {kind} has no {', '.join(missing)} (see henon_ref.solver.Solver)"
+    for member, wanted in (("name", str), ("fixed_step", bool)):
+        value = getattr(candidate, member)
+        if not isinstance(value, wanted):
+            return f"is no solver: its {member} is {value!r}, wanted a {wanted.__name__}"
+    return ""

@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from henon_ref.errors import UnsupportedError
 from henon_ref.model.case import Case, parse_case
 from henon_ref.score.metrics import Expected
@@ -106,6 +108,8 @@ class Fake:
     def prepare(self, problem: Problem, *, rtol=None, atol=None, step=None, sample_times=None, deadline=None):
         if self.what == "unsupported":
             raise UnsupportedError("it cannot")
+        if self.what == "prepares nothing":
+            return None
         error = step if self.fixed_step else rtol
 
         def run() -> Trajectory:
@@ -148,6 +152,21 @@ def _slow(error: float, deadline: float) -> Trajectory:
     return _right(error, deadline)
 
 
+def _answers(error: float, deadline: float) -> int:
+    return 42
+
+
+def _numpy(error: float, deadline: float) -> Trajectory:
+    """As a solver that works in arrays writes it down."""
+    events = [
+        replace(
+            e, surface=np.int64(0), from_mode=np.array(e.from_mode), time=np.float64(e.time), state=np.array(e.state)
+        )
+        for e in found(error=error)
+    ]
+    return trajectory(events, counts=Counts(*np.array([10, 40, 20])), end_state=np.zeros(1), end_mode=np.ones(1, int))
+
+
 _BEHAVIOURS: dict[str, Callable[[float, float], Trajectory]] = {
     "right": _right,
     "misses": _misses,
@@ -156,4 +175,8 @@ _BEHAVIOURS: dict[str, Callable[[float, float], Trajectory]] = {
     "crashes": _crashes,
     "stops": _stops,
     "slow": _slow,
+    "answers": _answers,
+    "numpy": _numpy,
 }
+
+SOUND = Fake("sound")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from dataclasses import dataclass, replace
+from importlib.metadata import EntryPoint
 
 import pytest
 from fakes import TIMES, Fake, case, statement
@@ -68,6 +70,8 @@ def test_a_fixed_step_solver_has_a_step_and_no_tolerance():
         ("crashes", "failed", "SIGSEGV"),
         ("unsupported", "unsupported", "it cannot"),
         ("misses", "wrong", "1 missed"),
+        ("answers", "failed", "the solver returned 42 (int), wanted a Trajectory"),
+        ("prepares nothing", "failed", "the solver's prepare() returned None (NoneType), wanted a function"),
     ],
 )
 def test_a_failure_is_a_row_with_a_reason_and_the_others_go_on(what, status, words):
@@ -76,6 +80,29 @@ def test_a_failure_is_a_row_with_a_reason_and_the_others_go_on(what, status, wor
     assert list(bad["status"]) == [status, status]
     assert words in bad["status_reason"].iloc[0]
     assert list(result.runs[result.runs["solver"] == "fake"]["status"]) == ["ok", "ok"]
+
+
+@pytest.mark.parametrize("asked", [None, ["sound", "broken"]])
+def test_an_entry_point_without_a_solver_is_a_row_that_was_not_run_and_the_others_go_on(monkeypatch, asked):
+    held = {"broken": "no_such_module:SOLVER", "sound": "fakes:SOUND"}
+    points = {name: EntryPoint(name, value, registry.GROUP) for name, value in held.items()}
+    monkeypatch.setattr(registry, "_third_party", lambda: points)
+    monkeypatch.setattr(registry, "_BUILT_IN", {})
+    loose = replace(case(), readings=tuple(replace(reading, solvers=None) for reading in case().readings))
+    runs = compare(loose, solvers=asked, tolerances=[1e-6], repeats=1).runs
+    assert list(runs["solver"]) == ["broken", "sound"]
+    assert list(runs["status"]) == ["unavailable", "ok"]
+    assert list(runs["verdict"]) == ["not run", "right"]
+    assert runs["status_reason"][0].startswith("the entry point broken = no_such_module:SOLVER cannot be loaded")
+
+
+def test_numbers_of_numpy_are_as_good_as_plain_ones_in_rows_and_in_the_journal(tmp_path):
+    found: list[Comparison] = []
+    for what in ("right", "numpy"):
+        compare_all([case()], Options(solvers=(Fake(what=what),), repeats=1, folder=tmp_path), found.append)
+    plain, numpy = (comparison.transitions for comparison in found)
+    assert plain.equals(numpy)
+    assert list(found[1].runs["steps"]) == [10, 10]
 
 
 def test_missing_values_are_missing_and_never_nought():
@@ -157,6 +184,44 @@ def test_without_a_truth_runs_are_kept_and_not_scored(monkeypatch):
 def test_an_unknown_solver_is_refused_with_the_nearest_name():
     with pytest.raises(CaseError, match="did you mean 'henon'"):
         compare(case(), solvers=["henn"])
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"processes": 0}, "processes is a whole number from 1 on, not 0"),
+        ({"processes": 1.5}, "processes is a whole number from 1 on, not 1.5"),
+        ({"repeats": 0}, "repeats is a whole number from 1 on, not 0"),
+        ({"repeats": True}, "repeats is a whole number from 1 on, not True"),
+        ({"timeout": -1}, "timeout is a number of seconds from 0.01 on, not -1"),
+        ({"timeout": math.inf}, "timeout is a number of seconds from 0.01 on, not inf"),
+        ({"timeout": math.nan}, "timeout is a number of seconds from 0.01 on, not nan"),
+        ({"tolerances": [1e-6, 0]}, "a tolerance lies between 1e-16 and 1, not 0"),
+        ({"tolerances": [1.0]}, "a tolerance lies between 1e-16 and 1, not 1.0"),
+        ({"tolerances": [math.nan]}, "a tolerance lies between 1e-16 and 1, not nan"),
+        ({"tolerances": ["1e-6"]}, "a tolerance lies between 1e-16 and 1, not '1e-6'"),
+        ({"tolerances": []}, "tolerances is empty; None stands for the case's own"),
+        ({"tolerances": 1e-6}, "tolerances is 1e-06, wanted a sequence: tolerances=[1e-06]"),
+        ({"solvers": "henon"}, "solvers is 'henon', wanted a sequence: solvers=['henon']"),
+        ({"solvers": []}, "solvers is empty; None stands for the case's own"),
+        ({"solvers": [42]}, "solvers: 42 is no solver: int has no name, fixed_step, landing, prepare"),
+        ({"solvers": [Fake]}, "is the class Fake, wanted an instance of it: Fake()"),
+        ({"solvers": [Fake(), Fake(what="misses")]}, "more than one is named 'fake'"),
+    ],
+)
+def test_an_argument_that_is_not_allowed_is_refused_before_anything_runs(options, words):
+    with pytest.raises(CaseError) as refused:
+        compare(case(), **options)
+    assert words in str(refused.value)
+
+
+def test_the_bounds_of_the_options_are_allowed_themselves():
+    Options(tolerances=(1e-16, 0.999), repeats=1, timeout=0.01, processes=1)
+
+
+def test_a_path_in_place_of_a_case_is_refused_with_how_to_read_it():
+    with pytest.raises(CaseError, match=r"case is 'my_belt\.yaml', wanted a Case"):
+        compare("my_belt.yaml")
 
 
 def test_a_solver_that_the_case_does_not_list_is_refused():

@@ -27,6 +27,31 @@ def make() -> ThirdParty:
 
 
 READY = ThirdParty()
+NUMBER = 5
+
+
+def refuse() -> ThirdParty:
+    raise RuntimeError("no licence\nfound")
+
+
+def leave() -> ThirdParty:
+    sys.exit(3)
+
+
+def lack() -> ThirdParty:
+    raise UnavailableError("their library is not installed")
+
+
+class Halfway:
+    name = "halfway"
+    fixed_step = True
+
+
+class Worded(ThirdParty):
+    fixed_step = "no"
+
+
+HALFWAY, WORDED = Halfway(), Worded()
 
 
 @pytest.fixture
@@ -71,10 +96,47 @@ def test_a_third_party_s_instance_or_factory_is_found(entry_point, attribute):
     assert registry.library_version("third-party") == ""
 
 
-def test_a_third_party_that_cannot_be_imported_is_unavailable(entry_point):
-    entry_point("third-party", "no_such_module:SOLVER")
-    with pytest.raises(UnavailableError, match="no_such_module"):
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("no_such_module:SOLVER", "cannot be loaded: ModuleNotFoundError: No module named 'no_such_module'"),
+        ("test_registry:NOPE", "cannot be loaded: AttributeError: module 'test_registry' has no attribute 'NOPE'"),
+        ("test_registry:NUMBER", "is no solver: int has no name, fixed_step, landing, prepare"),
+        ("test_registry:ThirdParty", "is the class ThirdParty, wanted an instance of it: ThirdParty()"),
+        ("test_registry:HALFWAY", "is no solver: Halfway has no landing, prepare"),
+        ("test_registry:WORDED", "is no solver: its fixed_step is 'no', wanted a bool"),
+        ("test_registry:refuse", "cannot be loaded: RuntimeError: no licence found"),
+        ("test_registry:leave", "cannot be loaded: SystemExit: 3"),
+    ],
+)
+def test_an_entry_point_without_a_solver_is_unavailable_and_says_what_it_holds(entry_point, value, words):
+    entry_point("third-party", value)
+    with pytest.raises(UnavailableError) as refused:
         registry.solver("third-party")
+    assert str(refused.value).startswith(f"the entry point third-party = {value} {words}")
+
+
+def test_what_is_asked_of_a_solver_before_it_runs_fails_for_no_entry_point(entry_point):
+    entry_point("third-party", "no_such_module:SOLVER")
+    assert registry.check("third-party") == "third-party"
+    assert "third-party" in registry.default_names()
+    assert not registry.fixed_step("third-party")
+    assert registry.library_version("third-party") == ""
+    assert registry.restart_of("third-party") == ""
+
+
+def test_a_third_party_may_say_itself_that_its_library_is_missing(entry_point):
+    entry_point("third-party", "test_registry:lack")
+    with pytest.raises(UnavailableError, match=r"^their library is not installed$"):
+        registry.solver("third-party")
+
+
+def test_a_third_party_s_name_may_hold_an_at(entry_point):
+    entry_point("third@party", "test_registry:READY")
+    assert registry.plain_name("third@party") == registry.check("third@party") == "third@party"
+    assert registry.restart_of("third@party") == ""
+    assert registry.solver("third@party").name == "third-party"
+    assert registry.fixed_step("third@party")
 
 
 def test_an_unknown_name_is_refused_with_the_nearest():

@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from henon_ref.errors import CaseError
 from henon_ref.model.case import Case
 from henon_ref.score.results import ReadingResult
 from henon_ref.score.rows import Record
 from henon_ref.score.worker import Job
-from henon_ref.solver import Solver
+from henon_ref.solver import Solver, fault
+
+LEAST_TIMEOUT = 0.01
+"""Shortest time that a run may be given [s]."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """How a campaign is run."""
+    """How a campaign is run.
+
+    Raises
+    ------
+    CaseError
+        For a value that is not allowed. Whether solvers exist is seen later, see :mod:`henon_ref.score.plan`.
+    """
 
     solvers: tuple[str | Solver, ...] | None = None
     """Solvers to run, out of those that a case lists; None: all that it lists."""
@@ -40,6 +51,35 @@ class Options:
     """Leave the journals where they are: the caller has more to do before nothing of this can be lost."""
     timed: bool = True
     """Whether right runs are repeated for their wall times."""
+
+    def __post_init__(self) -> None:
+        for name, entries in (("solvers", self.solvers), ("tolerances", self.tolerances)):
+            if entries is not None and not entries:
+                raise CaseError(f"{name} is empty; None stands for the case's own")
+        for solver in self.solvers or ():
+            if not isinstance(solver, str) and (words := fault(solver)):
+                raise CaseError(f"solvers: {_shown(solver)} {words}")
+        names = [solver if isinstance(solver, str) else solver.name for solver in self.solvers or ()]
+        for solver in self.solvers or ():
+            if not isinstance(solver, str) and names.count(solver.name) > 1:
+                raise CaseError(f"solvers: more than one is named '{solver.name}'; rows are told apart by the name")
+        for tolerance in self.tolerances or ():
+            if not (_is_number(tolerance) and 1e-16 <= tolerance < 1):
+                raise CaseError(f"a tolerance lies between 1e-16 and 1, not {_shown(tolerance)}")
+        for name, count in (("repeats", 1 if self.repeats is None else self.repeats), ("processes", self.processes)):
+            if type(count) is not int or count < 1:
+                raise CaseError(f"{name} is a whole number from 1 on, not {_shown(count)}")
+        if not (_is_number(self.timeout) and LEAST_TIMEOUT <= self.timeout < math.inf):
+            raise CaseError(f"timeout is a number of seconds from {LEAST_TIMEOUT:g} on, not {_shown(self.timeout)}")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _shown(value: object) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 MOST_DRAWN = 6

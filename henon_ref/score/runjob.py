@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from henon_ref import registry
 from henon_ref.model.modes import Mode
+from henon_ref.score.returned import check_prepared, check_returned
 from henon_ref.score.settings import Setting
 from henon_ref.score.timing import repeat
 from henon_ref.score.worker import Stages
@@ -91,11 +92,13 @@ class RunJob:
             step=self.setting.step,
             deadline=self.timeout,
         )
-        yield PREPARED, Prepared(chosen.landing, version, time.perf_counter() - begin)
+        took = time.perf_counter() - begin
+        check_prepared(run, landing=chosen.landing, version=version)
+        yield PREPARED, Prepared(chosen.landing, version, took)
         begin = time.perf_counter()
-        trajectory = run()
+        returned = run()
         first = time.perf_counter() - begin
-        again = yield RAN, Ran(trajectory, first)
+        again = yield RAN, Ran(check_returned(returned, self.problem.system), first)
         if again:
             yield TIMED, repeat(run, first=first, repeats=self.repeats, budget=BUDGET, cold=self.cold)
 

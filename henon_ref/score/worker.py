@@ -19,6 +19,7 @@ from types import TracebackType
 from typing import Any, Protocol
 
 from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.solver import ContractError
 from henon_ref.trajectory import Status
 
 Message = tuple[str, Any]
@@ -116,6 +117,8 @@ def failure_of(error: BaseException) -> Failure:
     if isinstance(error, MemoryError):
         return Failure("failed", "memory: the run needs more than the limit")
     text = " ".join(str(error).split())
+    if isinstance(error, ContractError):
+        return Failure("failed", text)
     return Failure("failed", f"{type(error).__name__}: {text}" if text else type(error).__name__)
 
 
