@@ -29,19 +29,34 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 DONE, GATE, BAD, INTERRUPTED = 0, 1, 2, 130
 SELDOM = 200_000
 """Objects made between two looks for garbage."""
+LONGEST = 1e6
+"""Seconds that may be given to one run."""
 KEPT = "finished rows are kept, --resume goes on from them"
 # What typer raises for a wrong argument; it exports this one class of them only.
 USAGE_ERROR: Any = typer.BadParameter.__base__
 
 
+def _folder(text: str | Path) -> Path:
+    if not str(text).strip():
+        raise typer.BadParameter("an empty path; the folder one stands in is .")
+    return Path(text)
+
+
 @app.command()
 def main(
     cases: Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="Folder of the reports.")] = Path("reports"),
+    out: Annotated[Path, typer.Option(help="Folder of the reports.", parser=_folder, metavar="PATH")] = Path("reports"),
     solvers: Annotated[str | None, typer.Option(help="Names with commas; all that a case lists if left out.")] = None,
     tolerances: Annotated[str | None, typer.Option(help="Relative tolerances with commas, for the cases' own.")] = None,
     repeats: Annotated[int | None, typer.Option(min=1, help="Timing samples a row.")] = None,
-    timeout: Annotated[float, typer.Option(min=0.01, help="Seconds one run may take.")] = 10.0,
+    timeout: Annotated[
+        float,
+        typer.Option(
+            min=0.01,
+            max=LONGEST,
+            help="Seconds one run may take. Preparing it may take 120 besides, a truth that is not stored 900.",
+        ),
+    ] = 10.0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Runs at work at once; two if there are two cores.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Keep the rows of an interrupted comparison.")] = False,
     restart: Annotated[
@@ -52,7 +67,9 @@ def main(
         ),
     ] = None,
     figures: Annotated[bool, typer.Option(help="Draw figures.")] = True,
-    gate: Annotated[bool, typer.Option("--gate", help="Exit with 1 if a bound of a case's gate is not met.")] = False,
+    gate: Annotated[
+        bool, typer.Option("--gate", help="Exit with 1 if a bound of a case's gate is not met, or none was checked.")
+    ] = False,
 ) -> Request:
     """Run every solver on every case, score it against the truth, and write a report."""
     return Request(

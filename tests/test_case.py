@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from decimal import Decimal
 from pathlib import Path
 
@@ -87,7 +88,14 @@ def test_numbers_are_exact_and_parameters_use_each_other_in_any_order() -> None:
         (changed("until: 3\n", ""), "1:1", "the key 'until' is missing"),
         (changed("schema: 1\n", ""), "1:1", "'schema' is missing"),
         (changed("schema: 1", "schema: 2"), "1:9", "must be 1"),
+        (changed("schema: 1", "schema: true"), "1:9", "must be 1"),
+        (changed("schema: 1", "schema: 1.0"), "1:9", "must be 1"),
         (changed("name: leaving_slide", "name: ../slide"), "2:7", "a-z, 0-9 and _"),
+        (changed("leaving_slide", "a" * 65), "2:7", "at most 64 characters, not 65"),
+        (changed("Leaving a slide", '"Leaving\\ea slide"'), "3:8", "control character U+001B"),
+        (changed("where it comes from", '"here\\u2028there"'), "4:9", "control character U+2028"),
+        (SLIDE + 'story: "half of a pair: \\ud800"\n', "19:8", "control character U+D800"),
+        (SLIDE + 'tags: [a, "b\\0"]\n', "19:11", "control character U+0000"),
         (changed("title: Leaving a slide", "title: 5"), "3:8", "must be text"),
         (changed("t - F*s", "t - G*s"), "9:16", "unknown name 'G'"),
         (changed('["t - F*s"]', "[t - F*s, x]"), "9:10", "one for each state"),
@@ -102,6 +110,22 @@ def test_numbers_are_exact_and_parameters_use_each_other_in_any_order() -> None:
         (changed("{F: 1}", "{F: 1e309}"), "7:19", "largest double"),
         (changed("{F: 1}", "{F: }"), "7:16", "number or an expression"),
         (changed("{F: 1}", "{F: true}"), "7:19", "number or an expression"),
+        (changed("{F: 1}", "{F: 2001-01-01}"), "7:19", "2001-01-01 is a date"),
+        (changed("until: 3", "until: 2001-01-01"), "12:8", "2001-01-01 is a date"),
+        (changed('{s: "x"}', "{}"), "8:13", "at least one entry"),
+        (changed("[x]", f"[{', '.join(f'x{i}' for i in range(257))}]"), "6:10", "at most 256 entries"),
+        (
+            changed('{s: "x"}', f"{{{', '.join(f's{i}: x' for i in range(257))}}}"),
+            "8:13",
+            "at most 256 entries",
+        ),
+        (changed("{after: 0}", "{after: 30}"), "13:18", "earlier than 'until', 3"),
+        (changed("{after: 0}", "{after: 3*F}"), "13:18", "earlier than 'until', 3"),
+        (changed("[1.00]", "[-1]"), "14:31", "larger than 0"),
+        (changed("[1.00]", "[1, 0]"), "14:34", "larger than 0"),
+        (SLIDE + "steps: [1e-400]\n", "19:9", "larger than 0"),
+        (SLIDE + "orbit: {period: 1, sticks: [-0.5]}\n", "19:29", "larger than 0"),
+        (SLIDE + "sliding: {s: {field: [0], release: [{when: x, direction: rising, to: true}]}}", "19:70", "-1 or 1"),
         (changed("{F: 1}", "{F: 2*G, G: H, H: F}"), "7:19", "in a circle: F -> G -> H -> F"),
         (changed("{F: 1}", "{F: 1, pi: 3}"), "7:22", "'pi' is taken"),
         (changed("{F: 1}", "{F: 1, lambda: 3}"), "7:22", "'lambda'"),
@@ -125,7 +149,9 @@ def test_numbers_are_exact_and_parameters_use_each_other_in_any_order() -> None:
         (changed("{max_time_error: 1e-11}", "{at: 1e-7, max_time_error: 1}"), "18:20", "not among 'tolerances'"),
         (changed("{max_time_error: 1e-11}", "{max_error: 1e-11}"), "18:16", "did you mean 'max_time_error'"),
         (SLIDE + "until: 4\n", "19:1", "twice"),
-        (SLIDE + "scene: {body: belt_oscillator, effects: {}}\n", "1:1", "either 'system' or 'scene'"),
+        (SLIDE + "scene: {body: belt_oscillator, effects: {}}\n", "19:1", "either 'system' or 'scene'"),
+        ("scene: {body: belt_oscillator, effects: {}}\n" + SLIDE, "6:1", "either 'system' or 'scene'"),
+        (SLIDE[: SLIDE.index("system:")] + SLIDE[SLIDE.index("initial:") :], "1:1", "either 'system' or 'scene'"),
         (SLIDE + "sliding: {q: {field: [0], release: [{when: x, direction: rising, to: 1}]}}", "19:11", "no surface"),
         (SLIDE + "sliding: {s: {field: [0], release: [{when: x, direction: up, to: 1}]}}", "19:58", "'rising'"),
         (SLIDE + "sliding: {s: {field: [0, 0], release: [{when: x, direction: rising, to: 1}]}}", "19:22", "one for"),
@@ -176,6 +202,9 @@ readings:
         ("readings: [a]", "19:11", "must be a mapping"),
         ("readings: {}", "19:11", "must be a mapping"),
         ("readings:\n  A: {}", "20:3", "a-z, 0-9 and _"),
+        (f"readings:\n  {'a' * 65}: {{}}", "20:3", "at most 64 characters, not 65"),
+        ("readings:\n  a: {measure: {after: 2}, until: 2}", "20:24", "earlier than 'until', 2 [reading 'a']"),
+        ("readings:\n  a: {scene: {body: belt_oscillator, effects: {}}}", "20:7", "either 'system' or 'scene'"),
         ("readings:\n  a: 1", "20:6", "must be a mapping"),
         ("readings:\n  a: {name: b}", "20:7", "cannot change the key 'name'"),
         ("readings:\n  a: {}\n  b: {until: -1}", "21:14", "[reading 'b']"),
@@ -236,6 +265,59 @@ def test_the_optional_answers_are_read() -> None:
     assert reading.expect is not None
     assert (reading.expect.status, reading.expect.time) == ("diverged", 1)
     assert reading.steps == (1e-3,)
+
+
+@pytest.mark.parametrize(
+    ("expect", "status", "reason", "verdict"),
+    [
+        ("{status: nonunique}", "nonunique", None, None),
+        ("{verdict: ill-conditioned}", "ok", None, "ill-conditioned"),
+        ("{status: failed, reason: why}", "failed", "why", None),
+    ],
+)
+def test_an_expectation_needs_no_reason_and_is_of_an_end_at_the_horizon(
+    expect: str, status: str, reason: str | None, verdict: str | None
+) -> None:
+    found = parse_case(f"{SLIDE}expect: {expect}\n").readings[0].expect
+    assert found is not None
+    assert (found.status, found.reason, found.verdict) == (status, reason, verdict)
+
+
+def test_the_expectations_of_the_readme_are_read() -> None:
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    examples = re.findall(r"`(expect: \{.*?\})`", readme)
+    assert len(examples) == 2
+    for example in examples:
+        assert parse_case(f"{SLIDE}{example}\n").readings[0].expect is not None
+
+
+def test_texts_that_reports_set_in_one_line_are_folded() -> None:
+    text = changed("title: Leaving a slide", "title: |\n  Leaving\n    a slide\n")
+    text = text.replace("source: where it", "source: >\n  where it\n\n ")
+    case = parse_case(text + 'story: "two\\nlines"\ntags: ["a\\n\\tb"]\n')
+    (reading,) = case.readings
+    assert (case.title, case.source) == ("Leaving a slide", "where it comes from")
+    assert (reading.title, reading.source, reading.tags) == ("Leaving a slide", "where it comes from", ("a b",))
+    assert reading.story == "two\nlines"
+
+
+def test_the_texts_at_the_top_are_checked_where_every_reading_has_its_own() -> None:
+    readings = "readings:\n  a: {title: its own, source: its own}\n"
+    error = refusal(changed("Leaving a slide", "5") + readings)
+    assert "'title': must be text" in error.message
+    assert (error.line, error.column) == (3, 8)
+    error = refusal(changed("where it comes from", '"\\e"') + readings)
+    assert "'source': the control character U+001B" in error.message
+    assert (error.line, error.column) == (4, 9)
+    assert parse_case(changed("where it comes from", "~") + readings).source is None
+
+
+def test_a_scene_without_friction_is_no_case() -> None:
+    model = SLIDE[SLIDE.index("system:") : SLIDE.index("initial:")]
+    scene = "scene: {body: belt_oscillator, parameters: {m: 1}, effects: {linear_spring: {stiffness: 1}}}\n"
+    error = refusal(SLIDE.replace(model, scene).replace("x: 0}", "x1: 1, x2: 0}"))
+    assert "name a friction effect" in error.message
+    assert (error.line, error.column) == (5, 52)
 
 
 def test_parameters_that_double_in_size_are_stopped() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from henon_ref.errors import ExpressionError
 from henon_ref.model.expressions import parse_expression, parse_number
-from henon_ref.model.grammar import FUNCTIONS, name_problem
+from henon_ref.model.grammar import FUNCTIONS, MAX_NESTING, name_problem
 
 NAMES = {name: sp.Symbol(name, real=True) for name in ("t", "x", "x1", "vp", "s")}
 T, X, X1, VP, S = NAMES.values()
@@ -137,6 +137,20 @@ def test_a_refusal_says_where_and_what(text: str, offset: int, says: str) -> Non
 def test_what_would_never_end_is_refused_at_once(text: str) -> None:
     with pytest.raises(ExpressionError):
         parse_expression(text, NAMES)
+
+
+@pytest.mark.parametrize(
+    ("inner", "outer", "offset"),
+    [("sin(", ")", 4 * 16), ("x^(", ")", 3 * 16), ("x^", "", 2 * 16), ("(", "^t)", 17), ("exp(x + (", "))", 9 * 16)],
+)
+def test_functions_and_powers_nest_no_deeper_than_every_solver_can_use(inner: str, outer: str, offset: int) -> None:
+    def nest(depth: int) -> str:
+        return inner * depth + "x" + outer * depth
+
+    assert parse_expression(nest(MAX_NESTING), NAMES).has(X)
+    with pytest.raises(ExpressionError, match=f"nest deeper than {MAX_NESTING}") as caught:
+        parse_expression(nest(MAX_NESTING + 1), NAMES)
+    assert caught.value.offset == offset
 
 
 def test_a_long_sum_is_no_deep_nest() -> None:

@@ -7,8 +7,11 @@ import sympy as sp
 
 from henon_ref.errors import CaseError
 from henon_ref.model.case import parse_case
-from henon_ref.model.scene import BODIES
+from henon_ref.model.scene import BODIES, build_scene
+from henon_ref.model.source import Source
 from henon_ref.model.system import TIME, FilippovSystem, Release
+from henon_ref.model.validation import validated
+from henon_ref.model.yamlfile import parse_yaml
 
 X1, X2, X3, X4, S, M, K, F, VP = sp.symbols("x1 x2 x3 x4 s m k F vp", real=True)
 
@@ -25,7 +28,11 @@ scene:
 initial: {{x1: 1, x2: 0}}
 until: 1
 """
-    return parse_case(text, file="case.yaml").readings[0].problem.system
+    tree = parse_yaml(text, file="case.yaml")
+    form = validated(tree, file="case.yaml")
+    assert form.scene is not None
+    system, _ = build_scene(Source(tree, "case.yaml"), form.scene)
+    return system
 
 
 def same(left: sp.Expr, right: sp.Expr) -> bool:

@@ -67,7 +67,7 @@ class Expect:
     """How a run has to end."""
 
     status: ExpectedStatus
-    reason: str
+    reason: str | None = None
     time: sp.Expr | None = None
     """Where it ends [s]."""
     verdict: ExpectedVerdict | None = None

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,8 +21,10 @@ from henon_ref.model import answers
 from henon_ref.model.answers import Exact, Expect, Gate, Orbit, Published
 from henon_ref.model.grammar import did_you_mean, listed
 from henon_ref.model.problem import build_problem, mathematics
-from henon_ref.model.schema import READING_KEYS
+from henon_ref.model.schema import READING_KEYS, CaseForm, file_name, one_line
+from henon_ref.model.source import Path as KeyPath
 from henon_ref.model.source import Source
+from henon_ref.model.switching import exact_sign
 from henon_ref.model.tree import MappingNode, ScalarNode, merged
 from henon_ref.model.validation import validated
 from henon_ref.model.yamlfile import parse_yaml, read_yaml
@@ -122,10 +123,27 @@ def parse_case(text: str, *, file: str | None = None, solvers: Collection[str] |
 
 def _case(tree: MappingNode, file: str | None, solvers: Collection[str] | None) -> Case:
     readings = tuple(_reading(name, source, solvers) for name, source in _sources(tree, file))
-    top = {key: node.text for key, node in tree.entries.items() if isinstance(node, ScalarNode)}
-    if "title" not in top:
-        raise Source(tree, file).error((), "the key 'title' is missing at the top (a reading may have its own besides)")
-    return Case(top["name"], top["title"], top.get("source"), readings)
+    whole = Source(tree, file)
+    name, title, source = (_line(whole, key) for key in ("name", "title", "source"))
+    if title is None:
+        raise whole.error((), "the key 'title' is missing at the top (a reading may have its own besides)")
+    assert name is not None  # every reading has it and none may change it
+    return Case(name, title, source, readings)
+
+
+def _line(whole: Source, key: str) -> str | None:
+    """A text at the top of the file, in one line; None where there is none."""
+    node = whole.tree.entries.get(key)
+    if node is None or (isinstance(node, ScalarNode) and node.value is None):
+        return None
+    return _checked(whole, (key,), one_line, node.value if isinstance(node, ScalarNode) else node)
+
+
+def _checked(whole: Source, path: KeyPath, check: Callable[[object], str], value: object, *, key: bool = False) -> str:
+    try:
+        return check(value)
+    except ValueError as error:
+        raise whole.error(path, f"'{path[0]}': {error}", key=key) from None
 
 
 def _sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
@@ -140,8 +158,7 @@ def _sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
     found = []
     for name, overrides in readings.entries.items():
         path = ("readings", name)
-        if not re.fullmatch(r"[a-z0-9_]+", name):
-            raise whole.error(path, f"a reading's name is made of a-z, 0-9 and _ only, not '{name}'", key=True)
+        _checked(whole, path, file_name, name, key=True)
         if not isinstance(overrides, MappingNode):
             raise whole.error(path, f"the reading '{name}' must be a mapping of the keys it changes, {{}} for none")
         for key in overrides.entries:
@@ -154,9 +171,15 @@ def _sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
 
 def _reading(name: str, source: Source, solvers: Collection[str] | None) -> Reading:
     form = validated(source.tree, file=source.file, within=source.within)
+    _check_model(source, form)
     answers.check_runs(source, form, solvers)
     problem, names = build_problem(source, form)
+    if not problem.system.surfaces:
+        message = "without friction there is no surface, so no transition to find; name a friction effect"
+        raise source.error(("scene", "effects"), message, key=True)
     after = source.number(("measure", "after"), names.values) if "after" in form.measure.model_fields_set else 0
+    if after != 0 and exact_sign(problem.until - after) <= 0:
+        raise source.error(("measure", "after"), f"'after' must be earlier than 'until', {problem.until}")
     return Reading(
         name=name,
         title=form.title,
@@ -176,3 +199,14 @@ def _reading(name: str, source: Source, solvers: Collection[str] | None) -> Read
         links=tuple(form.links),
         tags=tuple(form.tags),
     )
+
+
+def _check_model(source: Source, form: CaseForm) -> None:
+    """Refuse a case with two models or none."""
+    message = "give the model once: either 'system' or 'scene'"
+    given = [key for key, model in (("system", form.system), ("scene", form.scene)) if model is not None]
+    if not given:
+        raise source.error((), message)
+    if len(given) == 2:
+        second = max(given, key=lambda key: (source.tree.keys[key].line, source.tree.keys[key].column))
+        raise source.error((second,), message, key=True)

@@ -27,7 +27,7 @@ from henon_ref.model.bounds import (
     terms,
     with_known_functions,
 )
-from henon_ref.model.grammar import CONSTANT_FUNCTIONS, CONSTANTS, FUNCTIONS, MAX_DEPTH, Scanned, scan
+from henon_ref.model.grammar import CONSTANT_FUNCTIONS, CONSTANTS, FUNCTIONS, MAX_DEPTH, MAX_NESTING, Scanned, scan
 
 _SYMPY: dict[str, Callable[..., sp.Expr]] = {
     **{name: getattr(sp, name) for name in FUNCTIONS},
@@ -105,6 +105,7 @@ class _Walker:
     def value(self) -> sp.Expr:
         try:
             tree = ast.parse(self.scanned.python, mode="eval")
+            self._check_nesting(tree.body)
             return self._of(tree.body, 0)
         except SyntaxError as error:
             offset = self.scanned.origin[min((error.offset or 1) - 1, len(self.scanned.origin) - 1)]
@@ -113,6 +114,17 @@ class _Walker:
             raise ExpressionError("nested too deeply", 0) from None
         except _SYMPY_FAILS as error:
             raise ExpressionError(f"SymPy cannot work this out ({type(error).__name__})", 0) from None
+
+    def _check_nesting(self, root: ast.expr) -> None:
+        # A long sum is a deep tree: no recursion here.
+        waiting = [(root, 0)]
+        while waiting:
+            node, level = waiting.pop()
+            if isinstance(node, ast.Call) or (isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow)):
+                level += 1
+            if level > MAX_NESTING:
+                raise ExpressionError(f"functions and powers nest deeper than {MAX_NESTING}", self._offset(node))
+            waiting += [(child, level) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
 
     def _offset(self, node: ast.expr) -> int:
         return self.scanned.origin[node.col_offset]

@@ -21,6 +21,8 @@ MAX_TOKENS = 2_000
 """Numbers, names, operators and parentheses an expression may have."""
 MAX_DEPTH = 60
 """How deep parentheses, calls, signs and powers may nest."""
+MAX_NESTING = 16
+"""How deep functions and powers may stand in each other: every solver's derivatives grow with it."""
 MAX_DIGITS = 400
 """Digits a number may have, and the largest absolute decimal exponent."""
 

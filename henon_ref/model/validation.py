@@ -49,6 +49,8 @@ def _explained(tree: Node, error: dict[str, Any]) -> tuple[Place, str]:
         message = str(error["ctx"]["error"])
     elif kind == "literal_error":
         message = f"must be {error['ctx']['expected']}"
+    elif kind == "too_long":
+        message = f"may have at most {error['ctx']['max_length']} entries"
     elif message is None:
         message = error["msg"]
     return locate(tree, path), f"{name}{where}: {message}{_given(tree, path, kind)}"
@@ -65,7 +67,7 @@ _MESSAGES = {
 
 def _given(tree: Node, path: list[str | int], kind: str) -> str:
     node = child(tree, path)
-    if kind in ("value_error", "too_short") or node is None:
+    if kind in ("value_error", "too_short", "too_long") or node is None:
         return ""
     if isinstance(node, ScalarNode):
         shown = f"the text {shortened(node.text)}" if isinstance(node.value, str) else node.text

@@ -14,10 +14,9 @@ from henon_ref.report.ranking import LEVELS, best_of, by_solver, name, number, p
 from henon_ref.report.ratios import slower_table, spread_table
 from henon_ref.report.tables import Table
 from henon_ref.report.words import count, digits
-from henon_ref.report.write import MANIFEST, REPORT, RUNS, replace_file
+from henon_ref.report.write import INDEX, MANIFEST, REPORT, RUNS, check_index, replace_file
 from henon_ref.score.columns import Row
 
-INDEX = "README.md"
 ATLAS, RESTARTS, CAUSES, PAPER, PRICE = "atlas", "restarts", "causes", "paper", "price"
 """Folders of the further pages."""
 MARKS = {"unsupported": "–", "unavailable": "·", "timeout": "timeout", "failed": "failed"}
@@ -41,7 +40,14 @@ class Entry:
 
 
 def write_index(folder: Path) -> Path:
-    """Write the index of all reports in a folder."""
+    """Write the index of all reports in a folder.
+
+    Raises
+    ------
+    CaseError
+        Where it would replace a README.md of somebody else's.
+    """
+    check_index(folder)
     path = folder / INDEX
     replace_file(path, index_text(entries(folder), pages(folder)).encode())
     return path

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import tempfile
 from pathlib import Path
@@ -22,6 +23,9 @@ REPORT, RUNS, TRANSITIONS, STICKS, MANIFEST = (
     "sticks.csv",
     "manifest.json",
 )
+INDEX = "README.md"
+_OWN = re.compile(r"# Reports\n\n(\d+|no) readings? of (\d+|no) cases?\.|# What accuracy costs in time\n")
+"""How the pages begin that this package writes as the README.md of its output folder: index and price list."""
 
 
 def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]:
@@ -96,7 +100,7 @@ def check_writable(folder: Path) -> None:
     Raises
     ------
     CaseError
-        Where they cannot.
+        Where they cannot, or where the folder has a README.md that is not this package's own.
     """
     nearest = next((path for path in (folder, *folder.absolute().parents) if path.exists()), Path("/"))
     if not nearest.is_dir():
@@ -108,12 +112,39 @@ def check_writable(folder: Path) -> None:
         raise CaseError(
             f"cannot write into {nearest}: {error.strerror}; give --out a folder that can be written"
         ) from error
+    check_index(folder)
+
+
+def check_index(folder: Path) -> None:
+    """See that a folder's README.md may be replaced: there is none, or this package wrote it.
+
+    Raises
+    ------
+    CaseError
+        Where somebody else wrote it.
+    """
+    path = folder / INDEX
+    try:
+        own = _OWN.match(path.read_text(encoding="utf-8")) is not None
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    except (OSError, ValueError):
+        own = False
+    if not own:
+        raise CaseError(
+            "was not written by henon_ref, so it is not replaced; give --out another folder", file=str(path)
+        )
 
 
 def _listed(manifest: Path) -> set[str]:
-    """The files that an earlier report's manifest lists: plain names only."""
+    """The files beside an earlier report's manifest that it lists; whatever else stands in it is not ours."""
     try:
-        names = json.loads(manifest.read_text(encoding="utf-8")).get("files", [])
-    except (FileNotFoundError, ValueError):
+        content = json.loads(manifest.read_text(encoding="utf-8"))
+    except (FileNotFoundError, RecursionError, ValueError):
         return set()
-    return {name for name in names if isinstance(name, str) and Path(name).name == name}
+    names = content.get("files") if isinstance(content, dict) else None
+    return {name for name in names if _is_beside(manifest, name)} if isinstance(names, list) else set()
+
+
+def _is_beside(manifest: Path, name: object) -> bool:
+    return isinstance(name, str) and Path(name).name == name and os.path.isfile(manifest.parent / name)
