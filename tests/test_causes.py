@@ -49,6 +49,13 @@ def test_nothing_is_explained_that_is_not_certain() -> None:
     assert cause_of(run_row(solver="heyoka"), PAIR) is None
 
 
+def test_a_run_that_was_too_slow_is_explained_by_the_order_of_its_method() -> None:
+    slow = run_row(
+        solver="scipy-radau", status="timeout", verdict="not judged", missed=0, rtol=1e-12, steps=30000, matched=4
+    )
+    assert cause_of(slow, []) == "scipy-radau-order"
+
+
 def test_heyoka_loses_a_pair_only_where_rounding_makes_it_one_root() -> None:
     shallow = [missed("-", "+", graze_distance=1e-17), missed("+", "-", graze_distance=1e-17)]
     assert cause_of(run_row(solver="heyoka"), shallow) == "heyoka-double-root"

@@ -7,6 +7,7 @@ import errno
 import importlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -21,8 +22,10 @@ from fakes import CASE, Fake, statement
 from henon_ref import registry
 from henon_ref.errors import CaseError
 from henon_ref.report import command as report_command
-from henon_ref.report.command import case_files
-from henon_ref.score import journal, truthjob
+from henon_ref.report.command import case_files, load_cases
+from henon_ref.report.index import Entry, index_text, write_index
+from henon_ref.report.write import check_index
+from henon_ref.score import journal, runjob, truthjob
 from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 
 compare = importlib.import_module("henon_ref.compare")
@@ -102,6 +105,33 @@ def test_the_gate_decides_the_exit_status_only_where_asked(made_up, monkeypatch,
     assert "gate: made_up: default: henon" in capsys.readouterr().err
 
 
+def test_a_gate_that_checked_nothing_does_not_pass(made_up, capsys):
+    words = "none of the 2 bounds of the gate is on a solver that ran"
+    assert run(made_up, "--solvers", "heyoka") == 0
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == (f"reports/made_up/report.md; gate not checked: {words}\n", "")
+    assert run(made_up, "--solvers", "heyoka", "--gate") == 1
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == (
+        f"reports/made_up/report.md; gate not checked: {words}\n", f"gate: {words}\n"
+    )  # fmt: skip
+
+
+def test_a_gate_that_is_checked_in_part_says_so(made_up, tmp_path, capsys):
+    other = CASE.format(name="other").replace("gate: {henon:", "gate: {heyoka:")
+    (tmp_path / "other.yaml").write_text(other)
+    assert run(made_up, "other.yaml", "--solvers", "henon", "--gate") == 0
+    assert capsys.readouterr().out.splitlines() == ["reports/README.md; gate met (2 of 4 bounds checked)"]
+
+
+def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, capsys):
+    (tmp_path / "plain.yaml").write_text(re.sub("gate: .*", "", CASE.format(name="plain")))
+    assert run("plain.yaml", "--gate") == 0
+    assert capsys.readouterr().out == "reports/plain/report.md; gate not checked: there is no bound\n"
+    assert run("plain.yaml") == 0
+    assert capsys.readouterr().out == "reports/plain/report.md\n"
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -112,6 +142,15 @@ def test_the_gate_decides_the_exit_status_only_where_asked(made_up, monkeypatch,
         (["--tolerances", "nan"], "between 1e-16 and 1"),
         (["--repeats", "0"], "repeats"),
         (["--timeout", "soon"], "timeout"),
+        (["--timeout", "nan"], "timeout"),
+        (["--timeout", "inf"], "timeout"),
+        (["--timeout", "2e6"], "timeout"),
+        (["--out", ""], "an empty path"),
+        (["--out", " "], "an empty path"),
+        (["--out", "."], "README.md: was not written by henon_ref"),
+        (["--out", "headed"], "headed/README.md: was not written by henon_ref"),
+        (["--out", "bytes"], "bytes/README.md: was not written by henon_ref"),
+        (["--out", "nested"], "nested/README.md: was not written by henon_ref"),
         (["--out", "made_up.yaml"], "is a file"),
         (["--bogus"], "--bogus"),
         (["nowhere.yaml"], "nowhere.yaml"),
@@ -122,6 +161,11 @@ def test_the_gate_decides_the_exit_status_only_where_asked(made_up, monkeypatch,
 def test_a_bad_argument_is_one_message_and_nothing_is_written(made_up, tmp_path, capsys, arguments, words):
     (tmp_path / "copy.yaml").write_text(made_up.read_text())
     (tmp_path / "empty").mkdir()
+    (tmp_path / "README.md").write_text("# My project\n")
+    for name, content in (("headed", b"# Reports\n\nThose of 2012.\n"), ("bytes", b"\xff")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "README.md").write_bytes(content)
+    (tmp_path / "nested" / "README.md").mkdir(parents=True)
     before = sorted(tmp_path.rglob("*"))
     assert run(made_up, *arguments) == 2
     captured = capsys.readouterr()
@@ -136,6 +180,44 @@ def test_a_bad_case_is_named_with_line_and_column(tmp_path, capsys):
     assert run("bad.yaml") == 2
     assert "bad.yaml:" in capsys.readouterr().err
     assert not (tmp_path / "reports").exists()
+
+
+def test_an_index_of_ours_is_replaced_and_that_of_somebody_else_is_not(made_up, tmp_path, capsys):
+    index = tmp_path / "README.md"
+    assert run(made_up, "--out", ".") == 0
+    first = index.read_text()
+    assert run(made_up, "--out", ".", "--solvers", "henon") == 0
+    assert index.read_text() != first
+    index.write_text("# Mine\n")
+    with pytest.raises(CaseError, match="was not written by henon_ref"):
+        write_index(tmp_path)
+    assert index.read_text() == "# Mine\n"
+
+
+@pytest.mark.parametrize("folder", ["reports", "reports/price"])
+def test_the_committed_index_and_price_list_may_be_made_again(folder):
+    check_index(Path(__file__).parents[1] / folder)
+
+
+def test_an_index_of_nothing_and_of_one_reading_is_known_again(tmp_path):
+    for found in ([], [Entry("made_up", "Made up", "default", [])]):
+        (tmp_path / "README.md").write_text(index_text(found))
+        check_index(tmp_path)
+
+
+def test_one_file_by_several_paths_is_one_case(made_up, tmp_path):
+    (tmp_path / "other").mkdir()
+    (tmp_path / "link.yaml").symlink_to(made_up)
+    paths = [Path("made_up.yaml"), Path("other/../made_up.yaml"), Path("link.yaml"), made_up, tmp_path]
+    (case,) = load_cases(paths)
+    assert case.path == Path("made_up.yaml")
+
+
+def test_the_help_tells_the_limits_of_what_is_not_a_run(capsys):
+    assert compare.command(["--help"]) == 0
+    words = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for seconds in (runjob.PREPARE_SECONDS, truthjob.TRUTH_SECONDS):
+        assert f" {seconds:.0f}" in words
 
 
 def test_no_case_at_all_is_a_bad_argument(capsys):
@@ -214,6 +296,33 @@ def test_files_of_an_earlier_report_that_this_one_lacks_are_removed(made_up, tmp
     assert not (folder / "old.svg").exists()
     assert (folder / "mine.txt").exists()
     assert (tmp_path / "out" / "escape").exists()
+
+
+@pytest.mark.parametrize(
+    "manifest",
+    [
+        "[]",
+        "7",
+        "not JSON",
+        "[" * 100_000,
+        '{"files": 3}',
+        '{"files": {"mine.txt": 1}}',
+        '{"files": ["..", ".", "", "folder", "../escape", "a\\u0000b", "\\ud800", null, 3, ["mine.txt"]]}',
+        json.dumps({"files": ["a" * 10_000]}),
+    ],
+)
+def test_a_manifest_that_is_not_ours_takes_nothing_with_it(made_up, tmp_path, capsys, manifest):
+    folder = tmp_path / "out" / "made_up"
+    (folder / "folder").mkdir(parents=True)
+    (folder / "mine.txt").write_text("kept")
+    (tmp_path / "out" / "escape").write_text("kept")
+    (folder / "manifest.json").write_text(manifest)
+    assert run(made_up, "--out", "out", "--solvers", "henon") == 0
+    assert capsys.readouterr().err == ""
+    assert (folder / "folder").is_dir()
+    assert (folder / "mine.txt").exists()
+    assert (tmp_path / "out" / "escape").exists()
+    assert json.loads((folder / "manifest.json").read_text())["case"] == "made_up"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])

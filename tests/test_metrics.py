@@ -131,7 +131,7 @@ def test_where_the_truth_ends_the_score_ends():
     early = trajectory(found()[:3], "timeout", end_time=2.6)
     assert (score(early, truth, tolerance=1e-6).status, score(early, truth, tolerance=1e-6).verdict.word) == (
         "timeout",
-        "solver defect",
+        "not judged",
     )
 
 

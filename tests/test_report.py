@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fakes import TIMES, Fake, Reference, case, expected, found, reference, statement, trajectory
+from fakes import CASE, TIMES, Fake, Reference, case, expected, found, reference, statement, trajectory
 
 from henon_ref.comparison import Comparison
 from henon_ref.model.case import load_case
@@ -21,13 +21,14 @@ from henon_ref.report.csvfiles import csv_text, read_rows
 from henon_ref.report.figures import FigureJob
 from henon_ref.report.latex import latex, symbol
 from henon_ref.report.manifest import Provenance
-from henon_ref.report.markdown import report_text
-from henon_ref.report.modeltext import general_form, mode_equations, parameters
+from henon_ref.report.markdown import gate_words, report_text
+from henon_ref.report.modeltext import general_form, mode_equations, parameters, truth_sentences
 from henon_ref.report.motion import motion_of
 from henon_ref.report.ranking import prices
 from henon_ref.report.style import spread
 from henon_ref.report.tables import price_table, run_table, stick_table
 from henon_ref.report.write import write_report
+from henon_ref.score.gate import Tally
 from henon_ref.score.options import Options
 from henon_ref.score.results import ReadingResult
 from henon_ref.score.rows import Outcome, Record, record, score_outcome
@@ -50,6 +51,8 @@ def made(solver: str, rtol: float, wall: float, *, what: str = "right", truth=No
     outcome = Outcome("made_up", case().readings[0], solver, Setting(rtol=rtol, atol=rtol), compile_s=0.1)
     if what == "unavailable":
         outcome.failure = Failure("unavailable", "it is not installed")
+    elif what == "untried":
+        outcome.failure = Failure("timeout", "not tried: it took too long before")
     else:
         transitions = found(error=0.99 * rtol)
         outcome.trajectory = trajectory(transitions if what == "right" else transitions[:2] + transitions[3:])
@@ -79,7 +82,10 @@ def comparison() -> Comparison:
 
 def test_the_answer_names_who_is_right_and_what_it_costs(comparison):
     first, second, third = answer(comparison, comparison.readings[0])
-    assert first.startswith("3 of 4 solvers find all 5 transitions in order. **`henon` is right to 12 digits**")
+    assert first.startswith(
+        "3 of 4 solvers find all 5 transitions in order at one setting at least, 2 of them at every setting. "
+        "**`henon` is right to 12 digits**"
+    )
     assert "(worst error 9.9e-13 s at 1e-12) in **0.3 ms**" in first
     assert "next comes `heyoka`, right to 12 digits in 0.9 ms, 3 times as long" in first
     assert first.endswith("The cheapest is `henon` for 3, 6, 9 and 12 digits.")
@@ -87,6 +93,44 @@ def test_the_answer_names_who_is_right_and_what_it_costs(comparison):
     assert "Wrong at looser settings only: `scipy-rk45` (at 1e-6)." in second
     assert "Unavailable here: `ida`." in second
     assert "0.75 and 0.5 s where the source prints 0.75 s" in third or "exact stick durations" in third
+
+
+def test_a_setting_out_of_time_is_not_a_wrong_one():
+    whole = compared(
+        made("henon", 1e-6, 1e-4),
+        made("scipy-radau", 1e-6, 1e-4),
+        made("scipy-radau", 1e-9, 0.0, what="untried"),
+        made("scipy-radau", 1e-12, 0.0, what="untried"),
+        made("scipy-bdf", 1e-6, 0.0, what="misses"),
+        made("scipy-bdf", 1e-9, 0.0, what="untried"),
+        made("scipy-lsoda", 1e-6, 0.0, what="untried"),
+    )
+    first, second, _ = answer(whole, whole.readings[0])
+    assert first.startswith(
+        "2 of 4 solvers find all 5 transitions in order at one setting at least, 1 of them at every setting. "
+    )
+    assert second == (
+        "Wrong at every setting that was finished: `scipy-bdf` (1 missed, 0 spurious). "
+        "Out of time: `scipy-radau` (at 1e-9; not tried at 1e-12), `scipy-bdf` (at 1e-9) and `scipy-lsoda` (at 1e-6)."
+    )
+
+
+def test_every_wrong_setting_is_named_beside_the_tightest():
+    whole = compared(
+        *(made("scipy-sign", rtol, 1e-4, what=what) for rtol, what in ((1e-3, "right"), (1e-6, "misses"))),
+        *(made("scipy-sign", rtol, 1e-4, what="misses") for rtol in (1e-9, 1e-12)),
+    )
+    first, second, _ = answer(whole, whole.readings[0])
+    assert first.startswith("`scipy-sign` finds all 5 transitions in order at one setting at least. ")
+    assert second == "Wrong at the tightest setting: `scipy-sign` (1 missed, 0 spurious; also at 1e-6 and 1e-9)."
+
+
+def test_where_no_solver_ran_none_is_counted():
+    whole = compared(made("ida", 1e-6, 0.0, what="unavailable"))
+    assert answer(whole, whole.readings[0])[:2] == ["No solver ran.", "Unavailable here: `ida`."]
+    nothing = replace(expected(), transitions=())
+    whole = compared(made("ida", 1e-6, 0.0, what="unavailable", truth=nothing), expected=nothing)
+    assert answer(whole, whole.readings[0])[0] == "The exact run has no transition; no solver ran."
 
 
 def test_a_run_that_only_touches_is_told_from_one_where_nothing_happens():
@@ -120,7 +164,21 @@ def test_published_durations_that_hold_and_that_do_not():
     )
     assert "the printed digits hold" in " ".join(answer(whole, replace(whole.readings[0], reading=exact)))
     none = replace(exact, measure_after=4.5)
-    assert "no counterpart" in " ".join(answer(whole, replace(whole.readings[0], reading=none)))
+    assert "the exact run has no stick after t = 4.5 s." in " ".join(
+        answer(whole, replace(whole.readings[0], reading=none))
+    )
+
+
+@pytest.mark.parametrize("times", [TIMES[:1], TIMES[:4], ()])
+def test_a_stick_that_the_horizon_cuts_off_is_not_denied(times):
+    truth = expected(times)
+    whole = compared(made("henon", 1e-6, 1e-4, truth=truth), expected=truth)
+    reading = replace(whole.readings[0].reading, measure_after=3.0)
+    text = " ".join(answer(whole, replace(whole.readings[0], reading=reading)))
+    assert "the exact run has no stick that ends after t = 3 s." in text
+    reading = replace(reading, measure_after=0.0)
+    text = " ".join(answer(whole, replace(whole.readings[0], reading=reading)))
+    assert ("the exact run has no stick that ends within the run." in text) == (len(times) < 2)
 
 
 def _published():
@@ -159,14 +217,32 @@ def test_prices_count_only_right_rows_and_never_a_faster_wrong_one(comparison):
 
 def test_an_error_below_the_radius_is_not_claimed():
     truth = expected(transitions=tuple(replace(e, radius=1e-9) for e in reference()))
-    row = made("henon", 1e-12, 1e-4, truth=truth).run
-    assert row["digits"] == pytest.approx(9.0)
-    assert "< 1e-9" in run_table([row]).markdown
+    one = made("henon", 1e-12, 1e-4, truth=truth)
+    assert one.run["digits"] == pytest.approx(9.0)
+    assert "< 1e-9" in run_table([one]).markdown
 
 
 def test_the_stick_table_has_truth_source_and_the_best_run(comparison):
     table = stick_table(comparison, comparison.readings[0]).markdown
     assert "| 0 | s | 0.500000000 | 0.7500000000000 | 0.75 | 0 |" in table
+    assert "| length [unit of `x`] |" in table
+
+
+@pytest.mark.parametrize(
+    ("samples", "words"),
+    [
+        ((73e-6, 22e-6), "| 47.5 µs (2 runs) † |"),
+        ((73e-6, 72e-6), "| 72.5 µs (2 runs) |"),
+        ((1.5,), "| 1.5 s (1 run) |"),
+        ((1.0, 1.0, 1.5), "| 1 s (250 ms) † |"),
+        ((1.0, 1.0, 1.1), "| 1 s (50 ms) |"),
+    ],
+)
+def test_a_time_says_how_far_its_samples_scatter_or_how_few_they_are(samples, words):
+    outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6), samples=samples)
+    outcome.trajectory = trajectory(found(error=1e-7))
+    score_outcome(outcome, expected())
+    assert words in run_table([record(outcome, expected())]).markdown
 
 
 def test_the_report_states_model_truth_and_provenance(comparison):
@@ -179,6 +255,43 @@ def test_the_report_states_model_truth_and_provenance(comparison):
     assert "A processor (2 cores, 16 GiB)" in text
     assert "from commit 0123456789ab." in text
     assert not re.search(r"\b(None|nan)\b|\{\{", text)
+
+
+def test_a_proof_that_nothing_happens_speaks_of_no_transition():
+    result = compared(expected=replace(expected(), transitions=())).readings[0]
+    assert truth_sentences(result)[0] == "Certified: it is proven in ball arithmetic that there is no transition."
+
+
+GATES = """
+gate:
+  henon: {{max_time_error: 1e-5, max_stick_error: 1e-5, status: ok}}
+  heyoka: {{}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("solvers", "words"),
+    [
+        (("henon", "heyoka"), "The gate is met (4 bounds checked, statuses included)."),
+        (
+            ("heyoka",),
+            "The gate is met (1 of 4 bounds checked, statuses included; the others are on solvers that did not run).",
+        ),
+        (("scipy-sign",), "The gate is **not** checked: none of the 4 bounds of the gate is on a solver that ran."),
+    ],
+)
+def test_the_gate_counts_the_bounds_that_were_checked(solvers, words):
+    gated = case(text=re.sub("gate: .*", GATES, CASE))
+    result = ReadingResult(gated.readings[0], statement(None, None))
+    records = [made(solver, 1e-6, 1e-4) for solver in solvers]
+    assert words in report_text(Comparison(gated, [result], records, Options(solvers=solvers)), ORIGIN)
+
+
+def test_a_gate_that_is_not_met_says_how_much_of_it_was_checked():
+    text = report_text(compared(made("henon", 1e-6, 1e-4, what="misses")), ORIGIN)
+    assert "The gate is **not** met (2 bounds checked, statuses included):\n\n- default: henon (rtol 1e-06): st" in text
+    only = Tally(1, 0)
+    assert gate_words(only) == "the only bound of the gate is on no solver that ran"
 
 
 def test_modes_and_parameters_in_formulas():

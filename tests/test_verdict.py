@@ -11,6 +11,7 @@ from henon_ref.score.metrics import score
 from henon_ref.score.rows import Outcome, record, score_outcome
 from henon_ref.score.settings import Setting
 from henon_ref.score.verdict import graze_distance
+from henon_ref.score.worker import Failure
 from henon_ref.trajectory import Transition
 
 
@@ -73,6 +74,30 @@ def test_a_run_that_stops_early_is_told_where():
     result = score(trajectory(found()[:2], "failed", end_time=1.5, reason="no"), expected(), tolerance=1e-6).verdict
     assert result.word == "solver defect"
     assert result.basis.startswith("right up to its end at t = 1.5 s; then crossing at t = 2 s")
+
+
+@pytest.mark.parametrize("times", [TIMES[:2], TIMES])
+def test_a_run_that_is_right_until_its_time_is_up_is_not_judged(times):
+    ended = times[-1] + 0.01
+    stopped = trajectory(found(times), "timeout", end_time=ended, reason="stopped after 1 s")
+    result = score(stopped, expected(), tolerance=1e-6)
+    assert (result.status, result.verdict.word) == ("timeout", "not judged")
+    assert result.verdict.basis == f"right up to t = {ended:g} s, where the time limit stopped it"
+
+
+@pytest.mark.parametrize("wrong", [(*found()[:1], *found()[2:4]), (*found()[:3], crossing(3.6))])
+def test_what_went_wrong_before_the_time_was_up_is_the_solver_s(wrong):
+    stopped = trajectory(tuple(wrong), "timeout", end_time=3.7, reason="stopped after 1 s")
+    assert score(stopped, expected(), tolerance=1e-6).verdict.word == "solver defect"
+
+
+@pytest.mark.parametrize(
+    ("status", "word"), [("timeout", "not judged"), ("failed", "solver defect"), ("unsupported", "not run")]
+)
+def test_a_run_without_an_answer_is_the_solver_s_fault_only_where_it_failed(status, word):
+    outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6))
+    outcome.failure = Failure(status, "why")
+    assert record(outcome, expected()).run["verdict"] == word
 
 
 def test_every_transition_says_what_became_of_it_and_what_the_verdict_rests_on():

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from decimal import Decimal
 
 from henon_ref.comparison import Comparison
-from henon_ref.report.ranking import best_of, by_solver, floor, most_accurate, name, number, prices, right
+from henon_ref.report.ranking import by_solver, floor, most_accurate, name, number, prices, right
 from henon_ref.report.words import (
     code,
     digits,
@@ -19,6 +19,7 @@ from henon_ref.report.words import (
     times_as_long,
 )
 from henon_ref.score.columns import Row
+from henon_ref.score.metrics import Expected
 from henon_ref.score.results import ReadingResult
 from henon_ref.score.sticks import published_partners, sticks
 
@@ -47,6 +48,7 @@ def _accuracy(rows: Sequence[Row], result: ReadingResult) -> str:
     tried = [solver for solver, own in solvers.items() if own[-1]["status"] not in NOT_RUN]
     good = [solver for solver in tried if right_at_all(solvers[solver])]
     transitions = sum(event.kind != "graze" for event in expected.transitions)
+    where = _where(solvers, good)
     what = "its only transition" if transitions == 1 else f"all {transitions} transitions"
     if expected.partial:
         what += f" up to t = {significant(expected.end_time, 9)} s, where the truth ends,"
@@ -55,13 +57,23 @@ def _accuracy(rows: Sequence[Row], result: ReadingResult) -> str:
             touches = len(expected.transitions)
             what = f"touches a surface {_times(touches)} and has" if touches else "has"
             seen = [solver for solver in good if sees_touches(solvers[solver])]
-            told = f", {_who(seen, tried, 'report the touch')}" if touches else ""
-            return f"The exact run {what} no transition; {_who(good, tried, 'agree')}{told}."
-        return f"{_capital(_who(good, tried, f'find {what} in order'))}. {_best(rows)}".strip()
+            told = f", {_who(seen, tried, 'report the touch')}" if touches and tried else ""
+            return f"The exact run {what} no transition; {_who(good, tried, 'agree')}{where}{told}."
+        return f"{_capital(_who(good, tried, f'find {what} in order'))}{where}. {_best(rows)}".strip()
     why = f": {result.statement.reason.rstrip('.')}" if result.statement.reason else ""
     ends = f"The exact run ends at t = {significant(expected.end_time, 9)} s, {expected.status}{why}."
     found = f", with {what} before it" if transitions and good else ""
-    return f"{ends} {_capital(_who(good, tried, 'say so'))}{found}. {_best(rows)}".strip()
+    return f"{ends} {_capital(_who(good, tried, 'say so'))}{found}{where}. {_best(rows)}".strip()
+
+
+def _where(solvers: Mapping[str, Sequence[Row]], good: Sequence[str]) -> str:
+    """At which settings the solvers that are right are so; nothing where it is all of them."""
+    always = [solver for solver in good if all(row["verdict"] == "right" for row in solvers[solver])]
+    if len(always) == len(good):
+        return ""
+    if len(good) == 1:
+        return " at one setting at least"
+    return f" at one setting at least, {len(always) or 'none'} of them at every setting"
 
 
 def _times(count: int) -> str:
@@ -75,6 +87,8 @@ def sees_touches(rows: Sequence[Row]) -> bool:
 
 def _who(good: Sequence[str], tried: Sequence[str], verb: str) -> str:
     """So many of the solvers do something."""
+    if not tried:
+        return "no solver ran"
     if len(tried) == 1:
         first, _, rest = verb.partition(" ")
         done = f"{first}s" if good else f"does not {first}"
@@ -125,30 +139,51 @@ def _cost(rows: Sequence[Row]) -> list[str]:
 
 
 def _failures(rows: Sequence[Row]) -> list[str]:
-    """Who is wrong, how, and who was not run."""
+    """Who is wrong, how, who ran out of time, and who was not run."""
     groups: dict[str, list[str]] = {}
     for solver, own in by_solver(rows).items():
-        last = best_of(own)
+        last = own[-1]
         if last["status"] in NOT_RUN:
             groups.setdefault(str(last["status"]), []).append(solver)
-        elif not right_at_all(own):
+            continue
+        late = [row for row in own if row["status"] == "timeout"]
+        wrong = [row for row in own if row["verdict"] != "right" and row["status"] != "timeout"]
+        if late:
+            groups.setdefault("late", []).append(f"`{solver}` ({_late(late)})")
+        if wrong and len(wrong) == len(own):
             groups.setdefault("never", []).append(f"`{solver}` ({_how(last)})")
-        elif own[-1]["verdict"] != "right":
-            groups.setdefault("tightest", []).append(f"`{solver}` ({_how(own[-1])})")
-        elif any(row["verdict"] != "right" for row in own):
-            loose = [setting(row["rtol"], row["step_s"]) for row in own if row["verdict"] != "right"]
-            groups.setdefault("loose", []).append(f"`{solver}` (at {listing(loose)})")
+        elif wrong and len(wrong) + len(late) == len(own):
+            groups.setdefault("finished", []).append(f"`{solver}` ({_how(wrong[-1])})")
+        elif wrong and wrong[-1] is last:
+            also = f"; also at {_settings(wrong[:-1])}" if len(wrong) > 1 else ""
+            groups.setdefault("tightest", []).append(f"`{solver}` ({_how(last)}{also})")
+        elif wrong:
+            groups.setdefault("loose", []).append(f"`{solver}` (at {_settings(wrong)})")
     sentences = []
     if "never" in groups:
         sentences.append(f"Wrong at every setting: {listing(groups['never'])}.")
+    if "finished" in groups:
+        sentences.append(f"Wrong at every setting that was finished: {listing(groups['finished'])}.")
     if "tightest" in groups:
         sentences.append(f"Wrong at the tightest setting: {listing(groups['tightest'])}.")
     if "loose" in groups:
         sentences.append(f"Wrong at looser settings only: {listing(groups['loose'])}.")
+    if "late" in groups:
+        sentences.append(f"Out of time: {listing(groups['late'])}.")
     for status in NOT_RUN:
         if status in groups:
             sentences.append(f"{status.capitalize()} here: {code(groups[status])}.")
     return sentences
+
+
+def _late(rows: Sequence[Row]) -> str:
+    """Where a solver ran out of time; what is tighter was not tried any more."""
+    untried = f"; not tried at {_settings(rows[1:])}" if len(rows) > 1 else ""
+    return f"at {_settings(rows[:1])}{untried}"
+
+
+def _settings(rows: Sequence[Row]) -> str:
+    return listing([setting(row["rtol"], row["step_s"]) for row in rows])
 
 
 def _how(row: Row) -> str:
@@ -172,7 +207,8 @@ def published(comparison: Comparison, result: ReadingResult) -> list[str]:
     exact = [s.duration for s in sticks(expected.transitions, start=expected.start, after=reading.measure_after)]
     if not exact:
         after = f" after t = {reading.measure_after:g} s" if reading.measure_after else ""
-        return [f"The published stick durations ({named} s) have no counterpart: the exact run has no stick{after}."]
+        what = f"no stick{after}" if _ends_in_slip(expected) else f"no stick that ends{after or ' within the run'}"
+        return [f"The published stick durations ({named} s) have no counterpart: the exact run has {what}."]
     partners = published_partners(exact, [float(value) for value in printed])
     pairs = dict(
         sorted({_nearest(p, printed): d for p, d in zip(partners, exact, strict=True) if p is not None}.items())
@@ -186,6 +222,11 @@ def published(comparison: Comparison, result: ReadingResult) -> list[str]:
         off = listing([error(float(value) - pairs[value]) for value in printed if value in pairs])
         sentences[0] += f": they are off by {off} s."
     return sentences + _reproduced(comparison, result, printed)
+
+
+def _ends_in_slip(expected: Expected) -> bool:
+    """Whether no surface is stuck to at the end; unknown, and so not said, of a run without transitions."""
+    return bool(expected.transitions) and 0 not in expected.transitions[-1].to_mode
 
 
 def _nearest(value: float, printed: Sequence[Decimal]) -> Decimal:

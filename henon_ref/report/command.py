@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -19,11 +20,12 @@ from henon_ref.report.causes import write_causes
 from henon_ref.report.figures import figure_job, preload
 from henon_ref.report.index import write_index
 from henon_ref.report.manifest import Provenance, provenance
-from henon_ref.report.markdown import environment
+from henon_ref.report.markdown import environment, gate_words
 from henon_ref.report.request import Request
 from henon_ref.report.write import check_writable, write_report
 from henon_ref.restarts.experiment import run_restarts
 from henon_ref.restarts.page import FOLDER as RESTARTS
+from henon_ref.score.gate import Tally, gate_tally
 from henon_ref.score.journal import FILE, read
 from henon_ref.score.options import Observer, Options, Silent
 from henon_ref.score.plan import check_solvers
@@ -37,6 +39,8 @@ SUFFIXES = (".yaml", ".yml")
 
 def run(request: Request) -> list[str]:
     """Compare and report; the bounds of the gate that are not met.
+
+    Where the gate decides (``--gate``) and none of its bounds was checked, that is what is not met.
 
     Raises
     ------
@@ -60,6 +64,7 @@ def run(request: Request) -> list[str]:
     _mention_unfinished(cases, request)
     written: list[Path] = []
     failures: list[str] = []
+    tallies: list[Tally] = []
     origin: list[Provenance] = []
 
     def meanwhile() -> None:
@@ -70,6 +75,7 @@ def run(request: Request) -> list[str]:
     def deliver(comparison: Comparison) -> None:
         written.append(write_report(comparison, (origin or [provenance(rerun_command(request))])[0], request.out))
         failures.extend(f"{comparison.case.name}: {words}" for words in comparison.gate_failures())
+        tallies.append(gate_tally(comparison.case.readings, comparison.run_rows))
 
     with Shown() as shown:
         draw = figure_job if request.figures else None
@@ -78,10 +84,24 @@ def run(request: Request) -> list[str]:
             written += experiments(cases, options, origin[0], request.out, shown)
     index = write_index(request.out)
     discard(request.out, cases)
-    bounds = sum(len(reading.gate) for case in cases for reading in case.readings)
     where = written[0] if len(written) == 1 else index
-    print(f"{where}" + (f"; gate {'not met' if failures else 'met'}" if bounds else ""))
+    tally = sum(tallies, Tally())
+    print(f"{where}{gate_state(tally, failures, wanted=request.gate)}")
+    if request.gate and tally.total and not tally.checked:
+        failures.append(gate_words(tally))
     return failures
+
+
+def gate_state(tally: Tally, failures: Sequence[str], *, wanted: bool) -> str:
+    """What became of the gate, behind the report's name; ``wanted``: whether it decides the exit status."""
+    if not tally.total:
+        return "; gate not checked: there is no bound" if wanted else ""
+    if failures:
+        return "; gate not met"
+    if not tally.checked:
+        return f"; gate not checked: {gate_words(tally)}"
+    part = "" if tally.checked == tally.total else f" ({tally.checked} of {tally.total} bounds checked)"
+    return f"; gate met{part}"
 
 
 def experiments(
@@ -115,7 +135,12 @@ def load_cases(paths: Sequence[Path]) -> list[Case]:
     """
     cases: dict[str, Case] = {}
     known = registry.names()
-    for file in dict.fromkeys(found for path in paths for found in case_files(path)):
+    # Several paths may lead to one file: it is read once, by the first of them.
+    files: dict[str, Path] = {}
+    for path in paths:
+        for found in case_files(path):
+            files.setdefault(os.path.realpath(found), found)
+    for file in files.values():
         case = load_case(file, solvers=known)
         if case.name in cases:
             raise CaseError(f"the name '{case.name}' is also that of {cases[case.name].path}", file=str(file))

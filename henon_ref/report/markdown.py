@@ -15,6 +15,7 @@ from henon_ref.report.modeltext import general_form, mode_equations, modes_of, p
 from henon_ref.report.ranking import name
 from henon_ref.report.tables import price_table, reason_table, run_table, stick_table
 from henon_ref.report.words import count, listing
+from henon_ref.score.gate import Tally, gate_tally
 from henon_ref.score.options import MOST_DRAWN
 from henon_ref.score.results import ReadingResult
 
@@ -26,7 +27,8 @@ NOTES = (
     "is taken, so that one missed transition counts once; touches that change no mode count apart. "
     "**Digits** are −log₁₀ of the worst error of a transition time in seconds{unit}, never more than the truth's "
     "radius and double precision allow. "
-    "**Times** are medians of repeated runs in one process after one run as a warm-up, with the interquartile range; "
+    "**Times** are medians of repeated runs in one process after one run as a warm-up, with the interquartile range, "
+    "or the number of runs where they are fewer than three: a slow run is not repeated, nor is one that is not right; "
     "† marks samples that scatter by more than a tenth. Compilation, code generation and other one-time work is in the "
     "column **compile**. "
     "**Steps**, **fields** (right-hand sides) and **events** (evaluations of event functions) are what each solver's "
@@ -76,7 +78,8 @@ def report_text(comparison: Comparison, provenance: Provenance) -> str:
 def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
     reading = result.reading
     system = reading.problem.system
-    rows = [record.run for record in comparison.of_reading(reading.name)]
+    records = comparison.of_reading(reading.name)
+    rows = [record.run for record in records]
     prices, reasons, sticks = price_table(rows), reason_table(rows), stick_table(comparison, result)
     return {
         "name": reading.name,
@@ -86,7 +89,7 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
         "figures_note": _figures_note(comparison, result),
         "prices": prices.markdown if prices else "",
         "sticks": sticks.markdown if sticks else "",
-        "runs": run_table(rows).markdown,
+        "runs": run_table(records).markdown,
         "reasons": reasons.markdown if reasons else "",
         "truth": truth_sentences(result),
         "story": reading.story or "",
@@ -127,13 +130,29 @@ def _figures_note(comparison: Comparison, result: ReadingResult) -> str:
 
 def _gate(comparison: Comparison) -> str:
     """What became of the case's gate."""
-    bounds = sum(len(result.reading.gate) for result in comparison.readings)
-    if not bounds:
+    tally = gate_tally(comparison.case.readings, comparison.run_rows)
+    if not tally.total:
         return ""
-    failures = comparison.gate_failures()
-    if not failures:
-        return f"The gate ({count(bounds, 'bound')}) is met."
-    return "\n".join(["The gate is **not** met:", "", *(f"- {words}" for words in failures)])
+    failures, checked = comparison.gate_failures(), gate_words(tally)
+    if failures:
+        return "\n".join([f"The gate is **not** met ({checked}):", "", *(f"- {words}" for words in failures)])
+    if not tally.checked:
+        return f"The gate is **not** checked: {checked}."
+    return f"The gate is met ({checked})."
+
+
+def gate_words(tally: Tally) -> str:
+    """How many bounds of a gate were checked, of one that has bounds."""
+    if not tally.checked:
+        if tally.total == 1:
+            return "the only bound of the gate is on no solver that ran"
+        return f"none of the {tally.total} bounds of the gate is on a solver that ran"
+    if tally.checked == tally.total:
+        return f"{count(tally.total, 'bound')} checked, statuses included"
+    return (
+        f"{tally.checked} of {tally.total} bounds checked, statuses included; "
+        "the others are on solvers that did not run"
+    )
 
 
 def _unit(comparison: Comparison) -> str:

@@ -104,7 +104,9 @@ def truth_sentences(result: ReadingResult) -> list[str]:
         return [f"There is none: {statement.reason}."]
     counted = count(len(expected.transitions), "transition")
     sentences = []
-    if statement.certified:
+    if statement.certified and not expected.transitions:
+        sentences.append("Certified: it is proven in ball arithmetic that there is no transition.")
+    elif statement.certified:
         each = "the only transition" if len(expected.transitions) == 1 else f"every one of the {counted}"
         sentences.append(f"Certified: {each} is enclosed in ball arithmetic, and it is proven that there is no other.")
     else:

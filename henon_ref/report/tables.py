@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from baselines.causes import CAUSES
 from henon_ref.comparison import Comparison
 from henon_ref.report.ranking import floor, name, number, prices, right
-from henon_ref.report.words import digits, duration, error, setting, significant
+from henon_ref.report.words import count, digits, duration, error, setting, significant
 from henon_ref.score.columns import Row
 from henon_ref.score.results import ReadingResult
+from henon_ref.score.rows import Record
 from henon_ref.score.sticks import published_partners, sticks
 from henon_ref.score.timing import UNSTABLE
 
@@ -54,10 +55,13 @@ def price_table(rows: Sequence[Row]) -> Table | None:
     return Table(headings, "rlrrlrrr", lines)
 
 
-def run_table(rows: Sequence[Row]) -> Table:
+def run_table(records: Sequence[Record]) -> Table:
     """Every run that could be made: what was found, how well, at what cost."""
     lines = []
-    for row in (row for row in rows if row["status"] not in ("unsupported", "unavailable")):
+    for record in records:
+        row = record.run
+        if row["status"] in ("unsupported", "unavailable"):
+            continue
         found = f"{number(row, 'matched'):.0f}" if row["matched"] is not None else ""
         edits = "" if row["missed"] is None else f"{number(row, 'missed'):.0f} / {number(row, 'spurious'):.0f}"
         lines.append(
@@ -70,7 +74,7 @@ def run_table(rows: Sequence[Row]) -> Table:
                 error(row["max_time_error_s"], floor(row)),
                 digits(number(row, "digits")) if row["digits"] is not None else "",
                 error(row["max_stick_error_s"], floor(row)),
-                wall(row),
+                wall(row, record.samples),
                 duration(row["compile_s"]),
                 *(f"{number(row, column):.0f}" if row[column] is not None else "" for column in COUNTS),
             )
@@ -91,15 +95,21 @@ def status(row: Row) -> str:
     return f"{text} ({row['verdict']})" if row["verdict"] in ("ill-conditioned", "not unique") else text
 
 
-def wall(row: Row) -> str:
-    """Median wall time, its interquartile range, and a mark where the samples scatter too much."""
+def wall(row: Row, samples: Sequence[float] = ()) -> str:
+    """Median wall time, its interquartile range, and a mark where the samples scatter too much.
+
+    Where the samples are too few for a range, their number stands in its place; two of them are marked where their
+    half distance is as large as a range that would be.
+    """
     if row["wall_s"] is None:
         return ""
     text = duration(row["wall_s"])
-    if row["wall_s_iqr"] is None:
-        return text
-    unstable = number(row, "wall_s_iqr") > UNSTABLE * number(row, "wall_s")
-    return f"{text} ({duration(row['wall_s_iqr'])})" + (" †" if unstable else "")
+    if row["wall_s_iqr"] is not None:
+        scatter, note = number(row, "wall_s_iqr"), duration(row["wall_s_iqr"])
+    else:
+        scatter = (max(samples) - min(samples)) / 2 if samples else 0.0
+        note = "" if row["timed_runs"] is None else count(int(number(row, "timed_runs")), "run")
+    return text + (f" ({note})" if note else "") + (" †" if scatter > UNSTABLE * number(row, "wall_s") else "")
 
 
 def reason_table(rows: Sequence[Row]) -> Table | None:
@@ -154,7 +164,7 @@ def stick_table(comparison: Comparison, result: ReadingResult) -> Table | None:
     if printed:
         headings += ["printed [s]", "printed − exact [s]"]
     if best is not None:
-        headings += [f"error of `{best[0]}` [s]", "length"]
+        headings += [f"error of `{best[0]}` [s]", f"length [unit of `{reading.problem.system.state_names[0]}`]"]
     return Table(tuple(headings), "rl" + "r" * (len(headings) - 2), rows)
 
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from henon_ref import registry
 from henon_ref.score.columns import Row
 
-DEFECT = "solver defect"
+EXPLAINED = ("solver defect", "not judged")
+"""Verdicts on runs that a cause may explain: one that was too slow may be so for a known reason."""
 PAIR_BY_PACKAGE = {"cvode-adams": "cvode-pair", "cvode-bdf": "cvode-pair", "ida": "ida-pair"}
 SCIPY = ("scipy-rk45", "scipy-dop853", "scipy-radau", "scipy-bdf", "scipy-lsoda")
 PAIR_BY_PACKAGE |= dict.fromkeys(SCIPY, "scipy-pair")
@@ -88,8 +89,8 @@ class Seen:
 
 
 def cause_of(run: Row, transitions: Sequence[Row]) -> str | None:
-    """Name of the cause of a run that is its solver's fault; None where none is known for certain."""
-    if run["verdict"] != DEFECT:
+    """Name of the cause of a run that is wrong or too slow; None where none is known for certain."""
+    if run["verdict"] not in EXPLAINED:
         return None
     seen = Seen(run, transitions)
     return next((name for rule in RULES if (name := rule(seen)) is not None), None)

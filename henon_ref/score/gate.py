@@ -3,9 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from henon_ref.model.case import Gate, Reading
 from henon_ref.score.columns import Row
+
+
+@dataclass(frozen=True)
+class Tally:
+    """How many bounds there are, and how many of them were checked."""
+
+    total: int = 0
+    """Bounds of the gate: for each solver the status wanted and every largest error."""
+    checked: int = 0
+    """Those on a solver that ran."""
+
+    def __add__(self, other: Tally) -> Tally:
+        return Tally(self.total + other.total, self.checked + other.checked)
+
+
+def gate_tally(readings: Iterable[Reading], rows: Sequence[Row]) -> Tally:
+    """The bounds of some readings' gates; one is checked where its solver has a row of that reading."""
+    ran = {(row["reading"], row["solver"]) for row in rows}
+    found = Tally()
+    for reading in readings:
+        for solver, gate in reading.gate.items():
+            bounds = 1 + sum(bound is not None for bound in (gate.max_time_error, gate.max_stick_error))
+            found += Tally(bounds, bounds if (reading.name, solver) in ran else 0)
+    return found
 
 
 def gate_failures(reading: Reading, rows: Sequence[Row], *, asked: Iterable[str] | None = None) -> list[str]:

@@ -171,7 +171,16 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
         matching=matching,
         status=status,
         reason=reason,
-        verdict=RIGHT if right else verdict(expected, matching, found, tolerance=tolerance, ended=trajectory.end_time),
+        verdict=RIGHT
+        if right
+        else verdict(
+            expected,
+            matching,
+            found,
+            tolerance=tolerance,
+            ended=trajectory.end_time,
+            timed_out=trajectory.status == "timeout",
+        ),
         time_errors=errors,
         max_time_error=worst,
         rms_time_error=float(np.sqrt(np.mean(counted**2))) if counted.size else None,

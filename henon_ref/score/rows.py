@@ -20,6 +20,9 @@ from henon_ref.trajectory import Counts, Trajectory
 SCORED = ("ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "failed")
 """Statuses of runs that have an answer, whole or in part."""
 
+FAILURES = {"unsupported": "not run", "unavailable": "not run", "timeout": "not judged"}
+"""Verdicts on runs without an answer, by status; any other is the solver's fault."""
+
 
 @dataclass
 class Outcome:
@@ -91,7 +94,7 @@ def _run_row(outcome: Outcome, expected: Expected | None, identity: Row, stick_r
         row.update(max_stick_error_s=max(errors, default=None))
     if outcome.failure is not None:
         row.update(status=outcome.failure.status, status_reason=outcome.failure.reason or None)
-        row.update(verdict="not run" if outcome.failure.status in ("unsupported", "unavailable") else "solver defect")
+        row.update(verdict=FAILURES.get(outcome.failure.status, "solver defect"))
     timing = summarise(outcome.samples)
     if timing is not None:
         row.update(wall_s=timing.median, wall_s_iqr=timing.iqr, wall_s_low=timing.low, wall_s_high=timing.high)

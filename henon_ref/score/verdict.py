@@ -8,7 +8,9 @@ goes to a depth of ``h' * gap / 4``, and ``conditioning * h'`` is by how much an
 pair is gone once ``conditioning * slack >= gap / 4``. Where a surface is nearly touched without a transition, the
 distance itself is compared with the slack.
 
-``not unique`` is for runs that are right up to the instant from which on the exact one has several futures.
+``not unique`` is for runs that are right up to the instant from which on the exact one has several futures;
+``not judged`` for runs that are right up to where the time limit stopped them: how far they come is the machine's
+doing, too.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from henon_ref.trajectory import Transition
 if TYPE_CHECKING:
     from henon_ref.score.metrics import Expected, NearTouch, ReferenceEvent
 
-Word = Literal["right", "solver defect", "ill-conditioned", "not unique"]
+Word = Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
 
 FIXED_STEP_TOLERANCE = 1e-12
 """Stands for the tolerance of a run that has none."""
@@ -49,7 +51,13 @@ def slack(expected: Expected, tolerance: float | None) -> float:
 
 
 def verdict(
-    expected: Expected, matching: Matching, found: Sequence[Transition], *, tolerance: float | None, ended: float
+    expected: Expected,
+    matching: Matching,
+    found: Sequence[Transition],
+    *,
+    tolerance: float | None,
+    ended: float,
+    timed_out: bool,
 ) -> Verdict:
     """The verdict on a run that is not right, from the first transition that it misses or invents.
 
@@ -63,6 +71,8 @@ def verdict(
         The run's; None: it has none.
     ended : float
         Where the run ended [s].
+    timed_out : bool
+        Whether the time limit ended it.
     """
     allowed = slack(expected, tolerance)
     missed = [expected.transitions[i].time for i in matching.missed[:1]]
@@ -70,6 +80,8 @@ def verdict(
     where = min(missed + invented, default=None)
     if expected.status == "nonunique" and (where is None or where >= expected.end_time - allowed):
         return Verdict("not unique", f"from t = {expected.end_time:.9g} s on there are several futures")
+    if timed_out and (where is None or (where > ended and not invented)):
+        return Verdict("not judged", f"right up to t = {ended:.9g} s, where the time limit stopped it")
     if where is None:
         return Verdict("solver defect", f"every transition is right, the end at t = {ended:.9g} s is not")
     if missed and missed[0] == where:
