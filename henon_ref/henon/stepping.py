@@ -111,24 +111,24 @@ def swells(c, rows, order, theta):  # type: ignore[no-untyped-def]
     The last two are as large as those before them or halfway to them: what comes after may be larger still (a high
     power whose turn comes later, in a small part of a large state). Or they are next to nothing all at once: a gap.
     """
-    if c[rows, 0] * theta <= 0.5 * c[rows, 1]:  # the usual case
+    if c[rows, 0] * theta <= c[rows, 1]:  # the usual case
         return False
-    middle = order // 2
+    middle, last = order // 2 - 1, order - 3
+    square = theta * theta
+    cube = square * theta
+    shift = theta ** (last - middle)
     for r in range(rows):
         row = c[r]
-        scale = abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2]))
-        half, before, end, power = 0.0, 0.0, 0.0, 1.0
-        for k in range(order + 1):
-            term = abs(row[k]) * power
-            if k >= order - 1:
-                end = max(end, term)
-            elif k >= order - 3:
-                before = max(before, term)
-            if middle - 1 <= k <= middle + 2:
-                half = max(half, term)
-            power *= theta
-        if (end >= min(half, before) and end > EPS * scale) or (end < GAP * before and before > EPS * scale):
-            return True
+        half = max(
+            max(abs(row[middle]), abs(row[middle + 1]) * theta),
+            max(abs(row[middle + 2]) * square, abs(row[middle + 3]) * cube),
+        )
+        before = shift * max(abs(row[last]), abs(row[last + 1]) * theta)
+        end = shift * max(abs(row[last + 2]) * square, abs(row[last + 3]) * cube)
+        if end >= min(half, before) or end < GAP * before:
+            scale = EPS * (abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2]))) / theta**middle
+            if max(end, before) > scale:
+                return True
     return False
 
 
