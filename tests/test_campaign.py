@@ -216,7 +216,8 @@ def test_an_argument_that_is_not_allowed_is_refused_before_anything_runs(options
 
 
 def test_the_bounds_of_the_options_are_allowed_themselves():
-    Options(tolerances=(1e-16, 0.999), repeats=1, timeout=0.01, processes=1)
+    options = Options(tolerances=(1e-16, 0.999), repeats=1, timeout=0.01, processes=1)
+    assert (options.tolerances, options.timeout) == ((1e-16, 0.999), 0.01)
 
 
 def test_a_path_in_place_of_a_case_is_refused_with_how_to_read_it():

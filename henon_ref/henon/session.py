@@ -215,8 +215,8 @@ class Session:
         self.x_low[:] = [low for _, low in found.state]
         # A hold zone holds what only touches its surface, and a model ends where it only just does.
         touch = found.what == "touch" and touched.kind == "surface"
-        caught = touch and self.engine.system.held_inside(touched.index)
-        caught = caught or (found.what == "touch" and touched.kind == "valid")
+        ends = found.what == "touch" and touched.kind == "valid"
+        caught = ends or (touch and self.engine.system.held_inside(touched.index))
         arrive(floats, self.integers, ROOT if found.what == "root" or caught else MISS if found.lowest else PASSED)
         if self.multiplicity[guard] and not found.parabolic:
             orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, [touched.index])
