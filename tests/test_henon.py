@@ -247,6 +247,32 @@ def test_soft_walls_of_a_high_power_keep_the_energy(power: int, rtol: float) -> 
     assert abs(0.5 * v * v * (power + 1) + x ** (power + 1) - 1) < 30 * rtol
 
 
+TOLERANCES = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-12, 1e-14]
+
+
+@pytest.mark.parametrize("steep", [10**8, 10**12])
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_a_pulse_far_below_the_tolerance_where_a_step_begins_is_found(steep: int, rtol: float) -> None:
+    """Seen from t = 0 a guard's terms are 1e-9 or less of its size, but they grow: the poles are near t = 3."""
+    result = run(make_problem("x", ["s"], {"s": f"1/(1 + {steep}*(t - 3)**2) - 1/2"}, [0], 6), rtol)
+    exact = [3 - steep**-0.5, 3 + steep**-0.5]
+    assert times(result) == pytest.approx(exact, rel=max(1e-6 * rtol, 1e-14))
+    assert result.counts.rhs_evaluations < 200
+
+
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_a_jump_of_the_field_that_terms_hardly_tell_of_is_not_leapt_over(rtol: float) -> None:
+    """Terms of atan's integral fall like 1/k^2 up to its branch points and are below the tolerance from t = 0."""
+    jump = "1 + atan(10000*(t - 3)) - s/5"
+    result = run(make_problem("x", [jump], {"s": "x - 1"}, [0], 6), rtol)
+
+    def integral(u: float) -> float:
+        return u * math.atan(1e4 * u) - 0.5e-4 * math.log1p(1e8 * u * u)
+
+    exact = brentq(lambda t: 1.2 * t + integral(t - 3) - integral(-3) - 1, 3.2, 6, xtol=1e-15)
+    assert times(result) == pytest.approx([exact], rel=max(rtol, 1e-14))
+
+
 @pytest.mark.parametrize("valid", ["(t - 1)**2", "(t - 1)**4"])
 def test_a_model_ends_where_it_only_just_does(valid: str) -> None:
     result = run(make_problem("x", ["1"], {"s": "x - 5"}, [0], 3, valid=[valid]))

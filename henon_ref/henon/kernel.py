@@ -163,8 +163,9 @@ def _to_event(  # type: ignore[no-untyped-def]
     final = natural >= left
     if final:
         theta = left / sigma
-    if natural > LEAP * sigma or swells(c, n + guards, order, theta):
-        believed = trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta)
+    leap = natural > LEAP * sigma
+    if leap or swells(c, n + guards, order, theta):
+        believed = trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap)
         if believed < theta:
             theta, final = believed, False
             natural = theta * sigma

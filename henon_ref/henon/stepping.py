@@ -29,6 +29,12 @@ LEAP = 4.0
 """A step this many times longer than the last is checked at its end before it is believed."""
 GAP = 1e-5
 """Terms this much smaller than those before them are no tail but a gap."""
+SHORTER = 0.7
+"""What is left of a step at a time where terms grow."""
+SLOW = 0.5
+"""Terms that fall by less than this over two orders have not converged."""
+FALLS, GROWS, HOLLOW = range(3)
+"""What the last terms of a step do (see :func:`_tail`)."""
 LEAST = 1.0 / 64.0
 """A step this much shorter than the last one is believed unchecked."""
 FAR = 1e30
@@ -106,30 +112,40 @@ def step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
 
 @inner()
 def swells(c, rows, order, theta):  # type: ignore[no-untyped-def]
-    """True if the terms of a row do not fall towards the last ones as those of a series do that has converged.
-
-    The last two are as large as those before them or halfway to them: what comes after may be larger still (a high
-    power whose turn comes later, in a small part of a large state). Or they are next to nothing all at once: a gap.
-    """
-    if c[rows, 0] * theta <= c[rows, 1]:  # the usual case
+    """True if the terms of some row do not fall towards the last ones as those of a series do that has converged."""
+    if c[rows, 0] * theta <= SHORTER * c[rows, 1]:  # the usual case
         return False
+    found = False
+    for r in range(rows):
+        found = found or _tail(c[r], order, theta, EPS) != FALLS
+    return found
+
+
+@inner()
+def _tail(row, order, theta, least):  # type: ignore[no-untyped-def]
+    """What the last terms of a row do on a step: FALLS, GROWS or HOLLOW.
+
+    GROWS: the last two are not much smaller than those before them or halfway to them; what comes after may be larger
+    still (a singularity on the step, a high power whose turn comes later). HOLLOW: they are next to nothing all at
+    once; a gap tells nothing of what comes after. Where they are below ``least`` > 0 of the row's size they may do
+    what they like.
+    """
     middle, last = order // 2 - 1, order - 3
     square = theta * theta
     cube = square * theta
     shift = theta ** (last - middle)
-    for r in range(rows):
-        row = c[r]
-        half = max(
-            max(abs(row[middle]), abs(row[middle + 1]) * theta),
-            max(abs(row[middle + 2]) * square, abs(row[middle + 3]) * cube),
-        )
-        before = shift * max(abs(row[last]), abs(row[last + 1]) * theta)
-        end = shift * max(abs(row[last + 2]) * square, abs(row[last + 3]) * cube)
-        if end >= min(half, before) or end < GAP * before:
-            scale = EPS * (abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2]))) / theta**middle
-            if max(end, before) > scale:
-                return True
-    return False
+    half = max(
+        max(abs(row[middle]), abs(row[middle + 1]) * theta),
+        max(abs(row[middle + 2]) * square, abs(row[middle + 3]) * cube),
+    )
+    before = shift * max(abs(row[last]), abs(row[last + 1]) * theta)
+    end = shift * max(abs(row[last + 2]) * square, abs(row[last + 3]) * cube)
+    if GAP * before < end < SLOW * min(half, before):
+        return FALLS
+    scale = least * (abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2]))) / theta**middle
+    if least > 0.0 and max(end, before) <= scale:
+        return FALLS
+    return HOLLOW if end <= GAP * before else GROWS
 
 
 @inner()
@@ -195,17 +211,26 @@ def glide(floats, integers, x, x_low, layout, constants, c, change, alone, stop_
 
 
 @inner()
-def trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta):  # type: ignore[no-untyped-def]
+def trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap):  # type: ignore[no-untyped-def]
     """A step no longer than where the expansion still tells what lies there, ``theta`` if that is so.
 
-    Coefficients that are zero promise an endless step (a high power seen from where it is flat), and terms that
-    do not fall promise nothing. The expansion is made anew on the step and at its end: guards and slopes must be what
-    was foretold. A step much shorter than the last one, whose terms fall, needs no such trust (and where a guard is
-    next to zero rounding alone may disagree).
+    Where terms grow the step is shortened until they fall: then it ends within their circle of convergence. Terms
+    that only sink below rounding, are zero or end in a gap promise nothing (a high power seen from where it is flat),
+    nor do those below rounding on a step much longer than the last one (``leap``). There the expansion is made anew
+    on the step and at its end: guards and slopes must be what was foretold. A step much shorter than the last one,
+    whose terms fall, needs no such trust (and where a guard is next to zero rounding alone may disagree).
     """
     n, guards = x.size, layout[0, T_GUARDS]
     sigma = floats[F_SIGMA]
-    for _ in range(200):
+    ask = False
+    for r in range(n + guards):
+        tail = _tail(c[r], order, theta, 0.0 if leap else EPS)
+        if tail == GROWS:
+            while _tail(c[r], order, theta, EPS) == GROWS:
+                theta *= SHORTER
+            tail = _tail(c[r], order, theta, 0.0)
+        ask = ask or tail != FALLS
+    while ask:
         agreed = True
         for part in (0.37, 1.0):
             at = part * theta
@@ -228,10 +253,9 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
                 dust = 4.0 * EPS * abs(x[r]) / at if first == 1 else 0.0
                 agreed = agreed and abs(foretold - ahead[r, first]) <= max(1e-6 * size, dust)
         if agreed:
-            return theta
+            break
         theta *= 0.25
-        if theta <= LEAST and not swells(c, n + guards, order, theta):
-            return theta
+        ask = theta > LEAST or swells(c, n + guards, order, theta)
     return theta
 
 
