@@ -129,6 +129,21 @@ def test_the_index_tells_how_ratios_spread_and_where_the_other_is_faster() -> No
     assert slower_table(rows).rows == [("`d`", "3", "default")]
 
 
+def test_readings_without_a_transition_are_not_left_out_of_the_ratios() -> None:
+    """No transition, no error: they have a line of their own, at the cheapest right setting of each side."""
+    rows = [
+        {**row(solver, wall_s, 9), "digits": None, "max_time_error_s": None, "reference_transitions": 0, **more}
+        for solver, wall_s, more in (
+            ("henon", 5.0, {}),
+            ("henon", 1.0, {"verdict": "solver defect"}),
+            ("heyoka", 2.0, {}),
+            ("heyoka", 1.0, {"reference_transitions": 1, "reading": "other"}),
+        )
+    ]
+    assert spread_table(rows).rows == [("no transition", "1", *["2.5"] * 5, "1")]
+    assert slower_table(rows).rows == [("`c`", "2.5", "default")]
+
+
 def test_crossings_near_a_crest_are_found_by_every_landing() -> None:
     found = near_grazing(("1", "1e-7"))
     assert [one.transitions for one in found] == [2] * 6

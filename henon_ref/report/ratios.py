@@ -29,16 +29,7 @@ def readings_of(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
 
 def ratio_at(rows: Sequence[Row], error: float, first: str, second: str) -> float | None:
     """Least time of one solver over another's among the rows whose worst error is at most ``error`` [s]."""
-    least = {}
-    for solver in (first, second):
-        able = [
-            row
-            for row in right(rows)
-            if name(row) == solver and row["wall_s"] and number(row, "max_time_error_s") <= error
-        ]
-        least[solver] = min((number(row, "wall_s") for row in able), default=math.nan)
-    ratio = least[first] / least[second]
-    return None if math.isnan(ratio) else ratio
+    return _ratio([row for row in right(rows) if number(row, "max_time_error_s") <= error], first, second)
 
 
 def ratios(rows: Sequence[Row], error: float) -> dict[tuple[str, str], float]:
@@ -47,24 +38,41 @@ def ratios(rows: Sequence[Row], error: float) -> dict[tuple[str, str], float]:
     return {key: ratio for key, ratio in found.items() if ratio is not None}
 
 
+def idle_ratios(rows: Sequence[Row]) -> dict[tuple[str, str], float]:
+    """The same for every reading without a transition that both have right: no error to bound."""
+    idle = [row for row in rows if row["verdict"] == "right" and row["reference_transitions"] == 0]
+    found = {key: _ratio(own, FIRST, SECOND) for key, own in readings_of(idle).items()}
+    return {key: ratio for key, ratio in found.items() if ratio is not None}
+
+
+def _ratio(rows: Sequence[Row], first: str, second: str) -> float | None:
+    """Least time of one solver over another's; None where one of them has none."""
+    least = [
+        min((number(row, "wall_s") for row in rows if name(row) == solver and row["wall_s"]), default=math.nan)
+        for solver in (first, second)
+    ]
+    return None if math.isnan(least[0] / least[1]) else least[0] / least[1]
+
+
 def spread_table(rows: Sequence[Row]) -> Table:
     """How the ratio spreads over the readings that both solve."""
     lines: list[tuple[str, ...]] = []
-    for error in ERRORS:
-        found = sorted(ratios(rows, error).values())
+    bounded = [(f"{error:.0e} s", ratios(rows, error)) for error in ERRORS]
+    for label, by_reading in (*bounded, ("no transition", idle_ratios(rows))):
+        found = sorted(by_reading.values())
         if found:
             quartiles = np.quantile(found, [0.25, 0.5, 0.75])
             above = sum(ratio > 1 for ratio in found)
             cells = (f"{found[0]:.2g}", *(f"{q:.2g}" for q in quartiles), f"{found[-1]:.3g}", f"{above}")
-            lines.append((f"{error:.0e} s", f"{len(found)}", *cells))
+            lines.append((label, f"{len(found)}", *cells))
     headings = ("worst error", "readings", "least", "lower quartile", "median", "upper quartile", "largest", "above 1")
     return Table(headings, "r" * len(headings), lines)
 
 
 def slower_table(rows: Sequence[Row]) -> Table:
-    """The cases in some reading of which the second is the faster one, at the middle bound."""
+    """The cases in some reading of which the second is the faster one: at the middle bound, or without a transition."""
     slow: dict[str, list[tuple[float, str]]] = {}
-    for (case, reading), ratio in ratios(rows, ERRORS[1]).items():
+    for (case, reading), ratio in {**ratios(rows, ERRORS[1]), **idle_ratios(rows)}.items():
         if ratio > 1:
             slow.setdefault(case, []).append((ratio, reading))
     lines: list[tuple[str, ...]] = []
