@@ -72,8 +72,11 @@ def test_contact_orders_count_the_zeros_of_h() -> None:
 
 
 def test_a_run_does_not_live_on_what_an_earlier_one_worked_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two surfaces are met at once, at the same point in every run: each run makes the expansions it needs."""
-    problem = make_problem("x y", ["(3 + u)/2 + 0*s", "(3 + s)/2 + y - x"], {"s": "x", "u": "y"}, [-1, -1], 2)
+    """Two surfaces are met at once, at the same point in every run: each run makes the expansions it needs.
+
+    Their signs multiply each other, so that no machine code decides the mode.
+    """
+    problem = make_problem("x y", ["(3 + s*u)/2", "(3 + s*u)/2 + y - x"], {"s": "x", "u": "y"}, [-1, -1], 2)
     made = 0
 
     def counted(*arguments: Any) -> Any:

@@ -117,7 +117,7 @@ class CompiledSystem:
         self.signs = np.zeros((0, surfaces), dtype=np.int64)
         equations = switched_equations(self.system) if surfaces > SHAPES else None
         self._switched = None if equations is None else SwitchedModes(equations, self.order)
-        several = 1 < surfaces <= SURFACES and not self.system.overrides and self._switched is None
+        several = 1 < surfaces <= SURFACES and not self.system.overrides
         self.rows = np.full(3**surfaces if several else 0, -1, dtype=np.int64)
         if len(self.system.surfaces) == 1:
             for mode in ((-1,), (1,), (0,)):
@@ -157,6 +157,12 @@ class CompiledSystem:
     def places(self, mode: Mode) -> Sequence[int]:
         """Where each of them stands in :meth:`FilippovSystem.equations`; -1 where it has no counterpart there."""
         return self._switched.equations.places(mode) if self._switched else range(len(self.guards(mode)))
+
+    @cached_property
+    def decoupled(self) -> bool:
+        """Whether no surface's normal velocity has the sign of another one in it."""
+        surfaces = range(len(self.system.surfaces))
+        return all(len(self.system.together(i, surfaces)) == 1 for i in surfaces)
 
     @cached_property
     def normals(self) -> tuple[int, NDArray[np.float64]]:

@@ -94,7 +94,9 @@ class Engine:
     def settling(self) -> tuple[Any, ...] | None:
         """What the compiled loop decides events of several surfaces with; None where it need not."""
         compiled = self.compiled
-        return (*compiled.normals, compiled.signs, compiled.rows, *self._settling) if compiled.rows.size else None
+        if not compiled.rows.size:
+            return None
+        return (*compiled.normals, compiled.signs, compiled.rows, compiled.decoupled, *self._settling)
 
     def start(self, problem: Problem) -> Start:
         """What is decided once a problem, in exact numbers: where it starts and in which mode."""

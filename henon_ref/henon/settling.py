@@ -3,8 +3,9 @@
 The rule is that of :mod:`henon_ref.model.switching`: of all candidate modes the one whose own field keeps it.
 At one point the normal velocities are affine in the signs of the surfaces in play, N = a + B s; so a few
 numbers settle it: for each candidate the equivalent signs of its sliding surfaces solve B s = -a, and what is
-left must point the right way. Whatever is not clear (a number within ``MARGIN`` of where it would decide
-otherwise, none or several modes that fit, signs that multiply each other) is left to Python.
+left must point the right way. Where no surface's velocity has another one's sign in it, each surface is decided
+alone, by its velocities below and above. Whatever is not clear (a number within ``MARGIN`` of where it would
+decide otherwise, none or several modes that fit, signs that multiply each other) is left to Python.
 """
 
 from __future__ import annotations
@@ -21,16 +22,16 @@ from henon_ref.jit import inner
 MARGIN = 1e-6
 """Relative distance from a tie from which on a decision is clear in double precision."""
 MOST = 4
-"""Surfaces in play; with more the candidates are searched, not tried (Python does)."""
+"""Surfaces in play that act on each other; with more the candidates are searched, not tried (Python does)."""
 
 
 def work_space(states: int, surfaces: int) -> tuple[NDArray[Any], ...]:
-    """Room for states and signs, normal velocities, the linear systems, and surfaces in play."""
+    """Room for states and signs, normal velocities at two choices of signs, the linear systems, surfaces in play."""
     return (
         np.zeros(states + surfaces),
-        np.zeros(states + 2 * surfaces),
-        np.zeros((3 + 2 * MOST + 2**MOST, MOST + 1)),
-        np.zeros((2, MOST), dtype=np.int64),
+        np.zeros((2, states + 2 * surfaces)),
+        np.zeros((4 + 2 * MOST + 2**MOST, MOST + 1)),
+        np.zeros((2, surfaces), dtype=np.int64),
     )
 
 
@@ -49,13 +50,12 @@ def decided(t, low, x, mode, layout, hits, settling):  # type: ignore[no-untyped
     hits : ndarray of int
         Its guards at zero.
     settling : tuple
-        Address of the normal velocities' machine code and its constants; the signs of every row and the row
-        of every combination of signs; work space of :func:`work_space`.
+        Address of the normal velocities' machine code and its constants; the signs of every row and the row of
+        every combination of signs; whether no normal velocity has the sign of another surface in it; work space
+        of :func:`work_space`.
     """
-    address, constants, signs, rows, point, values, numbers, places = settling
-    surfaces = signs.shape[1]
-    if rows.size == 0:
-        return -1
+    address, constants, signs, rows, decoupled, point, values, numbers, places = settling
+    n, surfaces = x.size, signs.shape[1]
     active, index = places[0], places[1]
     count = 0
     for i in range(surfaces):
@@ -65,20 +65,22 @@ def decided(t, low, x, mode, layout, hits, settling):  # type: ignore[no-untyped
                 return -1
             involved = involved or (hits[g] == 1 and layout[1 + g, G_INDEX] == i)
         if involved:
-            if count == MOST:
-                return -1
             active[count] = i
             count += 1
-    n = x.size
     for i in range(n):
         point[i] = x[i]
     for i in range(surfaces):
         point[n + i] = signs[mode, i]
-    a, size, s = numbers[0], numbers[1], numbers[2]
-    b, m, corners = numbers[3 : 3 + MOST], numbers[3 + MOST : 3 + 2 * MOST], numbers[3 + 2 * MOST :]
-    if not _affine(address, constants, t, low, point, values, n, active, count, a, b, size, corners):
+    if decoupled:
+        found = _each(address, constants, t, low, point, values, n, active, count, signs[mode])
+    elif count > MOST:
         return -1
-    found = _only(a, b, size, count, s, m, index)
+    else:
+        a, size, lean, s = numbers[0], numbers[1], numbers[2], numbers[3]
+        b, m, corners = numbers[4 : 4 + MOST], numbers[4 + MOST : 4 + 2 * MOST], numbers[4 + 2 * MOST :]
+        if not _affine(address, constants, t, low, point, values[0], n, active, count, a, b, size, lean, corners):
+            return -1
+        found = _only(a, b, size, lean, count, s, m, index)
     if found < 0:
         return -1
     row, power = 0, 1
@@ -101,8 +103,37 @@ def _choice(candidate, k):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _affine(address, constants, t, low, point, values, n, active, count, a, b, size, found):  # type: ignore[no-untyped-def]
-    """Normal velocities a + B s of the surfaces in play, from all corners; False where they are not affine."""
+def _each(address, constants, t, low, point, values, n, active, count, before):  # type: ignore[no-untyped-def]
+    """The candidate of surfaces that do not act on each other, from their velocities below and above; -1 in doubt."""
+    first = point.size
+    for side in range(2):
+        point[n:] = 2.0 * side - 1.0
+        call_expand(address, t, low, 1.0, point, constants, values[side])
+    found, power = 0, 1
+    for k in range(count):
+        below, above = values[0, first + active[k]], values[1, first + active[k]]
+        margin = MARGIN * max(abs(below), abs(above))
+        if below > margin and above < -margin:
+            entry = 0
+        elif before[active[k]] == 0:  # it was not hit and slides on, if it is far from its own release
+            return -1
+        elif min(below, above) > margin:
+            entry = 1
+        elif max(below, above) < -margin:
+            entry = -1
+        else:
+            return -1
+        found += (entry + 1) * power
+        power *= 3
+    return found
+
+
+@inner()
+def _affine(address, constants, t, low, point, values, n, active, count, a, b, size, lean, found):  # type: ignore[no-untyped-def]
+    """Normal velocities a + B s of the surfaces in play, from all corners; False where they are not affine.
+
+    ``size`` is the most |a + B s| can be; ``lean`` the sign it has whatever the signs in [-1, 1] are, 0 if none.
+    """
     corners = 2**count
     first = point.size
     for corner in range(corners):
@@ -121,6 +152,7 @@ def _affine(address, constants, t, low, point, values, n, active, count, a, b, s
         size[k] = abs(a[k])
         for j in range(count):
             size[k] += abs(b[k, j])
+        lean[k] = np.sign(a[k]) if 2.0 * abs(a[k]) - size[k] > MARGIN * size[k] else 0.0
         for corner in range(corners):
             rest = found[corner, k] - a[k]
             for j in range(count):
@@ -131,11 +163,11 @@ def _affine(address, constants, t, low, point, values, n, active, count, a, b, s
 
 
 @inner()
-def _only(a, b, size, count, s, m, index):  # type: ignore[no-untyped-def]
+def _only(a, b, size, lean, count, s, m, index):  # type: ignore[no-untyped-def]
     """The one candidate that is consistent beyond doubt; -1 where there is none, several, or a doubt."""
     best = -1
     for candidate in range(3**count):
-        holds = _consistent(a, b, size, count, candidate, s, m, index)
+        holds = _consistent(a, b, size, lean, count, candidate, s, m, index)
         if holds == 0:
             return -1
         if holds > 0:
@@ -146,8 +178,11 @@ def _only(a, b, size, count, s, m, index):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _consistent(a, b, size, count, candidate, s, m, index):  # type: ignore[no-untyped-def]
+def _consistent(a, b, size, lean, count, candidate, s, m, index):  # type: ignore[no-untyped-def]
     """1 if a candidate's own field keeps it, -1 if not, 0 if that is not clear."""
+    for k in range(count):
+        if lean[k] != 0.0 and lean[k] != _choice(candidate, k):
+            return -1
     doubt = not _solved(a, b, count, candidate, s, m, index)
     for k in range(count):
         side = _choice(candidate, k)
