@@ -47,6 +47,16 @@ def test_all_contacts_rest_or_some_move() -> None:
     assert decide(field, [1, 0, 0, 0], "q1 q2 v1 v2", surfaces).mode == (-1, 1)
 
 
+def test_a_surface_that_no_sign_acts_on_does_not_keep_the_others_from_being_searched() -> None:
+    """Five at once: sliding on all of them has no equations, for nothing holds z."""
+    names = "x y z p q"
+    field = ["(3 + s)/2", "(3 + u)/2", "1", "(3 + r)/2", "(1 - 3*k)/4"]
+    system = make_problem(names, field, dict(zip("suwrk", names.split(), strict=True)), [-1] * 5, 2).system
+    hits = [g for g in system.equations((-1,) * 5).guards if g.kind == "surface"]
+    decision = Switching(system).after_event(1.0, [0.0] * 5, (-1,) * 5, hits)
+    assert decision.mode == (1, 1, 1, 1, 0)
+
+
 def test_many_contacts_at_rest_are_searched_not_enumerated() -> None:
     n = 9
     field = [f"v{i}" for i in range(n)] + [("1" if i == 3 else "0") + f" - s{i}/2" for i in range(n)]

@@ -51,6 +51,10 @@ class _Point:
         self.normals: dict[Mode, list[float]] = {}
 
 
+_NOWHERE = _Point(())
+"""Before a run has asked for anything."""
+
+
 class Switching:
     """Decides the modes of one system in double precision (tapes are made once a mode and kept)."""
 
@@ -64,7 +68,7 @@ class Switching:
 
     def forget(self) -> None:
         """A run begins: what an earlier one has worked out at the same point is none of its own work."""
-        self._point = _Point(())
+        self._point = _NOWHERE
 
     def initial_mode(
         self, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
@@ -167,8 +171,10 @@ class Switching:
         return Decision("nonunique", None, f"the future is not unique at t = {t:.17g}: {modes}")
 
     def _search(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:
-        """Start from all sliding; let go what cannot be held, hold what comes back, until nothing changes."""
+        """Start from sliding on all that attract; let go what cannot be held, hold what comes back, to the end."""
         candidate = _with(mode, active, (0,) * len(active))
+        if self._equations(candidate) is None:  # a surface that no sign acts on cannot be slid on
+            candidate = _with(mode, active, [self._way(t, x, mode, i) for i in active])
         for _ in range(4 * len(active)):
             broken = self._violations(t, x, candidate, active, zero)
             if broken is None:
@@ -274,6 +280,14 @@ class Switching:
             if side not in kept:
                 kept[side] = self._normals(t, *x, *side)
         return kept[sides[0]][index], kept[sides[1]][index]
+
+    def _way(self, t: float, x: Sequence[float], mode: Mode, index: int) -> int:
+        """Where a surface is left to by the signs of the mode elsewhere; 0 where it attracts or it cannot be told."""
+        try:
+            below, above = self._both_sides(t, x, mode, index)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return 0
+        return 1 if below > 0 and above > 0 else -1 if below < 0 and above < 0 else 0
 
     def _attracts(self, t: float, x: Sequence[float], mode: Mode, index: int) -> bool:
         below, above = self._both_sides(t, x, mode, index)
