@@ -14,7 +14,18 @@ from henon_ref.henon.polynomial import (
     steepness,
     value,
 )
-from henon_ref.henon.registers import BRACKET, EPS, G_INDEX, G_KIND, I_EVENTS, SURFACE, T_BERNSTEIN, T_GUARDS, TANGENT
+from henon_ref.henon.registers import (
+    BRACKET,
+    EPS,
+    G_INDEX,
+    G_KIND,
+    G_RISING,
+    I_EVENTS,
+    SURFACE,
+    T_BERNSTEIN,
+    T_GUARDS,
+    TANGENT,
+)
 from henon_ref.jit import inner
 
 FLAT = 1e-5
@@ -54,6 +65,21 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, metho
 
 
 @inner()
+def fails_at_once(c, n, order, layout, multiplicity, hits):  # type: ignore[no-untyped-def]
+    """True if a guard is below zero where the step begins, and is not being left; ``hits``: which ones."""
+    found = False
+    for g in range(layout[0, T_GUARDS]):
+        row = c[n + g]
+        low = row[multiplicity[g]] <= 0.0 and layout[1 + g, G_RISING] == 0
+        if low and multiplicity[g] == 0 and layout[1 + g, G_KIND] == SURFACE:
+            multiplicity[g] = _zeros_when_leaving(row, order)
+            low = multiplicity[g] == 0
+        hits[g] = 1 if low and not _silent(row, order) else 0
+        found = found or hits[g] == 1
+    return found
+
+
+@inner()
 def ends_at_zero(row, zeros, order, theta):  # type: ignore[no-untyped-def]
     """True if a guard falls to zero at the end of a step, as far as rounding can tell."""
     if row[zeros] <= 0.0 or not at_zero(row, zeros, order, theta, 0):
@@ -66,7 +92,7 @@ def ends_at_zero(row, zeros, order, theta):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def silent(row, order):  # type: ignore[no-untyped-def]
+def _silent(row, order):  # type: ignore[no-untyped-def]
     """True for a guard that is zero and stays so: nothing falls through zero there."""
     size = 0.0
     for k in range(order + 1):
@@ -101,7 +127,7 @@ def zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def zeros_when_leaving(row, order):  # type: ignore[no-untyped-def]
+def _zeros_when_leaving(row, order):  # type: ignore[no-untyped-def]
     """1 or 2 for a surface on the wrong side that is being left with a speed or tangentially, 0 for any other.
 
     A mode's side of a surface was decided when it was left, and no root came since: a value below zero is

@@ -7,7 +7,7 @@ handed back to Python (:mod:`henon_ref.henon.session`) with a code; after the an
 from __future__ import annotations
 
 from henon_ref.henon.calls import call_closing, call_expand
-from henon_ref.henon.events import at_zero, ends_at_zero, first_event, silent, zeros_at_release, zeros_when_leaving
+from henon_ref.henon.events import at_zero, ends_at_zero, fails_at_once, first_event, zeros_at_release
 from henon_ref.henon.holding import held
 from henon_ref.henon.polynomial import DEPTH
 from henon_ref.henon.recording import crowded, record, sample, settle, start
@@ -170,15 +170,7 @@ def _to_event(  # type: ignore[no-untyped-def]
             theta, final = believed, False
             natural = theta * sigma
     call_closing(layout[0, T_CLOSING], theta, c, change)
-    early = False
-    for g in range(guards):
-        low = c[n + g, multiplicity[g]] <= 0.0 and layout[1 + g, G_RISING] == 0
-        if low and multiplicity[g] == 0 and layout[1 + g, G_KIND] == SURFACE:
-            multiplicity[g] = zeros_when_leaving(c[n + g], order)
-            low = multiplicity[g] == 0
-        hits[g] = 1 if low and not silent(c[n + g], order) else 0
-        early = early or hits[g] == 1
-    if early:  # on a surface and not leaving it: Python looks closer
+    if fails_at_once(c, n, order, layout, multiplicity, hits):  # Python looks closer
         integers[I_GUARD] = NOWHERE
         return RESOLVE
     best, hit, doubtful, used = first_event(
