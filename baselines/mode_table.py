@@ -187,16 +187,18 @@ class ModeTable:
         """Guards of a mode that start at zero: of the surfaces just left, and any other within rounding of it."""
         model, found = entry.model, []
         for k, guard in enumerate(model.guards):
-            if guard.kind == "valid":
-                continue
             if guard.kind != "surface" or guard.index not in involved:
                 try:
                     value = model.guard[k](t, *x)[0]
+                    if abs(value) > ON * model.size(k, t, x, EPSILON, 0.0):
+                        continue
+                    rate = model.rates(t, *x)[2 * k + 1] if guard.kind == "valid" else 0.0
                 except ARITHMETIC:
                     continue
-                if abs(value) > ON * model.size(k, t, x, EPSILON, 0.0):
-                    continue
-            found.append((k, *_speed(model, guard.index, t, x)))
+            if guard.kind != "valid":
+                found.append((k, *_speed(model, guard.index, t, x)))
+            elif rate >= 0.0:  # one that falls is none that is being left
+                found.append((k, rate, rate))
         return tuple(found)
 
     def drift(self, entry: ModeEntry, t: float, x: Sequence[float]) -> float:

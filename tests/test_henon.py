@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from baselines.scipy_ivp import DOP853
 from henon_ref.henon.solvers import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.model.case import load_case
 from henon_ref.trajectory import Problem, Trajectory
+from henon_ref.truth.simulate import simulate
 from tests.conftest import make_problem
 
 SOLVERS = [HENON_SOLVER, HENON_NEWTON, HENON_BRENT]
@@ -271,6 +273,31 @@ def test_a_jump_of_the_field_that_terms_hardly_tell_of_is_not_leapt_over(rtol: f
 
     exact = brentq(lambda t: 1.2 * t + integral(t - 3) - integral(-3) - 1, 3.2, 6, xtol=1e-15)
     assert times(result) == pytest.approx([exact], rel=max(rtol, 1e-14))
+
+
+@pytest.mark.parametrize(
+    ("valid", "status", "end"),
+    [
+        ("t", "ok", 2),
+        ("t**2", "ok", 2),
+        ("t**2*(1 - t)", "invalid", 1),
+        ("-t", "invalid", 0),
+        ("-t**2", "invalid", 0),
+        ("x - t", "invalid", 0),
+    ],
+)
+def test_a_model_whose_edge_the_start_is_on_holds_if_its_expression_rises(valid: str, status: str, end: float) -> None:
+    problem = make_problem("x", ["1"], {"s": "x + 5"}, [0], 2, valid=[valid])
+    truth = simulate(problem, 128)
+    assert (truth.status, float(truth.end_time)) == (status, end)
+    for solver in (HENON_SOLVER, DOP853):
+        result = run(problem, 1e-9, solver)
+        assert (result.status, result.end_time) == (status, pytest.approx(end, abs=1e-12))
+
+
+def test_a_model_without_a_series_where_it_begins_has_failed() -> None:
+    result = run(make_problem("x", ["1"], {"s": "x + 5"}, [0], 2, valid=["sqrt(x)"]))
+    assert result.status == "failed"
 
 
 @pytest.mark.parametrize("valid", ["(t - 1)**2", "(t - 1)**4"])

@@ -103,26 +103,37 @@ class Engine:
         system = self.system
         decision = self.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
         at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
-        surfaces = [system.numeric(h).xreplace(at) for h in system.surfaces]
         x = [double_double(v) for v in problem.initial]
-        active = [i for i, h in enumerate(surfaces) if exact_sign(h) == 0]
+        active, edges = (
+            [i for i, e in enumerate(expressions) if exact_sign(system.numeric(e).xreplace(at)) == 0]
+            for expressions in (system.surfaces, system.valid)
+        )
         time = double_double(problem.start)
         row: int | None = None
         zeros = (0,) * self.compiled.most_guards
         if decision.mode is not None:
             row = self.compiled.compile(decision.mode)
-            own = self.known_zeros(time[0], [v[0] for v in x], decision.mode, active)
+            own = self.known_zeros(time[0], [v[0] for v in x], decision.mode, active, edges)
             zeros = own + zeros[len(own) :]
         return Start(time, double_double(problem.until), tuple(x), decision, row, zeros)
 
     def known_zeros(
-        self, t: float, x: Sequence[float], mode: Mode, active: Sequence[int], zero: float = ZERO
+        self,
+        t: float,
+        x: Sequence[float],
+        mode: Mode,
+        active: Sequence[int],
+        edges: Sequence[int] = (),
+        zero: float = ZERO,
     ) -> tuple[int, ...]:
-        """How often each guard of a mode's row is zero at (t, x), ``active`` being the surfaces the state is on."""
+        """How often each guard of a mode's row is zero at (t, x).
+
+        ``active`` are the surfaces that the state is on, ``edges`` the ``valid`` expressions that are zero there.
+        """
         places = self.compiled.places(mode)
-        if not active:
+        if not active and not edges:
             return (0,) * len(places)
-        orders = self.switching.contact_orders(t, x, mode, active, zero=zero)
+        orders = self.switching.contact_orders(t, x, mode, active, edges, zero=zero)
         return tuple(orders[place] if place >= 0 else 0 for place in places)
 
     def run(

@@ -146,7 +146,7 @@ class Session:
         if row is None:
             return False
         self.integers[k.I_MODE] = row
-        orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, active, zero)
+        orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, active, zero=zero)
         self.multiplicity[: len(orders)] = orders
         return True
 

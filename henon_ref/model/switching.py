@@ -97,12 +97,28 @@ class Switching:
             elif sign == 0:
                 active.append(i)
             mode.append(sign)
-        for expression in system.valid:
-            if exact_sign(system.numeric(expression).xreplace(at)) < 0:
+        edges = []
+        for i, expression in enumerate(system.valid):
+            sign = exact_sign(system.numeric(expression).xreplace(at))
+            if sign < 0:
                 return Decision("invalid", None, f"the model does not hold at the start: {expression} < 0")
-        if not active:
-            return Decision("unique", tuple(mode))
-        return self._decide(float(start), [float(v) for v in initial], tuple(mode), tuple(active))
+            if sign == 0:
+                edges.append(i)
+        t, x = float(start), [float(v) for v in initial]
+        decision = self._decide(t, x, tuple(mode), tuple(active)) if active else Decision("unique", tuple(mode))
+        refused = self._rising(t, x, decision.mode, edges) if edges and decision.mode is not None else None
+        return refused or decision
+
+    def _rising(self, t: float, x: Sequence[float], mode: Mode, edges: Sequence[int]) -> Decision | None:
+        """Why a run in a mode cannot begin where some ``valid`` expressions are zero; None where they all rise."""
+        try:
+            orders = self.contact_orders(t, x, mode, (), edges)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return Decision("none", None, "a derivative is not finite at the start, where a valid expression is 0")
+        for i, order in enumerate(orders[-len(self.system.valid) :]):  # their guards come last
+            if i in edges and not order:
+                return Decision("invalid", None, f"{self.system.valid[i]} is 0 at the start and does not rise")
+        return None
 
     def after_event(
         self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard], *, zero: float = ZERO
@@ -124,22 +140,33 @@ class Switching:
         return self._decide(t, list(x), mode, tuple(sorted(active)), zero)
 
     def contact_orders(
-        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], *, zero: float = ZERO
+        self,
+        t: float,
+        x: Sequence[float],
+        mode: Mode,
+        active: Iterable[int],
+        edges: Iterable[int] = (),
+        *,
+        zero: float = ZERO,
     ) -> list[int]:
         """Known zeros of each guard of a mode at (t, x): how often the surfaces in ``active`` are touched.
 
         For a surface just left: 1 where it is left with a speed, 2 where tangentially, and so on; 0 for
-        guards of other surfaces and where nothing is zero.
+        guards of other surfaces and where nothing is zero. The same for the ``valid`` expressions in ``edges``,
+        which are zero at the start; 0 for one that falls, or stays zero.
         """
         made = self._equations(mode)
         if made is None:
             return []
         outputs, rate = self._expanded(mode, t, x)
-        active = set(active)
+        active, edges = set(active), set(edges)
         orders = []
         for guard, series in zip(made[0].guards, outputs, strict=True):
             first = 1 if guard.kind == "surface" else 0
-            if guard.kind == "valid" or guard.index not in active or guard.rising_only:
+            if guard.kind == "valid" and guard.index in edges:
+                found = _leading(series, 1, rate, 0.0, zero)
+                orders.append(found if found is not None and series[found] > 0.0 else 0)
+            elif guard.kind == "valid" or guard.index not in active or guard.rising_only:
                 orders.append(0)
             else:
                 found = _leading(series, first, rate, self._size(t, x, mode, guard.index), zero)

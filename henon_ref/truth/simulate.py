@@ -125,6 +125,10 @@ class _Simulation:
         mode = self._decided(decision)
         sides = self.decider.sides(problem.start, problem.initial, problem.system.surfaces)
         self._enter(mode, frozenset(i for i, side in enumerate(sides) if side == 0))
+        for guard, sign in zip(problem.system.equations(self.mode).guards, self.signs, strict=True):
+            if guard.kind == "valid" and sign == 0:
+                expression = problem.system.valid[guard.index]
+                raise EndedError("invalid", f"{expression} is 0 at the start and does not rise")
 
     def _decided(self, decision: Decision) -> Mode:
         if decision.mode is not None:
