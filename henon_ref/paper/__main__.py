@@ -12,6 +12,8 @@ from typing import Annotated, Any
 
 import typer
 
+from henon_ref.errors import HenonRefError
+
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 DONE, FAILS, BAD = 0, 1, 2
@@ -27,7 +29,9 @@ def main(
     from rich.console import Console
 
     from henon_ref.paper.page import write_page
+    from henon_ref.report.write import check_writable
 
+    check_writable(out)
     console = Console(stderr=True)
     with console.status("the paper, computed again") as status:
         sections = write_page(out, lambda name: status.update(name))
@@ -43,6 +47,8 @@ def command(arguments: Sequence[str] | None = None) -> int:
         return int(app(arguments, prog_name="python -m henon_ref.paper", standalone_mode=False) or DONE)
     except USAGE_ERROR as error:
         print(f"error: {error.format_message()} (see --help)", file=sys.stderr)
+    except HenonRefError as error:
+        print(f"error: {error}", file=sys.stderr)
     except OSError as error:
         print(f"error: cannot write {error.filename or ''}: {error.strerror or error}", file=sys.stderr)
     return BAD

@@ -16,13 +16,14 @@ from henon_ref.atlas.run import run_atlas
 from henon_ref.comparison import Comparison, compare_all
 from henon_ref.errors import CaseError
 from henon_ref.model.case import Case, load_case
+from henon_ref.report.causes import FOLDER as CAUSES
 from henon_ref.report.causes import write_causes
 from henon_ref.report.figures import figure_job, preload
 from henon_ref.report.index import write_index
 from henon_ref.report.manifest import Provenance, provenance
 from henon_ref.report.markdown import environment, gate_words
 from henon_ref.report.request import Request
-from henon_ref.report.write import check_writable, write_report
+from henon_ref.report.write import check_index, check_writable, write_report
 from henon_ref.restarts.experiment import run_restarts
 from henon_ref.restarts.page import FOLDER as RESTARTS
 from henon_ref.score.gate import Tally, gate_tally
@@ -48,6 +49,9 @@ def run(request: Request) -> list[str]:
         For a case file or an argument that cannot be used; nothing has been written then.
     """
     check_writable(request.out)
+    if request.whole:
+        for page in (ATLAS, RESTARTS, CAUSES):
+            check_index(request.out / page)
     cases = load_cases(request.cases)
     options = Options(
         keep_journals=True,

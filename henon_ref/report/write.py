@@ -24,8 +24,12 @@ REPORT, RUNS, TRANSITIONS, STICKS, MANIFEST = (
     "manifest.json",
 )
 INDEX = "README.md"
-_OWN = re.compile(r"# Reports\n\n(\d+|no) readings? of (\d+|no) cases?\.|# What accuracy costs in time\n")
-"""How the pages begin that this package writes as the README.md of its output folder: index and price list."""
+_OWN = re.compile(
+    r"# (Reports\n\n(\d+|no) readings? of (\d+|no) cases?\."
+    r"|(What accuracy costs in time|Atlas of grazes|Restart habits|What the libraries do by themselves)\n"
+    r"|The paper, computed again\n)"
+)
+"""How the pages begin that this package writes as the README.md of a folder: the index and the further pages."""
 
 
 def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]:
