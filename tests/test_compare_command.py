@@ -8,6 +8,7 @@ import importlib
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -23,12 +24,13 @@ from henon_ref import registry
 from henon_ref.errors import CaseError
 from henon_ref.report import command as report_command
 from henon_ref.report.command import case_files, load_cases
-from henon_ref.report.index import Entry, index_text, write_index
+from henon_ref.report.index import Entry, entries, index_text, write_index
 from henon_ref.report.write import check_index
 from henon_ref.score import journal, runjob, truthjob
 from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 
 compare = importlib.import_module("henon_ref.compare")
+paper = importlib.import_module("henon_ref.paper.__main__")
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork")
 SOLVERS = {"henon": Fake("henon"), "heyoka": Fake("heyoka", "misses"), "scipy-dop853": Fake("scipy-dop853")}
 
@@ -194,9 +196,50 @@ def test_an_index_of_ours_is_replaced_and_that_of_somebody_else_is_not(made_up, 
     assert index.read_text() == "# Mine\n"
 
 
-@pytest.mark.parametrize("folder", ["reports", "reports/price"])
-def test_the_committed_index_and_price_list_may_be_made_again(folder):
-    check_index(Path(__file__).parents[1] / folder)
+@pytest.mark.parametrize("page", ["atlas", "restarts", "causes"])
+def test_a_further_page_of_somebody_else_is_not_replaced(made_up, tmp_path, capsys, page):
+    (tmp_path / "out" / page).mkdir(parents=True)
+    (tmp_path / "out" / page / "README.md").write_text("# Mine\n")
+    before = sorted(tmp_path.rglob("*"))
+    assert run(tmp_path, "--out", "out") == 2
+    assert f"out/{page}/README.md: was not written by henon_ref" in capsys.readouterr().err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_the_paper_s_page_does_not_replace_one_of_somebody_else(tmp_path, capsys):
+    (tmp_path / "README.md").write_text("# Mine\n")
+    assert paper.command(["--out", "."]) == 2
+    assert capsys.readouterr().err.startswith("error: README.md: was not written by henon_ref")
+    assert [path.name for path in tmp_path.iterdir()] == ["README.md"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("manifest.json", "{", "cannot be read"),
+        ("manifest.json", "[1]", "it names no title"),
+        ("manifest.json", '{"name": "an app"}', "it names no title"),
+        ("runs.csv", "run,value\n1,2\n", "it has no column case"),
+        ("runs.csv", "\xff", "cannot be read"),
+        ("runs.csv", "run,value\n1,2,3\n", "more fields than there are columns"),
+    ],
+)
+def test_a_report_that_cannot_be_read_is_left_out_of_the_index(made_up, tmp_path, capsys, name, content, words):
+    assert run(made_up, "--out", "out") == 0
+    shutil.copytree(tmp_path / "out/made_up", tmp_path / "out/other")
+    assert [entry.case for entry in entries(tmp_path / "out")] == ["made_up", "other"]
+    (tmp_path / "out/other" / name).write_bytes(content.encode("latin-1"))
+    capsys.readouterr()
+    assert run(made_up, "--out", "out") == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"left out of the index: out/other/{name}: ")
+    assert words in line
+    assert "other/report.md" not in (tmp_path / "out/README.md").read_text()
+
+
+@pytest.mark.parametrize("folder", ["", "price", "atlas", "restarts", "causes", "paper"])
+def test_the_committed_index_and_pages_may_be_made_again(folder):
+    check_index(Path(__file__).parents[1] / "reports" / folder)
 
 
 def test_an_index_of_nothing_and_of_one_reading_is_known_again(tmp_path):

@@ -37,9 +37,18 @@ def field(value: object) -> str:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """Rows of a result file; empty fields come back as None, numbers as float, the rest as text."""
+    """Rows of a result file; empty fields come back as None, numbers as float, the rest as text.
+
+    Raises
+    ------
+    ValueError, csv.Error
+        Where it is no such file.
+    """
     with path.open(encoding="utf-8", newline="") as file:
-        return [{key: _value(text) for key, text in row.items()} for row in csv.DictReader(file)]
+        rows = list(csv.DictReader(file, strict=True))
+    if any(None in row for row in rows):
+        raise ValueError("a row has more fields than there are columns")
+    return [{key: _value(text) for key, text in row.items()} for row in rows]
 
 
 def _value(text: str | None) -> object:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from henon_ref import registry
+from henon_ref.errors import CaseError
 from henon_ref.report.csvfiles import read_rows
 from henon_ref.report.markdown import environment
 from henon_ref.report.ranking import LEVELS, best_of, by_solver, name, number, prices, right
@@ -15,7 +18,7 @@ from henon_ref.report.ratios import slower_table, spread_table
 from henon_ref.report.tables import Table
 from henon_ref.report.words import count, digits
 from henon_ref.report.write import INDEX, MANIFEST, REPORT, RUNS, check_index, replace_file
-from henon_ref.score.columns import Row
+from henon_ref.score.columns import RUN_COLUMNS, Row
 
 ATLAS, RESTARTS, CAUSES, PAPER, PRICE = "atlas", "restarts", "causes", "paper", "price"
 """Folders of the further pages."""
@@ -69,18 +72,41 @@ def pages(folder: Path) -> dict[str, list[str]]:
 
 
 def entries(folder: Path) -> list[Entry]:
-    """The readings of all reports in a folder, by case and reading."""
+    """The readings of all reports in a folder, by case and reading; one that cannot be read is named and left out."""
     found: list[Entry] = []
     for manifest in sorted(folder.glob(f"*/{MANIFEST}")):
-        runs = manifest.with_name(RUNS)
-        if not runs.exists():
-            continue
-        title = str(json.loads(manifest.read_text(encoding="utf-8")).get("title", manifest.parent.name))
-        by_reading: dict[str, list[Row]] = {}
-        for row in read_rows(runs):
-            by_reading.setdefault(str(row["reading"]), []).append(row)
-        found += [Entry(manifest.parent.name, title, reading, rows) for reading, rows in by_reading.items()]
+        if manifest.with_name(RUNS).exists():
+            try:
+                found += _entries(manifest)
+            except CaseError as error:
+                print(f"left out of the index: {error}", file=sys.stderr)
     return found
+
+
+def _entries(manifest: Path) -> list[Entry]:
+    """The readings of one report.
+
+    Raises
+    ------
+    CaseError
+        Where manifest or runs are not what this package writes.
+    """
+    file = manifest
+    try:
+        content = json.loads(manifest.read_text(encoding="utf-8"))
+        if not isinstance(content, dict) or not isinstance(content.get("title"), str):
+            raise CaseError("is no manifest of a report: it names no title", file=str(file))
+        file = manifest.with_name(RUNS)
+        rows = read_rows(file)
+    except (OSError, RecursionError, ValueError, csv.Error) as error:
+        raise CaseError(f"cannot be read: {error}", file=str(file)) from error
+    by_reading: dict[str, list[Row]] = {}
+    for row in rows:
+        missing = [column for column in RUN_COLUMNS if column not in row]
+        if missing:
+            raise CaseError(f"is no list of runs of this package: it has no column {missing[0]}", file=str(file))
+        by_reading.setdefault(str(row["reading"]), []).append(row)
+    return [Entry(manifest.parent.name, content["title"], reading, rows) for reading, rows in by_reading.items()]
 
 
 def index_text(found: Sequence[Entry], further: Mapping[str, Sequence[str]] | None = None) -> str:
