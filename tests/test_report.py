@@ -91,7 +91,7 @@ def test_the_answer_names_who_is_right_and_what_it_costs(comparison):
     assert first.endswith("The cheapest is `henon` for 3, 6, 9 and 12 digits.")
     assert "Wrong at every setting: `scipy-sign` (1 missed, 0 spurious)." in second
     assert "Wrong at looser settings only: `scipy-rk45` (at 1e-6)." in second
-    assert "Unavailable here: `ida`." in second
+    assert "Unavailable here: `ida` (it is not installed)." in second
     assert "0.75 and 0.5 s where the source prints 0.75 s" in third or "exact stick durations" in third
 
 
@@ -127,7 +127,11 @@ def test_every_wrong_setting_is_named_beside_the_tightest():
 
 def test_where_no_solver_ran_none_is_counted():
     whole = compared(made("ida", 1e-6, 0.0, what="unavailable"))
-    assert answer(whole, whole.readings[0])[:2] == ["No solver ran.", "Unavailable here: `ida`."]
+    assert answer(whole, whole.readings[0])[:2] == ["No solver ran.", "Unavailable here: `ida` (it is not installed)."]
+    both = [made(solver, 1e-6, 0.0, what="unavailable") for solver in ("ida", "cvode-bdf")]
+    whole = compared(*both, expected=None, reason="it has none")
+    (told,) = answer(whole, whole.readings[0])
+    assert told.endswith("it has none. Unavailable here: `ida` and `cvode-bdf` (it is not installed).")
     nothing = replace(expected(), transitions=())
     whole = compared(made("ida", 1e-6, 0.0, what="unavailable", truth=nothing), expected=nothing)
     assert answer(whole, whole.readings[0])[0] == "The exact run has no transition; no solver ran."

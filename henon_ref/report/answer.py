@@ -30,7 +30,8 @@ def answer(comparison: Comparison, result: ReadingResult) -> list[str]:
     """Paragraphs on one reading: accuracy, cost, who is wrong, and the published figures."""
     rows = [record.run for record in comparison.of_reading(result.reading.name)]
     if result.expected is None:
-        return [f"No truth could be had, so that nothing is scored: {result.statement.reason}."]
+        nothing = f"No truth could be had, so that nothing is scored: {result.statement.reason}."
+        return [" ".join([nothing, *_unavailable(rows)])]
     paragraphs = [
         " ".join([_accuracy(rows, result), *_cost(rows)]),
         " ".join(_failures(rows)),
@@ -139,12 +140,13 @@ def _cost(rows: Sequence[Row]) -> list[str]:
 
 
 def _failures(rows: Sequence[Row]) -> list[str]:
-    """Who is wrong, how, who ran out of time, and who was not run."""
+    """Who is wrong, how, who ran out of time, who cannot do this, and who could not be run."""
     groups: dict[str, list[str]] = {}
     for solver, own in by_solver(rows).items():
         last = own[-1]
         if last["status"] in NOT_RUN:
-            groups.setdefault(str(last["status"]), []).append(solver)
+            if last["status"] == "unsupported":
+                groups.setdefault("unsupported", []).append(solver)
             continue
         late = [row for row in own if row["status"] == "timeout"]
         wrong = [row for row in own if row["verdict"] != "right" and row["status"] != "timeout"]
@@ -170,10 +172,19 @@ def _failures(rows: Sequence[Row]) -> list[str]:
         sentences.append(f"Wrong at looser settings only: {listing(groups['loose'])}.")
     if "late" in groups:
         sentences.append(f"Out of time: {listing(groups['late'])}.")
-    for status in NOT_RUN:
-        if status in groups:
-            sentences.append(f"{status.capitalize()} here: {code(groups[status])}.")
-    return sentences
+    if "unsupported" in groups:
+        sentences.append(f"Unsupported here: {code(groups['unsupported'])}.")
+    return sentences + _unavailable(rows)
+
+
+def _unavailable(rows: Sequence[Row]) -> list[str]:
+    """Which solvers could not be run here, and why, in one sentence."""
+    reasons: dict[str, list[str]] = {}
+    for solver, own in by_solver(rows).items():
+        if own[-1]["status"] == "unavailable":
+            reasons.setdefault(str(own[-1]["status_reason"] or "no reason given"), []).append(solver)
+    told = [f"{code(solvers)} ({reason.rstrip('.')})" for reason, solvers in reasons.items()]
+    return [f"Unavailable here: {'; '.join(told)}."] if told else []
 
 
 def _late(rows: Sequence[Row]) -> str:
