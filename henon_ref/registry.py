@@ -147,15 +147,22 @@ def with_restart(name: str, habit: str) -> str:
 def fixed_step(name: str) -> bool:
     """Whether a solver is driven by a step instead of tolerances; no, where a third party's cannot be loaded."""
     name = plain_name(name)
-    return _BUILT_IN[name].fixed_step if name in _BUILT_IN else _says_fixed_step(_third_party()[check(name)])
+    return _BUILT_IN[name].fixed_step if name in _BUILT_IN else _asked(_third_party()[check(name)])
+
+
+_REFUSED: dict[EntryPoint, str] = {}
+"""Entry points that hang or die when they are loaded, and what became of them; forked workers know them, too."""
 
 
 @cache
-def _says_fixed_step(point: EntryPoint) -> bool:
-    try:
-        return _loaded(point).fixed_step
-    except UnavailableError:  # its rows will say why
-        return False
+def _asked(point: EntryPoint) -> bool:
+    """What a third party's solver says of itself, asked behind a fence; no, where it cannot be loaded."""
+    from henon_ref.score.asked import ask
+
+    fixed, reason = ask(point)
+    if reason:
+        _REFUSED[point] = f"the entry point {point.name} = {point.value} cannot be loaded: {reason}"
+    return fixed
 
 
 def distribution(name: str) -> str:
@@ -189,7 +196,7 @@ def solver(name: str) -> Solver:
     check(name)
     plain, habit = _parted(name)
     if plain not in _BUILT_IN:
-        return _loaded(_third_party()[plain])
+        return loaded(_third_party()[plain])
     try:
         instance = _instance(import_module(_BUILT_IN[plain].module), plain)
     except ImportError as error:
@@ -200,8 +207,16 @@ def solver(name: str) -> Solver:
     return cast(Solver, replace(frozen, name=name, restart=habit))
 
 
-def _loaded(point: EntryPoint) -> Solver:
-    """The solver that an entry point holds, or that the function it holds makes."""
+def loaded(point: EntryPoint) -> Solver:
+    """The solver that an entry point holds, or that the function it holds makes.
+
+    Raises
+    ------
+    UnavailableError
+        Where it holds none, or cannot be loaded.
+    """
+    if point in _REFUSED:
+        raise UnavailableError(_REFUSED[point])
     where = f"the entry point {point.name} = {point.value}"
     try:
         found = point.load()

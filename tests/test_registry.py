@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import time
 from importlib.metadata import EntryPoint
 
 import pytest
 
 from henon_ref import registry
 from henon_ref.errors import CaseError, UnavailableError
+from henon_ref.score import asked
 
 
 class ThirdParty:
@@ -40,6 +43,15 @@ def leave() -> ThirdParty:
 
 def lack() -> ThirdParty:
     raise UnavailableError("their library is not installed")
+
+
+def hang() -> ThirdParty:
+    time.sleep(60)
+    return READY
+
+
+def die() -> ThirdParty:
+    os.abort()
 
 
 class Halfway:
@@ -123,6 +135,17 @@ def test_what_is_asked_of_a_solver_before_it_runs_fails_for_no_entry_point(entry
     assert not registry.fixed_step("third-party")
     assert registry.library_version("third-party") == ""
     assert registry.restart_of("third-party") == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [("test_registry:hang", "no answer within the time"), ("test_registry:die", "SIGABRT")]
+)
+def test_an_entry_point_that_hangs_or_dies_takes_nobody_with_it(entry_point, monkeypatch, value, words):
+    monkeypatch.setattr(asked, "LOADING_SECONDS", 1.0)
+    entry_point("third-party", value)
+    assert not registry.fixed_step("third-party")
+    with pytest.raises(UnavailableError, match=f"the entry point third-party = {value} cannot be loaded: .*{words}"):
+        registry.solver("third-party")
 
 
 def test_a_third_party_may_say_itself_that_its_library_is_missing(entry_point):
