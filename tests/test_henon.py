@@ -125,6 +125,20 @@ def test_blow_up_in_finite_time_is_diverged_with_its_time() -> None:
     assert result.transitions[0].time == pytest.approx(0.9, rel=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("field", "surface", "words"),
+    [
+        (["1", "0"], "exp(exp(x)) - 1/2", "the surface of s is not finite there"),
+        (["1", "0"], "sqrt(1 - x) + 1", "the surface of s is singular there"),
+        (["1", "sqrt(1 - x)"], "x + 1", "the field of y is "),
+    ],
+)
+def test_a_run_that_stalls_says_what_is_not_finite(field: list[str], surface: str, words: str) -> None:
+    result = run(make_problem("x y", field, {"s": surface}, [0, 0], 10))
+    assert result.status == "failed"
+    assert words in result.reason
+
+
 def test_a_model_that_ends_is_invalid() -> None:
     result = run(make_problem("x", ["1"], {"s": "x - 2"}, [0], 3, valid=["1 - x"]))
     assert result.status == "invalid"

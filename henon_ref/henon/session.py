@@ -286,6 +286,19 @@ class Session:
                 return guard.index
         return None
 
+    def _singular(self) -> str:
+        """What has no finite series where the run stalled, by the last one that was tried."""
+        system, finite = self.engine.system, np.isfinite(self.engine.scratch.band[:, : self.engine.order + 1])
+        for own, name in zip(finite, system.state_names, strict=False):
+            if not own.all():
+                return f"the field of {name} is {'singular' if own[1] else 'not finite'}"
+        for own, guard in zip(finite[self.x.size :], self._guards, strict=False):
+            if not own.all():
+                of = system.valid[guard.index] if guard.kind == "valid" else system.sign_names[guard.index]
+                what = {"valid": f"{of}", "surface": f"the surface of {of}"}.get(guard.kind, f"the release of {of}")
+                return f"{what} is {'singular' if own[0] else 'not finite'}"
+        return "the field is singular"
+
     def _why(self, code: int) -> tuple[Status, str]:
         at = f"t = {self.time:.17g}"
         grown = np.abs(self.x).max() > 1e8 * max(1.0, *(abs(v[0]) for v in self.start.x))
@@ -295,7 +308,7 @@ class Session:
         if ended is not None:
             return "invalid", f"the model ends: {self.engine.system.valid[ended]} fell to 0 at {at}"
         if code == k.STALLED:
-            return "failed", f"the step size fell to zero at {at}: the field is singular there"
+            return "failed", f"the step size fell to zero at {at}: {self._singular()} there"
         if code == k.ACCUMULATED:
             return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
         guard = self._guards[self.integers[k.I_GUARD]]
