@@ -309,6 +309,21 @@ def test_a_model_whose_edge_the_start_is_on_holds_if_its_expression_rises(valid:
         assert (result.status, result.end_time) == (status, pytest.approx(end, abs=1e-12))
 
 
+@pytest.mark.parametrize(
+    ("states", "field", "surface", "start", "words"),
+    [
+        ("x", ["-x"], "x", [0], "the velocity across the surface of s does not depend on s"),
+        ("x v", ["v", "-x - s"], "(v - 1/5)**3", [2, 0], "the surface of s has a repeated factor"),
+    ],
+)
+def test_where_no_mode_is_consistent_the_surface_s_part_in_it_is_told(states, field, surface, start, words) -> None:
+    problem = make_problem(states, field, {"s": surface}, start, 20)
+    truth, result = simulate(problem, 128), run(problem)
+    assert (truth.status, result.status) == ("failed", "failed")
+    assert words in truth.reason
+    assert words in result.reason
+
+
 def test_a_model_without_a_series_where_it_begins_has_failed() -> None:
     result = run(make_problem("x", ["1"], {"s": "x + 5"}, [0], 2, valid=["sqrt(x)"]))
     assert result.status == "failed"

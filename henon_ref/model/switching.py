@@ -13,7 +13,8 @@ just after the point (first non-zero derivative; one that stays at zero holds); 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 from typing import Literal
 
@@ -179,7 +180,7 @@ class Switching:
         for finer in (1e-15, 0.0):
             if decision.status == "none" and finer < zero:
                 decision = self._decided(t, x, mode, active, finer)
-        return decision
+        return decision if decision.mode is not None else explained(decision, self.system, active)
 
     def _decided(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:
         if len(active) > EXHAUSTIVE:
@@ -328,6 +329,29 @@ class Switching:
         except (ZeroDivisionError, ValueError, OverflowError):
             return 0.0
         return abs(below) + abs(above)
+
+
+def explained(refusal: Decision, system: FilippovSystem, surfaces: tuple[int, ...]) -> Decision:
+    """A refusal with what it is about the surfaces that leaves the mode open, where it is something."""
+    return replace(refusal, reason=refusal.reason + _plight(system, surfaces))
+
+
+@lru_cache(maxsize=64)
+def _plight(system: FilippovSystem, surfaces: tuple[int, ...]) -> str:
+    words = ""
+    for i in surfaces:
+        name, h = system.sign_names[i], system.surfaces[i]
+        if _repeats(h, {TIME, *system.states}):
+            words += f"; the surface of {name} has a repeated factor, so that its gradient vanishes there"
+        if not system.normal_velocity(i).has(system.signs[i]):
+            words += f"; the velocity across the surface of {name} does not depend on {name}: no mode stays on it"
+    return words
+
+
+def _repeats(expression: sp.Expr, variables: set[sp.Symbol]) -> bool:
+    """Whether some factor in these variables stands there with a power above 1."""
+    powers = (factor.as_base_exp() for factor in sp.Mul.make_args(expression))
+    return any(base.free_symbols & variables and exponent.is_number and exponent > 1 for base, exponent in powers)
 
 
 def exact_sign(number: sp.Expr) -> int:

@@ -16,7 +16,7 @@ from flint import arb
 
 from henon_ref.errors import ModelError
 from henon_ref.model.modes import Mode, mode_text, replaced
-from henon_ref.model.switching import EXHAUSTIVE, Decision, exact_sign
+from henon_ref.model.switching import EXHAUSTIVE, Decision, exact_sign, explained
 from henon_ref.model.system import TIME, FilippovSystem, Guard
 from henon_ref.truth import jets
 
@@ -114,6 +114,10 @@ class Decider:
         return jets.along(field, outputs, system.states, point.time, point.state, bits=self.bits, order=order)
 
     def _decide(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
+        decision = self._decided(point, mode, active)
+        return decision if decision.mode is not None else explained(decision, self.system, active)
+
+    def _decided(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
         if len(active) > EXHAUSTIVE:
             return self._search(point, mode, active)
         found = []
