@@ -59,7 +59,8 @@ def _accuracy(rows: Sequence[Row], result: ReadingResult) -> str:
             what = f"touches a surface {_times(touches)} and has" if touches else "has"
             seen = [solver for solver in good if sees_touches(solvers[solver])]
             told = f", {_who(seen, tried, 'report the touch')}" if touches and tried else ""
-            return f"The exact run {what} no transition; {_who(good, tried, 'agree')}{where}{told}."
+            ends = f" up to t = {significant(expected.end_time, 9)} s, where the truth ends" if expected.partial else ""
+            return f"The exact run {what} no transition{ends}; {_who(good, tried, 'agree')}{where}{told}."
         return f"{_capital(_who(good, tried, f'find {what} in order'))}{where}. {_best(rows)}".strip()
     why = f": {result.statement.reason.rstrip('.')}" if result.statement.reason else ""
     ends = f"The exact run ends at t = {significant(expected.end_time, 9)} s, {expected.status}{why}."
