@@ -68,3 +68,9 @@ def test_precision_is_raised_until_it_suffices(monkeypatch: pytest.MonkeyPatch) 
     found = route(systems.leaving_slide())
     assert found.bits == (192, 160)
     assert not found.undecided
+
+
+def test_states_below_the_smallest_double_have_a_radius() -> None:
+    tiny = [replace(event("1"), state=(arb("5e-320"),)) for _ in range(2)]
+    agreed = multiprecision._agreed(systems.leaving_slide(), run(256, tiny[0]), run(224, tiny[1]), seconds=0)
+    assert 0 < agreed.transitions[0].state_radius < 1e-300

@@ -9,6 +9,7 @@ precisions are doubled.
 from __future__ import annotations
 
 import logging
+import sys
 from itertools import takewhile
 from time import perf_counter
 
@@ -103,8 +104,8 @@ def _agreed(problem: Problem, high: Run, low: Run, *, seconds: float) -> Route:
 
 
 def _radius(a: arb, b: arb, least: float) -> float:
-    """Twice the difference of two numbers, and never less than rounding leaves; two digits, rounded up."""
-    return float(f"{1.1 * max(2 * abs(float(a - b)), least):.1e}")
+    """Twice the difference of two numbers, and never less than rounding leaves (or 0); two digits, rounded up."""
+    return float(f"{1.1 * max(2 * abs(float(a - b)), least, sys.float_info.min):.1e}")
 
 
 def _transitions(high: Event, low: Event, least_time: float, least_state: float) -> list[ReferenceTransition]:

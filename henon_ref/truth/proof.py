@@ -41,7 +41,7 @@ def prove(problem: Problem, *, seconds: float | None = None, progress: Progress 
     Route
         With ``undecided`` saying what kept it from the end, if anything did.
     """
-    start, span = float(problem.start), float(problem.until) - float(problem.start)
+    start, span = float(problem.start), float(problem.until - problem.start)
 
     def told(time: float, _count: int) -> None:
         if progress is not None:
