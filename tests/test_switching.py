@@ -36,6 +36,7 @@ def test_a_tangency_is_decided_by_the_next_derivative() -> None:
 
 def test_off_the_surface_the_sign_is_exact() -> None:
     assert decide(["-s"], ["10**(-40)"]).mode == (1,)
+    assert decide(["-s"], ["-10**(-200)"]).mode == (-1,)
     assert decide(["-s"], ["sqrt(2)**2 - 2"]).mode == (0,)
     assert exact_sign(sp.sqrt(3) / 9 - sp.Rational(1, 3) / sp.sqrt(3)) == 0
 

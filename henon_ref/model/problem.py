@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy as sp
 
+from henon_ref.errors import ModelError
 from henon_ref.model.grammar import did_you_mean, listed
 from henon_ref.model.plainsystem import build_overrides, build_system
 from henon_ref.model.scene import build_scene
@@ -35,7 +36,7 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
         system = replace(system, overrides={**system.overrides, **overrides})
     start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
     until = source.number(("until",), names.values)
-    if exact_sign(until - start) <= 0:
+    if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
         raise source.error(("until",), f"'until' must be later than the start, t = {start}")
     problem = Problem(system, start, _initial(source, form, names), until)
     return replace(problem, initial_mode=_initial_mode(source, form, problem)), names
@@ -101,6 +102,11 @@ def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int,
         if side not in (0, entry):
             raise source.error(path, f"the start is not on the surface of '{name}', whose sign is {side:+d} there")
         modes[index] = entry
+    sliding = frozenset(index for index, entry in modes.items() if entry == 0)
+    try:
+        problem.system.shared_equations(sliding)
+    except ModelError as error:
+        raise source.error(("initial", "mode"), f"no mode slides like that: {error}") from error
     return modes
 
 

@@ -180,7 +180,7 @@ class Switching:
         for finer in (1e-15, 0.0):
             if decision.status == "none" and finer < zero:
                 decision = self._decided(t, x, mode, active, finer)
-        return decision if decision.mode is not None else explained(decision, self.system, active)
+        return decision if decision.mode is not None else explained(decision, self.system, mode, active)
 
     def _decided(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:
         if len(active) > EXHAUSTIVE:
@@ -331,20 +331,25 @@ class Switching:
         return abs(below) + abs(above)
 
 
-def explained(refusal: Decision, system: FilippovSystem, surfaces: tuple[int, ...]) -> Decision:
+def explained(refusal: Decision, system: FilippovSystem, mode: Mode, surfaces: tuple[int, ...]) -> Decision:
     """A refusal with what it is about the surfaces that leaves the mode open, where it is something."""
-    return replace(refusal, reason=refusal.reason + _plight(system, surfaces))
+    words = _powers(system, surfaces)
+    if refusal.status == "none":
+        try:
+            system.equations(_with(mode, surfaces, (0,) * len(surfaces)))
+        except ModelError as error:
+            words += f"; {error}"
+    return replace(refusal, reason=refusal.reason + words)
 
 
 @lru_cache(maxsize=64)
-def _plight(system: FilippovSystem, surfaces: tuple[int, ...]) -> str:
+def _powers(system: FilippovSystem, surfaces: tuple[int, ...]) -> str:
+    """The surfaces whose gradient vanishes on them."""
     words = ""
     for i in surfaces:
         name, h = system.sign_names[i], system.surfaces[i]
         if _repeats(h, {TIME, *system.states}):
             words += f"; the surface of {name} has a repeated factor, so that its gradient vanishes there"
-        if not system.normal_velocity(i).has(system.signs[i]):
-            words += f"; the velocity across the surface of {name} does not depend on {name}: no mode stays on it"
     return words
 
 
@@ -355,8 +360,10 @@ def _repeats(expression: sp.Expr, variables: set[sp.Symbol]) -> bool:
 
 
 def exact_sign(number: sp.Expr) -> int:
-    """Sign of an exact number, by its digits; 0 where 60 digits show nothing."""
-    value = sp.re(sp.N(number, 60, maxn=400, chop=False)) if not number.is_Rational else number
+    """Sign of an exact number: of one that is not rational by its digits, 0 where 60 of them show nothing."""
+    if number.is_Rational:
+        return int(sp.sign(number))
+    value = sp.re(sp.N(number, 60, maxn=400, chop=False))
     if abs(value) < sp.Float("1e-55", 60):
         return 0
     return 1 if value > 0 else -1

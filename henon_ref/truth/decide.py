@@ -115,7 +115,7 @@ class Decider:
 
     def _decide(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
         decision = self._decided(point, mode, active)
-        return decision if decision.mode is not None else explained(decision, self.system, active)
+        return decision if decision.mode is not None else explained(decision, self.system, mode, active)
 
     def _decided(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
         if len(active) > EXHAUSTIVE:
