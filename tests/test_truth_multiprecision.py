@@ -10,6 +10,7 @@ from flint import arb
 
 from henon_ref.truth import multiprecision
 from henon_ref.truth.multiprecision import multiprecision as route
+from henon_ref.truth.proof import prove
 from henon_ref.truth.simulate import Event, Run
 
 
@@ -74,3 +75,12 @@ def test_states_below_the_smallest_double_have_a_radius() -> None:
     tiny = [replace(event("1"), state=(arb("5e-320"),)) for _ in range(2)]
     agreed = multiprecision._agreed(systems.leaving_slide(), run(256, tiny[0]), run(224, tiny[1]), seconds=0)
     assert 0 < agreed.transitions[0].state_radius < 1e-300
+
+
+@pytest.mark.parametrize(("start", "until"), [("1", "1.00000000000000001"), ("0", "1e-300")])
+def test_a_run_shorter_than_any_double_tells_is_proven_to_have_no_event_or_left_undecided(
+    start: str, until: str
+) -> None:
+    problem = replace(systems.free_coulomb(), start=systems.number(start), until=systems.number(until))
+    found = prove(problem, seconds=5)
+    assert found.transitions == ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from sys import float_info
 from typing import TYPE_CHECKING
 
 import flint
@@ -47,7 +48,7 @@ def prove(problem: Problem, *, seconds: float | None = None, progress: Progress 
         if progress is not None:
             progress((time - start) / span)
 
-    run = certify(problem, radius=RADIUS * min(1.0, span), deadline=seconds, progress=told)
+    run = certify(problem, radius=max(RADIUS * min(1.0, span), float_info.min), deadline=seconds, progress=told)
     with ctx.workprec(run.bits + GUARD_BITS):
         return _route(run)
 
