@@ -95,7 +95,7 @@ def shortened(text: str, limit: int = 60) -> str:
 def name_problem(name: str) -> str:
     """Why a state, parameter or surface may not be called this; empty if it may."""
     if not NAME.fullmatch(name):
-        return f"{shortened(name)} is no name: a letter first, then letters, digits and underscores"
+        return f"{shortened(name)} is no name: a letter (a-z, A-Z) first, then letters, digits and underscores"
     if name in RESERVED:
         return f"'{name}' is taken (t, pi, e, mode and the names of functions are); choose another name"
     if keyword.iskeyword(name):
