@@ -13,10 +13,10 @@ X = sp.Symbol("x", real=True)
 S = sp.Symbol("s", real=True)
 
 
-def look(surface: sp.Expr, near: float, reach: float = 2.0, *, alone: bool = False) -> Finding:
+def look(surface: sp.Expr, near: float, reach: float = 2.0, clear: float | None = None) -> Finding:
     """Look at a surface that depends on x = t alone, from t = 0 on its upper side."""
     system = FilippovSystem((X,), (S,), (surface,), (sp.Integer(1),))
-    return CloserLook(system).look((1,), 0, 0, (0.0, 0.0), [(0.0, 0.0)], near, reach, alone=alone)
+    return CloserLook(system).look((1,), 0, 0, (0.0, 0.0), [(0.0, 0.0)], (near, 0.0), reach, clear)
 
 
 @pytest.mark.parametrize("power", [2, 4, 6])
@@ -44,11 +44,54 @@ def test_an_exact_touch_is_one(power: int) -> None:
 @pytest.mark.parametrize("depth", ["0", "1e-30", "-1e-30", "1e-45", "-1e-45", "1e-53", "-1e-53"])
 def test_a_minimum_that_stands_alone_is_what_the_whole_step_says_it_is(depth: str) -> None:
     surface = (X - 1) ** 2 * (3 + X) + sp.Rational(depth)
-    whole, alone = look(surface, 1 + 1e-9), look(surface, 1 + 1e-9, alone=True)
+    whole, alone = look(surface, 1 + 1e-9), look(surface, 1 + 1e-9, clear=1 + 1e-9)
     assert (alone.what, alone.lowest) == (whole.what, whole.lowest)
     with mpmath.workdps(40):
         difference = mpmath.fsum(alone.time) - mpmath.fsum(whole.time)
         assert abs(difference) < (1e-30 if whole.what == "root" else 1e-15)
+
+
+@pytest.mark.parametrize("near", [1 - 1e-10, 1.0, 1 + 1e-6])
+@pytest.mark.parametrize("depth", ["0", "1e-20", "-1e-20", "1e-30", "-1e-30", "1e-44", "-1e-44", "1e-54", "-1e-54"])
+@pytest.mark.parametrize("power", [2, 4, 6])
+def test_a_minimum_behind_a_clear_part_is_what_the_whole_step_says_it_is(power: int, depth: str, near: float) -> None:
+    surface = (X - 1) ** power * (3 + X) + sp.Rational(depth)
+    found = look(surface, near, clear=0.99)
+    what = "touch" if abs(float(depth)) < 1e-50 else "miss" if float(depth) > 0 else "root"
+    assert (found.what, found.lowest, found.parabolic) == (what, what != "root", what != "root" and power == 2)
+    assert abs(found.time[0] - look(surface, near).time[0]) < 1e-11
+    if what == "root":
+        with mpmath.workdps(60):
+            value = sp.lambdify(X, surface, "mpmath")
+            middle = 1 - (mpmath.mpf(depth) / -4) ** (mpmath.mpf(1) / power)
+            assert abs(mpmath.fsum(found.time) - mpmath.findroot(value, middle)) < 1e-27
+
+
+@pytest.mark.parametrize("power", [3, 5, 7])
+def test_behind_a_clear_part_a_root_of_odd_order_is_no_touch(power: int) -> None:
+    found = look((1 - X) ** power * (2 + X), 1 - 1e-7, clear=0.99)
+    assert found.what == "root"
+    assert abs(found.time[0] - 1) < 1e-15
+
+
+@pytest.mark.parametrize("depth", ["1e-20", "-1e-20"])
+def test_a_pair_of_roots_behind_a_clear_part_is_not_passed_over(depth: str) -> None:
+    pair = (X - sp.Rational("0.995")) ** 2 + sp.Rational(depth)
+    found = look(pair * (X - 1) ** 4, 1 - 1e-7, clear=0.99)
+    assert found.what == ("touch" if depth == "1e-20" else "root")
+    assert abs(found.time[0] - (1 if depth == "1e-20" else 0.995)) < 1e-9
+
+
+@pytest.mark.parametrize("missing", [3, 30])
+def test_an_expansion_does_not_end_at_a_gap(missing: int) -> None:
+    """Next to nothing happens before the last order: x' = t^m y, and y (no polynomial by its form) is 1."""
+    y = sp.Symbol("y", real=True)
+    field = (-(missing + 1) * TIME**missing * sp.exp(y), sp.Integer(0) * y)
+    system = FilippovSystem((X, y), (S,), (X,), field)
+    found = CloserLook(system).look((1,), 0, 0, (0.0, 0.0), [(0.5, 0.0), (0.0, 0.0)], (0.9, 0.0), 2.0)
+    assert found.what == "root"
+    with mpmath.workdps(40):
+        assert abs(mpmath.fsum(found.time) - mpmath.mpf(0.5) ** (mpmath.mpf(1) / (missing + 1))) < 1e-30
 
 
 @pytest.mark.parametrize(("gap", "what"), [("1e-40", "miss"), ("-1e-40", "root"), ("0", "touch")])
@@ -89,7 +132,7 @@ def test_the_first_of_many_roots_is_isolated() -> None:
 
 def test_time_is_the_system_s() -> None:
     system = FilippovSystem((X,), (S,), (1 - TIME,), (sp.Integer(0),))
-    found = CloserLook(system).look((1,), 0, 0, (0.5, 1e-20), [(0.0, 0.0)], 0.5, 0.75)
+    found = CloserLook(system).look((1,), 0, 0, (0.5, 1e-20), [(0.0, 0.0)], (0.5, 0.0), 0.75)
     assert found.what == "root"
     assert found.time == (1.0, 0.0)
 

@@ -13,24 +13,31 @@ from itertools import pairwise
 from math import comb, factorial
 from typing import Literal
 
-from flint import arb, ctx
+from flint import arb, arb_poly, ctx
 
 from henon_ref.henon.multiprecision import Motions
-from henon_ref.henon.window import PARABOLIC
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 
 BITS = 220
 """Bits after the point of a polynomial's coefficients, its size on the step being 1, and of places on the step."""
 ONE = 1 << BITS
-NOTHING = 2 ** (BITS - 166)
-"""What counts as zero among them: 1e-50 of the polynomial's size."""
+NOTHING = 2.0**-166
+"""What counts as zero: 1e-50 of the polynomial's size."""
+NOISE = 2.0**-204
+"""Slopes below this of the size cannot be told from zero."""
+SETTLED, PLACED = 2.0**-180, 2.0**-60
+"""A minimum is found where another step of Newton's would lower it by less than the one, of its size, and move it by
+less than the other, of the step."""
+ROUNDS = 20
+"""Steps of Newton's method after which it is not found."""
+_ZERO = int(ONE * NOTHING)
 CLOSE = 2 ** (BITS - 160)
 """Places closer to each other than 1e-48 of the step are one."""
 SAME = int(ONE * 1e-10)
 """Minima closer to each other are one and the same."""
-CURVED = int(ONE * PARABOLIC)
-"""A second derivative above this at a minimum makes it one of second order."""
+CURVED = 1e-6
+"""A relative second derivative above this at a minimum makes it one of second order."""
 STANDING = int(ONE * 1e-6)
 """A Taylor coefficient above this counts: the one of lowest order tells the order of a root."""
 DEPTH = 200
@@ -71,10 +78,9 @@ class CloserLook:
         zeros: int,
         time: Pair,
         state: Sequence[Pair],
-        near: float,
+        near: Pair,
         reach: float,
-        *,
-        alone: bool = False,
+        clear: float | None = None,
     ) -> Finding:
         """Find the guard's first root up to a doubtful point, or its minimum there.
 
@@ -86,23 +92,31 @@ class CloserLook:
             Known zeros of the guard at the step's start.
         time, state
             The step's start, each as two doubles that add up to it.
-        near : float
-            Where double precision saw the doubtful point, counted from the start.
+        near : pair of float
+            Where the doubtful point was seen, counted from the start.
         reach : float
             End of the step.
-        alone : bool
-            The guard is known to fall to a minimum at the doubtful point and to have no root much before it.
+        clear : float, optional
+            Where the doubtful point is a minimum: up to here, counted from the start, the guard has no root.
+            ``near`` itself where the sign of the minimum alone is open.
         """
         with ctx.workprec(BITS):
             start = arb(time[0]) + arb(time[1])
             x = [arb(high) + arb(low) for high, low in state]
             unit = arb(reach) * _BEYOND
-            states, series = self._motions.polynomials(mode, guard, start, x, unit)
-            decided = _at_minimum if alone else _decided
-            q = fixed(series[zeros:])
-            what, lowest, part = decided(q, zeros, _integer(arb(near) / unit))
-            parabolic = lowest and _bend([0] * zeros + q, part) > CURVED
-            tau = unit * part / ONE
+            states, series = self._motions.polynomials(mode, guard, start, x, reach)
+            if zeros:
+                series = arb_poly([0] * zeros + series.coeffs()[zeros:])
+            place = arb(near[0]) + arb(near[1])
+            found = (
+                None if clear is None else _at_minimum(series, place, place if clear == near[0] else arb(clear), unit)
+            )
+            if found is None:
+                q = fixed(series(arb_poly([0, unit])).coeffs()[zeros:])
+                what, lowest, part = _decided(q, zeros, _integer(place / unit))
+                parabolic = lowest and _bend([0] * zeros + q, part) > CURVED * ONE
+                found = what, lowest, parabolic, unit * part / ONE
+            what, lowest, parabolic, tau = found
             return Finding(what, lowest, parabolic, _split(start + tau), tuple([_split(x(tau)) for x in states]))
 
 
@@ -121,8 +135,8 @@ def fixed(series: Sequence[arb]) -> list[int]:
 
 def _split(number: arb) -> Pair:
     """A number as two doubles; what is lost to the second, too, would only make it miss round numbers."""
-    high = float(number.mid())
-    low = float((number - high).mid())
+    high = float(number)
+    low = float(number - high)
     return high, (low if abs(low) > 2.0**-106 * abs(high) else 0.0)
 
 
@@ -176,21 +190,61 @@ def _odd_root(q: Fixed, place: int) -> int | None:
     return place
 
 
-def _at_minimum(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
-    """The same where the sign of the minimum alone is open."""
-    whole = [0] * zeros + list(q)
-    bottom = _minimum(whole, near)
-    if bottom is None:
-        return _decided(q, zeros, near)
-    depth = _value(whole, bottom)
-    if abs(depth) <= NOTHING:
-        return "touch", True, bottom
-    if depth > 0:
-        return "miss", True, bottom
-    width = CLOSE
-    while _value(whole, bottom - width) <= 0:
+def _at_minimum(guard: arb_poly, near: arb, clear: arb, unit: arb) -> tuple[What, bool, bool, arb] | None:
+    """What a guard does between a place and the minimum behind it: (what, at a minimum, whether parabolic, when).
+
+    None where the whole step has to be looked at. With ``clear`` equal to ``near`` the minimum's sign alone is open.
+    """
+    whole = guard(arb_poly([0, unit]))
+    terms = list(map(float, whole.coeffs()))
+    size, reach = sum(map(abs, terms)), float(unit)
+    first = guard.derivative()
+    slopes = first, (second := first.derivative()), second.derivative()
+    tau = near
+    for _ in range(
+        ROUNDS
+    ):  # Newton's method on the slope over its derivative: flat minima, too, are simple roots of it
+        slope, bend, twist = [float(p(tau)) for p in slopes]
+        if abs(slope) * reach <= NOISE * size:
+            break
+        below = bend * bend - slope * twist
+        if not (bend > 0.0 and below > 0.0):
+            return None
+        shift = slope * bend / below
+        if abs(slope * shift) <= SETTLED * size and abs(shift) <= PLACED * reach:
+            break
+        tau -= shift
+    else:
+        return None
+    parabolic = bend * reach * reach > CURVED * size
+    depth = float(guard(tau))
+    touching = abs(depth) <= NOTHING * size
+    if clear < near:
+        before, after = _beside(guard, tau, tau - clear, size)
+        if touching or depth > 0.0:
+            proven = all(before) and all(after)
+        else:
+            proven = sum(x != y for x, y in pairwise(before)) == 1
+        if not proven:
+            return None
+    if touching or depth > 0.0:
+        return "touch" if touching else "miss", True, parabolic, tau
+    q, bottom, width = fixed(whole.coeffs()), _integer(tau / unit), CLOSE
+    while _value(q, bottom - width) <= 0:
         width *= 4
-    return "root", False, _root([-c for c in whole], bottom - width, bottom)
+    return "root", False, False, unit * _root([-c for c in q], bottom - width, bottom) / ONE
+
+
+def _beside(guard: arb_poly, tau: arb, width: arb, size: float) -> list[list[bool]]:
+    """Signs of a guard's Bernstein coefficients on both sides of a place, up to a distance.
+
+    They begin where the guard begins to differ from its value there.
+    """
+    local = list(map(float, guard(arb_poly([tau, 1])).coeffs()))
+    least = NOTHING * size / len(local)
+    point = min((least / abs(c)) ** (1 / k) for k, c in enumerate(local) if k and c)
+    sides = [guard(arb_poly([tau + side * point, side * (width - point)])).coeffs() for side in (-1, 1)]
+    return [_signs(_bernstein([_integer(c / size) for c in side])) for side in sides]
 
 
 def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int, int]:
@@ -199,30 +253,39 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
     Descartes' rule of signs on Bernstein coefficients, as in the compiled
     :func:`henon_ref.henon.polynomial.first_falling_root`.
     """
-    degree = len(q) - 1
-    first = [sum(comb(i, k) * q[k] // comb(degree, k) for k in range(i + 1)) for i in range(degree + 1)]
-    stack = [(0, 0, first)]  # (level, place, coefficients) of the piece [place, place + 1] / 2^level
-    before = 0
+    stack = [(0, 0, _bernstein(q))]  # (level, place, coefficients) of the piece [place, place + 1] / 2^level
+    before = False
     while stack:
         level, place, b = stack.pop()
         low, high = place << (BITS - level), (place + 1) << (BITS - level)
-        signs = [1 if c > 0 else -1 for c in b if abs(c) > NOTHING]
+        signs = _signs(b)
         changes = sum(x != y for x, y in pairwise(signs))
         if not signs or level >= DEPTH:
             return "touch", low, high
-        if before > 0 and abs(b[0]) <= NOTHING:  # zero where the step was halved: what comes next decides
+        if before and abs(b[0]) <= _ZERO:  # zero where the step was halved: what comes next decides
             if changes == 0:
-                return ("root" if signs[0] < 0 else "touch"), low, low
-        elif before > 0 and signs[0] < 0:
+                return ("root" if not signs[0] else "touch"), low, low
+        elif before and not signs[0]:
             return "root", low, low
-        elif changes == 0 or (changes == 1 and signs[0] < 0):
+        elif changes == 0 or (changes == 1 and not signs[0]):
             before = signs[-1]
             continue
-        elif changes == 1 and abs(b[-1]) > NOTHING:
+        elif changes == 1 and abs(b[-1]) > _ZERO:
             return "root", low, high
         left, right = _halves(b)
         stack += [(level + 1, 2 * place + 1, right), (level + 1, 2 * place, left)]
     return "none", 0, 0
+
+
+def _bernstein(q: Fixed) -> list[int]:
+    """Coefficients of a polynomial on [0, 1] in Bernstein's basis."""
+    degree = len(q) - 1
+    return [sum(comb(i, k) * q[k] // comb(degree, k) for k in range(i + 1)) for i in range(degree + 1)]
+
+
+def _signs(b: Sequence[int]) -> list[bool]:
+    """For each coefficient that is not next to nothing whether it is positive."""
+    return [c > 0 for c in b if abs(c) > _ZERO]
 
 
 def _halves(b: list[int]) -> tuple[list[int], list[int]]:

@@ -22,6 +22,7 @@ from henon_ref.henon.registers import (
     F_CAP,
     F_LOW,
     F_NEAR,
+    F_NEAR_LOW,
     F_REACH,
     F_SIGMA,
     F_SIZE,
@@ -185,7 +186,7 @@ def _to_event(  # type: ignore[no-untyped-def]
         sample(floats, integers, c, order, part, mode, sample_times, samples)
     integers[I_GUARD], integers[I_LANDING] = hit, BRACKET if doubtful else used
     if doubtful:
-        floats[F_NEAR], floats[F_REACH] = part * sigma, theta * sigma
+        floats[F_NEAR], floats[F_NEAR_LOW], floats[F_REACH] = part * sigma, 0.0, theta * sigma
         return DOUBTFUL
     if hit >= 0:
         for g in range(guards):

@@ -14,10 +14,14 @@ from henon_ref.taylor.expand import Ring, expand
 from henon_ref.taylor.polynomials import Step, plan, polynomials
 from henon_ref.taylor.tape import Tape, build_tape
 
-ORDERS = (48, 96, 192)
-"""Orders of the expansion, tried in turn until its last terms count for nothing."""
-NEGLIGIBLE = arb(10) ** -50
-"""What counts for nothing, relative to the sum of all terms."""
+ORDER = 192
+"""Highest order of an expansion; it ends before where its terms count for nothing."""
+NEGLIGIBLE = 1e-50
+"""What counts for nothing, relative to the sum of all terms on the step."""
+LEAST = 48
+"""Order before which it does not end: terms may be missing at first."""
+QUIET = 4
+"""So many orders in a row that count for nothing end an expansion."""
 _NAMES = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt")
 _RING = Ring({name: getattr(arb, name) for name in _NAMES}, arb.__pow__)
 
@@ -40,9 +44,9 @@ class Motions:
         self._tapes: dict[Mode, _ModeTape] = {}
 
     def polynomials(
-        self, mode: Mode, guard: int, time: arb, state: Sequence[arb], reach: arb
-    ) -> tuple[list[arb_poly], list[arb]]:
-        """The states as polynomials in the time since the start; a guard's coefficients in units of ``reach``.
+        self, mode: Mode, guard: int, time: arb, state: Sequence[arb], reach: float
+    ) -> tuple[list[arb_poly], arb_poly]:
+        """The states and a guard as polynomials in the time since the start.
 
         Parameters
         ----------
@@ -50,7 +54,7 @@ class Motions:
             Which guard of which mode, in the order of :meth:`FilippovSystem.equations`.
         time, state
             The start.
-        reach : arb
+        reach : float
             How far on the polynomials have to hold.
         """
         if mode not in self._tapes:
@@ -62,13 +66,9 @@ class Motions:
         steps = made.plans[guard]
         if steps is not None:
             values = polynomials(steps, tape, made.constants, time, state)
-            return values[: len(state)], _scaled(values[tape.outputs[guard]].coeffs(), reach)
-        for order in ORDERS:
-            states, outputs = expand(tape, made.numbers, time, state, order, _RING)
-            scaled = _scaled(outputs[guard], reach)
-            if max(map(abs, scaled[-4:])) <= NEGLIGIBLE * sum(map(abs, scaled), arb(0)):
-                break
-        return [arb_poly(series) for series in states], scaled
+            return values[: len(state)], values[tape.outputs[guard]]
+        states, outputs = expand(tape, made.numbers, time, state, ORDER, _RING, _Fading(len(state), guard, reach))
+        return [arb_poly(series) for series in states], arb_poly(outputs[guard])
 
     def _made(self, mode: Mode) -> _ModeTape:
         equations = self.system.equations(mode)
@@ -77,10 +77,20 @@ class Motions:
         return _ModeTape(tape, numbers, [arb_poly([number]) for number in numbers])
 
 
-def _scaled(series: Sequence[arb], unit: arb) -> list[arb]:
-    """Coefficients of the same polynomial in another unit of its variable."""
-    scaled, power = [], arb(1)
-    for c in series:
-        scaled.append(c * power)
-        power = power * unit
-    return scaled
+class _Fading:
+    """Tells when the terms of an expansion, of all states and one output, no longer count on a step."""
+
+    def __init__(self, states: int, output: int, reach: float) -> None:
+        self.output, self.reach = output, arb(reach)
+        self.sizes = [0.0] * (states + 1)
+        self.power, self.order, self.quiet = arb(1), 0, 0
+
+    def __call__(self, states: Sequence[Sequence[arb]], outputs: Sequence[Sequence[arb]]) -> bool:
+        counts = False
+        for i, series in enumerate((*states, outputs[self.output])):
+            term = abs(float(series[-1] * self.power))
+            self.sizes[i] += term
+            counts = counts or not term <= NEGLIGIBLE * self.sizes[i]
+        self.quiet = 0 if counts else self.quiet + 1
+        self.power, self.order = self.power * self.reach, self.order + 1
+        return self.quiet >= QUIET and self.order > LEAST

@@ -2,7 +2,7 @@
 
 The mode is expanded again (:mod:`henon_ref.henon.fine`), and the doubtful guard's polynomial looked at
 (:mod:`henon_ref.henon.window`). What is not clear then is left to :mod:`henon_ref.henon.closer`: a touch, three roots
-in one window, a minimum flatter than a parabola's.
+in one window.
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ from henon_ref.henon.fine import expand_fine
 from henon_ref.henon.program import program
 from henon_ref.henon.registers import (
     F_BEYOND,
+    F_CLEAR,
     F_LOW,
     F_NEAR,
+    F_NEAR_LOW,
     F_REACH,
     F_STATE,
     F_TIME,
@@ -45,7 +47,7 @@ from henon_ref.henon.registers import (
     TOLD,
 )
 from henon_ref.henon.stepping import remaining
-from henon_ref.henon.window import BEYOND, HALVINGS, MISS, NOISE, OPEN, PASSED, ROOT, STEEP, UNSURE, decide
+from henon_ref.henon.window import BEYOND, HALVINGS, NOISE, OPEN, PASSED, ROOT, STEEP, UNSURE, decide, stays_clear
 from henon_ref.jit import compiling, inner, njit
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
@@ -53,8 +55,9 @@ from henon_ref.taylor.tape import build_tape
 
 ORDER = 64
 """Highest order of the expansion; it ends before where its terms have become negligible."""
-ACROSS = 6
-"""Outcome besides those of a window: a root, and the field beyond its surface is known."""
+MISS, ACROSS = 5, 6
+"""Outcomes besides those of a window: the guard's minimum, which it goes on from as from a double zero; a root, and the
+field beyond its surface is known."""
 CERTAIN = 1e3 * NOISE
 """What a speed has to exceed of its size for its sign to be certain."""
 
@@ -127,8 +130,8 @@ def look_near(  # type: ignore[no-untyped-def]
     Returns
     -------
     int
-        UNSURE or OPEN, and the run has not moved (with OPEN the doubtful point is the minimum); or where it is now,
-        with ACROSS at a root beyond whose surface the field is known.
+        UNSURE or OPEN, and the run has not moved (with OPEN the doubtful point is the minimum, and up to F_CLEAR there
+        is no doubt); or where it is now, with ACROSS at a root beyond whose surface the field is known.
     """
     n = (floats.size - F_STATE) // 2
     x, x_low = floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
@@ -147,11 +150,14 @@ def look_near(  # type: ignore[no-untyped-def]
     for k in range(q.size):
         size += abs(q[k])
     start = floats[F_NEAR] / unit
-    outcome, s, s_low = decide(q, q_low, size, start, work)
+    outcome, s, s_low, clear = decide(q, q_low, zeros, size, start, work)
     if outcome == OPEN:
-        floats[F_NEAR] = s * unit
+        floats[F_NEAR], floats[F_NEAR_LOW] = dd.multiply(s, s_low, unit, 0.0)
+        floats[F_CLEAR] = min(clear * unit, floats[F_NEAR])
     if outcome in (UNSURE, OPEN):
         return outcome
+    if outcome == PASSED and not _others_clear(high, outputs, integers, layout, places, last, s, work):
+        return UNSURE
     tau, tau_low = dd.multiply(s, s_low, unit, 0.0)
     floats[F_TIME], floats[F_LOW] = dd.add(floats[F_TIME], floats[F_LOW], tau, tau_low)
     for i in range(n):
@@ -196,6 +202,22 @@ def _settled(high, outputs, n, last, sizes):  # type: ignore[no-untyped-def]
         row = i if i < n else outputs[i - n]
         for k in range(max(last - 3, 0), last + 1):
             if abs(high[row, k]) > 0.01 * NOISE * sizes[row]:
+                return False
+    return True
+
+
+@inner()
+def _others_clear(high, outputs, integers, layout, places, last, s, work):  # type: ignore[no-untyped-def]
+    """True if the other guards have no event before a place on the step."""
+    for g in range(layout[0, T_GUARDS]):
+        if g != integers[I_GUARD] and places[g] >= 0:
+            series, own = high[outputs[places[g]], integers[I_SIZE + g] : last + 1], work[1, : last + 1]
+            sign = -1.0 if layout[1 + g, G_RISING] == 1 and series[0] < 0.0 else 1.0  # one that has to rise first
+            size = 0.0
+            for k in range(series.size):
+                own[k] = sign * series[k]
+                size += abs(series[k])
+            if size > 0.0 and not stays_clear(own[: series.size], s, size, work[2:]):
                 return False
     return True
 

@@ -12,7 +12,8 @@ STICK, FREE, CROSS = 0, 1, 2
 HENON, NEWTON, BRENT, BRACKET = range(4)
 LANDINGS = ("henon", "newton", "brent", "bracket")
 # Floats of a run: t and what rounding it lost, sigma, time of the last event and what it lost; where on the step a
-# doubtful event is, and the step's end, both counted from its start; the speed away from a surface beyond it, where a
+# doubtful event is, what rounding that lost, up to where there is no doubt, and the step's end, all counted from its
+# start; the speed away from a surface beyond it, where a
 # closer look has told it, in units of that towards it; the largest sigma that a mode just entered may begin with;
 # horizon and what rounding it lost; tolerance.
 (
@@ -22,6 +23,8 @@ LANDINGS = ("henon", "newton", "brent", "bracket")
     F_LAST,
     F_LAST_LOW,
     F_NEAR,
+    F_NEAR_LOW,
+    F_CLEAR,
     F_REACH,
     F_BEYOND,
     F_CAP,
@@ -29,7 +32,7 @@ LANDINGS = ("henon", "newton", "brent", "bracket")
     F_UNTIL_LOW,
     F_TOLERANCE,
     F_SIZE,
-) = range(13)
+) = range(15)
 REMEMBERED = 64
 """Modes of which the last step is kept, in the floats behind those above: a mode seen before begins with it."""
 F_STATE = F_SIZE + REMEMBERED

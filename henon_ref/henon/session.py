@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from henon_ref.henon import registers as k
 from henon_ref.henon.blocks import KINDS, TransitionBlock
 from henon_ref.henon.kernel import advance
-from henon_ref.henon.near import arrive
+from henon_ref.henon.near import MISS, arrive
 from henon_ref.henon.recording import crowded
-from henon_ref.henon.window import MISS, OPEN, PASSED, ROOT, UNSURE
+from henon_ref.henon.window import OPEN, PASSED, ROOT, UNSURE
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import ZERO, Decision
 from henon_ref.model.system import Guard
@@ -205,10 +205,10 @@ class Session:
         if outcome not in (UNSURE, OPEN):
             return outcome == ROOT and bool(self.hits[guard])
         touched, zeros, floats = self._guards[guard], int(self.multiplicity[guard]), self.floats
-        start = floats[k.F_TIME], floats[k.F_LOW]
+        time, low, *_, near, near_low, clear, reach = floats[: k.F_REACH + 1].tolist()
         state = list(zip(self.x.tolist(), self.x_low.tolist(), strict=True))
         found = self.engine.closer.look(
-            mode, places[guard], zeros, start, state, floats[k.F_NEAR], floats[k.F_REACH], alone=outcome == OPEN
+            mode, places[guard], zeros, (time, low), state, (near, near_low), reach, clear if outcome == OPEN else None
         )
         floats[k.F_TIME], floats[k.F_LOW] = found.time
         self.x[:] = [high for high, _ in found.state]

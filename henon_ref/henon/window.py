@@ -2,7 +2,8 @@
 
 It is recentred at its minimum there, or at its root where it has none, and a short window that ends there is split
 off. Up to the window the guard stays clear of zero beyond the noise of double precision; on the window the signs of
-its Bernstein coefficients tell whether it has one root or none (Descartes' rule).
+its Bernstein coefficients tell whether it has one root or none (Descartes' rule). Behind a minimum above zero there is
+another window, up to where the guard is clear of zero again: the next step begins there and knows nothing of it.
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ from henon_ref.henon.polynomial import value
 from henon_ref.henon.registers import EPS
 from henon_ref.jit import inner
 
-UNSURE, OPEN, ROOT, STEEP, MISS, PASSED = range(6)
-"""Outcomes: not decided; nothing but the sign of a minimum undecided; a root, and one steep enough for signs in double
-precision; a minimum above zero; none of them up to the step's end."""
+UNSURE, OPEN, ROOT, STEEP, PASSED = range(5)
+"""Outcomes: not decided; nothing undecided but a window that ends at a minimum, or the minimum's sign alone; a root,
+and one steep enough for signs in double precision; no root, and the guard is clear of zero again (or the root lies
+behind the step's end)."""
 LOCAL = 16
 """Degree of the polynomial on a window."""
 FINE = 4
@@ -22,7 +24,9 @@ FINE = 4
 NOISE = 1e-27
 """Values below this of the polynomial's size cannot be told from zero."""
 CLEAR = 1e-11
-"""A window begins where the guard is this much of its size."""
+"""Windows begin and end where the guard is this much of its size."""
+SETTLED = 1e-3 * NOISE
+"""A place is exact where another step of Newton's would change the polynomial by less than this of its size."""
 COARSE = 1e-13
 """What the rest of the step has to stay above."""
 WIDEST = 0.1
@@ -31,65 +35,63 @@ SLOPE = 1e-11
 """Relative slope at a root from which on double precision has its sign right."""
 HALVINGS = 60
 """Pieces of the step that are kept at once."""
-PARABOLIC = 1e-6
-"""Relative curvature of a minimum that is one of second order."""
 BEYOND = 2.0**-46
 """How far behind the step's end a root is looked for: rounding may have put it there."""
 
 
 @inner()
-def decide(q, q_low, size, start, work):  # type: ignore[no-untyped-def]
-    """What a polynomial does on (0, 1] up to a doubtful point: the outcome, and where."""
+def decide(q, q_low, zeros, size, start, work):  # type: ignore[no-untyped-def]
+    """What a guard, q s^zeros, does on (0, 1] up to a doubtful point: the outcome, where, where its window begins."""
     g, b, stack = work[0], work[1], work[2:]
     s, s_low = start, 0.0
-    minimum = False
-    for _ in range(3):  # the second time from next to it; the third to see that it stays there
+    minimum, settled = False, False
+    for _ in range(4):  # the second time from next to it; the last to see that it stays there
         _recentred(q, q_low, s, s_low, g)
-        minimum, shift = _stationary(g)
+        minimum, shift = _stationary(g, size)
         if not minimum:
             shift = _newton(g, -WIDEST, WIDEST)
         if not abs(shift) <= WIDEST:
-            return UNSURE, 0.0, 0.0
-        s, s_low = dd.add(s, s_low, shift, 0.0)
-        if abs(shift) <= 1e-18:
+            return UNSURE, 0.0, 0.0, 0.0
+        settled = abs(g[1] * shift) <= SETTLED * size
+        if settled:
             break
-    if not s > 0.0 or (minimum and s >= 1.0 - 2.0 * BEYOND):  # at the very end another step may see more
-        return UNSURE, 0.0, 0.0
-    _recentred(q, q_low, s, s_low, g)
-    if minimum and g[0] >= -NOISE * size and not _double_zero(g, size):
-        return UNSURE, 0.0, 0.0
-    touching = minimum and abs(g[0]) <= NOISE * size
-    if touching:
-        g[0] = g[1] = 0.0
+        s, s_low = dd.add(s, s_low, shift, 0.0)
+    if not settled or not s > 0.0 or (minimum and s >= 1.0 - 2.0 * BEYOND):  # at the very end another step may see more
+        return UNSURE, 0.0, 0.0, 0.0
     if not minimum:
         if not (abs(g[0]) <= NOISE * size and -g[1] > SLOPE * size):
-            return UNSURE, 0.0, 0.0
+            return UNSURE, 0.0, 0.0, 0.0
         g[0] = 0.0
     width = 1e-9
     while width < WIDEST and width < s and not value(g, LOCAL, -width) > CLEAR * size:
-        width *= 4.0
+        width *= 2.0
     width = min(width, s)
-    changes = _sign_changes(g, width, _rest(q, s, width), b)
-    if width >= WIDEST or changes < 0 or changes != (1 if g[0] < 0.0 else 0):
-        return UNSURE, 0.0, 0.0
-    if width < s and not _stays_clear(q, s - width, size, stack):
-        return UNSURE, 0.0, 0.0
-    if touching:
-        return OPEN, s, s_low
+    if width >= WIDEST or (width < s and not stays_clear(q, s - width, size, stack)):
+        return UNSURE, 0.0, 0.0, 0.0
+    bound = _bound(q, s)
+    touching = minimum and abs(g[0]) <= NOISE * size
+    if touching:  # what the window tells then, it tells of the guard less its value at the minimum
+        g[0] = g[1] = 0.0
+    changes = _sign_changes(g, -width, size, bound, b, stack[0])
     if not minimum:
-        return (STEEP, s, s_low) if s <= 1.0 else (PASSED, start, 0.0)
-    if g[0] > 0.0:
-        return MISS, s, s_low
-    v = _newton(g, -width, 0.0)
-    slope = -_slope(g, v)
-    s, s_low = dd.add(s, s_low, v, 0.0)
-    return (STEEP if slope > SLOPE * size else ROOT), s, s_low
-
-
-@inner()
-def _double_zero(g, size):  # type: ignore[no-untyped-def]
-    """True for a minimum that the next step may take for a zero of order two."""
-    return g[0] <= CLEAR * size and g[2] > PARABOLIC * size
+        if changes != 0:
+            return UNSURE, 0.0, 0.0, 0.0
+        return (STEEP, s, s_low, 0.0) if s <= 1.0 else (PASSED, start, 0.0, 0.0)
+    if g[0] > 0.0 and changes == 0:
+        behind = 1e-9
+        while behind < WIDEST and not value(g, LOCAL, behind) * (s + behind) ** zeros > CLEAR * size:
+            behind *= 2.0
+        if behind < WIDEST and s + behind <= 1.0 and _sign_changes(g, behind, size, bound, b, stack[0]) == 0:
+            s, s_low = dd.add(s, s_low, behind, 0.0)
+            return PASSED, s, s_low, 0.0
+    if g[0] < 0.0 and changes == 1:
+        s, s_low = dd.add(s, s_low, _newton(g, -width, 0.0), 0.0)
+        _recentred(q, q_low, s, s_low, g)  # far from the minimum it is known there to a double's digits only
+        s, s_low = dd.add(s, s_low, -g[0] / g[1], 0.0)
+        return (STEEP if -g[1] > SLOPE * size else ROOT), s, s_low, 0.0
+    clear = s if touching and changes == 0 else s - width
+    s, s_low = dd.add(s, s_low, shift, 0.0)
+    return OPEN, s, s_low, clear
 
 
 @inner()
@@ -122,21 +124,34 @@ def _slope(g, v):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _stationary(g):  # type: ignore[no-untyped-def]
-    """Whether there is a minimum close by, and its distance: Newton's method on the slope."""
-    v = 0.0
+def _stationary(g, size):  # type: ignore[no-untyped-def]
+    """Whether there is a minimum close by, and its distance.
+
+    Newton's method on the slope over its derivative, of which a flat minimum, too, is a simple root (Schroeder 1870),
+    in a bracket that is halved where that fails.
+    """
+    v, left, right = 0.0, -WIDEST, WIDEST
     for _ in range(60):
-        slope, bend = LOCAL * g[LOCAL], 0.0
+        slope, bend, twist = LOCAL * g[LOCAL], 0.0, 0.0  # twist is half the third derivative
         for i in range(LOCAL - 1, 0, -1):
+            twist = twist * v + bend
             bend = bend * v + slope
             slope = slope * v + i * g[i]
+        if abs(slope) <= NOISE * size:
+            break
         if not bend > 0.0:
             return False, 0.0
-        step = -slope / bend
-        v += step
-        if not abs(v) <= WIDEST:
-            return False, 0.0
-        if abs(step) <= 4.0 * EPS * abs(v) or abs(step) < 1e-30:
+        if slope < 0.0:
+            left = v
+        else:
+            right = v
+        below = bend * bend - 2.0 * slope * twist
+        new = v - (slope * bend / below if below > 0.0 else slope / bend)
+        if not left < new < right:
+            new = 0.5 * (left + right)
+        step = new - v
+        v = new
+        if abs(step) <= 4.0 * EPS * abs(v):
             break
     return True, v
 
@@ -162,33 +177,42 @@ def _newton(g, left, right):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _rest(q, s, width):  # type: ignore[no-untyped-def]
-    """Bound of what the local polynomial leaves out on a window (Cauchy's estimate on a disc of radius 1/2)."""
-    if width > 0.25:
-        return 1e300
+def _bound(q, s):  # type: ignore[no-untyped-def]
+    """Bound of q on the disc of radius 1/2 about s: of coefficient k there it is 2^k times as much (Cauchy)."""
     total = 0.0
     for k in range(q.size - 1, -1, -1):
         total = total * (s + 0.5) + abs(q[k])
-    ratio = 2.0 * width
-    return total * ratio ** (LOCAL + 1) / (1.0 - ratio)
+    return total
 
 
 @inner()
-def _sign_changes(g, width, rest, b):  # type: ignore[no-untyped-def]
-    """Sign changes of the Bernstein coefficients on [-width, 0]; -1 where one cannot be told from zero."""
-    power, choose = 1.0, 1.0
+def _sign_changes(g, width, size, bound, b, doubt):  # type: ignore[no-untyped-def]
+    """Sign changes of the Bernstein coefficients between 0 and a place next to it; -1 where one may be zero.
+
+    What may make it zero is noise of g and of the sums, and what the local polynomial leaves out.
+    """
+    ratio = 2.0 * abs(width)
+    if ratio > 0.5:
+        return -1
+    power, choose, term = 1.0, 1.0, bound
     for i in range(LOCAL + 1):
-        b[i] = g[i] * power / choose
-        power *= -width
+        b[i] = g[i] * power
+        noise = NOISE * size if i == 0 else (NOISE if i < FINE else LOCAL * EPS) * term
+        doubt[i] = (noise + LOCAL * EPS * abs(b[i])) / choose
+        b[i] /= choose
+        power *= width
+        term *= ratio
         choose = choose * (LOCAL - i) / (i + 1.0)
+    rest = term / (1.0 - ratio)
     for j in range(1, LOCAL + 1):
         for i in range(LOCAL, j - 1, -1):
             b[i] += b[i - 1]
+            doubt[i] += doubt[i - 1]
     changes, before = 0, 0.0
     for i in range(LOCAL + 1):
         if before == 0.0 and b[i] == 0.0:  # the window ends at a root
             continue
-        if not abs(b[i]) > rest:
+        if not abs(b[i]) > doubt[i] + rest:
             return -1
         changes += 1 if before * b[i] < 0.0 else 0
         before = b[i]
@@ -196,7 +220,7 @@ def _sign_changes(g, width, rest, b):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _stays_clear(q, end, size, stack):  # type: ignore[no-untyped-def]
+def stays_clear(q, end, size, stack):  # type: ignore[no-untyped-def]
     """True if a polynomial is larger than COARSE of its size all over [0, end], by double precision."""
     least = COARSE * size
     degree, power, tail = 0, 1.0, 0.0

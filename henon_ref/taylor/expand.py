@@ -27,7 +27,13 @@ FLOAT = Ring({name: getattr(math, name) for name in _NAMES}, math.pow)
 
 
 def expand(
-    tape: Tape, constants: Sequence[Any], time: Any, state: Sequence[Any], order: int, ring: Ring = FLOAT
+    tape: Tape,
+    constants: Sequence[Any],
+    time: Any,
+    state: Sequence[Any],
+    order: int,
+    ring: Ring = FLOAT,
+    enough: Callable[[list[list[Any]], list[list[Any]]], bool] | None = None,
 ) -> tuple[list[list[Any]], list[list[Any]]]:
     """Taylor coefficients of the solution through (time, state), and of the tape's outputs along it.
 
@@ -40,11 +46,13 @@ def expand(
         Where the solution starts.
     order : int
         Highest coefficient wanted.
+    enough : callable, optional
+        Asked after each order, with what has been found of both lists below, whether to end there.
 
     Returns
     -------
-    states : list of n lists of ``order + 1`` coefficients
-    outputs : list of ``len(tape.outputs)`` lists of ``order + 1`` coefficients
+    states : list of n lists of ``order + 1`` coefficients, or as many as were enough
+    outputs : list of ``len(tape.outputs)`` such lists
     """
     solution = [[value] for value in state]
     series = [solution[node.args[0]] if node.op == "state" else [] for node in tape.nodes]
@@ -55,13 +63,15 @@ def expand(
         if node.op != "state"
     ]
     links = [(target, series[source]) for target, source in zip(solution, tape.field, strict=False)]
+    outputs = [series[i] for i in tape.outputs]
     for k in range(order + 1):
         for step in steps:
             step(k)
-        if k < order:
-            for target, rate in links:
-                target.append(rate[k] / (k + 1))
-    return solution, [series[i] for i in tape.outputs]
+        if k == order or (enough is not None and enough(solution, outputs)):
+            break
+        for target, rate in links:
+            target.append(rate[k] / (k + 1))
+    return solution, outputs
 
 
 Series = list[Any]
