@@ -130,13 +130,18 @@ def test_motion_that_is_a_polynomial_in_time_is_known_by_its_form() -> None:
 def test_polynomial_motion_is_that_of_the_expansion() -> None:
     tape = build_tape((x, y), [y**2 - t, 2 * t + a], [x * y - 3 * x**3, sp.exp(x), 1 - t * y])
     numbers = [arb(str(sp.N(c.subs(a, 5)))) for c in tape.constants]
-    start, state = arb("0.3"), [arb("0.2"), arb("-0.4")]
-    states, outputs = expand(tape, numbers, start, state, 20, Ring({"exp": arb.exp}, arb.__pow__))
+    start, state, unit = arb("0.3"), [arb("0.2"), arb("-0.4")], arb(5) / 4
+    ring = Ring({"exp": arb.exp}, arb.__pow__)
+    states, outputs = expand(tape, numbers, start, state, 20, ring, unit)
+    plain, _ = expand(tape, numbers, start, state, 20, ring, enough=lambda x, _: len(x[0]) == 9)
+    assert [len(series) for series in plain] == [9, 9]
+    for series, scaled in zip(plain, states, strict=True):
+        assert all((c * unit**k - scaled[k]).contains(0) for k, c in enumerate(series))
     assert plan(tape, 1) is None
     for output in (0, 2):
         steps = plan(tape, output)
         assert steps is not None
-        values = polynomials(steps, tape, [arb_poly([c]) for c in numbers], start, state)
+        values = polynomials(steps, tape, [arb_poly([c]) for c in numbers], start, state, unit)
         found = [values[0], values[1], values[tape.outputs[output]]]
         for series, polynomial in zip([*states, outputs[output]], found, strict=True):
             assert polynomial.degree() <= tape.nodes[tape.outputs[0]].degree

@@ -104,20 +104,22 @@ class CloserLook:
             start = arb(time[0]) + arb(time[1])
             x = [arb(high) + arb(low) for high, low in state]
             unit = arb(reach) * _BEYOND
-            states, series = self._motions.polynomials(mode, guard, start, x, reach)
+            states, series = self._motions.polynomials(mode, guard, start, x, unit)
             if zeros:
                 series = arb_poly([0] * zeros + series.coeffs()[zeros:])
-            place = arb(near[0]) + arb(near[1])
-            found = (
-                None if clear is None else _at_minimum(series, place, place if clear == near[0] else arb(clear), unit)
-            )
+            place = (arb(near[0]) + arb(near[1])) / unit
+            found = None
+            if clear is not None:
+                found = _at_minimum(series, place, place - arb(clear) / unit if clear < near[0] else None)
             if found is None:
-                q = fixed(series(arb_poly([0, unit])).coeffs()[zeros:])
-                what, lowest, part = _decided(q, zeros, _integer(place / unit))
+                q = fixed(series.coeffs()[zeros:])
+                what, lowest, part = _decided(q, zeros, _integer(place))
                 parabolic = lowest and _bend([0] * zeros + q, part) > CURVED * ONE
-                found = what, lowest, parabolic, unit * part / ONE
-            what, lowest, parabolic, tau = found
-            return Finding(what, lowest, parabolic, _split(start + tau), tuple([_split(x(tau)) for x in states]))
+                found = what, lowest, parabolic, arb(part) / ONE
+            what, lowest, parabolic, place = found
+            return Finding(
+                what, lowest, parabolic, _split(start + unit * place), tuple([_split(x(place)) for x in states])
+            )
 
 
 def _integer(number: arb) -> int:
@@ -190,37 +192,37 @@ def _odd_root(q: Fixed, place: int) -> int | None:
     return place
 
 
-def _at_minimum(guard: arb_poly, near: arb, clear: arb, unit: arb) -> tuple[What, bool, bool, arb] | None:
-    """What a guard does between a place and the minimum behind it: (what, at a minimum, whether parabolic, when).
+def _at_minimum(guard: arb_poly, place: arb, width: arb | None) -> tuple[What, bool, bool, arb] | None:
+    """What a guard does up to its minimum next to a place: (what, at a minimum, whether parabolic, where).
 
-    None where the whole step has to be looked at. With ``clear`` equal to ``near`` the minimum's sign alone is open.
+    None where the whole step has to be looked at. The guard has no root but on a window of some width that ends at the
+    place; without a width the minimum's sign alone is open.
     """
-    whole = guard(arb_poly([0, unit]))
-    terms = list(map(float, whole.coeffs()))
-    size, reach = sum(map(abs, terms)), float(unit)
+    coefficients = guard.coeffs()
+    size = sum(map(abs, map(float, coefficients)))
     first = guard.derivative()
     slopes = first, (second := first.derivative()), second.derivative()
-    tau = near
+    bottom = place
     for _ in range(
         ROUNDS
     ):  # Newton's method on the slope over its derivative: flat minima, too, are simple roots of it
-        slope, bend, twist = [float(p(tau)) for p in slopes]
-        if abs(slope) * reach <= NOISE * size:
+        slope, bend, twist = [float(p(bottom)) for p in slopes]
+        if abs(slope) <= NOISE * size:
             break
         below = bend * bend - slope * twist
         if not (bend > 0.0 and below > 0.0):
             return None
         shift = slope * bend / below
-        if abs(slope * shift) <= SETTLED * size and abs(shift) <= PLACED * reach:
+        if abs(slope * shift) <= SETTLED * size and abs(shift) <= PLACED:
             break
-        tau -= shift
+        bottom -= shift
     else:
         return None
-    parabolic = bend * reach * reach > CURVED * size
-    depth = float(guard(tau))
+    parabolic = bend > CURVED * size
+    depth = float(guard(bottom))
     touching = abs(depth) <= NOTHING * size
-    if clear < near:
-        before, after = _beside(guard, tau, tau - clear, size)
+    if width is not None:
+        before, after = _beside(guard, bottom, width + (bottom - place), size)
         if touching or depth > 0.0:
             proven = all(before) and all(after)
         else:
@@ -228,22 +230,22 @@ def _at_minimum(guard: arb_poly, near: arb, clear: arb, unit: arb) -> tuple[What
         if not proven:
             return None
     if touching or depth > 0.0:
-        return "touch" if touching else "miss", True, parabolic, tau
-    q, bottom, width = fixed(whole.coeffs()), _integer(tau / unit), CLOSE
-    while _value(q, bottom - width) <= 0:
-        width *= 4
-    return "root", False, False, unit * _root([-c for c in q], bottom - width, bottom) / ONE
+        return "touch" if touching else "miss", True, parabolic, bottom
+    q, high, across = fixed(coefficients), _integer(bottom), CLOSE
+    while _value(q, high - across) <= 0:
+        across *= 4
+    return "root", False, False, arb(_root([-c for c in q], high - across, high)) / ONE
 
 
-def _beside(guard: arb_poly, tau: arb, width: arb, size: float) -> list[list[bool]]:
+def _beside(guard: arb_poly, place: arb, width: arb, size: float) -> list[list[bool]]:
     """Signs of a guard's Bernstein coefficients on both sides of a place, up to a distance.
 
     They begin where the guard begins to differ from its value there.
     """
-    local = list(map(float, guard(arb_poly([tau, 1])).coeffs()))
+    local = list(map(float, guard(arb_poly([place, 1])).coeffs()))
     least = NOTHING * size / len(local)
     point = min((least / abs(c)) ** (1 / k) for k, c in enumerate(local) if k and c)
-    sides = [guard(arb_poly([tau + side * point, side * (width - point)])).coeffs() for side in (-1, 1)]
+    sides = [guard(arb_poly([place + side * point, side * (width - point)])).coeffs() for side in (-1, 1)]
     return [_signs(_bernstein([_integer(c / size) for c in side])) for side in sides]
 
 

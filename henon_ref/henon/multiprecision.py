@@ -44,9 +44,9 @@ class Motions:
         self._tapes: dict[Mode, _ModeTape] = {}
 
     def polynomials(
-        self, mode: Mode, guard: int, time: arb, state: Sequence[arb], reach: float
+        self, mode: Mode, guard: int, time: arb, state: Sequence[arb], unit: arb
     ) -> tuple[list[arb_poly], arb_poly]:
-        """The states and a guard as polynomials in the time since the start.
+        """The states and a guard as polynomials in the time since the start, in units of ``unit``.
 
         Parameters
         ----------
@@ -54,7 +54,7 @@ class Motions:
             Which guard of which mode, in the order of :meth:`FilippovSystem.equations`.
         time, state
             The start.
-        reach : float
+        unit : arb
             How far on the polynomials have to hold.
         """
         if mode not in self._tapes:
@@ -65,9 +65,11 @@ class Motions:
             made.plans[guard] = plan(tape, guard)
         steps = made.plans[guard]
         if steps is not None:
-            values = polynomials(steps, tape, made.constants, time, state)
+            values = polynomials(steps, tape, made.constants, time, state, unit)
             return values[: len(state)], values[tape.outputs[guard]]
-        states, outputs = expand(tape, made.numbers, time, state, ORDER, _RING, _Fading(len(state), guard, reach))
+        states, outputs = expand(
+            tape, made.numbers, time, state, ORDER, _RING, unit, lambda x, y: _faded([*x, y[guard]])
+        )
         return [arb_poly(series) for series in states], arb_poly(outputs[guard])
 
     def _made(self, mode: Mode) -> _ModeTape:
@@ -77,20 +79,9 @@ class Motions:
         return _ModeTape(tape, numbers, [arb_poly([number]) for number in numbers])
 
 
-class _Fading:
-    """Tells when the terms of an expansion, of all states and one output, no longer count on a step."""
-
-    def __init__(self, states: int, output: int, reach: float) -> None:
-        self.output, self.reach = output, arb(reach)
-        self.sizes = [0.0] * (states + 1)
-        self.power, self.order, self.quiet = arb(1), 0, 0
-
-    def __call__(self, states: Sequence[Sequence[arb]], outputs: Sequence[Sequence[arb]]) -> bool:
-        counts = False
-        for i, series in enumerate((*states, outputs[self.output])):
-            term = abs(float(series[-1] * self.power))
-            self.sizes[i] += term
-            counts = counts or not term <= NEGLIGIBLE * self.sizes[i]
-        self.quiet = 0 if counts else self.quiet + 1
-        self.power, self.order = self.power * self.reach, self.order + 1
-        return self.quiet >= QUIET and self.order > LEAST
+def _faded(rows: Sequence[Sequence[arb]]) -> bool:
+    """True if the last terms of some series count for nothing where its variable is 1; looked at now and then."""
+    if len(rows[0]) <= LEAST or len(rows[0]) % QUIET != 1:
+        return False
+    sizes = (list(map(abs, map(float, row))) for row in rows)
+    return all(max(terms[-QUIET:]) <= NEGLIGIBLE * sum(terms) for terms in sizes)

@@ -33,6 +33,7 @@ def expand(
     state: Sequence[Any],
     order: int,
     ring: Ring = FLOAT,
+    unit: Any = None,
     enough: Callable[[list[list[Any]], list[list[Any]]], bool] | None = None,
 ) -> tuple[list[list[Any]], list[list[Any]]]:
     """Taylor coefficients of the solution through (time, state), and of the tape's outputs along it.
@@ -46,6 +47,8 @@ def expand(
         Where the solution starts.
     order : int
         Highest coefficient wanted.
+    unit : optional
+        Of time: coefficient k gets multiplied by ``unit**k``. A number of the ring, 1 unless given.
     enough : callable, optional
         Asked after each order, with what has been found of both lists below, whether to end there.
 
@@ -58,7 +61,7 @@ def expand(
     series = [solution[node.args[0]] if node.op == "state" else [] for node in tape.nodes]
     numbers = [[constants[i] for i in node.constants] for node in tape.nodes]
     steps = [
-        _step(node.op, own, [series[i] for i in node.args], c, time, ring)
+        _step(node.op, own, [series[i] for i in node.args], c, time, 1 if unit is None else unit, ring)
         for node, own, c in zip(tape.nodes, series, numbers, strict=True)
         if node.op != "state"
     ]
@@ -69,8 +72,9 @@ def expand(
             step(k)
         if k == order or (enough is not None and enough(solution, outputs)):
             break
+        part = None if unit is None else unit / (k + 1)
         for target, rate in links:
-            target.append(rate[k] / (k + 1))
+            target.append(rate[k] / (k + 1) if part is None else rate[k] * part)
     return solution, outputs
 
 
@@ -79,9 +83,9 @@ Step = Callable[[int], None]
 """Appends coefficient k of one node to its series."""
 
 
-def _step(op: str, y: Series, args: Sequence[Series], c: Series, time: Any, ring: Ring) -> Step:
+def _step(op: str, y: Series, args: Sequence[Series], c: Series, time: Any, unit: Any, ring: Ring) -> Step:
     if op in ("constant", "clock"):
-        return _listed(y, c if op == "constant" else [c[0] + c[1] * time, c[1]], 0 * c[0])
+        return _listed(y, c if op == "constant" else [c[0] + c[1] * time, c[1] * unit], 0 * c[0])
     a, b = args[0], args[-1]
     if op in ("scale", "shift", "rsub", "recip"):
         return _WITH_NUMBER[op](y, a, c[0])

@@ -48,9 +48,11 @@ def plan(tape: Tape, output: int) -> list[Step] | None:
 
 
 def polynomials(
-    steps: Sequence[Step], tape: Tape, numbers: Sequence[arb_poly], time: arb, state: Sequence[arb]
+    steps: Sequence[Step], tape: Tape, numbers: Sequence[arb_poly], time: arb, state: Sequence[arb], unit: arb
 ) -> list[arb_poly]:
-    """The polynomials in the time since the start, at the places of the tape's nodes; 0 where none was asked for.
+    """The polynomials in the time since the start, in units of ``unit``, at the places of the tape's nodes.
+
+    They are 0 where none was asked for.
 
     Parameters
     ----------
@@ -61,13 +63,14 @@ def polynomials(
         ``tape.constants``, as polynomials of degree 0.
     time, state
         Where the motion starts.
+    unit : arb
     """
     made = [arb_poly()] * len(tape.nodes)
     for op, at, a, b, c in steps:
         if op == "state":
-            made[at] = made[a].integral() + arb_poly([state[at]])
+            made[at] = (made[a] * unit).integral() + state[at]
         elif op == "clock":
-            made[at] = numbers[c] + numbers[tape.nodes[at].constants[1]] * arb_poly([time, 1])
+            made[at] = numbers[c] + numbers[tape.nodes[at].constants[1]] * arb_poly([time, unit])
         else:
             made[at] = _OPERATIONS[op](made[a], made[b], numbers[c])
     return made
