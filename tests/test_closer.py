@@ -6,6 +6,7 @@ import mpmath
 import pytest
 import sympy as sp
 
+from henon_ref.henon import closer
 from henon_ref.henon.closer import ONE, CloserLook, Finding, first_falling_root
 from henon_ref.model.system import TIME, FilippovSystem
 
@@ -65,6 +66,17 @@ def test_a_minimum_behind_a_clear_part_is_what_the_whole_step_says_it_is(power: 
             value = sp.lambdify(X, surface, "mpmath")
             middle = 1 - (mpmath.mpf(depth) / -4) ** (mpmath.mpf(1) / power)
             assert abs(mpmath.fsum(found.time) - mpmath.findroot(value, middle)) < 1e-27
+
+
+@pytest.mark.parametrize("depth", ["0", "1e-30", "-1e-30"])
+@pytest.mark.parametrize("power", [2, 4, 6])
+def test_behind_a_clear_part_the_whole_step_need_not_be_looked_at(
+    power: int, depth: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(closer, "_decided")
+    surface = (X - 1) ** power * (3 + X) + sp.Rational(depth)
+    found = look(surface, 1 - 1e-9, clear=0.99)
+    assert found.what == {"0": "touch", "1e-30": "miss", "-1e-30": "root"}[depth]
 
 
 @pytest.mark.parametrize("power", [3, 5, 7])

@@ -16,7 +16,8 @@ from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook, Finding
 from henon_ref.henon.near import ACROSS, NearLook
 from henon_ref.henon.solvers import HENON_SOLVER
-from henon_ref.henon.window import CLEAR, OPEN, PASSED, ROOT, STEEP, UNSURE
+from henon_ref.henon.window import CLEAR, LOCAL, OPEN, PASSED, ROOT, STEEP, UNSURE, _sign_changes
+from henon_ref.jit import njit
 from henon_ref.model.case import load_case
 from henon_ref.model.system import FilippovSystem
 
@@ -106,6 +107,20 @@ def test_of_a_flat_dip_it_says_what_multiprecision_does(power: int, depth: str, 
             distance = float(1 - middle)
             bound = 1e-14 * distance + 1e-27 / distance ** (power - 1)
             assert abs(exact(when) - mpmath.findroot(root, middle)) < bound
+
+
+@njit()
+def changes(g, width, b, doubt):  # type: ignore[no-untyped-def]
+    return _sign_changes(g, width, 1.0, 1.0, b, doubt)
+
+
+@pytest.mark.parametrize(("depth", "said"), [(1e-22, 0), (1e-25, -1), (-1e-22, 1), (-1e-25, -1)])
+@pytest.mark.parametrize("width", [0.01, -0.01])
+def test_coefficients_that_noise_may_have_made_have_no_sign(width: float, depth: float, said: int) -> None:
+    """On v^6 + depth the noise of a double in the coefficient of v^4 counts 3e-25."""
+    g = np.zeros(LOCAL + 1)
+    g[0], g[6] = depth, 1.0
+    assert changes(g, width, np.zeros(LOCAL + 1), np.zeros(LOCAL + 1)) == said
 
 
 def test_of_a_touch_the_place_is_found_and_the_sign_left_open() -> None:
