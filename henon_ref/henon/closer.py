@@ -1,8 +1,9 @@
 """A closer look at an event that double precision cannot decide: a pair of roots, a touch, or a miss.
 
 The polynomial of the step is made again with 220 bits (:mod:`henon_ref.henon.multiprecision`), and
-its roots are isolated as in :mod:`henon_ref.henon.polynomial`, in integers: a number v stands as v 2^220. The
-state at the step's start is taken as it is (its rounded part included).
+its roots are isolated as in :mod:`henon_ref.henon.polynomial`, in integers: a number v stands as v 2^220. Where the
+closer look in double-double has left nothing open but a window that ends at a minimum, that is all that is looked at.
+The state at the step's start is taken as it is (its rounded part included).
 """
 
 from __future__ import annotations
