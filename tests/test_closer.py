@@ -112,6 +112,25 @@ def test_a_series_that_falls_slowly_is_taken_far_enough(gap: str, what: str) -> 
     assert look(((X - 1) ** 2 + sp.Rational(gap)) / (5 - X), 1.0).what == what
 
 
+@pytest.mark.parametrize("apart", ["1e-3", "7e-9", "1e-12"])
+def test_a_touch_next_to_a_root_is_no_triple_root(apart: str) -> None:
+    """Their mean is an inflection, where the first two derivatives are next to nothing."""
+    touch = (1 - X) ** 2 * (1 + sp.Rational(apart) - X)
+    assert look(touch, 1.0).what == "touch"
+    assert abs(look(touch, 1.0).time[0] - 1) < 1e-15
+    root = (1 - X) * (1 + sp.Rational(apart) - X) ** 2
+    assert (look(root, 1.0).what, look(root, 1.0).time[0]) == ("root", pytest.approx(1, abs=1e-15))
+
+
+@pytest.mark.parametrize("apart", ["1e-6", "1e-9", "1e-11"])
+def test_a_simple_root_next_to_a_triple_one_comes_first(apart: str) -> None:
+    root = (1 - X) * (1 + sp.Rational(apart) - X) ** 3
+    found = look(root, 1 + float(apart), clear=None)
+    assert (found.what, found.time[0]) == ("root", pytest.approx(1, abs=1e-15))
+    found = look(root, 1 + float(apart), clear=1 + float(apart))
+    assert (found.what, found.time[0]) == ("root", pytest.approx(1, abs=1e-15))
+
+
 def test_a_root_behind_the_minimum_waits() -> None:
     found = look(((X - 1) ** 2 + sp.Rational(1, 10**20)) * (sp.Rational(3, 2) - X), 1.0)
     assert (found.what, found.lowest) == ("miss", True)

@@ -17,6 +17,7 @@ from typing import Literal
 from flint import arb, arb_poly, ctx
 
 from henon_ref.henon.multiprecision import Motions
+from henon_ref.henon.near import BESIDE
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 
@@ -39,8 +40,12 @@ SAME = int(ONE * 1e-10)
 """Minima closer to each other are one and the same."""
 CURVED = 1e-6
 """A relative second derivative above this at a minimum makes it one of second order."""
-STANDING = int(ONE * 1e-6)
-"""A Taylor coefficient above this counts: the one of lowest order tells the order of a root."""
+UNSEEN = 1e-20
+"""Values below this of the size are not relied on where double-double has looked at a flat minimum."""
+NEXT = int(ONE * 1e-6)
+"""A place where all is next to nothing lies no farther from where the slope vanishes."""
+HIGHEST = 16
+"""Highest order of a root that is told."""
 DEPTH = 200
 """Halvings of the step before what is left of it counts as a point."""
 _BEYOND = 1 + arb(2) ** -46
@@ -107,7 +112,7 @@ class CloserLook:
             unit = arb(reach) * _BEYOND
             states, series = self._motions.polynomials(mode, guard, start, x, unit)
             if zeros:
-                series = arb_poly([0] * zeros + series.coeffs()[zeros:])
+                series = _apart(series, zeros)
             place = (arb(near[0]) + arb(near[1])) / unit
             found = None
             if clear is not None:
@@ -121,6 +126,25 @@ class CloserLook:
             return Finding(
                 what, lowest, parabolic, _split(start + unit * place), tuple([_split(x(place)) for x in states])
             )
+
+
+def _apart(guard: arb_poly, zeros: int) -> arb_poly:
+    """A guard with its known zeros put at 0, where rounding has left them beside it; the other roots stay.
+
+    See :func:`henon_ref.henon.near._divide_out`.
+    """
+    c = guard.coeffs()
+    q = c[zeros:]
+    if len(q) > 1 and all(abs(low) <= BESIDE * abs(q[0]) for low in c[:zeros]):
+        factor = [arb(0)] * zeros
+        for _ in range(4):
+            for i in range(zeros):
+                known = [factor[j] * q[i - j] for j in range(i) if i - j < len(q)]
+                factor[i] = ((c[i] - sum(known, arb(0))) / q[0]).mid()
+            for k in range(len(q) - 1, -1, -1):
+                above = range(max(zeros + k - len(q) + 1, 0), zeros)
+                q[k] = c[k + zeros] - sum((factor[j] * q[k + zeros - j] for j in above), arb(0))
+    return arb_poly([0] * zeros + q)
 
 
 def _integer(number: arb) -> int:
@@ -165,7 +189,7 @@ def _decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
     bottom = _minimum(whole, near)
     middle = (low + high) // 2
     if outcome == "touch" or (outcome == "root" and low == high):  # all is next to nothing there
-        crossed = _odd_root(q, middle)
+        crossed = _odd_root(q, middle, exact=outcome == "root")
         if crossed is not None and (bottom is None or bottom >= low):
             return "root", False, crossed
     if outcome == "touch":
@@ -178,19 +202,46 @@ def _decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
     return "root", False, _root([-c for c in q], low, high)
 
 
-def _odd_root(q: Fixed, place: int) -> int | None:
+def _odd_root(q: Fixed, place: int, *, exact: bool) -> int | None:
     """The root of odd order that all is next to nothing about; None where the order is even.
 
-    A root of order m is one of order 1 of derivative m - 1, which tells where it is.
+    Its order is that of the term that lifts the polynomial from there. A root of order m is one of order 1 of
+    derivative m - 1, which tells where it is. ``exact``: it is at the place, which else is next to it.
     """
-    order, before, slope = 1, list(q), _derivative(q)
-    while slope and abs(_value(slope, place)) <= STANDING * factorial(order):
-        order, before, slope = order + 1, slope, _derivative(slope)
-    if not slope or order % 2 == 0:
+    derivatives = [list(q)]
+    for _ in range(HIGHEST):
+        derivatives.append(_derivative(derivatives[-1]))
+    if not exact:
+        place = _flat(derivatives, place)
+    order = _lift([_value(d, place) / ONE / factorial(k) for k, d in enumerate(derivatives)], NOTHING)[1]
+    if order % 2 == 0:
         return None
     for _ in range(8):
-        place -= (_value(before, place) << BITS) // _value(slope, place)
+        place -= (_value(derivatives[order - 1], place) << BITS) // _value(derivatives[order], place)
     return place
+
+
+def _flat(derivatives: Sequence[Fixed], place: int) -> int:
+    """Where the slope vanishes next to a place: Newton's method on the slope over its derivative."""
+    found = place
+    for _ in range(ROUNDS):
+        slope, bend, twist = (_value(d, found) for d in derivatives[1:4])
+        below = bend * bend - slope * twist
+        if below <= 0:
+            break
+        shift = (slope * bend << BITS) // below
+        found -= shift
+        if abs(shift) <= CLOSE:
+            break
+    return found if abs(found - place) <= NEXT else place
+
+
+def _lift(local: Sequence[float], level: float) -> tuple[float, int]:
+    """How far from a place a polynomial stays within ``level`` of its value there, and the order of what lifts it.
+
+    ``local`` are its Taylor coefficients at the place.
+    """
+    return min((((level / abs(c)) ** (1 / k), k) for k, c in enumerate(local) if k and c), default=(1.0, 0))
 
 
 def _at_minimum(guard: arb_poly, place: arb, width: arb | None) -> tuple[What, bool, bool, arb] | None:
@@ -204,9 +255,8 @@ def _at_minimum(guard: arb_poly, place: arb, width: arb | None) -> tuple[What, b
     first = guard.derivative()
     slopes = first, (second := first.derivative()), second.derivative()
     bottom = place
-    for _ in range(
-        ROUNDS
-    ):  # Newton's method on the slope over its derivative: flat minima, too, are simple roots of it
+    # Newton's method on the slope over its derivative: flat minima, too, are simple roots of that.
+    for _ in range(ROUNDS):
         slope, bend, twist = [float(p(bottom)) for p in slopes]
         if abs(slope) <= NOISE * size:
             break
@@ -222,8 +272,16 @@ def _at_minimum(guard: arb_poly, place: arb, width: arb | None) -> tuple[What, b
     parabolic = bend > CURVED * size
     depth = float(guard(bottom))
     touching = abs(depth) <= NOTHING * size
+    local = list(map(float, guard(arb_poly([bottom, 1])).coeffs()))
+    point, order = _lift(local, NOTHING * size / len(local))
+    if order % 2:  # no minimum, a root of odd order
+        return None
     if width is not None:
-        before, after = _beside(guard, bottom, width + (bottom - place), size)
+        width = width + (bottom - place)
+    elif not parabolic:  # next to a flat minimum there may be roots that double-double has not seen
+        width = arb(_lift(local, UNSEEN * size)[0])
+    if width is not None:
+        before, after = _beside(guard, bottom, point, width, size)
         if touching or depth > 0.0:
             proven = all(before) and all(after)
         else:
@@ -238,14 +296,8 @@ def _at_minimum(guard: arb_poly, place: arb, width: arb | None) -> tuple[What, b
     return "root", False, False, arb(_root([-c for c in q], high - across, high)) / ONE
 
 
-def _beside(guard: arb_poly, place: arb, width: arb, size: float) -> list[list[bool]]:
-    """Signs of a guard's Bernstein coefficients on both sides of a place, up to a distance.
-
-    They begin where the guard begins to differ from its value there.
-    """
-    local = list(map(float, guard(arb_poly([place, 1])).coeffs()))
-    least = NOTHING * size / len(local)
-    point = min((least / abs(c)) ** (1 / k) for k, c in enumerate(local) if k and c)
+def _beside(guard: arb_poly, place: arb, point: float, width: arb, size: float) -> list[list[bool]]:
+    """Signs of a guard's Bernstein coefficients on both sides of a place, from one distance to another."""
     sides = [guard(arb_poly([place + side * point, side * (width - point)])).coeffs() for side in (-1, 1)]
     return [_signs(_bernstein([_integer(c / size) for c in side])) for side in sides]
 

@@ -153,7 +153,7 @@ def _to_event(  # type: ignore[no-untyped-def]
     alone = integers[I_SAMPLE] < sample_times.size
     for g in range(guards):
         alone = alone or multiplicity[g] > 0
-    theta = glide(floats, integers, x, x_low, layout, constants, c, change, alone, stop_at)
+    theta = glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, alone, stop_at)
     if theta == 0.0:
         return PAUSE
     if theta < 0.0:

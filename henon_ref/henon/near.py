@@ -58,6 +58,8 @@ ORDER = 64
 MISS, ACROSS = 5, 6
 """Outcomes besides those of a window: the guard's minimum, which it goes on from as from a double zero; a root, and the
 field beyond its surface is known."""
+BESIDE = 1e-9
+"""Coefficients before those of known zeros are divided out up to this part of what follows them."""
 CERTAIN = 1e3 * NOISE
 """What a speed has to exceed of its size for its sign to be certain."""
 
@@ -145,6 +147,8 @@ def look_near(  # type: ignore[no-untyped-def]
     if last < 0 or not _settled(high, outputs, n, last, sizes):
         return UNSURE
     row = outputs[places[guard]]
+    if zeros > 0:
+        _divide_out(high[row, : last + 1], low[row, : last + 1], zeros, work)
     q, q_low = high[row, zeros : last + 1], low[row, zeros : last + 1]
     size = 0.0
     for k in range(q.size):
@@ -178,6 +182,38 @@ def look_near(  # type: ignore[no-untyped-def]
             outcome = ROOT if floats[F_BEYOND] == 0.0 else ACROSS
     arrive(floats, integers, outcome)
     return outcome
+
+
+@inner()
+def _divide_out(c, c_low, zeros, work):  # type: ignore[no-untyped-def]
+    """Divide a polynomial by the factor of its known zeros, leaving the quotient from place ``zeros`` on.
+
+    A guard is known to be zero where it has just been left, but the state stands beside that by its rounding. Were the
+    first coefficients simply dropped, the other roots would move by as much, and multiple ones by a root of it. The
+    factor is t^m + a_(m-1) t^(m-1) + ... + a_0, its coefficients next to nothing.
+    """
+    size, factor, quotient = c.size - zeros, work[0], work[1]
+    if size < 2:
+        return
+    for i in range(zeros):
+        factor[i] = 0.0
+        if not abs(c[i]) <= BESIDE * abs(c[zeros]):
+            return
+    for _ in range(3):
+        for k in range(size - 1, -1, -1):
+            quotient[k] = c[k + zeros]
+            for j in range(max(zeros + k - size + 1, 0), zeros):
+                quotient[k] -= factor[j] * quotient[k + zeros - j]
+        for i in range(zeros):
+            factor[i] = c[i]
+            for j in range(i):
+                factor[i] -= factor[j] * quotient[i - j] if i - j < size else 0.0
+            factor[i] /= quotient[0]
+    for k in range(size - 1, -1, -1):
+        for j in range(max(zeros + k - size + 1, 0), zeros):
+            at = k + 2 * zeros - j
+            part, part_low = dd.multiply(c[at], c_low[at], -factor[j], 0.0)
+            c[k + zeros], c_low[k + zeros] = dd.add(c[k + zeros], c_low[k + zeros], part, part_low)
 
 
 @njit()

@@ -87,9 +87,11 @@ def first_falling_root(a, degree, stack, bounds):  # type: ignore[no-untyped-def
         top -= 1
         b = stack[top]
         low, high = bounds[top, 0], bounds[top, 1]
-        first, last, clear, changes, largest = 0, 0, 0, 0, 0.0
+        first, last, clear, changes, largest, lowest = 0, 0, 0, 0, 0.0, 2.0 * size
         for i in range(degree + 1):
             largest = max(largest, abs(b[i]))
+            if 0 < i < degree:  # the ends are looked at where pieces meet
+                lowest = min(lowest, b[i])
             if clear == 0 and abs(b[i]) > noise:
                 clear = 1 if b[i] > 0.0 else -1
             if b[i] != 0.0:
@@ -103,7 +105,8 @@ def first_falling_root(a, degree, stack, bounds):  # type: ignore[no-untyped-def
             return ROOT, low, low
         if before > 0 and first > 0 and b[0] <= noise:  # zero where the step was halved, positive on both sides
             return (ROOT if clear < 0 else TOUCH), low, low
-        if changes == 0 or (changes == 1 and first < 0):
+        unclear = first > 0 and lowest <= noise  # rounding may have hidden roots of even number
+        if (changes == 0 and not unclear) or (changes == 1 and first < 0):
             before = last if last != 0 else before
             continue
         if changes == 1:
