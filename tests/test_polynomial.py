@@ -97,12 +97,6 @@ def test_a_double_root_is_a_touch_and_a_near_miss_is_nothing() -> None:
     assert isolated(coefficients)[0] == p.NONE
 
 
-@pytest.mark.parametrize("order", [2, 4, 6])
-def test_a_touch_is_not_lost_where_all_signs_are_positive_by_rounding(order: int) -> None:
-    for root in np.linspace(0.02, 0.98, 193):
-        assert first_root([root] * order, 1.0)[0] in (p.TOUCH, p.ROOT)
-
-
 def test_a_rising_root_is_no_event_but_the_falling_one_after_it_is() -> None:
     outcome, tau, _ = first_root([0.3, 0.6], -1.0)
     assert outcome == p.ROOT
