@@ -150,10 +150,10 @@ def _to_event(  # type: ignore[no-untyped-def]
         return FULL
     if remaining(floats) <= 0.0:
         return HORIZON
-    alone = integers[I_SAMPLE] < sample_times.size
+    alone, flat = integers[I_SAMPLE] < sample_times.size, False
     for g in range(guards):
-        alone = alone or multiplicity[g] > 0
-    theta = glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, alone, stop_at)
+        alone, flat = alone or multiplicity[g] > 0, flat or multiplicity[g] > 2
+    theta = glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, alone, flat, stop_at)
     if theta == 0.0:
         return PAUSE
     if theta < 0.0:

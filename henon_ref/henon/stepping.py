@@ -74,36 +74,26 @@ def _root(above, below, power):  # type: ignore[no-untyped-def]
 
 
 @inner(fastmath={"contract", "nsz"})
-def _error_norms(c, n, multiplicity, order, theta):  # type: ignore[no-untyped-def]
-    """Largest relative size of the last two coefficients over states and guards on a step of theta sigma.
-
-    A guard's size is told by the coefficients behind its known zeros.
-    """
+def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
+    """Largest relative size of the last two coefficients over states and guards on a step of theta sigma."""
     last, before = 0.0, 0.0
-    for r in range(n + multiplicity.size):
-        row, first = c[r], 0
-        if r >= n and multiplicity[r - n] > 2:
-            first = multiplicity[r - n]
-        scale = abs(row[first]) + theta * (abs(row[first + 1]) + theta * abs(row[first + 2]))
-        scale = scale * theta**first + 1e-300
+    for r in range(rows):
+        row = c[r]
+        scale = abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2])) + 1e-300
         last = max(last, abs(row[order]) / scale)
         before = max(before, abs(row[order - 1]) / scale)
     return last, before
 
 
 @inner()
-def step_size(c, n, multiplicity, order, tolerance):  # type: ignore[no-untyped-def]
+def step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
     """Step in units of sigma at which the last two terms fall below the tolerance (Jorba and Zou 2005, Sec. 3).
 
     0 where a coefficient is not finite.
     """
-    rows = n + multiplicity.size
     last, before = c[rows, 0], c[rows, 1]
     if not c[rows, 2] < np.inf:
         return 0.0
-    for zeros in multiplicity:
-        if zeros > 2:  # the first three coefficients, which those norms refer to, tell nothing of such a guard
-            last, before = _error_norms(c, n, multiplicity, order, 1.0)
     theta = 1.0
     longest = min(c[rows, 3], FAR)
     power, other = 1.0 / order, 1.0 / (order - 1)
@@ -116,8 +106,31 @@ def step_size(c, n, multiplicity, order, tolerance):  # type: ignore[no-untyped-
         if new >= 0.5 * theta:
             return min(new, longest)
         theta = new
-        last, before = _error_norms(c, n, multiplicity, order, theta)
+        last, before = _error_norms(c, rows, order, theta)
     return min(theta, longest)
+
+
+@inner()
+def flat_step_size(c, n, multiplicity, order, tolerance):  # type: ignore[no-untyped-def]
+    """The same where guards have more than two known zeros: what follows those tells the size of such a guard."""
+    rows = n + multiplicity.size
+    shortest = min(c[rows, 3], FAR)
+    for r in range(rows):
+        row, first = c[r], multiplicity[r - n] if r >= n else 0
+        theta = 1.0
+        for _ in range(4):
+            size = abs(row[first]) + theta * (abs(row[first + 1]) + theta * abs(row[first + 2]))
+            size = size * theta**first + 1e-300
+            new = FAR
+            for k in (order - 1, order):
+                if row[k] != 0.0:
+                    new = min(new, (tolerance * size / abs(row[k])) ** (1.0 / k))
+            enough = new >= 0.5 * theta
+            theta = new
+            if enough:
+                break
+        shortest = min(shortest, theta)
+    return shortest
 
 
 @inner()
@@ -173,7 +186,7 @@ def move(x, x_low, change):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, alone, stop_at):  # type: ignore[no-untyped-def]
+def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, alone, flat, stop_at):  # type: ignore[no-untyped-def]
     """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
 
     ``alone``: look at the very first one. Returns the step proposed in units of sigma; 0 where the budget of
@@ -189,7 +202,9 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
         sigma = floats[F_SIGMA]
         call_expand(expansion, floats[F_TIME], floats[F_LOW], sigma, x, constants, c)
         integers[I_RHS] += 1
-        theta = step_size(c, n, multiplicity[:guards], integers[I_ORDER], floats[F_TOLERANCE])
+        theta = step_size(c, n + guards, integers[I_ORDER], floats[F_TOLERANCE])
+        if flat and theta > 0.0:
+            theta = flat_step_size(c, n, multiplicity[:guards], integers[I_ORDER], floats[F_TOLERANCE])
         if theta < 1e-6 or (theta > 1e6 and sigma < left and not shrunk):
             # sigma is far from the step: bring it there and expand again before anything is read off. Where it is
             # much too long even the step is not to be believed: it shrinks by degrees, and does not grow again here.
