@@ -17,8 +17,9 @@ from baselines.functions import ARITHMETIC, Scalar, scalar
 from baselines.mode_functions import EPSILON, ModeFunctions, projected
 from baselines.restart import Fresh
 from baselines.work import Work
+from henon_ref.model.decision import Decision
 from henon_ref.model.modes import Mode, replaced
-from henon_ref.model.switching import Decision, Switching
+from henon_ref.model.switching import Switching
 from henon_ref.model.system import FilippovSystem, Guard
 from henon_ref.trajectory import Status
 

@@ -7,7 +7,8 @@ import pytest
 import sympy as sp
 
 from henon_ref.henon import closer
-from henon_ref.henon.closer import ONE, CloserLook, Finding, first_falling_root
+from henon_ref.henon.closer import CloserLook, Finding
+from henon_ref.henon.isolation import ONE, first_falling_root
 from henon_ref.model.system import TIME, FilippovSystem
 
 X = sp.Symbol("x", real=True)
@@ -73,7 +74,7 @@ def test_a_minimum_behind_a_clear_part_is_what_the_whole_step_says_it_is(power: 
 def test_behind_a_clear_part_the_whole_step_need_not_be_looked_at(
     power: int, depth: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delattr(closer, "_decided")
+    monkeypatch.delattr(closer, "decided")
     surface = (X - 1) ** power * (3 + X) + sp.Rational(depth)
     found = look(surface, 1 - 1e-9, clear=0.99)
     assert found.what == {"0": "touch", "1e-30": "miss", "-1e-30": "root"}[depth]

@@ -10,7 +10,8 @@ import sympy as sp
 from henon_ref import registry
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.model import switching
-from henon_ref.model.switching import Switching, exact_sign
+from henon_ref.model.exact import exact_sign
+from henon_ref.model.switching import Switching
 from henon_ref.taylor.expand import expand
 from tests.conftest import make_problem
 

@@ -18,8 +18,10 @@ from henon_ref.henon.near import NearLook
 from henon_ref.henon.rows import row_length
 from henon_ref.henon.session import Session
 from henon_ref.henon.settling import work_space
+from henon_ref.model.decision import Decision
+from henon_ref.model.exact import exact_sign
 from henon_ref.model.modes import Mode
-from henon_ref.model.switching import ZERO, Decision, Switching, exact_sign
+from henon_ref.model.switching import ZERO, Switching
 from henon_ref.model.system import TIME, FilippovSystem
 from henon_ref.trajectory import Problem, Trajectory
 

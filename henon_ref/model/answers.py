@@ -8,11 +8,11 @@ from decimal import Decimal
 
 import sympy as sp
 
+from henon_ref.model.exact import exact_sign
 from henon_ref.model.grammar import did_you_mean, listed
 from henon_ref.model.modes import Mode
 from henon_ref.model.schema import CaseForm, ExpectedStatus, ExpectedVerdict, GateStatus
 from henon_ref.model.source import Names, Source
-from henon_ref.model.switching import exact_sign
 from henon_ref.trajectory import Problem
 
 

@@ -19,12 +19,12 @@ from typing import Any
 from henon_ref.errors import CaseError
 from henon_ref.model import answers
 from henon_ref.model.answers import Exact, Expect, Gate, Orbit, Published
+from henon_ref.model.exact import exact_sign
 from henon_ref.model.grammar import did_you_mean, listed
 from henon_ref.model.problem import build_problem, mathematics
 from henon_ref.model.schema import READING_KEYS, CaseForm, file_name, one_line
 from henon_ref.model.source import Path as KeyPath
 from henon_ref.model.source import Source
-from henon_ref.model.switching import exact_sign
 from henon_ref.model.tree import MappingNode, ScalarNode, merged
 from henon_ref.model.validation import validated
 from henon_ref.model.yamlfile import parse_yaml, read_yaml

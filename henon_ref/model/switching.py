@@ -13,14 +13,14 @@ just after the point (first non-zero derivative; one that stays at zero holds); 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import product
-from typing import Literal
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.model.decision import Decision, explained, with_entries
+from henon_ref.model.derivatives import leading, leading_sign, rate_of
+from henon_ref.model.exact import exact_sign
 from henon_ref.model.modes import Mode, mode_text, replaced
 from henon_ref.model.system import TIME, FilippovSystem, Guard, ModeEquations
 from henon_ref.taylor.expand import expand
@@ -32,15 +32,6 @@ ZERO = 1e-11
 """Relative size below which a derivative counts as zero (a tangency within it cannot be told in double)."""
 EXHAUSTIVE = 4
 """With at most this many surfaces in play all candidate modes are tried; beyond, they are searched."""
-
-
-@dataclass(frozen=True)
-class Decision:
-    """The mode that follows an event, or why there is none."""
-
-    status: Literal["unique", "nonunique", "none", "invalid"]
-    mode: Mode | None
-    reason: str = ""
 
 
 class _Point:
@@ -165,12 +156,12 @@ class Switching:
         for guard, series in zip(made[0].guards, outputs, strict=True):
             first = 1 if guard.kind == "surface" else 0
             if guard.kind == "valid" and guard.index in edges:
-                found = _leading(series, 1, rate, 0.0, zero)
+                found = leading(series, 1, rate, 0.0, zero)
                 orders.append(found if found is not None and series[found] > 0.0 else 0)
             elif guard.kind == "valid" or guard.index not in active or guard.rising_only:
                 orders.append(0)
             else:
-                found = _leading(series, first, rate, self._size(t, x, mode, guard.index), zero)
+                found = leading(series, first, rate, self._size(t, x, mode, guard.index), zero)
                 orders.append(found if found is not None else first)
         return orders
 
@@ -188,7 +179,7 @@ class Switching:
         found = [
             candidate
             for choice in product((-1, 0, 1), repeat=len(active))
-            if self._violations(t, x, candidate := _with(mode, active, choice), active, zero) == ()
+            if self._violations(t, x, candidate := with_entries(mode, active, choice), active, zero) == ()
         ]
         if len(found) == 1:
             return Decision("unique", found[0])
@@ -200,9 +191,9 @@ class Switching:
 
     def _search(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:
         """Start from sliding on all that attract; let go what cannot be held, hold what comes back, to the end."""
-        candidate = _with(mode, active, (0,) * len(active))
+        candidate = with_entries(mode, active, (0,) * len(active))
         if self._equations(candidate) is None:  # a surface that no sign acts on cannot be slid on
-            candidate = _with(mode, active, [self._way(t, x, mode, i) for i in active])
+            candidate = with_entries(mode, active, [self._way(t, x, mode, i) for i in active])
         for _ in range(4 * len(active)):
             broken = self._violations(t, x, candidate, active, zero)
             if broken is None:
@@ -233,7 +224,7 @@ class Switching:
             made = self._equations(mode)
             assert made is not None
             states, outputs = expand(made[1], made[2], t, x, ORDER)
-            kept[mode] = outputs, _rate(states, outputs)
+            kept[mode] = outputs, rate_of(states, outputs)
         return kept[mode]
 
     def _at(self, t: float, x: Sequence[float]) -> _Point:
@@ -269,7 +260,7 @@ class Switching:
                     continue
             first = 1 if guard.kind == "surface" else 0
             size = self._size(t, x, mode, guard.index)
-            head = _leading_sign(series, first, rate, size, zero)
+            head = leading_sign(series, first, rate, size, zero)
             # A surface that is never left is no slip; an equivalent sign that stays at its limit still holds.
             if head < 0 or (head == 0 and guard.kind == "surface"):
                 broken.append(guard)
@@ -289,9 +280,9 @@ class Switching:
             return False
         ways = [c for g, c in zip(equations.guards, outputs, strict=True) if g.kind == "release" and g.index == index]
         # A load at one end of the hold zone is small against its distance to the other; then its derivatives decide.
-        rate = _rate(states, ways)
+        rate = rate_of(states, ways)
         width = max(abs(value) / rate**k for c in ways for k, value in enumerate(c))
-        return all(c[0] > 0 if abs(c[0]) > zero * width else _leading_sign(c, 1, rate, 0.0, zero) >= 0 for c in ways)
+        return all(c[0] > 0 if abs(c[0]) > zero * width else leading_sign(c, 1, rate, 0.0, zero) >= 0 for c in ways)
 
     def _hold_values(self, index: int) -> Callable[..., list[float]]:
         """(t, *x) -> release guards of an override."""
@@ -329,83 +320,3 @@ class Switching:
         except (ZeroDivisionError, ValueError, OverflowError):
             return 0.0
         return abs(below) + abs(above)
-
-
-def explained(refusal: Decision, system: FilippovSystem, mode: Mode, surfaces: tuple[int, ...]) -> Decision:
-    """A refusal with what it is about the surfaces that leaves the mode open, where it is something."""
-    words = _powers(system, surfaces)
-    if refusal.status == "none":
-        try:
-            system.equations(_with(mode, surfaces, (0,) * len(surfaces)))
-        except ModelError as error:
-            words += f"; {error}"
-    return replace(refusal, reason=refusal.reason + words)
-
-
-@lru_cache(maxsize=64)
-def _powers(system: FilippovSystem, surfaces: tuple[int, ...]) -> str:
-    """The surfaces whose gradient vanishes on them."""
-    words = ""
-    for i in surfaces:
-        name, h = system.sign_names[i], system.surfaces[i]
-        if _repeats(h, {TIME, *system.states}):
-            words += f"; the surface of {name} has a repeated factor, so that its gradient vanishes there"
-    return words
-
-
-def _repeats(expression: sp.Expr, variables: set[sp.Symbol]) -> bool:
-    """Whether some factor in these variables stands there with a power above 1."""
-    powers = (factor.as_base_exp() for factor in sp.Mul.make_args(expression))
-    return any(base.free_symbols & variables and exponent.is_number and exponent > 1 for base, exponent in powers)
-
-
-def exact_sign(number: sp.Expr) -> int:
-    """Sign of an exact number: of one that is not rational by its digits, 0 where 60 of them show nothing."""
-    if number.is_Rational:
-        return int(sp.sign(number))
-    value = sp.re(sp.N(number, 60, maxn=400, chop=False))
-    if abs(value) < sp.Float("1e-55", 60):
-        return 0
-    return 1 if value > 0 else -1
-
-
-def _with(mode: Mode, active: Sequence[int], choice: Sequence[int]) -> Mode:
-    for index, value in zip(active, choice, strict=True):
-        mode = replaced(mode, index, value)
-    return mode
-
-
-def _rate(states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]] = ()) -> float:
-    """An inverse time in which the solution changes: makes coefficients of different order comparable.
-
-    From how the coefficients of the states grow on their slopes, and from the high orders of the guards
-    (whose low orders may be zeros that rounding has touched).
-    """
-    rate = 0.0
-    for series in states:
-        slope = max(abs(c) for c in series[1:3])
-        for k in range(2, len(series)):
-            if slope > 0 and series[k] != 0:
-                rate = max(rate, (abs(series[k]) / slope) ** (1 / max(k - 1, 1)))
-    for series in guards:
-        for j in range(2, len(series) // 2 + 1):
-            for k in range(j + 2, len(series)):
-                if series[j] != 0 and series[k] != 0:
-                    rate = max(rate, (abs(series[k]) / abs(series[j])) ** (1 / (k - j)))
-    return rate or 1.0
-
-
-def _leading(series: Sequence[float], first: int, rate: float, size: float, zero: float) -> int | None:
-    """Index of the first coefficient from ``first`` on that is not zero, or None."""
-    scaled = [c / rate**k for k, c in enumerate(series)]
-    unit = max(size / rate if first else size, *map(abs, scaled[first:]))
-    for k in range(first, len(scaled)):
-        if abs(scaled[k]) > zero * unit:
-            return k
-    return None
-
-
-def _leading_sign(series: Sequence[float], first: int, rate: float, size: float, zero: float) -> int:
-    """Sign of the first coefficient from ``first`` on that is not zero; 0 if there is none."""
-    k = _leading(series, first, rate, size, zero)
-    return 0 if k is None else (1 if series[k] > 0 else -1)

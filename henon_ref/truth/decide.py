@@ -15,8 +15,10 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.errors import ModelError
+from henon_ref.model.decision import Decision, explained
+from henon_ref.model.exact import exact_sign
 from henon_ref.model.modes import Mode, mode_text, replaced
-from henon_ref.model.switching import EXHAUSTIVE, Decision, exact_sign, explained
+from henon_ref.model.switching import EXHAUSTIVE
 from henon_ref.model.system import TIME, FilippovSystem, Guard
 from henon_ref.truth import jets
 

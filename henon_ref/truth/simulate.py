@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from flint import arb, ctx
 
+from henon_ref.model.decision import Decision
 from henon_ref.model.modes import Mode
-from henon_ref.model.switching import Decision
 from henon_ref.model.system import Guard
 from henon_ref.trajectory import Problem, Status
 from henon_ref.truth.decide import Decider, Point

@@ -1,0 +1,218 @@
+"""Roots of polynomials in fixed point of 220 bits: the first one through which a guard falls, and touches before it.
+
+A number v stands as the integer v 2^220; the polynomial's size is 1 and its variable runs from 0 to 1. Roots are
+isolated as in the compiled :mod:`henon_ref.henon.polynomial`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import comb, factorial
+from typing import Literal
+
+from flint import arb
+
+BITS = 220
+"""Bits after the point of a polynomial's coefficients, its size on the step being 1, and of places on the step."""
+ONE = 1 << BITS
+NOTHING = 2.0**-166
+"""What counts as zero: 1e-50 of the polynomial's size."""
+ROUNDS = 20
+"""Steps of Newton's method after which it is not found."""
+_ZERO = int(ONE * NOTHING)
+CLOSE = 2 ** (BITS - 160)
+"""Places closer to each other than 1e-48 of the step are one."""
+SAME = int(ONE * 1e-10)
+"""Minima closer to each other are one and the same."""
+NEXT = int(ONE * 1e-6)
+"""A place where all is next to nothing lies no farther from where the slope vanishes."""
+HIGHEST = 16
+"""Highest order of a root that is told."""
+DEPTH = 200
+"""Halvings of the step before what is left of it counts as a point."""
+What = Literal["root", "touch", "miss"]
+Fixed = Sequence[int]
+"""Coefficients, each times 2^220."""
+
+
+def fixed_point(number: arb) -> int:
+    """A number's middle times 2^220, rounded down."""
+    mantissa, exponent = number.mid().man_exp()
+    shift = int(exponent) + BITS
+    return int(mantissa) << shift if shift >= 0 else int(mantissa) >> -shift
+
+
+def fixed(series: Sequence[arb]) -> list[int]:
+    """A polynomial over its size, the sum of its coefficients' sizes."""
+    size = sum((abs(c) for c in series), arb(0)).mid()
+    return [fixed_point(c / size) for c in series] if size != 0 else [0] * len(series)
+
+
+def decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
+    """What q tau^zeros does on (0, 1] up to its minimum near a point: (what, at a minimum, where)."""
+    outcome, low, high = first_falling_root(q)
+    whole = [0] * zeros + list(q)
+    bottom = _minimum(whole, near)
+    middle = (low + high) // 2
+    if outcome == "touch" or (outcome == "root" and low == high):  # all is next to nothing there
+        crossed = _odd_root(q, middle, exact=outcome == "root")
+        if crossed is not None and (bottom is None or bottom >= low):
+            return "root", False, crossed
+    if outcome == "touch":
+        touched = _minimum(whole, middle)
+        touched = middle if touched is None else touched
+        if bottom is None or touched <= bottom + SAME:
+            return "touch", True, touched
+    if outcome != "root" or (bottom is not None and low > bottom):  # what lies behind a minimum has to wait
+        return "miss", bottom is not None, near if bottom is None else bottom
+    return "root", False, rising_root([-c for c in q], low, high)
+
+
+def _odd_root(q: Fixed, place: int, *, exact: bool) -> int | None:
+    """The root of odd order that all is next to nothing about; None where the order is even.
+
+    Its order is that of the term that lifts the polynomial from there. A root of order m is one of order 1 of
+    derivative m - 1, which tells where it is. ``exact``: it is at the place, which else is next to it.
+    """
+    derivatives = [list(q)]
+    for _ in range(HIGHEST):
+        derivatives.append(_derivative(derivatives[-1]))
+    if not exact:
+        place = _flat(derivatives, place)
+    order = lift([horner(d, place) / ONE / factorial(k) for k, d in enumerate(derivatives)], NOTHING)[1]
+    if order % 2 == 0:
+        return None
+    for _ in range(8):
+        place -= (horner(derivatives[order - 1], place) << BITS) // horner(derivatives[order], place)
+    return place
+
+
+def _flat(derivatives: Sequence[Fixed], place: int) -> int:
+    """Where the slope vanishes next to a place: Newton's method on the slope over its derivative."""
+    found = place
+    for _ in range(ROUNDS):
+        slope, bend, twist = (horner(d, found) for d in derivatives[1:4])
+        below = bend * bend - slope * twist
+        if below <= 0:
+            break
+        shift = (slope * bend << BITS) // below
+        found -= shift
+        if abs(shift) <= CLOSE:
+            break
+    return found if abs(found - place) <= NEXT else place
+
+
+def lift(local: Sequence[float], level: float) -> tuple[float, int]:
+    """How far from a place a polynomial stays within ``level`` of its value there, and the order of what lifts it.
+
+    ``local`` are its Taylor coefficients at the place.
+    """
+    return min((((level / abs(c)) ** (1 / k), k) for k, c in enumerate(local) if k and c), default=(1.0, 0))
+
+
+def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int, int]:
+    """Isolate the first root on (0, 1] through which a polynomial falls: (outcome, low, high).
+
+    Descartes' rule of signs on Bernstein coefficients, as in the compiled
+    :func:`henon_ref.henon.polynomial.first_falling_root`.
+    """
+    stack = [(0, 0, bernstein(q))]  # (level, place, coefficients) of the piece [place, place + 1] / 2^level
+    before = False
+    while stack:
+        level, place, b = stack.pop()
+        low, high = place << (BITS - level), (place + 1) << (BITS - level)
+        signs = signs_of(b)
+        changes = sum(x != y for x, y in pairwise(signs))
+        if not signs or level >= DEPTH:
+            return "touch", low, high
+        if before and abs(b[0]) <= _ZERO:  # zero where the step was halved: what comes next decides
+            if changes == 0:
+                return ("root" if not signs[0] else "touch"), low, low
+        elif before and not signs[0]:
+            return "root", low, low
+        elif changes == 0 or (changes == 1 and not signs[0]):
+            before = signs[-1]
+            continue
+        elif changes == 1 and abs(b[-1]) > _ZERO:
+            return "root", low, high
+        left, right = _halves(b)
+        stack += [(level + 1, 2 * place + 1, right), (level + 1, 2 * place, left)]
+    return "none", 0, 0
+
+
+def bernstein(q: Fixed) -> list[int]:
+    """Coefficients of a polynomial on [0, 1] in Bernstein's basis."""
+    degree = len(q) - 1
+    return [sum(comb(i, k) * q[k] // comb(degree, k) for k in range(i + 1)) for i in range(degree + 1)]
+
+
+def signs_of(b: Sequence[int]) -> list[bool]:
+    """For each coefficient that is not next to nothing whether it is positive."""
+    return [c > 0 for c in b if abs(c) > _ZERO]
+
+
+def _halves(b: list[int]) -> tuple[list[int], list[int]]:
+    """Bernstein coefficients on the two halves (de Casteljau)."""
+    left, right = [b[0]], [b[-1]]
+    while len(b) > 1:
+        b = [(x + y) >> 1 for x, y in pairwise(b)]
+        left.append(b[0])
+        right.append(b[-1])
+    return left, right[::-1]
+
+
+def rising_root(rising: Fixed, low: int, high: int) -> int:
+    """The root of a polynomial that rises through zero between two places: Newton's method in a bracket.
+
+    Where a step leaves the bracket, or two in a row have not halved it, it is halved.
+    """
+    slope = _derivative(rising)
+    tau, slow = (low + high) >> 1, 0
+    while high - low > CLOSE:
+        width = high - low
+        value, rate = horner(rising, tau), horner(slope, tau)
+        low, high = (tau, high) if value < 0 else (low, tau)
+        new = tau - (value << BITS) // rate if rate > 0 else -1
+        if abs(new - tau) <= CLOSE and low <= new <= high:
+            return new
+        slow = slow + 1 if 2 * (high - low) > width else 0
+        if slow > 2 or not low <= new <= high:
+            new, slow = (low + high) >> 1, 0
+        tau = new
+    return tau
+
+
+def _minimum(series: Fixed, near: int) -> int | None:
+    """The minimum of a polynomial on [0, 1] that a point lies next to; None if there is none."""
+    slope = _derivative(series)
+    width = max(near >> 50, 1)
+    low, high = near - width, near + width
+    while horner(slope, low) >= 0:
+        width *= 4
+        low = near - width
+        if low <= 0:
+            return None
+    while horner(slope, high) <= 0:
+        width *= 4
+        high = near + width
+        if high > ONE:
+            return None
+    return rising_root(slope, low, high)
+
+
+def horner(series: Fixed, place: int) -> int:
+    """Value of a polynomial at a place."""
+    total = 0
+    for c in reversed(series):
+        total = (total * place >> BITS) + c
+    return total
+
+
+def _derivative(series: Fixed) -> list[int]:
+    return [k * c for k, c in enumerate(series)][1:]
+
+
+def curvature(series: Fixed, place: int) -> int:
+    """Second derivative of a polynomial at a place."""
+    return horner(_derivative(_derivative(series)), place)

@@ -1,0 +1,58 @@
+"""What is decided about the mode that follows, and in which words it is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Literal
+
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.model.modes import Mode, replaced
+from henon_ref.model.system import TIME, FilippovSystem
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The mode that follows an event, or why there is none."""
+
+    status: Literal["unique", "nonunique", "none", "invalid"]
+    mode: Mode | None
+    reason: str = ""
+
+
+def explained(refusal: Decision, system: FilippovSystem, mode: Mode, surfaces: tuple[int, ...]) -> Decision:
+    """A refusal with what it is about the surfaces that leaves the mode open, where it is something."""
+    words = _powers(system, surfaces)
+    if refusal.status == "none":
+        try:
+            system.equations(with_entries(mode, surfaces, (0,) * len(surfaces)))
+        except ModelError as error:
+            words += f"; {error}"
+    return replace(refusal, reason=refusal.reason + words)
+
+
+@lru_cache(maxsize=64)
+def _powers(system: FilippovSystem, surfaces: tuple[int, ...]) -> str:
+    """The surfaces whose gradient vanishes on them."""
+    words = ""
+    for i in surfaces:
+        name, h = system.sign_names[i], system.surfaces[i]
+        if _repeats(h, {TIME, *system.states}):
+            words += f"; the surface of {name} has a repeated factor, so that its gradient vanishes there"
+    return words
+
+
+def _repeats(expression: sp.Expr, variables: set[sp.Symbol]) -> bool:
+    """Whether some factor in these variables stands there with a power above 1."""
+    powers = (factor.as_base_exp() for factor in sp.Mul.make_args(expression))
+    return any(base.free_symbols & variables and exponent.is_number and exponent > 1 for base, exponent in powers)
+
+
+def with_entries(mode: Mode, active: Sequence[int], choice: Sequence[int]) -> Mode:
+    """A mode with these entries at the surfaces in play."""
+    for index, value in zip(active, choice, strict=True):
+        mode = replaced(mode, index, value)
+    return mode

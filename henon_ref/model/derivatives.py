@@ -1,0 +1,41 @@
+"""The first derivative of a guard that is not zero, of Taylor series whose zeros rounding has touched."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def rate_of(states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]] = ()) -> float:
+    """An inverse time in which the solution changes: makes coefficients of different order comparable.
+
+    From how the coefficients of the states grow on their slopes, and from the high orders of the guards
+    (whose low orders may be zeros that rounding has touched).
+    """
+    rate = 0.0
+    for series in states:
+        slope = max(abs(c) for c in series[1:3])
+        for k in range(2, len(series)):
+            if slope > 0 and series[k] != 0:
+                rate = max(rate, (abs(series[k]) / slope) ** (1 / max(k - 1, 1)))
+    for series in guards:
+        for j in range(2, len(series) // 2 + 1):
+            for k in range(j + 2, len(series)):
+                if series[j] != 0 and series[k] != 0:
+                    rate = max(rate, (abs(series[k]) / abs(series[j])) ** (1 / (k - j)))
+    return rate or 1.0
+
+
+def leading(series: Sequence[float], first: int, rate: float, size: float, zero: float) -> int | None:
+    """Index of the first coefficient from ``first`` on that is not zero, or None."""
+    scaled = [c / rate**k for k, c in enumerate(series)]
+    unit = max(size / rate if first else size, *map(abs, scaled[first:]))
+    for k in range(first, len(scaled)):
+        if abs(scaled[k]) > zero * unit:
+            return k
+    return None
+
+
+def leading_sign(series: Sequence[float], first: int, rate: float, size: float, zero: float) -> int:
+    """Sign of the first coefficient from ``first`` on that is not zero; 0 if there is none."""
+    k = leading(series, first, rate, size, zero)
+    return 0 if k is None else (1 if series[k] > 0 else -1)

@@ -1,0 +1,15 @@
+"""Exact numbers."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+
+def exact_sign(number: sp.Expr) -> int:
+    """Sign of an exact number: of one that is not rational by its digits, 0 where 60 of them show nothing."""
+    if number.is_Rational:
+        return int(sp.sign(number))
+    value = sp.re(sp.N(number, 60, maxn=400, chop=False))
+    if abs(value) < sp.Float("1e-55", 60):
+        return 0
+    return 1 if value > 0 else -1
