@@ -1,0 +1,49 @@
+"""Comparisons made up from rows, for what reports say of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from fakes import case, expected, found, statement, trajectory
+
+from henon_ref.comparison import Comparison
+from henon_ref.score.options import Options
+from henon_ref.score.results import ReadingResult
+from henon_ref.score.rows import Outcome, Record, record, score_outcome
+from henon_ref.score.settings import Setting
+from henon_ref.score.worker import Failure
+
+
+def made(solver: str, rtol: float, wall: float, *, what: str = "right", truth=None) -> Record:
+    """One run's rows, with a time error of rtol and given wall times."""
+    truth = truth or expected()
+    outcome = Outcome("made_up", case().readings[0], solver, Setting(rtol=rtol, atol=rtol), compile_s=0.1)
+    if what == "unavailable":
+        outcome.failure = Failure("unavailable", "it is not installed")
+    elif what == "untried":
+        outcome.failure = Failure("timeout", "not tried: it took too long before")
+    else:
+        transitions = found(error=0.99 * rtol)
+        outcome.trajectory = trajectory(transitions if what == "right" else transitions[:2] + transitions[3:])
+        outcome.samples = (wall, wall * 1.01, wall * 0.99)
+        score_outcome(outcome, truth)
+    return record(outcome, truth)
+
+
+def compared(*records: Record, **changes: object) -> Comparison:
+    result = ReadingResult(case().readings[0], replace(statement(None, None), **changes))
+    return Comparison(case(), [result], list(records), Options())
+
+
+def usual() -> Comparison:
+    """Some solvers right, one wrong at one setting, one at every one, one not there."""
+    return compared(
+        made("henon", 1e-6, 2e-4),
+        made("henon", 1e-12, 3e-4),
+        made("heyoka", 1e-6, 1e-3),
+        made("heyoka", 1e-12, 9e-4),
+        made("scipy-rk45", 1e-6, 0.1, what="misses"),
+        made("scipy-rk45", 1e-12, 0.3),
+        made("scipy-sign", 1e-6, 1e-5, what="misses"),
+        made("ida", 1e-6, 0.0, what="unavailable"),
+    )

@@ -1,0 +1,107 @@
+"""How long steps are: none goes past what its terms tell of, and there are few of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from tests.conftest import make_problem
+from tests.runs import kinds, run, times
+
+TOLERANCES = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-12, 1e-14]
+
+
+def test_error_follows_the_tolerance() -> None:
+    problem = make_problem("x v", ["v", "-x - 3*s/5"], {"s": "v"}, ["53/10", 0], 20)
+    errors = [np.abs(times(run(problem, rtol=r)) - math.pi * np.arange(1, 5)).max() for r in (1e-4, 1e-8, 1e-12)]
+    assert errors[0] < 1e-3
+    assert errors[1] < 1e-7
+    assert errors[2] < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("drive", "release"),
+    [
+        ("2*exp(-((t - 10)/w)**2)", 10 - 1e-4 * math.sqrt(math.log(2))),  # -1e10 at the start
+        ("exp(20*t**2 - 2000)", 10.0),  # the argument stands still where the run begins
+        ("exp(-20*(t - 4)**2*(t - 14)**2 + 7000*(t - 9))", None),  # and once more on the way, asleep
+        ("(1 + tanh(1000*(t - 9)))*51/100", 9 + math.atanh(49 / 51) / 1000),
+    ],
+)
+@pytest.mark.parametrize("rtol", [1e-6, 1e-12])
+def test_a_drive_that_sleeps_is_waited_for_in_few_steps(drive: str, release: float | None, rtol: float) -> None:
+    """Zero to the last digit, with all its derivatives, until it wakes: its argument tells when."""
+    drive = drive.replace("w", "(1/10000)")
+    result = run(make_problem("x", [f"{drive} - s"], {"s": "x"}, [0], "21/2"), rtol=rtol)
+    assert result.transitions[0].kind == "release"
+    if release is None:
+        release = brentq(lambda t: -20 * (t - 4) ** 2 * (t - 14) ** 2 + 7000 * (t - 9), 9.5, 10.5, xtol=1e-14)
+    assert result.transitions[0].time == pytest.approx(release, rel=1e-14)
+    assert result.counts.steps < 2000
+
+
+@pytest.mark.parametrize("power", [3, 4, 8])
+@pytest.mark.parametrize("rtol", [1e-2, 1e-6, 1e-12])
+def test_a_drive_whose_argument_is_flat_at_the_start_is_not_slept_through(power: int, rtol: float) -> None:
+    """No derivative up to the power tells of the pulse at t = 10: looking back from a step's end does."""
+    drive = f"2*exp(-((t**{power} - 10**{power})/10**{power - 2})**2)"
+    result = run(make_problem("x", [f"{drive} - s"], {"s": "x"}, [0], 20), rtol=rtol)
+    assert kinds(result) == ["release", "stick"]
+    release = (10.0**power - 10.0 ** (power - 2) * math.sqrt(math.log(2))) ** (1 / power)
+    assert result.transitions[0].time == pytest.approx(release, rel=1e-13)
+    assert result.counts.steps < 1000
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12, 1e-15])
+@pytest.mark.parametrize("near", [100, 1000, 10000])
+def test_a_first_step_from_beside_a_branch_point_ends(near: int, rtol: float) -> None:
+    """exp(-sqrt(e + t^2)): coefficients are 1e30 in units of the horizon, and none in those of the step they allow."""
+    result = run(make_problem("y", [f"exp(-sqrt(1/{near} + t**2))"], {"s": "y - 1/2"}, [0], 3), rtol)
+    exact = run(make_problem("y", [f"exp(-sqrt(1/{near} + t**2))"], {"s": "y - 1/2"}, [0], 3), 1e-14)
+    assert kinds(result) == ["crossing"]
+    assert times(result) == pytest.approx(times(exact), rel=max(10 * rtol, 1e-13))
+    assert result.counts.rhs_evaluations < 100
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-10, 1e-14])
+def test_a_high_power_is_not_leapt_over(rtol: float) -> None:
+    """x' = t^30 from t = -3 through where it is flat: on the far side terms grow after those a step is judged by."""
+    result = run(make_problem("x", ["t**30"], {"s": "x - 39*10**12"}, [0], "7/2", start=-3), rtol)
+    assert kinds(result) == ["crossing"]
+    assert times(result)[0] == pytest.approx((31 * 39e12 - 3**31) ** (1 / 31), rel=max(rtol, 1e-14))
+
+
+@pytest.mark.parametrize("power", [11, 21, 41])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7, 1e-9])
+def test_soft_walls_of_a_high_power_keep_the_energy(power: int, rtol: float) -> None:
+    """v^2/2 + x^(p + 1)/(p + 1) is constant; between the walls all terms vanish but those of order p and 2 p + 1."""
+    result = run(make_problem("x v", ["v", f"-x**{power}"], {"s": "x - 9/10"}, [1, 0], 50), rtol)
+    x, v = result.end_state
+    assert result.status == "ok"
+    assert abs(0.5 * v * v * (power + 1) + x ** (power + 1) - 1) < 30 * rtol
+
+
+@pytest.mark.parametrize("steep", [10**8, 10**12])
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_a_pulse_far_below_the_tolerance_where_a_step_begins_is_found(steep: int, rtol: float) -> None:
+    """Seen from t = 0 a guard's terms are 1e-9 or less of its size, but they grow: the poles are near t = 3."""
+    result = run(make_problem("x", ["s"], {"s": f"1/(1 + {steep}*(t - 3)**2) - 1/2"}, [0], 6), rtol)
+    exact = [3 - steep**-0.5, 3 + steep**-0.5]
+    assert times(result) == pytest.approx(exact, rel=max(1e-6 * rtol, 1e-14))
+    assert result.counts.rhs_evaluations < 200
+
+
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_a_jump_of_the_field_that_terms_hardly_tell_of_is_not_leapt_over(rtol: float) -> None:
+    """Terms of atan's integral fall like 1/k^2 up to its branch points and are below the tolerance from t = 0."""
+    jump = "1 + atan(10000*(t - 3)) - s/5"
+    result = run(make_problem("x", [jump], {"s": "x - 1"}, [0], 6), rtol)
+
+    def integral(u: float) -> float:
+        return u * math.atan(1e4 * u) - 0.5e-4 * math.log1p(1e8 * u * u)
+
+    exact = brentq(lambda t: 1.2 * t + integral(t - 3) - integral(-3) - 1, 3.2, 6, xtol=1e-15)
+    assert times(result) == pytest.approx([exact], rel=max(rtol, 1e-14))
