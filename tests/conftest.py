@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import pytest
 import sympy as sp
+from commands import SOLVERS, Drawing
+from fakes import CASE, statement
 
+from henon_ref import registry
 from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.report import command as report_command
+from henon_ref.score import truthjob
 from henon_ref.trajectory import Problem
 
 
@@ -43,3 +50,24 @@ def make_problem(
 def problem():
     """The function :func:`make_problem`."""
     return make_problem
+
+
+@pytest.fixture
+def made_up_solvers(monkeypatch, tmp_path):
+    """In place of real ones in the command, whose folder is a temporary one."""
+    monkeypatch.setattr(report_command, "figure_job", lambda result, records: Drawing(result.reading.name))
+    monkeypatch.setattr(report_command, "preload", lambda: None)
+    monkeypatch.setattr(truthjob, "statement_of", statement)
+    monkeypatch.setattr(registry, "solver", SOLVERS.__getitem__)
+    monkeypatch.chdir(tmp_path)
+    handler = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, handler)
+
+
+@pytest.fixture
+def made_up(tmp_path) -> Path:
+    """A case file for them."""
+    path = tmp_path / "made_up.yaml"
+    path.write_text(CASE.format(name="made_up"))
+    return path
