@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from problems import make_problem
+from runs import kinds, run, times
 
 from baselines.scipy_ivp import DOP853
 from henon_ref.henon.solvers import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.model.case import load_case
 from henon_ref.truth.simulate import simulate
-from tests.conftest import make_problem
-from tests.runs import kinds, run, times
 
 SOLVERS = [HENON_SOLVER, HENON_NEWTON, HENON_BRENT]
 

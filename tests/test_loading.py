@@ -13,7 +13,7 @@ import json
 from henon_ref.henon.kernel import advance
 from henon_ref.henon.loading import CALLED
 from henon_ref.henon.solvers import HENON_SOLVER
-from tests.conftest import make_problem
+from problems import make_problem
 found = HENON_SOLVER.prepare(make_problem("x", ["t - s"], {"s": "x"}, [0], 3), rtol=1e-9)()
 made = sum(advance.stats.cache_misses.values())
 signatures = [function.signatures == [types] for function, types in CALLED]
@@ -24,12 +24,14 @@ print(json.dumps([found.transitions[0].time, made, signatures]))
 def test_two_processes_share_the_work(tmp_path: Path) -> None:
     """One compiles the loop and the other waits for it; what the other compiles is what the loop calls."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    root = Path(__file__).parents[1]
+    folder = Path(__file__).parent
     both = [
-        subprocess.Popen([sys.executable, "-c", SCRIPT], env=environment, cwd=root, stdout=subprocess.PIPE)
+        subprocess.Popen([sys.executable, "-c", SCRIPT], env=environment, cwd=folder, stdout=subprocess.PIPE)
         for _ in range(2)
     ]
-    results = [json.loads(process.communicate(timeout=120)[0]) for process in both]
+    printed = [process.communicate(timeout=120)[0] for process in both]
+    assert [process.returncode for process in both] == [0, 0]
+    results = [json.loads(text) for text in printed]
     assert [time for time, _, _ in results] == [1.0, 1.0]
     assert sorted(made for _, made, _ in results) == [0, 1]
     assert all(all(signatures) for _, made, signatures in results if made)

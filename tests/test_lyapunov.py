@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
+from problems import make_problem
 
 from henon_ref.analysis.lyapunov import floquet_exponents, floquet_multipliers, lyapunov_spectrum
 from henon_ref.analysis.timeseries import Settings, time_series_spectrum
@@ -17,7 +18,6 @@ from henon_ref.analysis.variational import Saltation
 from henon_ref.errors import ModelError
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.model.case import load_case
-from tests.conftest import make_problem
 
 CASES = Path(__file__).parents[1] / "cases"
 COULOMB = -0.100941319552190

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from tests.conftest import make_problem
-from tests.runs import kinds, run, times
+from problems import make_problem
+from runs import kinds, run, times
 
 
 @pytest.mark.parametrize("exponent", range(1, 15))

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from problems import make_problem
 from scipy.optimize import brentq
 
 from henon_ref.errors import UnsupportedError
@@ -19,7 +20,6 @@ from henon_ref.henon.rk4 import RK4
 from henon_ref.model.system import TIME, FilippovSystem
 from henon_ref.solver import Solver
 from henon_ref.trajectory import Problem
-from tests.conftest import make_problem
 
 X, V, Q, U = sp.symbols("x v q u", real=True)
 S, R = sp.symbols("s r", real=True)

@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from problems import make_problem
+from runs import kinds, run, times
 from scipy.optimize import brentq
-
-from tests.conftest import make_problem
-from tests.runs import kinds, run, times
 
 TOLERANCES = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-12, 1e-14]
 

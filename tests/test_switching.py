@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 import sympy as sp
+from problems import make_problem
 
 from henon_ref import registry
 from henon_ref.henon.solvers import HENON_SOLVER
@@ -13,7 +14,6 @@ from henon_ref.model import switching
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.switching import Switching
 from henon_ref.taylor.expand import expand
-from tests.conftest import make_problem
 
 
 def decide(field: list[str], initial: list[str | int], states: str = "x", surfaces: dict[str, str] | None = None):

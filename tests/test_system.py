@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 import sympy as sp
+from problems import make_problem
 
 from henon_ref.errors import ModelError
 from henon_ref.model.system import TIME, FilippovSystem, Release, SlidingOverride
-from tests.conftest import make_problem
 
 x1, x2, s = sp.symbols("x1 x2 s", real=True)
 mu, vp = sp.symbols("mu vp", positive=True)
