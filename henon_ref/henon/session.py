@@ -288,17 +288,19 @@ class Session:
         return None
 
     def _singular(self) -> str:
-        """What has no finite series where the run stalled, by the last one that was tried."""
-        system, finite = self.engine.system, np.isfinite(self.engine.scratch.band[:, : self.engine.order + 1])
-        for own, name in zip(finite, system.state_names, strict=False):
-            if not own.all():
-                return f"the field of {name} is {'singular' if own[1] else 'not finite'}"
-        for own, guard in zip(finite[self.x.size :], self._guards, strict=False):
-            if not own.all():
-                of = system.valid[guard.index] if guard.kind == "valid" else system.sign_names[guard.index]
-                what = {"valid": f"{of}", "surface": f"the surface of {of}"}.get(guard.kind, f"the release of {of}")
-                return f"{what} is {'singular' if own[0] else 'not finite'}"
-        return "the field is singular"
+        """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
+        system, order = self.engine.system, self.engine.order
+        series = self.engine.scratch.band[: self.x.size + len(self._guards), : order + 1]
+        finite = np.isfinite(series)
+        at = int(np.argmin(finite.all(axis=1)))
+        if finite[at].all():
+            at = int(np.argmax(np.abs(series[:, order]) / (np.abs(series[:, :3]).sum(axis=1) + 1e-300)))
+        if at < self.x.size:
+            return f"the field of {system.state_names[at]} is {'singular' if finite[at, 1] else 'not finite'}"
+        guard = self._guards[at - self.x.size]
+        of = str(system.valid[guard.index]) if guard.kind == "valid" else system.sign_names[guard.index]
+        what = {"valid": of, "surface": f"the surface of {of}"}.get(guard.kind, f"the release of {of}")
+        return f"{what} is {'singular' if finite[at, 0] else 'not finite'}"
 
     def _why(self, code: int) -> tuple[Status, str]:
         at = f"t = {self.time:.17g}"

@@ -41,6 +41,8 @@ FAR = 1e30
 """A step, in units of sigma, that no coefficient limits."""
 STALL = 1000
 """Steps in a row too short to move a double's time before the run counts as stalled."""
+LOST = 100
+"""So many of them is one that does not even move what rounding has lost of the time, nor makes a state grow."""
 
 
 @inner()
@@ -172,6 +174,15 @@ def _tail(row, order, theta, least):  # type: ignore[no-untyped-def]
 
 
 @inner()
+def _grows(c, n, theta):  # type: ignore[no-untyped-def]
+    """True if some state grows by a hundredth at least on a step of theta sigma, as one does that blows up."""
+    found = False
+    for i in range(n):
+        found = found or (abs(c[i, 1]) * theta > 0.01 * abs(c[i, 0]) and (c[i, 1] > 0.0) == (c[i, 0] > 0.0))
+    return found
+
+
+@inner()
 def move(x, x_low, change):  # type: ignore[no-untyped-def]
     """x += change as a compensated sum; False where the state has blown up."""
     bounded = True
@@ -219,7 +230,11 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
             theta = min(theta, 1e6)
             shrunk = False
         step = theta * sigma
-        integers[I_STALLED] = integers[I_STALLED] + 1 if step <= 0.25 * EPS * abs(floats[F_TIME]) else 0
+        if step <= 0.25 * EPS * abs(floats[F_TIME]):
+            lost = step <= 0.25 * EPS * EPS * abs(floats[F_TIME]) and not _grows(c, n, theta)
+            integers[I_STALLED] += LOST if lost else 1
+        else:
+            integers[I_STALLED] = 0
         if integers[I_STALLED] > STALL:
             return -1.0
         if alone or step >= left or theta > LEAP or swells(c, n + guards, integers[I_ORDER], theta):
@@ -256,7 +271,7 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
             tail = _tail(c[r], order, theta, 0.0)
         ask = ask or tail != FALLS
     while ask:
-        agreed = True
+        agreed, shorter = True, theta
         for part in (0.37, 1.0):
             at = part * theta
             call_closing(layout[0, T_CLOSING], at, c, change)
@@ -276,11 +291,18 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
                     power *= at
                 # A slope that moves its state by no more than rounding over the step is none, whatever its digits.
                 dust = 4.0 * EPS * abs(x[r]) / at if first == 1 else 0.0
-                agreed = agreed and abs(foretold - ahead[r, first]) <= max(1e-6 * size, dust)
+                if not abs(foretold - ahead[r, first]) <= max(1e-6 * size, dust):
+                    agreed = False
+                    while shorter > LEAST * theta and _tail(c[r], order, shorter, 0.0) == GROWS:
+                        shorter *= SHORTER
         if agreed:
             break
-        theta *= 0.25
-        ask = theta > LEAST or swells(c, n + guards, order, theta)
+        ask = not LEAST * theta < shorter < theta
+        if ask:  # terms that fall, or are none, are no better on a shorter step
+            theta *= 0.25
+            ask = theta > LEAST or swells(c, n + guards, order, theta)
+        else:
+            theta = shorter
     return theta
 
 
