@@ -131,13 +131,16 @@ def _apart(guard: arb_poly, zeros: int) -> arb_poly:
     q = c[zeros:]
     if len(q) > 1 and all(abs(low) <= BESIDE * abs(q[0]) for low in c[:zeros]):
         factor = [arb(0)] * zeros
-        for _ in range(4):
+        for _ in range(ROUNDS):
+            before = factor.copy()
             for i in range(zeros):
                 known = [factor[j] * q[i - j] for j in range(i) if i - j < len(q)]
                 factor[i] = ((c[i] - sum(known, arb(0))) / q[0]).mid()
             for k in range(len(q) - 1, -1, -1):
                 above = range(max(zeros + k - len(q) + 1, 0), zeros)
                 q[k] = c[k + zeros] - sum((factor[j] * q[k + zeros - j] for j in above), arb(0))
+            if all(abs(new - old) <= NOISE * abs(new) for new, old in zip(factor, before, strict=True)):
+                break
     return arb_poly([0] * zeros + q)
 
 

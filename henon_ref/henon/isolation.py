@@ -21,6 +21,8 @@ NOTHING = 2.0**-166
 ROUNDS = 20
 """Steps of Newton's method after which it is not found."""
 _ZERO = int(ONE * NOTHING)
+DOUBTS = 4
+"""A piece no larger than so many times what counts as zero is a touch, one larger than that is none."""
 CLOSE = 2 ** (BITS - 160)
 """Places closer to each other than 1e-48 of the step are one."""
 SAME = int(ONE * 1e-10)
@@ -89,18 +91,21 @@ def _odd_root(q: Fixed, place: int, *, exact: bool) -> int | None:
 
 
 def _flat(derivatives: Sequence[Fixed], place: int) -> int:
-    """Where the slope vanishes next to a place: Newton's method on the slope over its derivative."""
-    found = place
+    """Where the slope vanishes next to a place: Newton's method on the slope over its derivative, while it converges."""
+    found, longest = place, NEXT
     for _ in range(ROUNDS):
         slope, bend, twist = (horner(d, found) for d in derivatives[1:4])
         below = bend * bend - slope * twist
         if below <= 0:
             break
         shift = (slope * bend << BITS) // below
+        if abs(shift) > longest:
+            break
         found -= shift
         if abs(shift) <= CLOSE:
             break
-    return found if abs(found - place) <= NEXT else place
+        longest = abs(shift) // 2
+    return found
 
 
 def lift(local: Sequence[float], level: float) -> tuple[float, int]:
@@ -124,14 +129,14 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
         low, high = place << (BITS - level), (place + 1) << (BITS - level)
         signs = signs_of(b)
         changes = sum(x != y for x, y in pairwise(signs))
-        if not signs or level >= DEPTH:
+        if max(map(abs, b)) <= DOUBTS * _ZERO or level >= DEPTH:
             return "touch", low, high
         if before and abs(b[0]) <= _ZERO:  # zero where the step was halved: what comes next decides
             if changes == 0:
                 return ("root" if not signs[0] else "touch"), low, low
         elif before and not signs[0]:
             return "root", low, low
-        elif changes == 0 or (changes == 1 and not signs[0]):
+        elif (changes == 0 and not _unclear(b)) or (changes == 1 and not signs[0]):
             before = signs[-1]
             continue
         elif changes == 1 and abs(b[-1]) > _ZERO:
@@ -150,6 +155,11 @@ def bernstein(q: Fixed) -> list[int]:
 def signs_of(b: Sequence[int]) -> list[bool]:
     """For each coefficient that is not next to nothing whether it is positive."""
     return [c > 0 for c in b if abs(c) > _ZERO]
+
+
+def _unclear(b: Sequence[int]) -> bool:
+    """True where rounding may have hidden roots of even number; the ends are looked at where pieces meet."""
+    return b[0] > _ZERO and len(b) > 2 and min(b[1:-1]) <= _ZERO
 
 
 def _halves(b: list[int]) -> tuple[list[int], list[int]]:

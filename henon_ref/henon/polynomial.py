@@ -2,7 +2,8 @@
 
 A guard is first bounded (:func:`excluded`); where the bound does not decide, the signs of its Bernstein coefficients
 on the step count the roots (:mod:`henon_ref.henon.bernstein`), subdividing until the first falling root stands alone
-or the polynomial is zero to rounding (a touch).
+or the polynomial is zero to rounding (a touch). A piece that may hold two roots or none is cut on both sides of its
+minimum, which leaves little in doubt; another one is halved.
 """
 
 from __future__ import annotations
@@ -14,6 +15,14 @@ NONE, ROOT, TOUCH, LOOK = range(4)
 """Outcome of :func:`first_falling_root`, and of :mod:`henon_ref.henon.bernstein` (LOOK: it has to be called)."""
 DEPTH = 64
 """Subdivisions kept at once: as many halvings as a double has room for."""
+DOUBTS = 4.0
+"""A piece on which a polynomial is no larger than so much noise is a touch, one where it is larger than noise is none."""
+ROUNDS = 32
+"""Pieces looked at after which they are only halved."""
+STEPS = 6
+"""Steps of Newton's method towards the minimum of a piece."""
+CLOSE, FAR = 2.0**-20, 2.0**-3
+"""What is cut out around a minimum: at least the one and at most the other of its piece, to either side."""
 POLY = {"contract", "nsz"}
 """A product and a sum may be one operation."""
 
@@ -47,13 +56,49 @@ def value(q, degree, tau):  # type: ignore[no-untyped-def]
     return total
 
 
-@inner()
-def _halve(left, right, degree):  # type: ignore[no-untyped-def]
-    """Bernstein coefficients of both halves of what ``right`` stands for (de Casteljau, in place)."""
+@inner(fastmath=POLY)
+def _cut(left, right, degree, part):  # type: ignore[no-untyped-def]
+    """Bernstein coefficients of both parts of what ``right`` stands for (de Casteljau, in place)."""
     for i in range(degree + 1):
         left[i] = right[0]
         for j in range(degree - i):
-            right[j] = 0.5 * (right[j] + right[j + 1])
+            right[j] += part * (right[j + 1] - right[j])
+
+
+@inner(fastmath=POLY)
+def _around_minimum(a, degree, low, high, noise):  # type: ignore[no-untyped-def]
+    """Two places on a piece, one on each side of a minimum, next to it and clear of it where possible; else its middle.
+
+    Newton's method on the slope over its derivative (Schroeder 1870): flat minima, too, are simple roots of that.
+    """
+    width = high - low
+    middle = low + 0.5 * width
+    tau, shift = middle, 0.0
+    for _ in range(STEPS):
+        slope, bend, twist = degree * a[degree], 0.0, 0.0  # twist is half the third derivative
+        for k in range(degree - 1, 0, -1):
+            twist = twist * tau + bend
+            bend = bend * tau + slope
+            slope = slope * tau + k * a[k]
+        if abs(slope) <= noise:
+            break
+        below = bend * bend - 2.0 * slope * twist
+        if not (bend > 0.0 and below > 0.0):
+            return middle, middle
+        shift = -slope * bend / below
+        tau += shift
+        if not low < tau < high:
+            return middle, middle
+        if abs(shift) <= CLOSE * width:
+            break
+    apart = max(8.0 * abs(shift), CLOSE * width)
+    if not apart < FAR * width:
+        return middle, middle
+    if abs(value(a, degree, tau)) <= noise:
+        while apart < FAR * width and min(value(a, degree, tau - apart), value(a, degree, tau + apart)) <= 4.0 * noise:
+            apart *= 4.0
+        apart = min(apart, FAR * width)
+    return tau - apart, tau + apart
 
 
 @inner()
@@ -81,10 +126,11 @@ def first_falling_root(a, degree, stack, bounds):  # type: ignore[no-untyped-def
         size += abs(a[k])
     noise = 4.0 * EPS * size
     bounds[0, 0], bounds[0, 1] = 0.0, 1.0
-    top = 1
+    top, looked = 1, 0
     before = 0
     while top > 0:
         top -= 1
+        looked += 1
         b = stack[top]
         low, high = bounds[top, 0], bounds[top, 1]
         first, last, clear, changes, largest, lowest = 0, 0, 0, 0, 0.0, 2.0 * size
@@ -111,13 +157,19 @@ def first_falling_root(a, degree, stack, bounds):  # type: ignore[no-untyped-def
             continue
         if changes == 1:
             return ROOT, low, high
-        if largest <= noise or top + 2 > DEPTH or high - low < 4.0 * EPS:
+        if largest <= DOUBTS * noise or top + 2 > DEPTH or high - low < 4.0 * EPS:
             return TOUCH, low, high
-        middle = 0.5 * (low + high)
-        _halve(stack[top + 1], stack[top], degree)
-        bounds[top, 0], bounds[top, 1] = middle, high
-        bounds[top + 1, 0], bounds[top + 1, 1] = low, middle
-        top += 2
+        left = right = 0.5 * (low + high)
+        if first > 0 and looked < ROUNDS:
+            left, right = _around_minimum(a, degree, low, high, noise)
+        for at in (right, left):
+            if low < at < high:
+                _cut(stack[top + 1], stack[top], degree, (at - low) / (high - low))
+                bounds[top, 0], bounds[top, 1] = at, high
+                high = at
+                top += 1
+        bounds[top, 0], bounds[top, 1] = low, high
+        top += 1
     return NONE, 0.0, 0.0
 
 
