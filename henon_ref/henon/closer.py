@@ -32,7 +32,7 @@ from henon_ref.henon.isolation import (
     signs_of,
 )
 from henon_ref.henon.multiprecision import Motions
-from henon_ref.henon.near import BESIDE
+from henon_ref.henon.polynomial import BESIDE
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 
@@ -125,7 +125,7 @@ class CloserLook:
 def _apart(guard: arb_poly, zeros: int) -> arb_poly:
     """A guard with its known zeros put at 0, where rounding has left them beside it; the other roots stay.
 
-    See :func:`henon_ref.henon.near._divide_out`.
+    See :func:`henon_ref.henon.polynomial.factored`.
     """
     c = guard.coeffs()
     q = c[zeros:]

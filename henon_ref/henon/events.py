@@ -9,6 +9,7 @@ from henon_ref.henon.polynomial import (
     NONE,
     TOUCH,
     excluded,
+    factored,
     first_falling_root,
     powers_of,
     steepness,
@@ -46,8 +47,11 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, metho
             powers_of(theta, powers, order)
         q = c[n + g, zeros:]
         degree = order - zeros
-        if zeros > 0 and q[0] > 0.0 and excluded(q, powers, degree):
-            continue
+        if zeros > 0:
+            if q[0] > 0.0 and excluded(q, powers, degree):
+                continue
+            if factored(c[n + g], zeros, order, stack[1], stack[2]):
+                q = stack[2]
         outcome, low, high = call_bernstein(layout[0, T_BERNSTEIN], q, powers, degree, scaled, stack[0]), 0.0, 1.0
         if outcome == LOOK:
             outcome, low, high = first_falling_root(scaled, order, stack, bounds)

@@ -91,7 +91,7 @@ def _odd_root(q: Fixed, place: int, *, exact: bool) -> int | None:
 
 
 def _flat(derivatives: Sequence[Fixed], place: int) -> int:
-    """Where the slope vanishes next to a place: Newton's method on the slope over its derivative, while it converges."""
+    """Where the slope vanishes near a place: Newton's method on the slope over its derivative while it converges."""
     found, longest = place, NEXT
     for _ in range(ROUNDS):
         slope, bend, twist = (horner(d, found) for d in derivatives[1:4])

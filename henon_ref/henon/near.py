@@ -19,6 +19,7 @@ from henon_ref.henon import doubledouble as dd
 from henon_ref.henon.compiled import double_double, speeds
 from henon_ref.henon.events import at_zero
 from henon_ref.henon.fine import expand_fine
+from henon_ref.henon.polynomial import factored
 from henon_ref.henon.program import program
 from henon_ref.henon.registers import (
     F_BEYOND,
@@ -58,8 +59,6 @@ ORDER = 64
 MISS, ACROSS = 5, 6
 """Outcomes besides those of a window: the guard's minimum, which it goes on from as from a double zero; a root, and the
 field beyond its surface is known."""
-BESIDE = 1e-9
-"""Coefficients before those of known zeros are divided out up to this part of what follows them."""
 CERTAIN = 1e3 * NOISE
 """What a speed has to exceed of its size for its sign to be certain."""
 
@@ -186,29 +185,10 @@ def look_near(  # type: ignore[no-untyped-def]
 
 @inner()
 def _divide_out(c, c_low, zeros, work):  # type: ignore[no-untyped-def]
-    """Divide a polynomial by the factor of its known zeros, leaving the quotient from place ``zeros`` on.
-
-    A guard is known to be zero where it has just been left, but the state stands beside that by its rounding. Were the
-    first coefficients simply dropped, the other roots would move by as much, and multiple ones by a root of it. The
-    factor is t^m + a_(m-1) t^(m-1) + ... + a_0, its coefficients next to nothing.
-    """
-    size, factor, quotient = c.size - zeros, work[0], work[1]
-    if size < 2:
+    """Divide a polynomial by the factor of its known zeros, leaving the quotient from place ``zeros`` on."""
+    size, factor = c.size - zeros, work[0]
+    if not factored(c, zeros, c.size - 1, factor, work[1]):
         return
-    for i in range(zeros):
-        factor[i] = 0.0
-        if not abs(c[i]) <= BESIDE * abs(c[zeros]):
-            return
-    for _ in range(3):
-        for k in range(size - 1, -1, -1):
-            quotient[k] = c[k + zeros]
-            for j in range(max(zeros + k - size + 1, 0), zeros):
-                quotient[k] -= factor[j] * quotient[k + zeros - j]
-        for i in range(zeros):
-            factor[i] = c[i]
-            for j in range(i):
-                factor[i] -= factor[j] * quotient[i - j] if i - j < size else 0.0
-            factor[i] /= quotient[0]
     for k in range(size - 1, -1, -1):
         for j in range(max(zeros + k - size + 1, 0), zeros):
             at = k + 2 * zeros - j

@@ -16,7 +16,9 @@ NONE, ROOT, TOUCH, LOOK = range(4)
 DEPTH = 64
 """Subdivisions kept at once: as many halvings as a double has room for."""
 DOUBTS = 4.0
-"""A piece on which a polynomial is no larger than so much noise is a touch, one where it is larger than noise is none."""
+"""A piece no larger than so many times noise is a touch, one where the polynomial is larger than noise is none."""
+BESIDE = 1e-9
+"""Coefficients before those of known zeros are divided out up to this part of what follows them."""
 ROUNDS = 32
 """Pieces looked at after which they are only halved."""
 STEPS = 6
@@ -54,6 +56,34 @@ def value(q, degree, tau):  # type: ignore[no-untyped-def]
     for k in range(degree - 1, -1, -1):
         total = total * tau + q[k]
     return total
+
+
+@inner()
+def factored(c, zeros, degree, factor, quotient):  # type: ignore[no-untyped-def]
+    """The factor of a polynomial's known zeros, and what is left without it; False where these are not next to zero.
+
+    A guard is known to be zero where it has just been left, but the state stands beside that by its rounding. Were the
+    first coefficients simply dropped, the other roots would move by as much, and multiple ones by a root of it. The
+    factor is t^m + a_(m-1) t^(m-1) + ... + a_0, its coefficients next to nothing.
+    """
+    size = degree + 1 - zeros
+    if size < 2:
+        return False
+    for i in range(zeros):
+        factor[i] = 0.0
+        if not abs(c[i]) <= BESIDE * abs(c[zeros]):
+            return False
+    for _ in range(3):
+        for k in range(size - 1, -1, -1):
+            quotient[k] = c[k + zeros]
+            for j in range(max(zeros + k - size + 1, 0), zeros):
+                quotient[k] -= factor[j] * quotient[k + zeros - j]
+        for i in range(zeros):
+            factor[i] = c[i]
+            for j in range(i):
+                factor[i] -= factor[j] * quotient[i - j] if i - j < size else 0.0
+            factor[i] /= quotient[0]
+    return True
 
 
 @inner(fastmath=POLY)
