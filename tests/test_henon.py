@@ -126,6 +126,16 @@ def test_a_run_that_stalls_says_what_is_not_finite(field: list[str], surface: st
     assert words in result.reason
 
 
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("field", ["sqrt(x)", "log(x)", "x**(1/3)"])
+def test_the_way_to_a_branch_point_is_short(field: str, rtol: float) -> None:
+    """Its terms say how far a step may go, and below the resolution of time there is nothing left to do."""
+    result = run(make_problem("x y", ["-1", field], {"s": "x + 1"}, [1, 0], 2), rtol)
+    assert (result.status, result.end_time) == ("failed", 1.0)
+    assert "the field of y is singular" in result.reason
+    assert result.counts.rhs_evaluations < 500
+
+
 def test_a_model_that_ends_is_invalid() -> None:
     result = run(make_problem("x", ["1"], {"s": "x - 2"}, [0], 3, valid=["1 - x"]))
     assert result.status == "invalid"

@@ -45,6 +45,7 @@ def test_a_run_goes_on_behind_a_root_of_odd_order_of_any_function(surface: str, 
         ("-(x - 1/10)*(x - 7/5)**3*exp(x/3)", "crossing", 1.4),
         ("(x - 1/10)**3*(x - 7/5)**2", "graze", 1.4),
         ("(1/10 - x)**3*(x - 7/5)**3*exp(x/3)", "crossing", 1.4),
+        ("(x - 2)*(x - 2 - 1/10**8)**2", "graze", 2 + 1e-8),
     ],
 )
 def test_multiple_roots_behind_a_crossing_stay_where_they_are(
@@ -73,3 +74,28 @@ def test_a_cluster_below_rounding_is_taken_apart(apart: int, rtol: float) -> Non
     result = run(make_problem("x", ["1"], {"s": surface}, [0], "69/21"), rtol)
     assert kinds(result) == ["crossing"] * 3
     assert times(result) == pytest.approx([1.2, 2, 2 + 1 / apart], rel=max(1e-2 * rtol, 1e-14))
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-14])
+@pytest.mark.parametrize(
+    ("surface", "roots"),
+    [
+        ("(x - 9/10)*(x - 6/5)*(x - 6/5 - 8/10**12)*(2 + x**2)", [0.9, 1.2, 1.2 + 8e-12]),
+        ("(x - 2/5)*(x - 13/30)*(x - 130001/300000)*(x - 250001/300000)**2*(2 + x**2)", [0.4, 13 / 30, 130001 / 3e5]),
+    ],
+)
+@pytest.mark.parametrize("until", ["3/2", "1675000000007/875000000000"])
+def test_a_pair_of_roots_behind_a_crossing_is_seen(surface: str, roots: list[float], rtol: float, until: str) -> None:
+    """The crossing is landed on to some 1e-13, which moved the pair by 3e-9 or off the axis."""
+    result = run(make_problem("x", ["1"], {"s": surface}, [0], until), rtol)
+    assert kinds(result)[:3] == ["crossing"] * 3
+    assert times(result)[:3] == pytest.approx(roots, rel=1e-12)
+
+
+@pytest.mark.parametrize("rtol", [1e-9, 1e-12, 1e-13, 1e-14])
+def test_a_touch_next_to_a_root_is_seen_wherever_the_halving_falls(rtol: float) -> None:
+    """A piece of the step on which only rounding makes all Bernstein coefficients positive may hold a touch."""
+    surface = "(x - 2)*(x - 5/2)**2*(x - 5/2 - 9/10**10)*exp(x/3)"
+    result = run(make_problem("x", ["1"], {"s": surface}, [0], "7/2 + 9/10**10"), rtol)
+    assert kinds(result) == ["crossing", "graze", "crossing"]
+    assert times(result) == pytest.approx([2, 2.5, 2.5 + 9e-10], rel=1e-12)
