@@ -2,7 +2,8 @@
 
 In slip the residual is ``x' - f(t, x)``. Where surfaces slide, the equivalent sign of each is a further
 unknown s_i with the equation ``dh_i/dt (t, x, s) = 0``, and the stick ends where s_i reaches -1 or +1: nobody
-solves for the friction force by hand. Several sliding surfaces are so many unknowns. The condition keeps
+solves for the friction force by hand. Several sliding surfaces are so many unknowns (one that is a multiple of
+another has that one's sign, or the opposite, as its equation). The condition keeps
 ``dh/dt``, not h, at zero, so h drifts by about the tolerance along a stick; the driver puts the state back
 on the surface at the stick's end and reports the drift. A ``sliding`` override is its own ODE.
 
@@ -108,10 +109,15 @@ class _Equations:
         """Surfaces whose equivalent sign is an unknown, in order (none in slip or under an override)."""
         seen = [k for k in model.followed if not self.by_sign(model.guards[k])]
         slip = {s: sp.Integer(v) for s, v in zip(system.signs, mode, strict=True) if v}
-        free = {system.signs[i] for i in self.sliding}
+        ties = {system.signs[j]: way * system.signs[i] for j, (i, way) in system.multiples.items() if j in self.sliding}
+        free = {system.signs[i] for i in self.sliding} - set(ties)
 
         def convex(expression: sp.Expr) -> sp.Expr:
-            return system.numeric(_between_signs(expression.xreplace(slip), free))
+            return system.numeric(_between_signs(expression.xreplace(slip | ties), free))
+
+        def condition(index: int) -> sp.Expr:
+            sign = system.signs[index]
+            return sign - ties[sign] if sign in ties else convex(system.normal_velocity(index))
 
         field = tuple(convex(f) for f in system.field) if self.sliding else model.field_expressions
         copies = tuple(sp.Dummy(f"g{k}", real=True) for k in seen)
@@ -121,7 +127,7 @@ class _Equations:
         self.differential = len(system.states) + len(seen)
         """Number of unknowns that have a time derivative."""
         self.unknowns = (*system.states, *copies, *(system.signs[i] for i in self.sliding))
-        self.right = (*field, *swings, *(convex(system.normal_velocity(i)) for i in self.sliding))
+        self.right = (*field, *swings, *(condition(i) for i in self.sliding))
         self.start = scalar(
             system.states, [*guards, *signs, *model.field_expressions, *swings, *(model.along(e) for e in signs)]
         )

@@ -7,7 +7,10 @@ from pathlib import Path
 
 import pytest
 import sympy as sp
+from problems import make_problem
 
+from henon_ref import registry
+from henon_ref.errors import ModelError
 from henon_ref.henon import compiled
 from henon_ref.henon.engine import Engine
 from henon_ref.henon.registers import HENON
@@ -161,3 +164,29 @@ def test_a_mode_seen_for_the_first_time_changes_nothing() -> None:
     once, again = first(), first()
     assert [t.time for t in once.transitions] == [t.time for t in again.transitions]
     assert once.counts == again.counts
+
+
+@pytest.mark.parametrize("solver", ["henon", "scipy-dop853", "cvode-bdf", "ida", "heyoka"])
+@pytest.mark.parametrize(("surface", "share"), [("v", "- u/2"), ("3*v", "- u/2"), ("-v", "+ u/2")])
+def test_two_surfaces_of_one_contact_stick_as_one(solver: str, surface: str, share: str) -> None:
+    """Neither sign is settled by the balance of forces, but there are only two fields beside the contact."""
+    drive = "-x - s {} + 3*sin(2*t)"
+    states, start = "x v", [1, 0]
+    two = make_problem(states, ["v", drive.format(share)], {"s": "v", "u": surface}, start, 12)
+    one = make_problem(states, ["v", drive.format("- s/2")], {"s": "v"}, start, 12)
+    both, single = (registry.solver(solver).prepare(p, rtol=1e-10, atol=1e-12)() for p in (two, one))
+    assert both.status == "ok"
+    for index in (0, 1):
+        own = [q for q in both.transitions if q.surface == index]
+        assert [q.kind for q in own] == [q.kind for q in single.transitions]
+        assert {"stick", "release", "crossing"} == {q.kind for q in own}
+        assert [q.time for q in own] == pytest.approx([q.time for q in single.transitions], abs=1e-7)
+    assert both.end_state == pytest.approx(single.end_state, abs=1e-7)
+
+
+def test_one_surface_of_a_contact_does_not_stick_without_the_other() -> None:
+    system = make_problem("x v", ["v", "-x - s - u"], {"s": "v", "u": "2*v"}, [1, 0], 1).system
+    assert system.multiples == {1: (0, 1)}
+    with pytest.raises(ModelError, match="together or not at all"):
+        system.equations((0, 1))
+    assert system.equations((0, 0)).equivalent_signs[0] == -sp.Symbol("x", real=True) / 2

@@ -11,6 +11,7 @@ from problems import make_problem
 from henon_ref import registry
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.model import switching
+from henon_ref.model.derivatives import leading, rate_of
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.switching import Switching
 from henon_ref.taylor.expand import expand
@@ -107,3 +108,11 @@ def test_a_run_does_not_live_on_what_an_earlier_one_worked_out(monkeypatch: pyte
         assert counts[0] > 0
         assert len(set(counts[1:])) == 1
         assert counts[1] > 0
+
+
+def test_a_slope_that_rounding_has_left_makes_no_number_overflow() -> None:
+    """At rest where the force vanishes, too: the rate is 1e39 then, and its eighth power is no double."""
+    states = [[1.0, -1e-78, 0.0, 1.0, 0.1, 0.0, 0.0, 0.0, 0.1], [-1e-78, 0.0, 3.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.8]]
+    rate = rate_of(states)
+    assert rate > 1e38
+    assert leading([1e-78, 0.0, 3.0, -0.27, -1.2, 0.068, 0.17, -0.0068, -0.013], 1, rate, 0.0, 1e-11) == 2

@@ -25,12 +25,21 @@ def rate_of(states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]]
     return rate or 1.0
 
 
+def scaled(series: Sequence[float], rate: float) -> list[float]:
+    """Coefficients in units of a rate's inverse: finite for rates, too, of which no power is."""
+    terms, power = [], 1.0
+    for c in series:
+        terms.append(c * power)
+        power = min(power / rate, 1e300)
+    return terms
+
+
 def leading(series: Sequence[float], first: int, rate: float, size: float, zero: float) -> int | None:
     """Index of the first coefficient from ``first`` on that is not zero, or None."""
-    scaled = [c / rate**k for k, c in enumerate(series)]
-    unit = max(size / rate if first else size, *map(abs, scaled[first:]))
-    for k in range(first, len(scaled)):
-        if abs(scaled[k]) > zero * unit:
+    terms = scaled(series, rate)
+    unit = max(size / rate if first else size, *map(abs, terms[first:]))
+    for k in range(first, len(terms)):
+        if abs(terms[k]) > zero * unit:
             return k
     return None
 

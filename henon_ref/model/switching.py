@@ -19,7 +19,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.model.decision import Decision, explained, with_entries
-from henon_ref.model.derivatives import leading, leading_sign, rate_of
+from henon_ref.model.derivatives import leading, leading_sign, rate_of, scaled
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.modes import Mode, mode_text, replaced
 from henon_ref.model.system import TIME, FilippovSystem, Guard, ModeEquations
@@ -281,7 +281,7 @@ class Switching:
         ways = [c for g, c in zip(equations.guards, outputs, strict=True) if g.kind == "release" and g.index == index]
         # A load at one end of the hold zone is small against its distance to the other; then its derivatives decide.
         rate = rate_of(states, ways)
-        width = max(abs(value) / rate**k for c in ways for k, value in enumerate(c))
+        width = max(abs(value) for c in ways for value in scaled(c, rate))
         return all(c[0] > 0 if abs(c[0]) > zero * width else leading_sign(c, 1, rate, 0.0, zero) >= 0 for c in ways)
 
     def _hold_values(self, index: int) -> Callable[..., list[float]]:

@@ -8,10 +8,10 @@ with Discontinuous Righthand Sides* (1988), and Eqs. (6)-(8) of Olejnik and Awre
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from functools import cached_property
-from itertools import product
+from itertools import combinations, product
 from typing import Literal
 
 import sympy as sp
@@ -168,6 +168,8 @@ class FilippovSystem:
                     )
                 index = next(iter(sliding))
                 rhs, releases = self.overrides[index].field, self.hold_guards(index)
+            elif any((i in sliding) != (j in sliding) for j, (i, _) in self.multiples.items()):
+                raise ModelError("surfaces that are multiples of each other slide together or not at all")
             else:
                 rhs, releases, signs = _filippov_sliding(self, tuple(sorted(sliding)))
             surfaces = tuple(
@@ -203,6 +205,18 @@ class FilippovSystem:
             everything if i in self.overrides else frozenset(j for j, s in enumerate(self.signs) if normal.has(s))
             for i, normal in enumerate(self._normal)
         )
+
+    @cached_property
+    def multiples(self) -> dict[int, tuple[int, int]]:
+        """Surfaces that are an earlier one times a number: which one, and the number's sign."""
+        found: dict[int, tuple[int, int]] = {}
+        surfaces = [self.numeric(h) for h in self.surfaces]
+        for i, j in combinations(range(len(surfaces)), 2):
+            if i not in found and j not in found and surfaces[i].free_symbols == surfaces[j].free_symbols:
+                factor = sp.cancel(surfaces[j] / surfaces[i])
+                if factor.is_number and factor != 0:
+                    found[j] = i, 1 if factor.is_positive else -1
+        return found
 
     def hold_guards(self, index: int) -> tuple[Guard, ...]:
         """The release guards of a surface's override: its hold zone is where all are positive."""
@@ -254,7 +268,20 @@ def _interpolated(expression: sp.Expr, signs: tuple[sp.Symbol, ...]) -> sp.Expr:
 def _filippov_sliding(
     system: FilippovSystem, sliding: tuple[int, ...]
 ) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
-    """Filippov's convex combination on the intersection of the sliding surfaces."""
+    """Filippov's convex combination on the intersection of the sliding surfaces.
+
+    Surfaces that are one another's multiples are one contact: there are but two fields beside it, and their signs stay
+    equal (or opposite) in the combination of these.
+    """
+    tied = {j: found for j, found in system.multiples.items() if j in sliding}
+    if tied:
+        joined = {system.signs[j]: way * system.signs[i] for j, (i, way) in tied.items()}
+        lone = replace(system, field=tuple(f.xreplace(joined) for f in system.field))
+        field, releases, found = _filippov_sliding(lone, tuple(i for i in sliding if i not in tied))
+        for j, (i, way) in tied.items():
+            releases += tuple(Guard(g.kind, j, way * g.to_sign, g.expression) for g in releases if g.index == i)
+            found[j] = way * found[i]
+        return field, releases, found
     states = system.states
     solved: dict[int, int] = {}
     for i in sliding:

@@ -136,12 +136,16 @@ class _Variations:
         return list(zip(guards, values, gradients, rates, strict=True))
 
     def saltation(self, before: Mode, after: Mode, falls: Sequence[Fall], time: float, state: Vector) -> Vector:
-        """S, the product over the guards that fall at one instant."""
+        """S, the product over the guards that fall at one instant (of one contact's several surfaces the first's)."""
         total = np.eye(len(state))
         mode = before
+        multiples = self.system.multiples
+        falls = [fall for fall in falls if fall[0].index not in multiples]
         for position, (guard, gradient, rate) in enumerate(falls):
             last = position == len(falls) - 1
             following = after if last else replaced(mode, guard.index, after[guard.index])
+            for j, (i, _) in multiples.items():
+                following = replaced(following, j, after[j]) if i == guard.index else following
             if rate and following != mode:
                 jump = self.field(following, time, state) - self.field(mode, time, state)
                 total = (np.eye(len(state)) + np.outer(jump, gradient) / rate) @ total
