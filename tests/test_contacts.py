@@ -184,6 +184,15 @@ def test_two_surfaces_of_one_contact_stick_as_one(solver: str, surface: str, sha
     assert both.end_state == pytest.approx(single.end_state, abs=1e-7)
 
 
+@pytest.mark.parametrize(
+    ("other", "way"),
+    [("v - x/3", 1), ("3*v - x", 1), ("x - 3*v", -1), ("-sqrt(2)*(3*v - x)", -1), ("v - x", 0), ("v - x/3 + 1", 0)],
+)
+def test_a_surface_is_known_again_up_to_a_number(other: str, way: int) -> None:
+    system = make_problem("x v", ["v", "-x - s - u"], {"s": "v - x/3", "u": other}, [1, 0], 1).system
+    assert system.multiples == ({1: (0, way)} if way else {})
+
+
 def test_one_surface_of_a_contact_does_not_stick_without_the_other() -> None:
     system = make_problem("x v", ["v", "-x - s - u"], {"s": "v", "u": "2*v"}, [1, 0], 1).system
     assert system.multiples == {1: (0, 1)}

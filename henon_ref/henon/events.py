@@ -50,7 +50,7 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, metho
         if zeros > 0:
             if q[0] > 0.0 and excluded(q, powers, degree):
                 continue
-            if factored(c[n + g], zeros, order, stack[1], stack[2]):
+            if factored(c[n + g], zeros, order, stack[1], stack[2]):  # rows that are free until pieces are cut
                 q = stack[2]
         outcome, low, high = call_bernstein(layout[0, T_BERNSTEIN], q, powers, degree, scaled, stack[0]), 0.0, 1.0
         if outcome == LOOK:

@@ -125,7 +125,8 @@ def _around_minimum(a, degree, low, high, noise):  # type: ignore[no-untyped-def
     if not apart < FAR * width:
         return middle, middle
     if abs(value(a, degree, tau)) <= noise:
-        while apart < FAR * width and min(value(a, degree, tau - apart), value(a, degree, tau + apart)) <= 4.0 * noise:
+        least = DOUBTS * noise
+        while apart < FAR * width and min(value(a, degree, tau - apart), value(a, degree, tau + apart)) <= least:
             apart *= 4.0
         apart = min(apart, FAR * width)
     return tau - apart, tau + apart

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from functools import cached_property
-from itertools import combinations, product
+from itertools import product
 from typing import Literal
 
 import sympy as sp
@@ -208,14 +208,14 @@ class FilippovSystem:
 
     @cached_property
     def multiples(self) -> dict[int, tuple[int, int]]:
-        """Surfaces that are an earlier one times a number: which one, and the number's sign."""
+        """Surfaces that are an earlier one times a number, as they are written: which one, and the number's sign."""
         found: dict[int, tuple[int, int]] = {}
-        surfaces = [self.numeric(h) for h in self.surfaces]
-        for i, j in combinations(range(len(surfaces)), 2):
-            if i not in found and j not in found and surfaces[i].free_symbols == surfaces[j].free_symbols:
-                factor = sp.cancel(surfaces[j] / surfaces[i])
-                if factor.is_number and factor != 0:
-                    found[j] = i, 1 if factor.is_positive else -1
+        first: dict[sp.Expr, tuple[int, int]] = {}
+        for j, surface in enumerate(self.surfaces):
+            form, sign = _up_to_a_number(self.numeric(surface))
+            i, own = first.setdefault(form, (j, sign))
+            if i != j:
+                found[j] = i, own * sign
         return found
 
     def hold_guards(self, index: int) -> tuple[Guard, ...]:
@@ -241,6 +241,14 @@ def _along(expression: sp.Expr, states: tuple[sp.Symbol, ...], rhs: tuple[sp.Exp
     moving = expression.free_symbols
     slopes = (sp.diff(expression, x) * f for x, f in zip(states, rhs, strict=True) if x in moving)
     return sp.diff(expression, TIME) + sp.Add(*slopes)
+
+
+def _up_to_a_number(expression: sp.Expr) -> tuple[sp.Expr, int]:
+    """The expression without its numerical factor, and that factor's sign; nothing is expanded."""
+    number, rest = expression.as_independent(*expression.free_symbols, as_Add=False)
+    _, form = rest.as_content_primitive()
+    turned = form.could_extract_minus_sign()
+    return (-form if turned else form), (1 if number.is_positive else -1) * (-1 if turned else 1)
 
 
 def _solved_state(surface: sp.Expr, states: tuple[sp.Symbol, ...], taken: set[int]) -> int | None:
