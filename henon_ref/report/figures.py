@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 DRAW_SECONDS = 120.0
 """Time that a reading's figures may take [s]."""
 PORTRAIT, MODES, ERRORS, COST = "portrait", "modes", "errors", "cost"
-"""The figures, as their file names name them."""
+"""The figures of a reading, as their file names name them."""
+READINGS = "readings.svg"
+"""The figure of all readings."""
 
 
 @dataclass(frozen=True)

@@ -9,20 +9,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from henon_ref import registry
 from henon_ref.errors import CaseError
 from henon_ref.report.csvfiles import read_rows
 from henon_ref.report.markdown import environment
-from henon_ref.report.ranking import LEVELS, best_of, by_solver, name, number, prices, right
+from henon_ref.report.matrix import KEY, matrix, solvers_of
+from henon_ref.report.ranking import LEVELS, by_solver, name, prices, right
 from henon_ref.report.ratios import slower_table, spread_table
 from henon_ref.report.tables import Table
-from henon_ref.report.words import count, digits
+from henon_ref.report.words import count
 from henon_ref.report.write import INDEX, MANIFEST, REPORT, RUNS, check_index, replace_file
 from henon_ref.score.columns import RUN_COLUMNS, Row
 
 ATLAS, RESTARTS, CAUSES, PAPER, PRICE = "atlas", "restarts", "causes", "paper", "price"
 """Folders of the further pages."""
-MARKS = {"unsupported": "–", "unavailable": "·", "timeout": "timeout", "failed": "failed"}
 
 
 @dataclass(frozen=True)
@@ -111,15 +110,15 @@ def _entries(manifest: Path) -> list[Entry]:
 
 def index_text(found: Sequence[Entry], further: Mapping[str, Sequence[str]] | None = None) -> str:
     """The index as markdown; ``further``: pages beside the reports, with their figures."""
-    solvers = _solvers(found)
     rows = [row for entry in found for row in entry.rows]
     spread, slower = spread_table(rows), slower_table(rows)
     return (
         environment()
         .get_template("index.md.j2")
         .render(
-            answer=_answer(found, solvers),
-            matrix=_matrix(found, solvers).markdown,
+            answer=_answer(found),
+            key=KEY,
+            matrix=matrix(("case",), [((entry.label,), entry.rows) for entry in found]).markdown,
             cheapest=_cheapest(found).markdown,
             spread=spread.markdown if spread.rows else "",
             slower=slower.markdown if slower.rows else "",
@@ -129,17 +128,10 @@ def index_text(found: Sequence[Entry], further: Mapping[str, Sequence[str]] | No
     )
 
 
-def _solvers(found: Sequence[Entry]) -> list[str]:
-    """Solvers that ran anywhere, in the registry's order."""
-    present = {name(row) for entry in found for row in entry.rows}
-    order = [solver for solver in registry.names() if solver in present]
-    return order + sorted(present - set(order))
-
-
-def _answer(found: Sequence[Entry], solvers: Sequence[str]) -> list[str]:
+def _answer(found: Sequence[Entry]) -> list[str]:
     """Sentences on the whole suite."""
     tally = []
-    for solver in solvers:
+    for solver in solvers_of([entry.rows for entry in found]):
         own = [rows for entry in found if (rows := by_solver(entry.rows).get(solver))]
         tried = [rows for rows in own if rows[-1]["status"] not in ("unsupported", "unavailable")]
         good = [rows for rows in tried if any(row["verdict"] == "right" for row in rows)]
@@ -151,27 +143,6 @@ def _answer(found: Sequence[Entry], solvers: Sequence[str]) -> list[str]:
     if leaders:
         sentences.append(f"Right most often, at one setting at least: {', '.join(leaders)}.")
     return sentences
-
-
-def _matrix(found: Sequence[Entry], solvers: Sequence[str]) -> Table:
-    """Digits that each solver reaches on each reading, or what became of it."""
-    lines = []
-    for entry in found:
-        own = by_solver(entry.rows)
-        lines.append((entry.label, *(_cell(own[solver]) if solver in own else "" for solver in solvers)))
-    return Table(("case", *(f"`{solver}`" for solver in solvers)), "l" + "r" * len(solvers), lines)
-
-
-def _cell(rows: Sequence[Row]) -> str:
-    best = best_of(rows)
-    if best["verdict"] == "right":
-        reached = digits(number(best, "digits")) if best["digits"] is not None else "ok"
-        return reached if all(row["verdict"] == "right" for row in rows) else f"{reached} *"
-    if any(row["verdict"] == "right" for row in rows):
-        return "ok"
-    if best["verdict"] in ("ill-conditioned", "not unique"):
-        return str(best["verdict"])
-    return MARKS.get(str(best["status"]), str(best["status"]))
 
 
 def _cheapest(found: Sequence[Entry]) -> Table:

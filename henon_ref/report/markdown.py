@@ -12,6 +12,7 @@ from henon_ref.report.answer import answer
 from henon_ref.report.figures import COST, ERRORS, MODES, PORTRAIT, file_name
 from henon_ref.report.manifest import Provenance
 from henon_ref.report.modeltext import general_form, mode_equations, modes_of, parameters, truth_sentences
+from henon_ref.report.overview import overview
 from henon_ref.report.ranking import name
 from henon_ref.report.tables import price_table, reason_table, run_table, stick_table
 from henon_ref.report.words import count, listing
@@ -61,6 +62,7 @@ def report_text(comparison: Comparison, provenance: Provenance) -> str:
             title=case.title,
             single=single,
             sub="##" if single else "###",
+            overview=overview(comparison),
             readings=[_reading(comparison, result) for result in comparison.readings],
             gate=_gate(comparison),
             notes=NOTES.format(unit=_unit(comparison)),
@@ -83,7 +85,7 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
     prices, reasons, sticks = price_table(rows), reason_table(rows), stick_table(comparison, result)
     return {
         "name": reading.name,
-        "title": reading.title,
+        "title": "" if reading.title == comparison.case.title else reading.title,
         "answer": answer(comparison, result),
         "figures": _figures(result),
         "figures_note": _figures_note(comparison, result),

@@ -51,6 +51,33 @@ def best_of(rows: Sequence[Row]) -> Row:
     return max(candidates, key=lambda row: number(row, "digits")) if candidates else rows[-1]
 
 
+def over_all(readings: Sequence[Sequence[Row]]) -> list[Row]:
+    """A row for every solver and setting, over all readings of a case.
+
+    ``wall_s`` is the time of all readings, ``digits`` the fewest in any. The verdict is right where it is so in every
+    reading; in how many it is says ``right_in``.
+    """
+    own: dict[tuple[object, ...], list[Row]] = {}
+    for row in (row for rows in readings for row in rows):
+        own.setdefault((row["solver"], row["rtol"], row["step_s"]), []).append(row)
+    found: list[Row] = []
+    for (solver, rtol, step), rows in own.items():
+        good = [row for row in rows if row["verdict"] == "right"]
+        reached = [number(row, "digits") for row in good if row["digits"] is not None]
+        found.append(
+            {
+                "solver": solver,
+                "rtol": rtol,
+                "step_s": step,
+                "verdict": "right" if len(good) == len(readings) else "wrong",
+                "right_in": len(good),
+                "digits": min(reached, default=None),
+                "wall_s": sum(number(row, "wall_s") for row in good),
+            }
+        )
+    return found
+
+
 @dataclass(frozen=True)
 class Price:
     """The cheapest way to so many digits, and the next solver's."""

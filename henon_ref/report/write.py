@@ -12,8 +12,10 @@ from pathlib import Path
 from henon_ref.comparison import Comparison
 from henon_ref.errors import CaseError
 from henon_ref.report.csvfiles import csv_text
+from henon_ref.report.figures import READINGS, svg
 from henon_ref.report.manifest import Provenance, manifest_text
 from henon_ref.report.markdown import report_text
+from henon_ref.report.overview import is_drawn, judged
 from henon_ref.score.columns import RUN_COLUMNS, STICK_COLUMNS
 
 REPORT, RUNS, TRANSITIONS, STICKS, MANIFEST = (
@@ -42,6 +44,10 @@ def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]
     }
     for result in comparison.readings:
         files.update(result.figures)
+    if is_drawn(comparison):
+        from henon_ref.report.readings_figure import draw_readings
+
+        files[READINGS] = svg(draw_readings(judged(comparison)))
     files[MANIFEST] = manifest_text(comparison, origin, [*files, MANIFEST]).encode()
     return files
 
