@@ -1,7 +1,7 @@
 """The command: case files in, reports out.
 
-``python -m henon_ref.compare CASE.yaml [...]``. Exit status 0 done, 1 the gate is not met, 2 a bad case file or
-argument (one message on standard error), 130 interrupted.
+``python -m henon_ref.compare CASE.yaml [...]``. Exit status 0 done, 1 the gate is not met or a required solver is
+wrong, 2 a bad case file or argument (one message on standard error), 130 interrupted.
 """
 
 from __future__ import annotations
@@ -70,6 +70,13 @@ def main(
     gate: Annotated[
         bool, typer.Option("--gate", help="Exit with 1 if a bound of a case's gate is not met, or none was checked.")
     ] = False,
+    require: Annotated[
+        str | None,
+        typer.Option(
+            help="Solvers with commas: exit with 1 if one of them is wrong by its own fault in some reading, at its "
+            "tightest setting, or is not judged in any."
+        ),
+    ] = None,
 ) -> Request:
     """Run every solver on every case, score it against the truth, and write a report."""
     return Request(
@@ -84,6 +91,7 @@ def main(
         gate=gate,
         figures=figures,
         restarts=_parts(restart) or (),
+        required=_parts(require) or (),
     )
 
 
@@ -136,10 +144,11 @@ def command(arguments: Sequence[str] | None = None) -> int:
 def _run(request: Request) -> int:
     from henon_ref.report.command import run
 
-    failures = run(request)
-    for words in failures:
-        print(f"gate: {words}", file=sys.stderr)
-    return GATE if request.gate and failures else DONE
+    unmet = run(request)
+    for what, failures in unmet._asdict().items():
+        for words in failures:
+            print(f"{what}: {words}", file=sys.stderr)
+    return GATE if unmet.required or (request.gate and unmet.gate) else DONE
 
 
 def _say(message: str) -> int:

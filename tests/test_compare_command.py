@@ -82,6 +82,27 @@ def test_a_gate_that_is_checked_in_part_says_so(made_up, tmp_path, capsys):
     assert capsys.readouterr().out.splitlines() == ["reports/README.md; gate met (2 of 4 bounds checked)"]
 
 
+def test_a_required_solver_decides_the_exit_status(made_up, monkeypatch, capsys):
+    assert run(made_up, "--require", "henon") == 0
+    assert capsys.readouterr().out == "reports/made_up/report.md; gate met; henon right in 1 of 1 judged\n"
+    assert run(made_up, "--require", "henon,heyoka") == 1
+    captured = capsys.readouterr()
+    assert captured.out.endswith("; henon right in 1 of 1 judged; heyoka right in 0 of 1 judged\n")
+    words = (
+        "required: made_up: default: heyoka (rtol 1e-06): wrong (1 missed, 0 spurious, first missed: crossing at t = 2)"
+    )
+    assert captured.err == f"{words}\n"
+    assert run(made_up, "--solvers", "heyoka", "--require", "henon") == 2
+    words = "error: --require names 'henon', which is not among the solvers that run: heyoka\n"
+    assert capsys.readouterr().err == words
+
+
+def test_a_required_solver_that_cannot_be_judged_does_not_pass(made_up, monkeypatch, capsys):
+    monkeypatch.setattr(registry, "solver", {**SOLVERS, "henon": Fake("henon", "unsupported")}.__getitem__)
+    assert run(made_up, "--require", "henon") == 1
+    assert "required: there is no reading in which henon can be judged\n" in capsys.readouterr().err
+
+
 def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, capsys):
     (tmp_path / "plain.yaml").write_text(re.sub("gate: .*", "", CASE.format(name="plain")))
     assert run("plain.yaml", "--gate") == 0

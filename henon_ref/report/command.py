@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from henon_ref import registry
 from henon_ref.atlas.page import FOLDER as ATLAS
@@ -26,10 +26,10 @@ from henon_ref.report.request import Request
 from henon_ref.report.write import check_index, check_writable, write_report
 from henon_ref.restarts.experiment import run_restarts
 from henon_ref.restarts.page import FOLDER as RESTARTS
-from henon_ref.score.gate import Tally, gate_tally
+from henon_ref.score.gate import Demand, Tally, demand, gate_tally
 from henon_ref.score.journal import FILE, read
 from henon_ref.score.options import Observer, Options, Silent
-from henon_ref.score.plan import check_solvers
+from henon_ref.score.plan import check_required, check_solvers
 from henon_ref.score.rows import Record
 
 if TYPE_CHECKING:
@@ -38,10 +38,17 @@ if TYPE_CHECKING:
 SUFFIXES = (".yaml", ".yml")
 
 
-def run(request: Request) -> list[str]:
-    """Compare and report; the bounds of the gate that are not met.
+class Unmet(NamedTuple):
+    """What the command's exit status may depend on, a sentence each."""
 
-    Where the gate decides (``--gate``) and none of its bounds was checked, that is what is not met.
+    gate: list[str]
+    """Bounds of the gate that are not met; where it decides (``--gate``) and none was checked, that."""
+    required: list[str]
+    """Where a required solver is not right; where one was judged nowhere, that."""
+
+
+def run(request: Request) -> Unmet:
+    """Compare and report.
 
     Raises
     ------
@@ -65,10 +72,12 @@ def run(request: Request) -> list[str]:
         resume=request.resume,
     )
     check_solvers(cases, options)
+    check_required(request.required, cases, options)
     _mention_unfinished(cases, request)
     written: list[Path] = []
     failures: list[str] = []
     tallies: list[Tally] = []
+    demands = dict.fromkeys(request.required, Demand())
     origin: list[Provenance] = []
 
     def meanwhile() -> None:
@@ -80,6 +89,8 @@ def run(request: Request) -> list[str]:
         written.append(write_report(comparison, (origin or [provenance(rerun_command(request))])[0], request.out))
         failures.extend(f"{comparison.case.name}: {words}" for words in comparison.gate_failures())
         tallies.append(gate_tally(comparison.case.readings, comparison.run_rows))
+        for solver in demands:
+            demands[solver] += demand(solver, comparison.run_rows)
 
     with Shown() as shown:
         draw = figure_job if request.figures else None
@@ -90,10 +101,15 @@ def run(request: Request) -> list[str]:
     discard(request.out, cases)
     where = written[0] if len(written) == 1 else index
     tally = sum(tallies, Tally())
-    print(f"{where}{gate_state(tally, failures, wanted=request.gate)}")
+    told = "".join(f"; {solver} right in {own.right} of {own.judged} judged" for solver, own in demands.items())
+    print(f"{where}{gate_state(tally, failures, wanted=request.gate)}{told}")
     if request.gate and tally.total and not tally.checked:
         failures.append(gate_words(tally))
-    return failures
+    return Unmet(failures, [words for solver, own in demands.items() for words in _unmet(solver, own)])
+
+
+def _unmet(solver: str, own: Demand) -> tuple[str, ...]:
+    return own.failures or (() if own.judged else (f"there is no reading in which {solver} can be judged",))
 
 
 def gate_state(tally: Tally, failures: Sequence[str], *, wanted: bool) -> str:

@@ -22,6 +22,8 @@ class Request:
     figures: bool = True
     restarts: tuple[str, ...] = ()
     """Habits by which libraries are restarted after an event; none: each solver by its own."""
+    required: tuple[str, ...] = ()
+    """Solvers that have to be right in every reading."""
 
     @property
     def whole(self) -> bool:

@@ -1,4 +1,4 @@
-"""The gate: bounds that a case sets its solvers."""
+"""The gate: bounds that a case sets its solvers; and solvers of which it is demanded that they are right."""
 
 from __future__ import annotations
 
@@ -76,11 +76,14 @@ def _setting(row: Row) -> str:
     return f" (rtol {row['rtol']:g})" if row["rtol"] is not None else f" (step {row['step_s']:g} s)"
 
 
+def _status(row: Row) -> str:
+    return f"{row['status']} ({row['status_reason']})" if row["status_reason"] else str(row["status"])
+
+
 def _broken(gate: Gate, row: Row) -> list[str]:
     words: list[str] = []
     if row["status"] != gate.status:
-        reason = f" ({row['status_reason']})" if row["status_reason"] else ""
-        words.append(f"status {row['status']}{reason}, wanted {gate.status}")
+        words.append(f"status {_status(row)}, wanted {gate.status}")
     for name, column, bound in (
         ("worst time error", "max_time_error_s", gate.max_time_error),
         ("worst stick error", "max_stick_error_s", gate.max_stick_error),
@@ -95,3 +98,40 @@ def _broken(gate: Gate, row: Row) -> list[str]:
         elif value > bound:
             words.append(f"{name} {value:.3g} s, wanted <= {bound:g} s")
     return words
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What became of a solver that has to be right wherever double precision decides."""
+
+    right: int = 0
+    """Readings in which it is right."""
+    judged: int = 0
+    """Those and the ones in which it is wrong by its own fault."""
+    failures: tuple[str, ...] = ()
+    """A sentence for each in which it is not right by its own fault, or could not be run."""
+
+    def __add__(self, other: Demand) -> Demand:
+        return Demand(self.right + other.right, self.judged + other.judged, self.failures + other.failures)
+
+
+def demand(solver: str, rows: Sequence[Row]) -> Demand:
+    """Whether a solver is right in every reading of a case, at its tightest setting.
+
+    What it does not support, and what is ill-conditioned, not unique or out of time, is not judged.
+    """
+    found = Demand()
+    by_reading: dict[object, list[Row]] = {}
+    for row in rows:
+        if row["solver"] == solver:
+            by_reading.setdefault(row["reading"], []).append(row)
+    for reading, own in by_reading.items():
+        row = min(own, key=_tightness)
+        words = f"{row['case']}: {reading}: {solver}{_setting(row)}: {_status(row)}"
+        if row["status"] == "unavailable":
+            found += Demand(failures=(words,))
+        elif row["verdict"] == "right":
+            found += Demand(right=1, judged=1)
+        elif row["verdict"] == "solver defect":
+            found += Demand(judged=1, failures=(words,))
+    return found

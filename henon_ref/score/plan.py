@@ -58,6 +58,21 @@ def check_solvers(cases: Sequence[Case], options: Options) -> None:
             )
 
 
+def check_required(names: Sequence[str], cases: Sequence[Case], options: Options) -> None:
+    """Refuse a required solver that does not run.
+
+    Raises
+    ------
+    CaseError
+    """
+    run = {name for case in cases for reading in case.readings for name in chosen_solvers(reading, options)}
+    for name in names:
+        if name not in run:
+            raise CaseError(
+                f"--require names '{name}', which is not among the solvers that run: {', '.join(sorted(run))}"
+            )
+
+
 def chosen_solvers(reading: Reading, options: Options) -> dict[str, str | Solver]:
     """Name -> solver of everything that runs on a reading, in the registry's order."""
     if options.solvers is None:
