@@ -16,6 +16,8 @@ from henon_ref.price.growth import STICKS, horizons
 from henon_ref.price.ladder import paid_after, relative_costs
 from henon_ref.price.landings import landings, near_grazing
 from henon_ref.price.operations import count
+from henon_ref.price.page import rival_table
+from henon_ref.price.pairs import pairs
 from henon_ref.price.states import Size, exponent, sizes
 from henon_ref.report.ratios import ratio_at, ratios, slower_table, spread_table
 from henon_ref.score.columns import RUN_COLUMNS, Row
@@ -113,6 +115,24 @@ def test_ratios_are_taken_at_the_same_worst_error() -> None:
     rows = [row("a", 1.0, 3), row("a", 2.0, 12), row("b", 5.0, 13)]
     assert ratio_at(rows, 1e-9, "a", "b") == pytest.approx(0.4)
     assert ratio_at(rows, 1e-14, "a", "b") is None
+
+
+def test_pairs_run_in_turn_at_the_cheapest_settings_within_the_same_worst_error() -> None:
+    case = load_case(CASES / "free_coulomb.yaml")
+    ladder = [
+        {**row(solver, wall, digits, case=case.name), "rtol": rtol, "atol": rtol}
+        for solver, rtol, wall, digits in [
+            ("henon", 1e-6, 1e-5, 7), ("henon", 1e-9, 3e-5, 10), ("henon", 1e-12, 2e-5, 13), ("henon", 1e-13, 4e-5, 14),
+            ("heyoka", 1e-9, 5e-5, 9.5), ("heyoka", 1e-12, 6e-5, 11),
+        ]
+    ]  # fmt: skip
+    (pair,) = pairs([case], ladder, seconds=0.01)
+    assert (pair.rival, pair.worst_error_s, pair.rtol, pair.rival_rtol) == ("heyoka", 1e-9, 1e-12, 1e-9)
+    assert pair.rounds == 200
+    assert 0 < pair.wall_s != 2e-5
+    assert pair.ratio == pair.wall_s / pair.rival_wall_s
+    table = rival_table([pair]).rows
+    assert [cells[:3] for cells in table] == [(case.name, "1e-09 s", f"{pair.ratio:.2g}")]
 
 
 def test_the_index_tells_how_ratios_spread_and_where_the_other_is_faster() -> None:

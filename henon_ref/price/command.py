@@ -1,4 +1,4 @@
-"""What the command does, in order: check, run the ladder, the landings, the effects and the horizons, write."""
+"""What the command does, in order: check, the ladder, the pairs, the landings, the effects, the horizons, write."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from henon_ref.price.ladder import run_ladder
 from henon_ref.price.landings import landings, near_grazing
 from henon_ref.price.operations import work
 from henon_ref.price.page import Prices, write_page
+from henon_ref.price.pairs import pairs
 from henon_ref.price.states import sizes
 from henon_ref.report.command import Shown, load_cases
 from henon_ref.report.manifest import provenance
@@ -60,6 +61,7 @@ def run(paths: Sequence[Path], out: Path, *, jobs: int, resume: bool) -> int:
     orbit = orbit_problem()
     found = Prices(
         rows=rows,
+        pairs=pairs(cases, rows),
         landings=[*landings(cases, truths_of(cases)), *near_grazing()],
         work=work(orbit),
         effects=effect_costs(),

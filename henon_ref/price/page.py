@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 from henon_ref.price import effects
@@ -14,13 +14,14 @@ from henon_ref.price.growth import Horizon
 from henon_ref.price.ladder import paid_after, relative_costs
 from henon_ref.price.landings import Landed
 from henon_ref.price.operations import Work
+from henon_ref.price.pairs import RIVALS, Pair
 from henon_ref.price.states import Size
 from henon_ref.report import style
 from henon_ref.report.csvfiles import csv_text
 from henon_ref.report.manifest import Provenance
 from henon_ref.report.markdown import environment
 from henon_ref.report.ranking import LEVELS, name, number, prices
-from henon_ref.report.ratios import ratio_at, readings_of
+from henon_ref.report.ratios import readings_of
 from henon_ref.report.tables import Table, wall
 from henon_ref.report.words import duration, setting
 from henon_ref.report.write import replace_file
@@ -30,7 +31,7 @@ PAGE = "README.md"
 RUNS = "price.csv"
 GROWTH = "growth.svg"
 SIZES = "states.svg"
-RIVALS = ("heyoka", "scipy-dop853", "scipy-dop853+numba", "cvode-adams", "cvode-adams+numba")
+PAIRS = "pairs.csv"
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class Prices:
     """Everything that was measured."""
 
     rows: Sequence[Row]
+    pairs: Sequence[Pair]
     landings: Sequence[Landed]
     work: Work
     effects: Sequence[Step]
@@ -55,6 +57,8 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
     """
     folder.mkdir(parents=True, exist_ok=True)
     replace_file(folder / RUNS, csv_text(RUN_COLUMNS, found.rows).encode())
+    columns = [column.name for column in fields(Pair)]
+    replace_file(folder / PAIRS, csv_text(columns, map(asdict, found.pairs)).encode())
     sections = []
     for (case, reading), rows in readings_of(found.rows).items():
         figures = []
@@ -71,7 +75,8 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
         .get_template("price.md.j2")
         .render(
             whole=whole_table(found.rows).markdown,
-            rivals=rival_table(found.rows).markdown,
+            rivals=rival_table(found.pairs).markdown,
+            pairs=PAIRS,
             sections=sections,
             landings=landing_table(found.landings).markdown,
             effects=effect_table(found.effects).markdown,
@@ -103,14 +108,15 @@ def whole_table(rows: Sequence[Row]) -> Table:
     return Table(("solver", *(f"{level} digits" for level in LEVELS)), "l" + "r" * len(LEVELS), lines)
 
 
-def rival_table(rows: Sequence[Row]) -> Table:
+def rival_table(found: Sequence[Pair]) -> Table:
     """`henon`'s time over that of others, at the same bound on the worst error, reading by reading."""
+    ratios: dict[tuple[str, str, float], dict[str, float]] = {}
+    for pair in found:
+        ratios.setdefault((pair.case, pair.reading, pair.worst_error_s), {})[pair.rival] = pair.ratio
     lines = []
-    for (case, reading), own in readings_of(rows).items():
-        for error in (1e-9, 1e-12):
-            ratios = [ratio_at(own, error, "henon", rival) for rival in RIVALS]
-            cells = ["" if ratio is None else f"{ratio:.2g}" for ratio in ratios]
-            lines.append((case if reading == "default" else f"{case}, {reading}", f"{error:.0e} s", *cells))
+    for (case, reading, error), own in ratios.items():
+        cells = [f"{own[rival]:.2g}" if rival in own else "" for rival in RIVALS]
+        lines.append((case if reading == "default" else f"{case}, {reading}", f"{error:.0e} s", *cells))
     return Table(("reading", "worst error", *(f"`{rival}`" for rival in RIVALS)), "lr" + "r" * len(RIVALS), lines)
 
 
