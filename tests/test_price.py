@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ from henon_ref.price.operations import count
 from henon_ref.price.page import rival_table
 from henon_ref.price.pairs import pairs
 from henon_ref.price.states import Size, exponent, sizes
+from henon_ref.price.timer import MOST, in_turn
 from henon_ref.report.ratios import ratio_at, ratios, slower_table, spread_table
 from henon_ref.score.columns import RUN_COLUMNS, Row
 from henon_ref.trajectory import Problem
@@ -127,12 +129,26 @@ def test_pairs_run_in_turn_at_the_cheapest_settings_within_the_same_worst_error(
         ]
     ]  # fmt: skip
     (pair,) = pairs([case], ladder, seconds=0.01)
-    assert (pair.rival, pair.worst_error_s, pair.rtol, pair.rival_rtol) == ("heyoka", 1e-9, 1e-12, 1e-9)
-    assert pair.rounds == 200
-    assert 0 < pair.wall_s != 2e-5
+    assert (pair.rival, pair.worst_error_s) == ("heyoka", 1e-9)
+    assert pair.rtol in (1e-9, 1e-12, 1e-13)
+    assert pair.rival_rtol in (1e-9, 1e-12)
+    assert pair.rounds == 50
+    assert 0 < pair.wall_s not in (2e-5, 3e-5, 4e-5)
     assert pair.ratio == pair.wall_s / pair.rival_wall_s
     table = rival_table([pair]).rows
     assert [cells[:3] for cells in table] == [(case.name, "1e-09 s", f"{pair.ratio:.2g}")]
+
+
+def test_a_short_run_is_repeated_within_its_turn() -> None:
+    calls: dict[str, int] = {"short": 0, "long": 0}
+
+    def run(key: str, seconds: float) -> None:
+        calls[key] += 1
+        time.sleep(seconds)
+
+    in_turn({"short": lambda: run("short", 1e-4), "long": lambda: run("long", 4e-3)}, rounds=3, turn=4e-3)
+    assert calls["long"] == 4
+    assert 4 * 5 <= calls["short"] <= 4 * MOST
 
 
 def test_the_index_tells_how_ratios_spread_and_where_the_other_is_faster() -> None:

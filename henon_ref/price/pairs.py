@@ -14,11 +14,16 @@ from henon_ref.score.columns import Row
 from henon_ref.solver import Run
 from henon_ref.trajectory import Problem
 
+FIRST = "henon"
 RIVALS = ("heyoka", "scipy-dop853", "scipy-dop853+numba", "cvode-adams", "cvode-adams+numba")
 ERRORS = (1e-9, 1e-12)
 """Bounds on the worst error [s]."""
-SECONDS, FEWEST, MOST = 1.0, 5, 200
+CANDIDATES = 3
+"""Settings of each solver that are timed: the loosest within the bound. The cheapest is among them, or next to it."""
+SECONDS, FEWEST, MOST = 3.0, 5, 200
 """Time a pair may take, and how often each of it is run."""
+TURN = 1e-3
+"""Seconds for which a short run is repeated when it is its turn."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +55,7 @@ def pairs(cases: Sequence[Case], rows: Sequence[Row], seconds: float = SECONDS) 
     ----------
     cases : sequence of Case
     rows : sequence of Row
-        The ladder's: they tell the settings.
+        The ladder's: they tell which settings are within the bound.
     seconds : float
         Time a pair may take.
     """
@@ -58,29 +63,29 @@ def pairs(cases: Sequence[Case], rows: Sequence[Row], seconds: float = SECONDS) 
     found = []
     for key, own in readings_of(rows).items():
         for error in ERRORS:
-            first = _cheapest(own, "henon", error)
+            first = _candidates(own, FIRST, error)
             for rival in RIVALS:
-                other = _cheapest(own, rival, error)
-                if first is not None and other is not None:
-                    found.append(_timed(*key, error, problems[key], first, other, seconds))
+                other = _candidates(own, rival, error)
+                if first and other:
+                    found.append(_timed(*key, error, problems[key], [*first, *other], seconds))
     return found
 
 
-def _cheapest(rows: Sequence[Row], solver: str, error: float) -> Row | None:
-    """A solver's cheapest right row whose worst error is at most ``error`` [s]."""
+def _candidates(rows: Sequence[Row], solver: str, error: float) -> list[Row]:
+    """A solver's loosest right rows whose worst error is at most ``error`` [s]."""
     able = [row for row in right(rows) if name(row) == solver and number(row, "max_time_error_s") <= error]
-    return min((row for row in able if row["wall_s"]), key=lambda row: number(row, "wall_s"), default=None)
+    return sorted(able, key=lambda row: -number(row, "rtol"))[:CANDIDATES]
 
 
-def _timed(
-    case: str, reading: str, error: float, problem: Problem, first: Row, other: Row, seconds: float
-) -> Pair:  # fmt: skip
-    runs = {name(row): _prepared(row, problem) for row in (first, other)}
-    rounds = min(max(int(seconds / number(other, "wall_s")), FEWEST), MOST)
-    times = in_turn(runs, rounds=rounds)
-    settings = number(first, "rtol"), number(other, "rtol")
-    walls = times[name(first)].median, times[name(other)].median
-    return Pair(case, reading, error, name(other), *settings, *walls, rounds)
+def _timed(case: str, reading: str, error: float, problem: Problem, rows: Sequence[Row], seconds: float) -> Pair:
+    runs = {(name(row), number(row, "rtol")): _prepared(row, problem) for row in rows}
+    rounds = min(max(int(seconds / sum(number(row, "wall_s") for row in rows)), FEWEST), MOST)
+    times = in_turn(runs, rounds=rounds, turn=TURN)
+    (wall, _, rtol), (rival_wall, rival, rival_rtol) = (
+        min((times[solver, rtol].median, solver, rtol) for solver, rtol in runs if (solver == FIRST) is ours)
+        for ours in (True, False)
+    )
+    return Pair(case, reading, error, rival, rtol, rival_rtol, wall, rival_wall, rounds)
 
 
 def _prepared(row: Row, problem: Problem) -> Run:
