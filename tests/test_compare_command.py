@@ -92,6 +92,8 @@ def test_a_required_solver_decides_the_exit_status(made_up, monkeypatch, capsys)
         "required: made_up: default: heyoka (rtol 1e-06): wrong (1 missed, 0 spurious, first missed: crossing at t = 2)"
     )
     assert captured.err == f"{words}\n"
+    assert run(made_up, "--require", "henom") == 2
+    assert "error: unknown solver 'henom'; did you mean 'henon'?" in capsys.readouterr().err
     assert run(made_up, "--solvers", "heyoka", "--require", "henon") == 2
     words = "error: --require names 'henon', which is not among the solvers that run: heyoka\n"
     assert capsys.readouterr().err == words

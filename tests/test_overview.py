@@ -81,8 +81,8 @@ def test_one_setting_for_all_readings_costs_the_sum_of_their_times():
 
 def test_a_setting_that_is_wrong_in_one_reading_is_no_answer_for_all():
     text = report_text(sweep(wrong=[("henon", "f3", 1e-6)]), ORIGIN)
-    assert "4 readings. Right in every one of them at one and the same setting: `henon` (at 1e-9) and" in text
-    assert "`heyoka` (at every setting)." in text
+    assert "4 readings. Right in every one of them at one and the same setting: `henon` (at 1e-9);" in text
+    assert "; `heyoka` (at every setting)." in text
     rows = table(text.split("## All readings")[0])
     assert rows[2].startswith("| 3 | `henon` | 1e-9 | 0.318 ms | `heyoka` | 1e-6 | 0.637 ms | 2 |")
     assert rows[5].startswith("| 12 | none |")
@@ -98,6 +98,11 @@ def test_where_no_setting_is_right_in_all_readings_the_report_says_which_comes_c
     assert "No solver is right in any." in report_text(
         sweep(wrong=[(s, f"f{v}", r) for s in ("henon", "heyoka") for v in VALUES for r in (1e-6, 1e-9)]), ORIGIN
     )
+
+
+def test_solvers_that_are_right_at_the_same_settings_are_named_together():
+    text = report_text(sweep(), ORIGIN)
+    assert "at one and the same setting: `henon` and `heyoka` (at every setting)." in text
 
 
 def test_readings_without_a_truth_are_counted_and_left_out():

@@ -11,7 +11,7 @@ from henon_ref.report.figures import READINGS
 from henon_ref.report.matrix import KEY, matrix
 from henon_ref.report.ranking import by_solver, name, number, over_all
 from henon_ref.report.tables import price_table
-from henon_ref.report.words import listing, setting
+from henon_ref.report.words import code, listing, setting
 from henon_ref.score.columns import Row
 from henon_ref.score.options import MOST_DRAWN
 
@@ -60,13 +60,15 @@ def _counted(judged: int, readings: int) -> str:
 
 def _everywhere(whole: Sequence[Row], readings: int) -> str:
     """Who is right in all readings at one and the same setting; else who is in most."""
-    told = []
+    told: dict[str, list[str]] = {}
     for solver, rows in by_solver(whole).items():
         always = [setting(row["rtol"], row["step_s"]) for row in rows if row["verdict"] == "right"]
         if always:
-            told.append(f"`{solver}` ({'at every setting' if len(always) == len(rows) else f'at {listing(always)}'})")
+            where = "at every setting" if len(always) == len(rows) else f"at {listing(always)}"
+            told.setdefault(where, []).append(solver)
     if told:
-        return f"Right in every one of them at one and the same setting: {listing(told)}."
+        phrases = [f"{code(solvers)} ({where})" for where, solvers in told.items()]
+        return f"Right in every one of them at one and the same setting: {'; '.join(phrases)}."
     most = max(whole, key=lambda row: number(row, "right_in"), default=None)
     if most is None or not most["right_in"]:
         return "No solver is right in any."

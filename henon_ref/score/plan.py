@@ -67,7 +67,7 @@ def check_required(names: Sequence[str], cases: Sequence[Case], options: Options
     """
     run = {name for case in cases for reading in case.readings for name in chosen_solvers(reading, options)}
     for name in names:
-        if name not in run:
+        if registry.check(name) not in run:
             raise CaseError(
                 f"--require names '{name}', which is not among the solvers that run: {', '.join(sorted(run))}"
             )
