@@ -10,6 +10,7 @@ from made_reports import made
 from test_report import ORIGIN
 
 from henon_ref.comparison import Comparison
+from henon_ref.report import readings_figure
 from henon_ref.report.figures import READINGS
 from henon_ref.report.markdown import report_text
 from henon_ref.report.overview import MANY, judged
@@ -61,6 +62,14 @@ def test_many_readings_get_a_figure_where_figures_are_wanted(tmp_path):
     assert [label.get_text() for label in axes.get_yticklabels()] == ["heyoka", "henon"]
     assert [text.get_text() for text in axes.texts] == ["9", "6", *["9"] * 12]
     assert [label.get_text() for label in figure.legends[0].get_texts()] == ["(corner) wrong at another setting"]
+
+
+def test_where_cells_are_too_small_for_digits_shades_stand_for_them(monkeypatch):
+    monkeypatch.setattr(readings_figure, "MOST_TEXTS", 3)
+    figure = draw_readings(judged(sweep()))
+    assert not figure.axes[0].texts
+    words = [label.get_text() for label in figure.legends[0].get_texts()]
+    assert words == ["3 digits", "6 digits", "9 digits", "12 digits"]
 
 
 def table(text: str) -> list[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from henon_ref.report import style
 from henon_ref.report.answer import NOT_RUN
 from henon_ref.report.matrix import solvers_of
-from henon_ref.report.ranking import best_of, by_solver, number
+from henon_ref.report.ranking import LEVELS, best_of, by_solver, number
 from henon_ref.score.columns import Row
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ LEFT, ACROSS, WIDEST = 1.05, 6.08, 0.5
 """Room for the solvers' names and for all readings, and the most that one reading takes of it [in]."""
 ROW, LETTER, HALF = 0.19, 0.062, 0.09
 """Height of a row, length of a letter, side of a corner [in]."""
-MOST_NAMES, MOST_TEXTS = 50, 32
+MOST_NAMES, MOST_TEXTS = 50, 44
 """Readings up to which each one is named, and each cell says its digits."""
 
 
@@ -48,7 +48,8 @@ def draw_readings(readings: Sequence[tuple[str, Sequence[Row]]]) -> Figure:
     solvers = [s for s in solvers_of([rows for _, rows in readings]) if any(key[1] == s for key in cells)]
     names = [reading for reading, _ in readings]
     wide = min(ACROSS / len(names), WIDEST)
-    below = 0.34 + LETTER * max(map(len, names))
+    texts = len(names) <= MOST_TEXTS
+    below = (0.34 if texts else 0.5) + LETTER * max(map(len, names))
     height = 0.3 + ROW * len(solvers) + below
     with style.figure(height) as figure:
         box = (LEFT / style.WIDTH, below / height, wide * len(names) / style.WIDTH, ROW * len(solvers) / height)
@@ -57,26 +58,25 @@ def draw_readings(readings: Sequence[tuple[str, Sequence[Row]]]) -> Figure:
         for j, solver in enumerate(reversed(solvers)):
             for i, name in enumerate(names):
                 if (name, solver) in cells:
-                    used |= _draw(axes, i, j, cells[name, solver], wide, texts=len(names) <= MOST_TEXTS)
+                    used |= _draw(axes, i, j, cells[name, solver], wide, texts=texts)
         _label(axes, names, solvers)
         figure.legend(
-            handles=_patches(used), loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=4, fontsize=7.0,
-            handlelength=1.1, columnspacing=1.0, borderpad=0.2,
+            handles=_patches(used, shades=not texts), loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=4,
+            fontsize=7.0, handlelength=1.1, columnspacing=1.0, borderpad=0.2,
         )  # fmt: skip
         return figure
 
 
 def _draw(axes: Axes, i: int, j: int, rows: Sequence[Row], wide: float, *, texts: bool) -> set[str]:
     """One cell; returns its colours that stand for words."""
-    from matplotlib import colormaps
     from matplotlib.patches import Polygon, Rectangle
 
     reached = number(best_of(rows), "digits")
     some = any(row["verdict"] == "right" for row in rows)
     timed = some and not math.isnan(reached)
     plain = NOTHING if some else OPEN if rows[-1]["verdict"] in ("ill-conditioned", "not unique") else WRONG
-    shade = colormaps["Blues"](0.08 + 0.9 * min(max(reached, 0.0), MOST_DIGITS) / MOST_DIGITS) if timed else plain
-    axes.add_patch(Rectangle((i, j), 1, 1, facecolor=shade, edgecolor="white", linewidth=0.5))
+    colour = _shade(reached) if timed else plain
+    axes.add_patch(Rectangle((i, j), 1, 1, facecolor=colour, edgecolor="white", linewidth=0.5))
     if timed and texts:
         ink = "white" if reached >= DARK else style.BLACK
         axes.text(i + 0.5, j + 0.46, f"{math.floor(reached)}", ha="center", va="center", fontsize=6.5, color=ink)
@@ -86,6 +86,13 @@ def _draw(axes: Axes, i: int, j: int, rows: Sequence[Row], wide: float, *, texts
         axes.add_patch(Polygon(corner, facecolor=CORNER, linewidth=0))
         used.add(CORNER)
     return used
+
+
+def _shade(reached: float) -> str:
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return to_hex(colormaps["Blues"](0.08 + 0.9 * min(max(reached, 0.0), MOST_DIGITS) / MOST_DIGITS))
 
 
 def _label(axes: Axes, names: Sequence[str], solvers: Sequence[str]) -> None:
@@ -101,7 +108,11 @@ def _label(axes: Axes, names: Sequence[str], solvers: Sequence[str]) -> None:
     axes.set_title("Digits of the worst transition time, each solver at its most accurate setting")
 
 
-def _patches(used: set[str]) -> list[Patch]:
+def _patches(used: set[str], *, shades: bool) -> list[Patch]:
+    """Words for the colours; where cells do not say their digits, shades for those, too."""
     from matplotlib.patches import Patch
 
-    return [Patch(facecolor=colour, linewidth=0, label=words) for colour, words in WORDS.items() if colour in used]
+    found = [Patch(facecolor=_shade(level), linewidth=0, label=f"{level} digits") for level in LEVELS if shades]
+    return found + [
+        Patch(facecolor=colour, linewidth=0, label=word) for colour, word in WORDS.items() if colour in used
+    ]
