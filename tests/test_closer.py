@@ -6,9 +6,9 @@ import mpmath
 import pytest
 import sympy as sp
 
-from henon_ref.henon import closer
+from henon_ref.henon import closer, isolation
 from henon_ref.henon.closer import CloserLook, Finding
-from henon_ref.henon.isolation import ONE, first_falling_root
+from henon_ref.henon.isolation import ONE, bernstein, decided, first_falling_root
 from henon_ref.model.system import TIME, FilippovSystem
 
 X = sp.Symbol("x", real=True)
@@ -160,6 +160,35 @@ def test_the_first_of_many_roots_is_isolated() -> None:
     outcome, low, high = first_falling_root([int(c / size * ONE) for c in q])
     assert outcome == "root"
     assert low <= ONE // 4 <= high < int(sp.Rational("0.2500001") * ONE)
+
+
+def product(*roots: str, degree: int = 20) -> list[int]:
+    """Positive at 0, with these roots and none else on the step, in fixed point."""
+    q = [sp.Rational(1, 3**k) for k in range(degree)]
+    for root in roots:
+        factor = [sp.Rational(root), sp.Integer(-1)]
+        q = [sum(q[i] * factor[k - i] for i in range(len(q)) if 0 <= k - i < 2) for k in range(len(q) + 1)]
+    size = sum(map(abs, q))
+    return [int(c / size * ONE) for c in q]
+
+
+@pytest.mark.parametrize("apart", ["1e-10", "1e-13", "1e-16", "1e-20"])
+@pytest.mark.parametrize("roots", [3, 5])
+def test_an_odd_number_of_roots_next_to_each_other_is_a_crossing(roots: int, apart: str) -> None:
+    """Even where all between them is below 1e-50: what lies on their far side is below zero."""
+    cluster = [str(sp.Rational("0.238008") + k * sp.Rational(apart)) for k in range(roots)]
+    what, _, place = decided(product(*cluster), 0, ONE * 3 // 10)
+    assert what == "root"
+    assert abs(place / ONE - 0.238008) < 2e-9
+
+
+@pytest.mark.parametrize("roots", [("0.6", "0.6"), ("0.6", "0.6", "0.6000001"), ("0.2", "0.6", "0.6", "0.6")])
+def test_flat_places_are_isolated_in_few_pieces(monkeypatch: pytest.MonkeyPatch, roots: tuple[str, ...]) -> None:
+    """Newton's method leads to them: halving alone takes some hundred and sixty."""
+    looked = []
+    monkeypatch.setattr(isolation, "bernstein", lambda q: looked.append(len(q)) or bernstein(q))
+    assert first_falling_root(product(*roots))[0] in ("touch", "root")
+    assert len(looked) <= 24
 
 
 def test_time_is_the_system_s() -> None:

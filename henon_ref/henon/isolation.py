@@ -7,11 +7,13 @@ isolated as in the compiled :mod:`henon_ref.henon.polynomial`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import comb, factorial
 from typing import Literal
 
-from flint import arb
+from flint import arb, arb_poly, ctx
+
+from henon_ref.henon.registers import EPS
 
 BITS = 220
 """Bits after the point of a polynomial's coefficients, its size on the step being 1, and of places on the step."""
@@ -31,8 +33,16 @@ NEXT = int(ONE * 1e-6)
 """A place where all is next to nothing lies no farther from where the slope vanishes."""
 HIGHEST = 16
 """Highest order of a root that is told."""
-DEPTH = 200
-"""Halvings of the step before what is left of it counts as a point."""
+LEAST = ONE >> 200
+"""What is left of the step when it counts as a point."""
+NEGLIGIBLE = _ZERO >> 20
+"""Coefficients that do not count."""
+PIECES = 64
+"""Pieces looked at after which they are only halved."""
+STEPS = 12
+"""Steps of Newton's method towards the minimum of a piece."""
+APART, FAR = 2.0**-20, 2.0**-3
+"""What is cut out around a minimum: at least the one and at most the other of its piece, to either side."""
 What = Literal["root", "touch", "miss"]
 Fixed = Sequence[int]
 """Coefficients, each times 2^220."""
@@ -58,9 +68,9 @@ def decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
     bottom = _minimum(whole, near)
     middle = (low + high) // 2
     if outcome == "touch" or (outcome == "root" and low == high):  # all is next to nothing there
-        crossed = _odd_root(q, middle, exact=outcome == "root")
-        if crossed is not None and (bottom is None or bottom >= low):
-            return "root", False, crossed
+        crossed = outcome == "root" or _falls_behind(q, low, high)
+        if crossed and (bottom is None or bottom >= low):
+            return "root", False, _odd_root(q, middle, exact=outcome == "root")
     if outcome == "touch":
         touched = _minimum(whole, middle)
         touched = middle if touched is None else touched
@@ -71,8 +81,19 @@ def decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
     return "root", False, rising_root([-c for c in q], low, high)
 
 
-def _odd_root(q: Fixed, place: int, *, exact: bool) -> int | None:
-    """The root of odd order that all is next to nothing about; None where the order is even.
+def _falls_behind(q: Fixed, low: int, high: int) -> bool:
+    """Whether a polynomial that is next to nothing between two places is below zero where it is so no more."""
+    apart = max(high - low, CLOSE)
+    while high + apart <= ONE:
+        value = horner(q, high + apart)
+        if abs(value) > DOUBTS * _ZERO:
+            return value < 0
+        apart *= 2
+    return False
+
+
+def _odd_root(q: Fixed, place: int, *, exact: bool) -> int:
+    """The root of odd order that all is next to nothing about: the place itself where several of them are told as one.
 
     Its order is that of the term that lifts the polynomial from there. A root of order m is one of order 1 of
     derivative m - 1, which tells where it is. ``exact``: it is at the place, which else is next to it.
@@ -80,14 +101,13 @@ def _odd_root(q: Fixed, place: int, *, exact: bool) -> int | None:
     derivatives = [list(q)]
     for _ in range(HIGHEST):
         derivatives.append(_derivative(derivatives[-1]))
-    if not exact:
-        place = _flat(derivatives, place)
-    order = lift([horner(d, place) / ONE / factorial(k) for k, d in enumerate(derivatives)], NOTHING)[1]
+    near = place if exact else _flat(derivatives, place)
+    order = lift([horner(d, near) / ONE / factorial(k) for k, d in enumerate(derivatives)], NOTHING)[1]
     if order % 2 == 0:
-        return None
+        return place
     for _ in range(8):
-        place -= (horner(derivatives[order - 1], place) << BITS) // horner(derivatives[order], place)
-    return place
+        near -= (horner(derivatives[order - 1], near) << BITS) // horner(derivatives[order], near)
+    return near
 
 
 def _flat(derivatives: Sequence[Fixed], place: int) -> int:
@@ -122,34 +142,104 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
     Descartes' rule of signs on Bernstein coefficients, as in the compiled
     :func:`henon_ref.henon.polynomial.first_falling_root`.
     """
-    stack = [(0, 0, bernstein(q))]  # (level, place, coefficients) of the piece [place, place + 1] / 2^level
-    before = False
-    while stack:
-        level, place, b = stack.pop()
-        low, high = place << (BITS - level), (place + 1) << (BITS - level)
-        signs = signs_of(b)
-        changes = sum(x != y for x, y in pairwise(signs))
-        if max(map(abs, b)) <= DOUBTS * _ZERO or level >= DEPTH:
-            return "touch", low, high
-        if before and abs(b[0]) <= _ZERO:  # zero where the step was halved: what comes next decides
-            if changes == 0:
-                return ("root" if not signs[0] else "touch"), low, low
-        elif before and not signs[0]:
-            return "root", low, low
-        elif (changes == 0 and not _unclear(b)) or (changes == 1 and not signs[0]):
-            before = signs[-1]
-            continue
-        elif changes == 1 and abs(b[-1]) > _ZERO:
-            return "root", low, high
-        left, right = _halves(b)
-        stack += [(level + 1, 2 * place + 1, right), (level + 1, 2 * place, left)]
+    with ctx.workprec(BITS):
+        whole = arb_poly([arb(c) / ONE for c in q])
+        stack = [(0, ONE)]
+        before, looked = False, 0
+        while stack:
+            low, high = stack.pop()
+            looked += 1
+            piece = q if high - low == ONE else _piece(whole, low, high)
+            b = bernstein(piece)
+            signs = signs_of(b)
+            changes = sum(x != y for x, y in pairwise(signs))
+            if max(map(abs, b)) <= DOUBTS * _ZERO or high - low <= LEAST:
+                return "touch", low, high
+            if before and abs(b[0]) <= _ZERO:  # zero where the step was cut: what comes next decides
+                if changes == 0:
+                    return ("root" if not signs[0] else "touch"), low, low
+            elif before and not signs[0]:
+                return "root", low, low
+            elif (changes == 0 and not _unclear(b)) or (changes == 1 and not signs[0]):
+                before = signs[-1]
+                continue
+            elif changes == 1 and abs(b[-1]) > DOUBTS * _ZERO:
+                return "root", low, high
+            places = _around_minimum(q, piece, low, high) if signs[0] and looked < PIECES else []
+            stack += reversed([*pairwise([low, *(places or [_middle(q, low, high)]), high])])
     return "none", 0, 0
 
 
+def _piece(whole: arb_poly, low: int, high: int) -> list[int]:
+    """Coefficients on [low, high], of a variable from 0 to 1 there, without last ones that count for nothing."""
+    series = whole(arb_poly([arb(low) / ONE, arb(high - low) / ONE])).coeffs()
+    found = [fixed_point(c) for c in series] or [0]
+    while len(found) > 1 and abs(found[-1]) <= NEGLIGIBLE:
+        found.pop()
+    return found
+
+
+def _middle(q: Fixed, low: int, high: int) -> int:
+    """A place about half way that is clear of zero, where there is one."""
+    places = [low + (high - low) * part // 16 for part in (8, 7, 9, 6, 10)]
+    return next((at for at in places if abs(horner(q, at)) > DOUBTS * _ZERO), places[0])
+
+
+def _around_minimum(q: Fixed, piece: Fixed, low: int, high: int) -> list[int]:
+    """Two places on a piece, one on each side of a minimum (or a flat root), next to it and clear of zero, or none."""
+    found = _flat_place(piece)
+    if found is None:
+        return []
+    width = high - low
+    middle, apart = (int(part * 2.0**53) * width >> 53 for part in found)
+    while apart < FAR * width:
+        places = [at for at in (low + middle - apart, low + middle + apart) if low < at < high]
+        if all(abs(horner(q, at)) > DOUBTS * _ZERO for at in places):
+            return places
+        apart *= 4
+    return []
+
+
+def _flat_place(piece: Fixed) -> tuple[float, float] | None:
+    """A minimum of a piece, or a place where slope and value vanish, and how far from it to cut; None without one.
+
+    As in the compiled :mod:`henon_ref.henon.polynomial`, on the slope over its derivative; doubles do, for what is cut
+    out is looked at again.
+    """
+    size = max(map(abs, piece))
+    c = [x / size for x in piece]
+    tau, shift = 0.5, 0.0
+    for _ in range(STEPS):
+        slope, bend, twist = 0.0, 0.0, 0.0  # twist is half the third derivative
+        for k in range(len(c) - 1, 0, -1):
+            twist = twist * tau + bend
+            bend = bend * tau + slope
+            slope = slope * tau + k * c[k]
+        if abs(slope) <= EPS:
+            shift = 0.0
+            break
+        below = bend * bend - 2.0 * slope * twist
+        if not below > 0.0:
+            return None
+        shift = -slope * bend / below
+        tau += shift
+        if not 0.0 < tau < 1.0:
+            return None
+        if abs(shift) <= APART:
+            break
+    height = 0.0
+    for x in reversed(c):
+        height = height * tau + x
+    return (tau, max(8.0 * abs(shift), APART)) if bend > 0.0 or abs(height) <= APART else None
+
+
 def bernstein(q: Fixed) -> list[int]:
-    """Coefficients of a polynomial on [0, 1] in Bernstein's basis."""
+    """Coefficients of a polynomial on [0, 1] in Bernstein's basis, each off by one at most."""
     degree = len(q) - 1
-    return [sum(comb(i, k) * q[k] // comb(degree, k) for k in range(i + 1)) for i in range(degree + 1)]
+    found: list[int] = []  # sums of products with binomial coefficients, as in Pascal's triangle
+    for k in range(degree, -1, -1):
+        found = list(accumulate(found, initial=(q[k] << degree) // comb(degree, k)))
+    return [c >> degree for c in found]
 
 
 def signs_of(b: Sequence[int]) -> list[bool]:
@@ -160,16 +250,6 @@ def signs_of(b: Sequence[int]) -> list[bool]:
 def _unclear(b: Sequence[int]) -> bool:
     """True where rounding may have hidden roots of even number; the ends are looked at where pieces meet."""
     return b[0] > _ZERO and len(b) > 2 and min(b[1:-1]) <= _ZERO
-
-
-def _halves(b: list[int]) -> tuple[list[int], list[int]]:
-    """Bernstein coefficients on the two halves (de Casteljau)."""
-    left, right = [b[0]], [b[-1]]
-    while len(b) > 1:
-        b = [(x + y) >> 1 for x, y in pairwise(b)]
-        left.append(b[0])
-        right.append(b[-1])
-    return left, right[::-1]
 
 
 def rising_root(rising: Fixed, low: int, high: int) -> int:
