@@ -182,6 +182,15 @@ def test_an_odd_number_of_roots_next_to_each_other_is_a_crossing(roots: int, apa
     assert abs(place / ONE - 0.238008) < 2e-9
 
 
+@pytest.mark.parametrize("apart", ["1e-16", "1e-20"])
+@pytest.mark.parametrize("roots", [2, 4])
+def test_an_even_number_of_roots_next_to_each_other_is_a_touch(roots: int, apart: str) -> None:
+    """Two of them 1e-16 apart are still told as what they are."""
+    cluster = [str(sp.Rational("0.238008") + k * sp.Rational(apart)) for k in range(roots)]
+    what, lowest, _ = decided(product(*cluster), 0, ONE * 238008 // 10**6)
+    assert (what, lowest) == (("root", False) if roots == 2 else ("touch", True))
+
+
 @pytest.mark.parametrize("roots", [("0.6", "0.6"), ("0.6", "0.6", "0.6000001"), ("0.2", "0.6", "0.6", "0.6")])
 def test_flat_places_are_isolated_in_few_pieces(monkeypatch: pytest.MonkeyPatch, roots: tuple[str, ...]) -> None:
     """Newton's method leads to them: halving alone takes some hundred and sixty."""

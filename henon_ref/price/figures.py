@@ -69,8 +69,9 @@ def draw_growth(found: Sequence[Horizon]) -> Figure:
     with style.figure(2.6) as figure:
         left, right_ = figure.subplots(1, 2)
         until = [own.until for own in found]
-        left.semilogx(until, [1e6 * own.per_transition_s for own in found], "o-", color=style.VERMILLION)
-        left.set(xlabel="horizon [s]", ylabel="wall time a transition [µs]", ylim=(0, None))
+        times = [1e6 * own.per_transition_s for own in found]
+        left.semilogx(until, times, "o-", color=style.VERMILLION)
+        left.set(xlabel="horizon [s]", ylabel="wall time a transition [µs]", ylim=(0, 1.1 * max(times)))
         settled = [own for own in found if not math.isnan(own.stick_error_s)]
         errors = [max(own.stick_error_s, 1e-16) for own in settled]
         right_.loglog([own.until for own in settled], errors, "o-", color=style.BLUE)
