@@ -11,8 +11,9 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from baselines.functions import ARITHMETIC, Callbacks, Jacobian, Scalar, scalar
+from henon_ref.model.equations import TIME, Guard
 from henon_ref.model.modes import Mode, replaced
-from henon_ref.model.system import TIME, FilippovSystem, Guard
+from henon_ref.model.system import FilippovSystem
 from henon_ref.taylor.expand import expand
 from henon_ref.taylor.tape import Tape, build_tape
 

@@ -18,9 +18,10 @@ from baselines.mode_functions import EPSILON, ModeFunctions, projected
 from baselines.restart import Fresh
 from baselines.work import Work
 from henon_ref.model.decision import Decision
+from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced
 from henon_ref.model.switching import Switching
-from henon_ref.model.system import FilippovSystem, Guard
+from henon_ref.model.system import FilippovSystem
 from henon_ref.trajectory import Status
 
 CLEAR = 1e-9

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
-from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.model.equations import TIME
+from henon_ref.model.system import FilippovSystem
 from henon_ref.trajectory import Problem
 
 

@@ -10,7 +10,8 @@ from functools import cache
 
 import sympy as sp
 
-from henon_ref.model.system import TIME, FilippovSystem, Release, SlidingOverride
+from henon_ref.model.equations import TIME
+from henon_ref.model.system import FilippovSystem, Release, SlidingOverride
 from henon_ref.trajectory import Problem
 
 X, V, S = sp.symbols("x v s", real=True)

@@ -12,7 +12,8 @@ from baselines.functions import Jacobian, compiled, rounded, scalar
 from baselines.heyoka_expressions import to_heyoka
 from baselines.mode_functions import Landing, ModeFunctions
 from henon_ref.errors import ModelError, UnsupportedError
-from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.model.equations import TIME
+from henon_ref.model.system import FilippovSystem
 
 X, Y, S = sp.symbols("x y s", real=True)
 FIELD = [

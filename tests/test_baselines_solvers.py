@@ -18,7 +18,8 @@ from baselines.scipy_ivp import BDF, DOP853, DOP853_NUMBA, LSODA, RADAU, RK45
 from baselines.sundials_cvode import ADAMS, ADAMS_NUMBA
 from baselines.sundials_cvode import BDF as CVODE_BDF
 from baselines.sundials_ida import IDA, IDA_NUMBA
-from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.model.equations import TIME
+from henon_ref.model.system import FilippovSystem
 from henon_ref.solver import Solver
 from henon_ref.trajectory import Problem
 

@@ -6,7 +6,7 @@ import pytest
 import sympy as sp
 from flint import arb, ctx
 
-from henon_ref.model.system import TIME
+from henon_ref.model.equations import TIME
 from henon_ref.taylor.tape import build_tape
 from henon_ref.truth.certified.enclosure import Curve, Tail, UndecidedError, expand
 from henon_ref.truth.certified.exact import enclose, proves_zero

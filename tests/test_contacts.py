@@ -18,7 +18,8 @@ from henon_ref.henon.session import Session
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.model.case import load_case, parse_case
 from henon_ref.model.contacts import switched_equations
-from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.model.equations import TIME
+from henon_ref.model.system import FilippovSystem
 from henon_ref.trajectory import Problem, Trajectory
 
 CASES = Path(__file__).parent.parent / "cases"

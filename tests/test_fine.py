@@ -18,7 +18,7 @@ from henon_ref.henon import fine
 from henon_ref.henon import program as lowered
 from henon_ref.henon.compiled import double_double
 from henon_ref.jit import njit
-from henon_ref.model.system import TIME
+from henon_ref.model.equations import TIME
 from henon_ref.taylor.expand import Ring, expand
 from henon_ref.taylor.tape import build_tape
 

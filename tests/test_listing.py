@@ -16,7 +16,8 @@ import sympy as sp
 from henon_ref.errors import UnsupportedError
 from henon_ref.henon.listing import LISTING
 from henon_ref.henon.rk4 import RK4
-from henon_ref.model.system import TIME, FilippovSystem, Release, SlidingOverride
+from henon_ref.model.equations import TIME
+from henon_ref.model.system import FilippovSystem, Release, SlidingOverride
 from henon_ref.solver import Solver
 from henon_ref.trajectory import Problem
 

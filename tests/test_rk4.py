@@ -17,7 +17,8 @@ from scipy.optimize import brentq
 
 from henon_ref.errors import UnsupportedError
 from henon_ref.henon.rk4 import RK4
-from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.model.equations import TIME
+from henon_ref.model.system import FilippovSystem
 from henon_ref.solver import Solver
 from henon_ref.trajectory import Problem
 

@@ -7,9 +7,10 @@ import sympy as sp
 
 from henon_ref.errors import CaseError
 from henon_ref.model.case import parse_case
+from henon_ref.model.equations import TIME
 from henon_ref.model.scene import BODIES, build_scene
 from henon_ref.model.source import Source
-from henon_ref.model.system import TIME, FilippovSystem, Release
+from henon_ref.model.system import FilippovSystem, Release
 from henon_ref.model.validation import validated
 from henon_ref.model.yamlfile import parse_yaml
 

@@ -17,8 +17,8 @@ import sympy as sp
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.model.case import Case, Reading, load_case
 from henon_ref.model.catalogue import case_files, catalogue
+from henon_ref.model.equations import TIME
 from henon_ref.model.modes import transition_kind
-from henon_ref.model.system import TIME
 from henon_ref.score.metrics import score
 from henon_ref.score.truthjob import stored_statement
 from henon_ref.trajectory import Problem, Trajectory, Transition

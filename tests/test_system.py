@@ -7,7 +7,8 @@ import sympy as sp
 from problems import make_problem
 
 from henon_ref.errors import ModelError
-from henon_ref.model.system import TIME, FilippovSystem, Release, SlidingOverride
+from henon_ref.model.equations import TIME
+from henon_ref.model.system import FilippovSystem, Release, SlidingOverride
 
 x1, x2, s = sp.symbols("x1 x2 s", real=True)
 mu, vp = sp.symbols("mu vp", positive=True)

@@ -9,7 +9,8 @@ import sympy as sp
 
 from henon_ref.analysis.tangent import SurfaceCoordinate, TangentAnalysis
 from henon_ref.errors import ModelError
-from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.model.equations import TIME
+from henon_ref.model.system import FilippovSystem
 
 X1, X2, S, Z = sp.symbols("x1 x2 s z", real=True)
 M, K1, K2, MU0, VP, A, W, DELTA = (

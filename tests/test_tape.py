@@ -16,7 +16,7 @@ from henon_ref.henon.codegen import expansion_ir
 from henon_ref.henon.emitter import declarations
 from henon_ref.henon.machine import MachineCode
 from henon_ref.henon.rows import row_length
-from henon_ref.model.system import TIME
+from henon_ref.model.equations import TIME
 from henon_ref.taylor.expand import Ring, expand
 from henon_ref.taylor.polynomials import plan, polynomials
 from henon_ref.taylor.tape import INFINITE, build_tape

@@ -8,7 +8,8 @@ import pytest
 import sympy as sp
 from flint import arb, ctx
 
-from henon_ref.model.system import TIME, FilippovSystem, Guard, SlidingOverride
+from henon_ref.model.equations import TIME, Guard
+from henon_ref.model.system import FilippovSystem, SlidingOverride
 from henon_ref.truth.decide import Decider, Point
 
 X, V, S, U = sp.symbols("x v s u", real=True)

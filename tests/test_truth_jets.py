@@ -9,7 +9,7 @@ import sympy as sp
 from flint import arb, ctx
 
 from henon_ref.errors import ModelError
-from henon_ref.model.system import TIME
+from henon_ref.model.equations import TIME
 from henon_ref.truth import jets
 from henon_ref.truth.numbers import exact_ball
 

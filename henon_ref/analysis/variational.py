@@ -29,8 +29,9 @@ from henon_ref.henon.engine import Engine
 from henon_ref.henon.registers import HENON
 from henon_ref.henon.session import Session
 from henon_ref.henon.solvers import order_for
+from henon_ref.model.equations import TIME, Guard, ModeEquations
 from henon_ref.model.modes import Mode
-from henon_ref.model.system import TIME, FilippovSystem, Guard, ModeEquations
+from henon_ref.model.system import FilippovSystem
 from henon_ref.trajectory import Problem, Trajectory, Transition
 
 Matrix = NDArray[np.float64]

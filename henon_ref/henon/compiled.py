@@ -31,8 +31,9 @@ from henon_ref.henon.registers import (
     VALID,
 )
 from henon_ref.model.contacts import SwitchedEquations, switched_equations
+from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced
-from henon_ref.model.system import FilippovSystem, Guard
+from henon_ref.model.system import FilippovSystem
 from henon_ref.taylor.tape import Tape, build_tape
 
 SURFACES = 8

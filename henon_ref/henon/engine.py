@@ -19,10 +19,11 @@ from henon_ref.henon.rows import row_length
 from henon_ref.henon.session import Session
 from henon_ref.henon.settling import work_space
 from henon_ref.model.decision import Decision
+from henon_ref.model.equations import TIME
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.modes import Mode
 from henon_ref.model.switching import ZERO, Switching
-from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.model.system import FilippovSystem
 from henon_ref.trajectory import Problem, Trajectory
 
 

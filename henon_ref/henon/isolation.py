@@ -101,7 +101,7 @@ def _odd_root(q: Fixed, place: int, *, exact: bool) -> int:
     derivatives = [list(q)]
     for _ in range(HIGHEST):
         derivatives.append(_derivative(derivatives[-1]))
-    near = place if exact else _flat(derivatives, place)
+    near = place if exact else _exactly_flat(derivatives, place)
     order = lift([horner(d, near) / ONE / factorial(k) for k, d in enumerate(derivatives)], NOTHING)[1]
     if order % 2 == 0:
         return place
@@ -110,7 +110,7 @@ def _odd_root(q: Fixed, place: int, *, exact: bool) -> int:
     return near
 
 
-def _flat(derivatives: Sequence[Fixed], place: int) -> int:
+def _exactly_flat(derivatives: Sequence[Fixed], place: int) -> int:
     """Where the slope vanishes near a place: Newton's method on the slope over its derivative while it converges."""
     found, longest = place, NEXT
     for _ in range(ROUNDS):
@@ -187,7 +187,7 @@ def _middle(q: Fixed, low: int, high: int) -> int:
 
 def _around_minimum(q: Fixed, piece: Fixed, low: int, high: int) -> list[int]:
     """Two places on a piece, one on each side of a minimum (or a flat root), next to it and clear of zero, or none."""
-    found = _flat_place(piece)
+    found = _roughly_flat(piece)
     if found is None:
         return []
     width = high - low
@@ -200,7 +200,7 @@ def _around_minimum(q: Fixed, piece: Fixed, low: int, high: int) -> list[int]:
     return []
 
 
-def _flat_place(piece: Fixed) -> tuple[float, float] | None:
+def _roughly_flat(piece: Fixed) -> tuple[float, float] | None:
     """A minimum of a piece, or a place where slope and value vanish, and how far from it to cut; None without one.
 
     As in the compiled :mod:`henon_ref.henon.polynomial`, on the slope over its derivative; doubles do, for what is cut

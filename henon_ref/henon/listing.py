@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
 from henon_ref.henon.listing_program import EDGES, effective_changes, run_listing
+from henon_ref.model.equations import TIME
 from henon_ref.model.modes import Mode, transition_kind
-from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.model.system import FilippovSystem
 from henon_ref.solver import Run
 from henon_ref.trajectory import Counts, Problem, Status, Trajectory, Transition
 

@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 from henon_ref.errors import UnsupportedError
 from henon_ref.henon.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, crossed_guards, land
 from henon_ref.model.decision import Decision
+from henon_ref.model.equations import TIME, Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import Switching
-from henon_ref.model.system import TIME, FilippovSystem, Guard
+from henon_ref.model.system import FilippovSystem
 from henon_ref.solver import Run
 from henon_ref.trajectory import Counts, Problem, Status, Trajectory, Transition
 

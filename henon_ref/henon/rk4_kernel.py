@@ -17,8 +17,9 @@ from henon_ref.henon.compiled import double_double
 from henon_ref.henon.emitter import declarations
 from henon_ref.henon.machine import MachineCode
 from henon_ref.jit import inner, njit
+from henon_ref.model.equations import TIME, Guard
 from henon_ref.model.modes import Mode
-from henon_ref.model.system import TIME, FilippovSystem, Guard
+from henon_ref.model.system import FilippovSystem
 from henon_ref.taylor.tape import Tape, build_tape
 
 Floats = NDArray[np.float64]

@@ -16,9 +16,9 @@ from henon_ref.henon.near import MISS, arrive
 from henon_ref.henon.recording import crowded
 from henon_ref.henon.window import OPEN, PASSED, ROOT, UNSURE
 from henon_ref.model.decision import Decision
+from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import ZERO
-from henon_ref.model.system import Guard
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 if TYPE_CHECKING:

@@ -15,8 +15,9 @@ from functools import cached_property
 
 import sympy as sp
 
+from henon_ref.model.equations import TIME, Guard
 from henon_ref.model.modes import Mode
-from henon_ref.model.system import TIME, FilippovSystem, Guard
+from henon_ref.model.system import FilippovSystem
 
 
 @dataclass(frozen=True)

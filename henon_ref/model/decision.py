@@ -10,8 +10,9 @@ from typing import Literal
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.model.equations import TIME
 from henon_ref.model.modes import Mode, replaced
-from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.model.system import FilippovSystem
 
 
 @dataclass(frozen=True)

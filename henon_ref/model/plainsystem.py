@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from henon_ref.model.equations import TIME
 from henon_ref.model.grammar import did_you_mean, listed, name_problem
 from henon_ref.model.schema import CaseForm, SlidingForm, SystemForm
 from henon_ref.model.source import Names, Path, Source
-from henon_ref.model.system import TIME, FilippovSystem, Release, SlidingOverride
+from henon_ref.model.system import FilippovSystem, Release, SlidingOverride
 
 
 def build_system(source: Source, form: SystemForm) -> tuple[FilippovSystem, Names]:

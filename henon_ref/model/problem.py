@@ -8,13 +8,14 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.model.equations import TIME
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.grammar import did_you_mean, listed
 from henon_ref.model.plainsystem import build_overrides, build_system
 from henon_ref.model.scene import build_scene
 from henon_ref.model.schema import CaseForm
 from henon_ref.model.source import Names, Source
-from henon_ref.model.system import TIME, FilippovSystem, SlidingOverride
+from henon_ref.model.system import FilippovSystem, SlidingOverride
 from henon_ref.trajectory import Problem
 
 

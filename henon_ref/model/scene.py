@@ -18,12 +18,13 @@ from henon_ref.model.effects.friction import COULOMB_FRICTION, STATIC_FRICTION, 
 from henon_ref.model.effects.oscillator import Oscillator
 from henon_ref.model.effects.rig import TWO_DOF_RIG
 from henon_ref.model.effects.springs import CUBIC_SPRING, LINEAR_SPRING
+from henon_ref.model.equations import TIME
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.expressions import parse_number
 from henon_ref.model.grammar import did_you_mean, listed
 from henon_ref.model.schema import SceneForm
 from henon_ref.model.source import Names, Source
-from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.model.system import FilippovSystem
 
 BELT_OSCILLATOR: Body[Oscillator] = Body(
     name="belt_oscillator",

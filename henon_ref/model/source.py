@@ -9,9 +9,9 @@ from graphlib import CycleError, TopologicalSorter
 import sympy as sp
 
 from henon_ref.errors import CaseError, ExpressionError
+from henon_ref.model.equations import TIME
 from henon_ref.model.expressions import parse_expression, parse_number
 from henon_ref.model.grammar import name_problem, scan
-from henon_ref.model.system import TIME
 from henon_ref.model.tree import MappingNode, ScalarNode, child, locate
 
 Path = Sequence[str | int]

@@ -20,9 +20,10 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.model.decision import Decision, explained, with_entries
 from henon_ref.model.derivatives import leading, leading_sign, rate_of, scaled
+from henon_ref.model.equations import TIME, Guard, ModeEquations
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.modes import Mode, mode_text, replaced
-from henon_ref.model.system import TIME, FilippovSystem, Guard, ModeEquations
+from henon_ref.model.system import FilippovSystem
 from henon_ref.taylor.expand import expand
 from henon_ref.taylor.tape import Tape, build_tape
 

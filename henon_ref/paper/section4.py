@@ -9,7 +9,7 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.analysis.tangent import TangentAnalysis
-from henon_ref.model.system import TIME
+from henon_ref.model.equations import TIME
 from henon_ref.paper.claims import Claim, Section, checked, picture
 from henon_ref.paper.exact import same, same_set
 from henon_ref.paper.systems import (

@@ -11,7 +11,8 @@ from dataclasses import replace
 import sympy as sp
 
 from henon_ref.analysis.tangent import SurfaceCoordinate
-from henon_ref.model.system import TIME, FilippovSystem, Release, SlidingOverride
+from henon_ref.model.equations import TIME
+from henon_ref.model.system import FilippovSystem, Release, SlidingOverride
 from henon_ref.trajectory import Problem
 
 X1, X2, S, Z = sp.symbols("x1 x2 s z", real=True)

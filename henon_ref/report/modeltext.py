@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.model.equations import TIME
 from henon_ref.model.modes import Mode, mode_text
-from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.model.system import FilippovSystem
 from henon_ref.report.latex import latex, symbol
 from henon_ref.report.words import count, exponential, listing, significant
 from henon_ref.score.results import ReadingResult

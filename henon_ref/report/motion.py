@@ -11,8 +11,9 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.model.case import Reading
+from henon_ref.model.equations import TIME
 from henon_ref.model.modes import Mode
-from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.model.system import FilippovSystem
 from henon_ref.report import style
 from henon_ref.report.latex import latex
 from henon_ref.score.metrics import ReferenceEvent

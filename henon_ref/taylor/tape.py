@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.model.system import TIME
+from henon_ref.model.equations import TIME
 
 INFINITE = 1 << 30
 """Degree in time of a node that is no polynomial in time by its form alone."""

@@ -34,8 +34,9 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.model.equations import TIME, Guard
 from henon_ref.model.modes import Mode, replaced
-from henon_ref.model.system import TIME, FilippovSystem, Guard
+from henon_ref.model.system import FilippovSystem
 from henon_ref.trajectory import Problem
 from henon_ref.truth.reference import ReferenceTransition, instants
 from henon_ref.truth.translate import double_constants, to_heyoka

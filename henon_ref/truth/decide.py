@@ -16,10 +16,11 @@ from flint import arb
 
 from henon_ref.errors import ModelError
 from henon_ref.model.decision import Decision, explained
+from henon_ref.model.equations import TIME, Guard
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.modes import Mode, mode_text, replaced
 from henon_ref.model.switching import EXHAUSTIVE
-from henon_ref.model.system import TIME, FilippovSystem, Guard
+from henon_ref.model.system import FilippovSystem
 from henon_ref.truth import jets
 
 Head = tuple[int, int] | None

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from flint import arb
 
-from henon_ref.model.system import Guard
+from henon_ref.model.equations import Guard
 from henon_ref.trajectory import Status
 from henon_ref.truth.numbers import to_ball
 from henon_ref.truth.stepper import Step

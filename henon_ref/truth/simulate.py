@@ -9,8 +9,8 @@ import numpy as np
 from flint import arb, ctx
 
 from henon_ref.model.decision import Decision
+from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode
-from henon_ref.model.system import Guard
 from henon_ref.trajectory import Problem, Status
 from henon_ref.truth.decide import Decider, Point
 from henon_ref.truth.endings import CROWD, EndedError, Watch, written

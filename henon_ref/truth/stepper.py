@@ -17,8 +17,9 @@ import sympy as sp
 from flint import arb
 from numpy.typing import NDArray
 
+from henon_ref.model.equations import TIME, Guard
 from henon_ref.model.modes import Mode
-from henon_ref.model.system import TIME, FilippovSystem, Guard
+from henon_ref.model.system import FilippovSystem
 from henon_ref.truth import jets
 from henon_ref.truth.numbers import to_ball, to_real
 from henon_ref.truth.roots import END

@@ -9,7 +9,8 @@ from typing import Generic, Literal, TypeVar
 
 import sympy as sp
 
-from henon_ref.model.system import TIME, SlidingOverride
+from henon_ref.model.equations import TIME
+from henon_ref.model.system import SlidingOverride
 
 
 class Stage(IntEnum):

@@ -8,7 +8,7 @@ import sympy as sp
 
 from henon_ref.model.effects.base import Contact, Effect, EffectParameter, Stage
 from henon_ref.model.effects.oscillator import Oscillator
-from henon_ref.model.system import TIME
+from henon_ref.model.equations import TIME
 
 
 def _harmonic_base(body: Oscillator, values: Mapping[str, sp.Expr]) -> None:

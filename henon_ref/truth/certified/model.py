@@ -9,8 +9,9 @@ from functools import cached_property
 import sympy as sp
 from flint import arb
 
+from henon_ref.model.equations import TIME, Guard
 from henon_ref.model.modes import Mode
-from henon_ref.model.system import TIME, FilippovSystem, Guard
+from henon_ref.model.system import FilippovSystem
 from henon_ref.taylor.tape import build_tape
 from henon_ref.truth.certified.enclosure import UndecidedError
 from henon_ref.truth.certified.exact import enclose, proves_zero

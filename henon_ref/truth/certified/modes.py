@@ -17,8 +17,8 @@ import sympy as sp
 from flint import arb, ctx
 
 from henon_ref.errors import ModelError
+from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, mode_text, replaced
-from henon_ref.model.system import Guard
 from henon_ref.trajectory import Problem
 from henon_ref.truth.certified.enclosure import UndecidedError
 from henon_ref.truth.certified.exact import enclose, proves_zero

@@ -17,8 +17,9 @@ import sympy as sp
 from flint import arb, arb_mat
 
 from henon_ref.errors import HenonRefError
+from henon_ref.model.equations import TIME
 from henon_ref.model.modes import Mode
-from henon_ref.model.system import TIME, FilippovSystem
+from henon_ref.model.system import FilippovSystem
 from henon_ref.truth.certified.exact import enclose, proves_zero
 from henon_ref.truth.certified.model import SystemModel
 from henon_ref.truth.certified.modes import Entry

@@ -8,8 +8,8 @@ from math import log2
 
 from flint import arb, arb_mat, ctx
 
+from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode
-from henon_ref.model.system import Guard
 from henon_ref.truth.certified.enclosure import Curve, Expansion, Tail, UndecidedError, expand
 from henon_ref.truth.certified.event import first_root, guard_curve
 from henon_ref.truth.certified.exact import enclose
