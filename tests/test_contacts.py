@@ -55,7 +55,7 @@ until: 1
 
 def run(problem: Problem) -> tuple[Trajectory, Engine]:
     engine = Engine(problem.system, 18)
-    return engine.run(engine.start(problem), tolerance=1e-15, landing=HENON), engine
+    return engine.run(engine.start(problem, tolerance=1e-15, landing=HENON)), engine
 
 
 def told(trajectory: Trajectory) -> list[tuple[str, int]]:
@@ -151,13 +151,13 @@ def test_two_blocks_move_as_each_would_alone(apart: str) -> None:
 def test_a_release_just_after_another_is_decided_in_machine_code(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = load_case(CASES / "hard/near_ties.yaml").reading("d_1e_10").problem
     engine = Engine(problem.system, 18)
-    engine.run(engine.start(problem), tolerance=1e-15, landing=HENON)
+    engine.run(engine.start(problem, tolerance=1e-15, landing=HENON))
 
     def never(self: Session, **options: float) -> None:
         raise AssertionError("Python was asked")
 
     monkeypatch.setattr(Session, "_resolve", never)
-    assert len(engine.run(engine.start(problem), tolerance=1e-15, landing=HENON).transitions) == 10
+    assert len(engine.run(engine.start(problem, tolerance=1e-15, landing=HENON)).transitions) == 10
 
 
 def test_a_mode_seen_for_the_first_time_changes_nothing() -> None:

@@ -39,7 +39,7 @@ def test_no_pair_is_missed(problem) -> None:
         given = problem(first, second)
         engine = Engine(given.system, 20)
         for tolerance in (2e-16, 1e-13, 1e-10, 1e-7):
-            run = engine.run(engine.start(given), tolerance=tolerance, landing=HENON)
+            run = engine.run(engine.start(given, tolerance=tolerance, landing=HENON))
             assert [t.to_mode for t in run.transitions] == [(-1,), (1,)], (first, second, tolerance)
             for transition, root in zip(run.transitions, (first, second), strict=True):
                 error = abs(float(sp.Rational(transition.time) + sp.Rational(transition.time_low) - root))

@@ -36,7 +36,7 @@ def runs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[Trajectory,
         return plain(self, **options)
 
     def run(engine: Engine) -> Trajectory:
-        return engine.run(engine.start(problem), tolerance=1e-15, landing=HENON)
+        return engine.run(engine.start(problem, tolerance=1e-15, landing=HENON))
 
     engine = Engine(problem.system, 18)
     run(engine)  # modes are compiled on first sight
@@ -49,7 +49,7 @@ def runs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[Trajectory,
 def slow_engine(problem: Problem) -> Engine:
     """An engine whose every event of several surfaces is decided in Python."""
     engine = Engine(problem.system, 18)
-    engine.compiled.rows = np.zeros(0, dtype=np.int64)
+    engine.compiled.rows, engine._settling = np.zeros(0, dtype=np.int64), None
     return engine
 
 
@@ -198,7 +198,7 @@ def test_five_surfaces_that_are_not_clear_are_left_to_python(
 
 def after_first_event(engine: Engine, problem: Problem, transitions: int) -> tuple[Mode, list[int]]:
     """Mode and known zeros right after an event with so many transitions."""
-    session = Session(engine, engine.start(problem), 1e-15, HENON, block=transitions)
+    session = Session(engine, engine.start(problem, tolerance=1e-15, landing=HENON), block=transitions)
     while not session.blocks and session.integers[I_COUNT] < transitions:
         assert session._advance() is None
     return session.mode, session.multiplicity[: len(session._guards)].tolist()

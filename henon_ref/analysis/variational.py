@@ -207,7 +207,8 @@ class TangentFlow:
         self._engine = Engine(AugmentedSystem.of(problem.system, p), order_for(tolerance))
         vectors = tuple(sp.Integer(i == j) for i in range(n) for j in range(p))
         augmented = replace(problem, system=self._engine.system, initial=problem.initial + vectors)
-        self._session = Session(self._engine, self._engine.start(augmented), tolerance, HENON, block=1)
+        start = self._engine.start(augmented, tolerance=tolerance, landing=HENON)
+        self._session = Session(self._engine, start, block=1)
 
     @property
     def time(self) -> float:

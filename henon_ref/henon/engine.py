@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.compiled import CompiledSystem, double_double
-from henon_ref.henon.kernel import BANDS
+from henon_ref.henon.kernel import work_length, work_space
 from henon_ref.henon.near import NearLook
-from henon_ref.henon.rows import row_length
-from henon_ref.henon.session import Session
-from henon_ref.henon.settling import work_space
+from henon_ref.henon.session import CHUNK, Session
+from henon_ref.henon.settling import settling_space
 from henon_ref.model.decision import Decision
 from henon_ref.model.equations import TIME
 from henon_ref.model.exact import exact_sign
@@ -43,6 +42,12 @@ class Start:
     """Its row in the compiled tables."""
     zeros: tuple[int, ...]
     """Known zeros of the guards, as many as the largest mode has: surfaces that the start lies on."""
+    order: int
+    """Order of the Taylor method."""
+    tolerance: float
+    """Local error of a step, relative to the size of each state and guard on the step."""
+    landing: int
+    """HENON, NEWTON or BRENT of :mod:`henon_ref.henon.registers`."""
 
     @cached_property
     def arrays(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -51,26 +56,29 @@ class Start:
         floats = np.array([0.0] * k.F_STATE + [*high, *low])
         floats[k.F_TIME], floats[k.F_LOW] = self.time
         floats[k.F_UNTIL], floats[k.F_UNTIL_LOW] = self.until
-        floats[k.F_LAST] = -np.inf
+        floats[k.F_LAST], floats[k.F_TOLERANCE] = -np.inf, self.tolerance
         floats[k.F_SIGMA] = max((self.until[0] - self.time[0]) + (self.until[1] - self.time[1]), 1e-280)
         integers = np.array([0] * k.I_SIZE + [*self.zeros] + [0] * len(self.zeros))
-        integers[k.I_MODE] = self.row or 0
+        integers[k.I_MODE], integers[k.I_BLOCK] = self.row or 0, CHUNK
+        integers[k.I_ORDER], integers[k.I_METHOD] = self.order, self.landing
         return floats, integers
 
 
 class Scratch(NamedTuple):
-    """Arrays that the compiled loop works on and leaves nothing in: runs of one engine share them."""
+    """What the compiled loop works on and leaves nothing in from one call to the next: runs of one engine share it."""
 
+    work: NDArray[np.float64]
     band: NDArray[np.float64]
-    room: NDArray[np.float64]
+    """A view: coefficients of the last expansion (see :func:`henon_ref.henon.kernel.work_space`)."""
+    records: NDArray[np.float64]
+    """A view: transitions."""
 
 
 def _scratch(compiled: CompiledSystem) -> Scratch:
-    n, most, order = len(compiled.system.states), compiled.most_guards, compiled.order
-    return Scratch(
-        band=np.zeros((2 * (n + most + 1) + BANDS, row_length(order))),
-        room=np.zeros(3 * n + 3 * most),
-    )
+    sizes = len(compiled.system.states), compiled.most_guards, compiled.order, CHUNK
+    work = np.zeros(work_length(*sizes))
+    band, _, records = cast(Any, work_space).py_func(work, *sizes)  # uncompiled: it is done once
+    return Scratch(work, band, records)
 
 
 class Engine:
@@ -91,18 +99,28 @@ class Engine:
         self.near = NearLook(system)
         self.closer = CloserLook(system)
         self.scratch = _scratch(self.compiled)
-        self._settling = work_space(len(system.states), len(system.surfaces))
+        self._settling = settling_space(len(system.states), len(system.surfaces)) if self.compiled.rows.size else None
 
     @property
     def settling(self) -> tuple[Any, ...] | None:
         """What the compiled loop decides events of several surfaces with; None where it need not."""
-        compiled = self.compiled
-        if not compiled.rows.size:
+        if self._settling is None:
             return None
+        compiled = self.compiled
         return (*compiled.normals, compiled.signs, compiled.rows, compiled.decoupled, *self._settling)
 
-    def start(self, problem: Problem) -> Start:
-        """What is decided once a problem, in exact numbers: where it starts and in which mode."""
+    def start(self, problem: Problem, *, tolerance: float, landing: int) -> Start:
+        """What is decided once a problem, in exact numbers: where it starts and in which mode.
+
+        Parameters
+        ----------
+        problem : Problem
+            Of this engine's system.
+        tolerance : float
+            Local error of a step, relative to the size of each state and guard on the step.
+        landing : int
+            HENON, NEWTON or BRENT of :mod:`henon_ref.henon.registers`.
+        """
         system = self.system
         decision = self.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
         at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
@@ -118,7 +136,8 @@ class Engine:
             row = self.compiled.compile(decision.mode)
             own = self.known_zeros(time[0], [v[0] for v in x], decision.mode, active, edges)
             zeros = own + zeros[len(own) :]
-        return Start(time, double_double(problem.until), tuple(x), decision, row, zeros)
+        until = double_double(problem.until)
+        return Start(time, until, tuple(x), decision, row, zeros, self.order, tolerance, landing)
 
     def known_zeros(
         self,
@@ -142,9 +161,6 @@ class Engine:
     def run(
         self,
         start: Start,
-        *,
-        tolerance: float,
-        landing: int,
         sample_times: NDArray[np.float64] | None = None,
         deadline: float | None = None,
     ) -> Trajectory:
@@ -154,12 +170,8 @@ class Engine:
         ----------
         start : Start
             Of this engine's system.
-        tolerance : float
-            Local error of a step, relative to the size of each state and guard on the step.
-        landing : int
-            HENON, NEWTON or BRENT of :mod:`henon_ref.henon.registers`.
         sample_times : ndarray, shape (k,), optional
         deadline : float, optional
             Seconds after which the run stops with status ``timeout``.
         """
-        return Session(self, start, tolerance, landing, sample_times, deadline).run()
+        return Session(self, start, sample_times, deadline).run()

@@ -7,6 +7,7 @@ handed back to Python (:mod:`henon_ref.henon.session`) with a code; after the an
 from __future__ import annotations
 
 from henon_ref.henon.calls import call_closing, call_expand
+from henon_ref.henon.emitter import LANES
 from henon_ref.henon.events import at_zero, ends_at_zero, fails_at_once, first_event, zeros_at_release
 from henon_ref.henon.holding import held
 from henon_ref.henon.polynomial import DEPTH
@@ -41,6 +42,7 @@ from henon_ref.henon.registers import (
     G_STUCK,
     HORIZON,
     I_ARRIVED,
+    I_BLOCK,
     I_COUNT,
     I_GUARD,
     I_LANDING,
@@ -57,6 +59,7 @@ from henon_ref.henon.registers import (
     NOWHERE,
     ON,
     PAUSE,
+    R_STATE,
     RELEASE,
     REMEMBERED,
     RESOLVE,
@@ -71,6 +74,7 @@ from henon_ref.henon.registers import (
     UNKNOWN,
     VALID,
 )
+from henon_ref.henon.rows import row_length
 from henon_ref.henon.settling import decided
 from henon_ref.henon.stepping import LEAP, add_time, glide, move, polish, remaining, swells, trusted
 from henon_ref.jit import inner, njit
@@ -82,7 +86,40 @@ BANDS = 6 + 2 * DEPTH
 
 
 @njit()
-def advance(floats, integers, records, tables, numbers, settling, band, room, sample_times, samples):  # type: ignore[no-untyped-def]
+def work_space(work, n, most, order, block):  # type: ignore[no-untyped-def]
+    """Parts of an array that the loop works on.
+
+    Parameters
+    ----------
+    work : ndarray
+        Long enough (:func:`work_length`).
+    n, most, order, block : int
+        States; guards of the largest mode, G; order; transitions kept.
+
+    Returns
+    -------
+    band : ndarray, shape (2 (n + G + 1) + BANDS, row length)
+        Taylor coefficients of states and guards in units of sigma, then the norms of the last ones; the same at the
+        end of a step that is checked; what isolating roots needs.
+    room : ndarray, shape (3 n + 3 G,)
+        Change of the states over a step and bounds of the guards from below; a state; normal velocities.
+    records : ndarray, shape (block, R_STATE + n)
+        Transitions, a row each.
+    """
+    rows, width = 2 * (n + most + 1) + BANDS, (order // LANES + 1) * LANES
+    end = rows * width
+    begin = end + 3 * (n + most)
+    records = work[begin : begin + block * (R_STATE + n)].reshape(block, R_STATE + n)
+    return work[:end].reshape(rows, width), work[end:begin], records
+
+
+def work_length(n: int, most: int, order: int, block: int) -> int:
+    """Length of the array that :func:`work_space` takes apart."""
+    return (2 * (n + most + 1) + BANDS) * row_length(order) + 3 * (n + most) + block * (R_STATE + n)
+
+
+@njit()
+def advance(floats, integers, work, tables, numbers, settling, samples):  # type: ignore[no-untyped-def]
     """Run until the horizon, or until Python is needed.
 
     Parameters
@@ -91,8 +128,8 @@ def advance(floats, integers, records, tables, numbers, settling, band, room, sa
         State of the run: F_..., then x, then what rounding it lost.
     integers : ndarray of int, shape (I_SIZE + 2 G,)
         I_..., then known zeros of each guard, then 1 for those at zero when the loop comes back with RESOLVE.
-    records : ndarray, shape (block, R_STATE + n)
-        Transitions, a row each.
+    work : ndarray
+        What :func:`work_space` takes apart. (One array: each that is passed from Python costs 45 ns.)
     tables : ndarray of int, shape (M, 1 + G, T_SIZE)
         Machine code, guards, and what follows them, of each mode (T_..., G_...).
     numbers : ndarray, shape (M, 2, K)
@@ -100,27 +137,21 @@ def advance(floats, integers, records, tables, numbers, settling, band, room, sa
     settling : tuple or None
         What :func:`henon_ref.henon.settling.decided` needs; None where there is nothing for it to decide (it is
         then not compiled).
-    band : ndarray, shape (2 (n + G + 1) + BANDS, row length)
-        Work space: Taylor coefficients of states and guards in units of sigma, then the norms of the last ones;
-        the same at the end of a step that is checked; what isolating roots needs.
-    room : ndarray, shape (3 n + 3 G,)
-        Change of the states over a step and bounds of the guards from below; a state; normal velocities.
-    sample_times, samples : ndarray, shapes (k,) and (k, n + 1)
-        Where samples are wanted; states and mode there.
+    samples : ndarray, shape (k, 1 + n + 1)
+        Times at which samples are wanted; states and mode there.
 
     Returns
     -------
     int
         HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL or UNKNOWN.
     """
+    n, most = (floats.size - F_STATE) // 2, tables.shape[1] - 1
+    band, room, records = work_space(work, n, most, integers[I_ORDER], integers[I_BLOCK])
     stop_at = integers[I_STEPS] + BUDGET
     code = EVENT if integers[I_ARRIVED] > 0 else ON
     while True:
         if code == ON:
-            code = _to_event(
-                floats, integers, tables, numbers, band, room, sample_times, samples,
-                records.shape[0], stop_at,
-            )  # fmt: skip
+            code = _to_event(floats, integers, tables, numbers, band, room, samples, stop_at)
         if code == EVENT:
             code = _through_event(floats, integers, records, tables, numbers, settling, band, room)
         if code != ON:
@@ -128,9 +159,7 @@ def advance(floats, integers, records, tables, numbers, settling, band, room, sa
 
 
 @inner(inline="always")
-def _to_event(  # type: ignore[no-untyped-def]
-    floats, integers, tables, numbers, band, room, sample_times, samples, block, stop_at,
-):  # fmt: skip
+def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at):  # type: ignore[no-untyped-def]
     """One look ahead: steps that no guard can end, then one that is looked at; ON, EVENT, or why Python is needed."""
     n, most = (floats.size - F_STATE) // 2, tables.shape[1] - 1
     x, x_low = floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
@@ -146,11 +175,11 @@ def _to_event(  # type: ignore[no-untyped-def]
     integers[I_STEPPED] = mode
     layout, constants = tables[mode], numbers[mode, 0]
     guards = layout[0, T_GUARDS]
-    if integers[I_COUNT] + 1 > block:
+    if integers[I_COUNT] + 1 > integers[I_BLOCK]:
         return FULL
     if remaining(floats) <= 0.0:
         return HORIZON
-    alone, flat = integers[I_SAMPLE] < sample_times.size, False
+    alone, flat = integers[I_SAMPLE] < samples.shape[0], False
     for g in range(guards):
         alone, flat = alone or multiplicity[g] > 0, flat or multiplicity[g] > 2
     theta = glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, alone, flat, stop_at)
@@ -182,8 +211,8 @@ def _to_event(  # type: ignore[no-untyped-def]
             if ends_at_zero(c[n + g], multiplicity[g], order, theta):
                 best, hit, doubtful = 1.0, g, True
     part = theta if hit < 0 else best * theta
-    if integers[I_SAMPLE] < sample_times.size:
-        sample(floats, integers, c, order, part, mode, sample_times, samples)
+    if integers[I_SAMPLE] < samples.shape[0]:
+        sample(floats, integers, c, order, part, mode, samples)
     integers[I_GUARD], integers[I_LANDING] = hit, BRACKET if doubtful else used
     if doubtful:
         floats[F_NEAR], floats[F_NEAR_LOW], floats[F_REACH] = part * sigma, 0.0, theta * sigma

@@ -57,17 +57,17 @@ def crowded(floats, integers):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def sample(floats, integers, c, order, part, mode, sample_times, samples):  # type: ignore[no-untyped-def]
-    """Fill the samples that lie on the step just taken, up to ``part`` (in units of sigma); the mode stands last."""
-    while integers[I_SAMPLE] < sample_times.size:
+def sample(floats, integers, c, order, part, mode, samples):  # type: ignore[no-untyped-def]
+    """Fill the samples that lie on the step just taken, up to ``part`` (in units of sigma): time, states, mode."""
+    while integers[I_SAMPLE] < samples.shape[0]:
         k = integers[I_SAMPLE]
-        at = ((sample_times[k] - floats[F_TIME]) - floats[F_LOW]) / floats[F_SIGMA]
+        at = ((samples[k, 0] - floats[F_TIME]) - floats[F_LOW]) / floats[F_SIGMA]
         if at > part:
             return
-        n = samples.shape[1] - 1
+        n = samples.shape[1] - 2
         for i in range(n):
-            samples[k, i] = value(c[i], order, max(at, 0.0))
-        samples[k, n] = mode
+            samples[k, 1 + i] = value(c[i], order, max(at, 0.0))
+        samples[k, 1 + n] = mode
         integers[I_SAMPLE] = k + 1
 
 

@@ -39,7 +39,8 @@ F_STATE = F_SIZE + REMEMBERED
 """Where the state stands, followed by what rounding it lost."""
 # Integers of a run: mode; counts; last guard hit and its landing; steps that time cannot tell apart, events that it
 # cannot tell apart; next sample; mode of the last step; kind of the event that leads to a mode not known yet; LANDED
-# or TOLD where the run stands at an event that was decided outside; order; method of landing.
+# or TOLD where the run stands at an event that was decided outside; order; method of landing; transitions that a
+# block of memory holds.
 (
     I_MODE,
     I_STEPS,
@@ -56,8 +57,9 @@ F_STATE = F_SIZE + REMEMBERED
     I_ARRIVED,
     I_ORDER,
     I_METHOD,
+    I_BLOCK,
     I_SIZE,
-) = range(16)
+) = range(17)
 # Behind them, an integer a guard each: known zeros at the present point (the surface just left), which are divided
 # out; 1 for a guard that is at zero.
 

@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 
 PROVEN = 1e-15
 """Relative size below which a derivative counts as zero at a root that was found in multiprecision."""
-_NO_TIMES, _NO_SAMPLES = np.zeros(0), np.zeros((0, 1))
-_CHUNK = 1024
+_tuple = tuple.__new__
+_NO_SAMPLES = np.zeros((0, 2))
+CHUNK = 1024
 """Transitions kept in one block of memory."""
 
 
@@ -41,39 +42,32 @@ class Session:
     ----------
     engine, start
         Of one system.
-    tolerance : float
-        Local error of a step, relative to the size of each state and guard on the step.
-    landing : int
-        HENON, NEWTON or BRENT of :mod:`henon_ref.henon.registers`.
     sample_times : ndarray, shape (k,), optional
     deadline : float, optional
         Seconds after which the run stops with status ``timeout``.
     block : int
-        Transitions kept in one block of memory; 1 to stop at each.
+        Transitions kept in one block of memory, CHUNK at most; 1 to stop at each.
     """
 
     def __init__(
         self,
         engine: Engine,
         start: Start,
-        tolerance: float,
-        landing: int,
         sample_times: NDArray[np.float64] | None = None,
         deadline: float | None = None,
-        block: int = _CHUNK,
+        block: int = CHUNK,
     ) -> None:
-        self.engine, self.start, self.deadline, self.block = engine, start, deadline, block
+        self.engine, self.start, self.deadline = engine, start, deadline
         engine.switching.forget()
         floats, integers = start.arrays
-        self.floats, self.integers = floats, integers = floats.copy(), integers.copy()
-        floats[k.F_TOLERANCE] = tolerance
-        integers[k.I_ORDER], integers[k.I_METHOD] = engine.order, landing
-        self.sample_times, self.samples = _NO_TIMES, _NO_SAMPLES
+        self.floats, self.integers = floats.copy(), integers.copy()
+        if block != CHUNK:
+            self.integers[k.I_BLOCK] = block
+        self.samples = _NO_SAMPLES
         if sample_times is not None:
-            self.sample_times = np.ascontiguousarray(sample_times, dtype=float)
-            self.samples = np.full((sample_times.size, len(start.x) + 1), np.nan)
+            self.samples = np.full((sample_times.size, len(start.x) + 2), np.nan)
+            self.samples[:, 0] = sample_times
         self.blocks: list[NDArray[np.float64]] = []
-        self.records = np.empty((block, k.R_STATE + len(start.x)))
         self.ended: Trajectory | None = None
         """How the run ended, once :meth:`stream` is through."""
 
@@ -107,8 +101,7 @@ class Session:
         return self.integers[k.I_SIZE + len(self.start.zeros) :]
 
     def _close_block(self) -> None:
-        self.blocks.append(self.records[: self.integers[k.I_COUNT]])
-        self.records = np.empty_like(self.records)
+        self.blocks.append(self.engine.scratch.records[: self.integers[k.I_COUNT]].copy())
         self.integers[k.I_COUNT] = 0
 
     def run(self) -> Trajectory:
@@ -138,7 +131,7 @@ class Session:
         self.integers[k.I_COUNT] = 0
         while (end := self._advance(stop=True)) is None:
             if self.integers[k.I_COUNT]:
-                return TransitionBlock(self.records[:1], self.engine.compiled.modes)[0]
+                return TransitionBlock(self.engine.scratch.records[:1], self.engine.compiled.modes)[0]
         return end
 
     def _enter(self, mode: Mode, active: Sequence[int], zero: float) -> bool:
@@ -173,8 +166,8 @@ class Session:
             failed: tuple[Status, str] = "failed", "the mode at the start has no equations"
             return self._end(*(_refusal(decision) if decision.mode is None else failed))
         code = advance(
-            self.floats, self.integers, self.records, engine.compiled.tables, engine.compiled.numbers, engine.settling,
-            *engine.scratch, self.sample_times, self.samples,
+            self.floats, self.integers, engine.scratch.work, engine.compiled.tables, engine.compiled.numbers,
+            engine.settling, self.samples,
         )  # fmt: skip
         if code == k.HORIZON:
             return self._end("ok", "")
@@ -227,10 +220,10 @@ class Session:
         return bool(self.hits[guard])
 
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:
-        if self.integers[k.I_COUNT] >= self.block:
+        if self.integers[k.I_COUNT] >= self.integers[k.I_BLOCK]:
             self._close_block()
         floats, integers = self.floats, self.integers
-        row = self.records[integers[k.I_COUNT]]
+        row = self.engine.scratch.records[integers[k.I_COUNT]]
         row[: k.R_STATE] = floats[k.F_TIME], floats[k.F_LOW], kind, surface, source, target, integers[k.I_LANDING]
         row[k.R_STATE :] = self.x
         integers[k.I_COUNT] += 1
@@ -318,20 +311,21 @@ class Session:
         return "invalid", f"the model ends: {self.engine.system.valid[guard.index]} fell to 0 at {at}"
 
     def _end(self, status: Status, reason: str) -> Trajectory:
-        integers, modes, n = self.integers.tolist(), self.engine.compiled.modes, len(self.start.x)
+        integers, modes = self.integers.tolist(), self.engine.compiled.modes
         transitions: Sequence[Transition] = ()
         if self.blocks or integers[k.I_COUNT]:
-            records = self.records[: integers[k.I_COUNT]].copy()  # who keeps many runs need not keep their blocks
+            records = self.engine.scratch.records[: integers[k.I_COUNT]].copy()
             transitions = TransitionBlock(np.concatenate([*self.blocks, records]) if self.blocks else records, modes)
         samples = sample_modes = None
         if self.samples is not _NO_SAMPLES:
-            samples = self.samples[:, :n]
-            sample_modes = tuple(modes[int(m)] for m in self.samples[: integers[k.I_SAMPLE], n])
+            samples = self.samples[:, 1:-1]
+            sample_modes = tuple(modes[int(m)] for m in self.samples[: integers[k.I_SAMPLE], -1])
         end_mode = modes[integers[k.I_MODE]] if modes else (0,) * len(self.engine.system.surfaces)
-        counts = Counts(integers[k.I_STEPS], integers[k.I_RHS], integers[k.I_EVENTS])
-        end, x = self.floats.item(k.F_TIME), tuple(self.x.tolist())
-        # By position: by name it takes half a microsecond more, a tenth of a short run.
-        return Trajectory(status, transitions, end, x, end_mode, reason, counts, 0.0, samples, sample_modes)
+        x, end = tuple(self.x.tolist()), self.floats.item(k.F_TIME)
+        # As the tuples they are, past Python's constructors: a tenth of a short run.
+        counts = _tuple(Counts, integers[k.I_STEPS : k.I_EVENTS + 1])
+        fields = status, transitions, end, x, end_mode, reason, counts, 0.0, samples, sample_modes
+        return _tuple(Trajectory, fields)
 
 
 def _refusal(decision: Decision) -> tuple[Status, str]:

@@ -25,7 +25,7 @@ MOST = 4
 """Surfaces in play that act on each other; with more the candidates are searched, not tried (Python does)."""
 
 
-def work_space(states: int, surfaces: int) -> tuple[NDArray[Any], ...]:
+def settling_space(states: int, surfaces: int) -> tuple[NDArray[Any], ...]:
     """Room for states and signs, normal velocities at two choices of signs, the linear systems, surfaces in play."""
     return (
         np.zeros(states + surfaces),
@@ -52,7 +52,7 @@ def decided(t, low, x, mode, layout, hits, settling):  # type: ignore[no-untyped
     settling : tuple
         Address of the normal velocities' machine code and its constants; the signs of every row and the row of
         every combination of signs; whether no normal velocity has the sign of another surface in it; work space
-        of :func:`work_space`.
+        of :func:`settling_space`.
     """
     address, constants, signs, rows, decoupled, point, values, numbers, places = settling
     n, surfaces = x.size, signs.shape[1]

@@ -56,14 +56,12 @@ class HenonSolver:
             raise UnsupportedError(f"{self.name} chooses its own step: give rtol")
         tolerance = max(0.1 * rtol, 2e-16)
         engine = Engine(problem.system, order_for(tolerance))
-        start = engine.start(problem)
+        start = engine.start(problem, tolerance=tolerance, landing=self.method)
         nothing = replace(start, until=start.time)
-        load(lambda: engine.run(nothing, tolerance=tolerance, landing=self.method))
+        load(lambda: engine.run(nothing))
 
         def run() -> Trajectory:
-            return engine.run(
-                start, tolerance=tolerance, landing=self.method, sample_times=sample_times, deadline=deadline
-            )
+            return engine.run(start, sample_times, deadline)
 
         return run
 

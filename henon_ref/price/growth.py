@@ -47,14 +47,14 @@ class Horizon:
 def horizons(problem: Problem, until: Sequence[float] = HORIZONS) -> list[Horizon]:
     """Run Fig. 8's periodic motion ever longer, transitions handed out as they come."""
     engine = Engine(problem.system, order_for(TOLERANCE))
-    start = engine.start(problem)
-    Session(engine, replace(start, until=double_double(problem.start + 10)), TOLERANCE, HENON).run()
+    start = engine.start(problem, tolerance=TOLERANCE, landing=HENON)
+    engine.run(replace(start, until=double_double(problem.start + 10)))
     return [_run(engine, replace(start, until=(horizon, 0.0)), horizon) for horizon in until]
 
 
 def _run(engine: Engine, start, horizon: float) -> Horizon:  # type: ignore[no-untyped-def]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    session = Session(engine, start, TOLERANCE, HENON)
+    session = Session(engine, start)
     began = time.perf_counter()
     count, opened = 0, None
     last: list[float] = []

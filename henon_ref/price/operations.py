@@ -72,10 +72,10 @@ def work(problem: Problem) -> Work:
         tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
         counts.append(count(expansion_ir(tape, n, order, "expansion")))
     engine = Engine(system, order)
-    start = engine.start(problem)
+    start = engine.start(problem, tolerance=tolerance, landing=HENON)
 
     def run():  # type: ignore[no-untyped-def]
-        return engine.run(start, tolerance=tolerance, landing=HENON)
+        return engine.run(start)
 
     a = np.linspace(0, 1, SIZE * SIZE).reshape(SIZE, SIZE)
     out = np.empty_like(a)
