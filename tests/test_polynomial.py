@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from math import comb
+from math import comb, factorial
 
 import numba
 import numpy as np
@@ -81,6 +81,14 @@ def test_every_landing_reaches_rounding(root: float, landing: int) -> None:
     outcome, tau, _ = first_root([root, 3.0], 1.0, landing)
     assert outcome == p.ROOT
     assert tau == pytest.approx(root, rel=1e-15)
+
+
+def test_where_a_guard_falls_evenly_one_evaluation_lands_on_it() -> None:
+    """1/5 - sin(t/3), from the root of the inverse cubic; from the chord's it takes two."""
+    sine = [-((0, 1, 0, -1)[j % 4]) / factorial(j) / 3**j for j in range(1, ORDER + 1)]
+    tau, used, evaluations = land(np.array([0.2, *sine]), 0.0, 1.0, k.HENON)
+    assert (used, evaluations) == (k.HENON, 1)
+    assert tau == pytest.approx(3 * np.arcsin(0.2), rel=2 * k.EPS)
 
 
 @pytest.mark.parametrize("gap", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6])

@@ -167,9 +167,10 @@ class _Expander:
         total = w.mul(self.factor(form.constant), "%sigma") if k == 0 and form.constant else None
         if len(leaves) == 1 and total is None:
             return w.mul(w.scaled(part, rate[leaves[0]]), self._series[leaves[0]][k])
-        for leaf in leaves:
+        for leaf in leaves[:-1]:
             total = w.fused(rate[leaf], self._series[leaf][k], total)
-        return w.scaled(part, total)
+        total = w.scaled(part, total)  # the last leaf is what is waited for
+        return w.fused(w.scaled(part, rate[leaves[-1]]), self._series[leaves[-1]][k], total) if leaves else total
 
     def _state(self, leaf: int) -> int:
         """Index of the state that a leaf is; -1 for any other."""

@@ -62,10 +62,7 @@ class Convolutions:
         w = self.w
         for group, operands in zip(self.groups, self.operands, strict=True):
             lanes = 2 * len(group)
-            total = ""
-            for j in range((k - 1) // 2, 1, -1):
-                a, b = operands[j][0], operands[k - j][1]
-                total = w.lanewise_fused(lanes, a, b, total) if total else w.lanewise("fmul", lanes, a, b)
+            total = w.total_lanewise(lanes, [(operands[j][0], operands[k - j][1]) for j in range((k - 1) // 2, 1, -1)])
             swapped = w.shuffled(lanes, total, [i ^ 1 for i in range(lanes)])
             total = w.lanewise("fadd", lanes, total, swapped)
             for at, pair in enumerate(group):

@@ -156,6 +156,17 @@ class Writer:
 
     # -- sums -------------------------------------------------------------------------------------------
 
+    def total_lanewise(self, lanes: int, pairs: Sequence[tuple[str, str]]) -> str:
+        """Sum of products of vectors, in two chains: what waits in a long one keeps others from being started."""
+        chains: list[str] = []
+        for at, (a, b) in enumerate(pairs):
+            which = at % 2 if len(pairs) > 3 else 0
+            if which < len(chains):
+                chains[which] = self.lanewise_fused(lanes, a, b, chains[which])
+            else:
+                chains.append(self.lanewise("fmul", lanes, a, b))
+        return self.lanewise("fadd", lanes, *chains) if len(chains) > 1 else chains[0]
+
     def total(self, old: Sequence[tuple[Value, Value]], new: Sequence[tuple[Value, Value]] = ()) -> Value:
         """Sum of products: the ``old`` ones in two chains, then the ``new`` ones, one fused operation each.
 

@@ -33,7 +33,7 @@ FLAT = 1e-5
 """Relative steepness of a guard at its root below which the root is left to a closer look in multiprecision."""
 
 
-@inner()
+@inner(forceinline=True)
 def first_event(integers, c, n, order, layout, multiplicity, lower, theta, method, work, bounds):  # type: ignore[no-untyped-def]
     """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used)."""
     powers, scaled, stack = work[0], work[1], work[2:]
@@ -63,12 +63,12 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, metho
             tau, landing, evaluations = land(scaled, degree, low, high, method)
         integers[I_EVENTS] += evaluations
         if tau < best:
-            flat = outcome == TOUCH or steepness(scaled, degree, tau) < FLAT
+            flat = outcome == TOUCH or steepness(scaled, degree, tau, stack[0]) < FLAT
             best, hit, doubtful, used = tau, g, flat, landing
     return best, hit, doubtful, used
 
 
-@inner()
+@inner(forceinline=True)
 def fails_at_once(c, n, order, layout, multiplicity, hits):  # type: ignore[no-untyped-def]
     """True if a guard is below zero where the step begins, and is not being left; ``hits``: which ones."""
     found = False
@@ -104,7 +104,7 @@ def _silent(row, order):  # type: ignore[no-untyped-def]
     return size == 0.0
 
 
-@inner()
+@inner(forceinline=True)
 def at_zero(row, zeros, order, tau, rising_only):  # type: ignore[no-untyped-def]
     """True if a guard is at zero at the event of another one, as far as rounding can tell."""
     q = row[zeros:]

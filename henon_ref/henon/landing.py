@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from henon_ref.henon.polynomial import POLY, value
+from henon_ref.henon.polynomial import POLY, at_end, value
 from henon_ref.henon.registers import BRACKET, BRENT, EPS, NEWTON
 from henon_ref.jit import inner
 
+STEEP = 3.0
+"""How many times less steep than the chord an end may be for an inverse cubic: it is monotone then."""
 
-@inner(fastmath=POLY)
+
+@inner(forceinline=True, fastmath=POLY)
 def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     """Put the step's end on the root of q that [low, high], within [0, 1], brackets, q falling.
 
     ``HENON``: the independent variable is swapped from t to h (Hénon 1982; Eq. (14) of the paper) and one
     Taylor step of order 4 in h, of length -h, is taken from a point near the surface: dt/dh = 1/h', whose
-    Taylor series is the reversion of h's. It is repeated once where the first step was long.
+    Taylor series is the reversion of h's. That point is the root of an inverse cubic where the guard falls evenly
+    over the whole step, and the chord's otherwise. The step is repeated once where the first was long.
     ``NEWTON``: the same with order 1, repeated. ``BRENT``: bracketing alone. Where h' is too small for
     the swap (grazing), bisection decides, and the landing says ``BRACKET``.
 
@@ -28,20 +32,22 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     if low == high:
         return low, method, 0
     # A root at ``high`` itself, if there is one, is not the one bracketed: q is negative just before it.
-    below, above, evaluations = q[0], 0.0, 0
+    below, evaluations = q[0], 0
     if low > 0.0:
         below, evaluations = value(q, degree, low), 1
-    for k in range(degree + 1):
-        above += q[k]
+    above, slope = at_end(q, degree)
     if high < 1.0:
         above, evaluations = value(q, degree, high), evaluations + 1
     if method == BRENT and below > 0.0 > above:
         tau, more = _brent(q, degree, low, high, below, above)
         return tau, BRENT, evaluations + more
     left, right = low, high
-    # The chord's root, but where another root next to ``high`` may have left nothing but rounding there.
-    chord = below > 0.0 and above < -0.01 * below
-    tau = low + (high - low) * below / (below - above) if chord else 0.5 * (low + high)
+    tau = 0.5 * (low + high)
+    if below > 0.0 and above < -0.01 * below:  # else another root next to ``high`` may have left nothing but rounding
+        part, fall = below / (below - above), above - below
+        tau = low + (high - low) * part
+        if low == 0.0 and high == 1.0 and STEEP * q[1] < fall and STEEP * slope < fall:
+            tau = _interpolated(part, fall / q[1], fall / slope)
     order_one = method == NEWTON
     for _ in range(12):
         g0, g1, g2, g3, g4 = _around(q, degree, tau, order_one)
@@ -74,7 +80,17 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     return tau, BRACKET, evaluations + more
 
 
-@inner(fastmath=POLY)
+@inner(forceinline=True, fastmath=POLY)
+def _interpolated(part, first, last):  # type: ignore[no-untyped-def]
+    """Root by the cubic in h that has the guard's values and slopes at both ends of [0, 1] (Hermite's interpolation).
+
+    ``part`` of its fall lies before the root; ``first``, ``last``: slopes of the inverse, in units of the chord's.
+    """
+    rest = 1.0 - part
+    return part * (part * (1.0 + 2.0 * rest) + rest * (rest * first - part * last))
+
+
+@inner(forceinline=True, fastmath=POLY)
 def _around(q, degree, tau, order_one):  # type: ignore[no-untyped-def]
     """Taylor coefficients 0 to 4 of q around tau; 0 and 1 only where no more are wanted."""
     g0, g1, g2, g3, g4 = q[degree], 0.0, 0.0, 0.0, 0.0
@@ -88,7 +104,7 @@ def _around(q, degree, tau, order_one):  # type: ignore[no-untyped-def]
     return g0, g1, g2, g3, g4
 
 
-@inner(fastmath=POLY)
+@inner(forceinline=True, fastmath=POLY)
 def _reverted(u, inverse, g2, g3, g4):  # type: ignore[no-untyped-def]
     """Step to the zero by the reversed series in h, of order 4, and its relative error; 1 where it is no good.
 

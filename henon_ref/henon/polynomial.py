@@ -27,9 +27,11 @@ CLOSE, FAR = 2.0**-20, 2.0**-3
 """What is cut out around a minimum: at least the one and at most the other of its piece, to either side."""
 POLY = {"contract", "nsz"}
 """A product and a sum may be one operation."""
+SUM = {*POLY, "reassoc"}
+"""And terms may be added in any order, several at a time."""
 
 
-@inner()
+@inner(forceinline=True)
 def powers_of(theta, powers, order):  # type: ignore[no-untyped-def]
     """theta^0 ... theta^order, four at a time; ``powers`` has room for whole fours."""
     square = theta * theta
@@ -40,7 +42,7 @@ def powers_of(theta, powers, order):  # type: ignore[no-untyped-def]
         a, b, c, d = a * fourth, b * fourth, c * fourth, d * fourth
 
 
-@inner(fastmath=POLY)
+@inner(forceinline=True, fastmath=SUM)
 def excluded(q, powers, degree):  # type: ignore[no-untyped-def]
     """True if q > 0 on the whole step by its negative terms alone (q[k] * powers[k] at the step's end)."""
     total = q[0]
@@ -49,7 +51,7 @@ def excluded(q, powers, degree):  # type: ignore[no-untyped-def]
     return total > 0.0
 
 
-@inner(fastmath=POLY)
+@inner(forceinline=True, fastmath=POLY)
 def value(q, degree, tau):  # type: ignore[no-untyped-def]
     """q(tau) by Horner's rule."""
     total = q[degree]
@@ -204,12 +206,26 @@ def first_falling_root(a, degree, stack, bounds):  # type: ignore[no-untyped-def
     return NONE, 0.0, 0.0
 
 
-@inner(fastmath=POLY)
-def steepness(q, degree, tau):  # type: ignore[no-untyped-def]
-    """How steeply q falls at tau, relative to the size of its terms there: small near a double root."""
-    slope, size, power = 0.0, abs(q[0]), 1.0
-    for k in range(1, degree + 1):
-        slope += k * q[k] * power
-        power *= tau
-        size += abs(q[k]) * power
-    return -slope * tau / size
+@inner(forceinline=True, fastmath=SUM)
+def steepness(q, degree, tau, powers):  # type: ignore[no-untyped-def]
+    """How steeply q falls at tau, relative to the size of its terms there: small near a double root.
+
+    ``powers``: room for those of tau.
+    """
+    powers_of(tau, powers, degree)
+    slope, size = 0.0, 0.0
+    for k in range(degree + 1):
+        term = q[k] * powers[k]
+        slope += k * term
+        size += abs(term)
+    return -slope / size
+
+
+@inner(forceinline=True, fastmath=SUM)
+def at_end(q, degree):  # type: ignore[no-untyped-def]
+    """Value and slope of q at 1."""
+    total, slope = 0.0, 0.0
+    for k in range(degree + 1):
+        total += q[k]
+        slope += k * q[k]
+    return total, slope

@@ -37,7 +37,7 @@ CROWD = 64
 """Events in a row, each closer to the last than the resolution of time, before they count as accumulating."""
 
 
-@inner()
+@inner(forceinline=True)
 def record(floats, integers, x, records, kind, index, source, target, landing):  # type: ignore[no-untyped-def]
     row = records[integers[I_COUNT]]
     row[R_TIME], row[R_LOW] = floats[F_TIME], floats[F_LOW]
@@ -97,7 +97,7 @@ def settle(floats, integers, x, records, multiplicity, target, layout, after, hi
     return True
 
 
-@inner()
+@inner(forceinline=True)
 def start(multiplicity, layout, surface, zeros):  # type: ignore[no-untyped-def]
     """Known zeros of the guards at the start of a mode: those of the surface just left."""
     for g in range(layout[0, T_GUARDS]):

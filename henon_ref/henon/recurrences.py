@@ -113,7 +113,7 @@ class Recurrences:
         a = self.series(node)
         old: list[tuple[Value, Value]] = [(a[k // 2], a[k // 2])] if k % 2 == 0 else []
         old += [(self._twice(node, j), a[k - j]) for j in range((k - 1) // 2, 0, -1)]
-        return self.w.total([], old)  # one chain: all but its last links are ready early
+        return self.w.total(old[:-3], old[-3:])
 
     def _square(self, node: int, k: int) -> Value:
         w, a = self.w, self.series(node)

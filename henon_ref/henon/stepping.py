@@ -45,7 +45,7 @@ LOST = 100
 """So many of them is one that does not even move what rounding has lost of the time, nor makes a state grow."""
 
 
-@inner()
+@inner(forceinline=True)
 def add_time(floats, step):  # type: ignore[no-untyped-def]
     """t += step as a compensated sum (Neumaier), so that late times lose no digits of a duration."""
     t = floats[F_TIME]
@@ -57,13 +57,13 @@ def add_time(floats, step):  # type: ignore[no-untyped-def]
     floats[F_LOW] = low - (floats[F_TIME] - total)
 
 
-@inner()
+@inner(forceinline=True)
 def remaining(floats):  # type: ignore[no-untyped-def]
     """Time left up to the horizon."""
     return (floats[F_UNTIL] - floats[F_TIME]) + (floats[F_UNTIL_LOW] - floats[F_LOW])
 
 
-@inner()
+@inner(forceinline=True)
 def _root(above, below, power):  # type: ignore[no-untyped-def]
     """(above / below) ** power to about one part in 100: a step size needs no more. Both positive.
 
@@ -87,7 +87,7 @@ def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
     return last, before
 
 
-@inner()
+@inner(forceinline=True)
 def step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
     """Step in units of sigma at which the last two terms fall below the tolerance (Jorba and Zou 2005, Sec. 3).
 
@@ -135,7 +135,7 @@ def flat_step_size(c, n, multiplicity, order, tolerance):  # type: ignore[no-unt
     return shortest
 
 
-@inner()
+@inner(forceinline=True)
 def swells(c, rows, order, theta):  # type: ignore[no-untyped-def]
     """True if the terms of some row do not fall towards the last ones as those of a series do that has converged."""
     if c[rows, 0] * theta <= SHORTER * c[rows, 1]:  # the usual case
@@ -158,7 +158,9 @@ def _tail(row, order, theta, least):  # type: ignore[no-untyped-def]
     middle, last = order // 2 - 1, order - 3
     square = theta * theta
     cube = square * theta
-    shift = theta ** (last - middle)
+    shift = 1.0
+    for _ in range(last - middle):  # a call of the C library costs as much as the rest
+        shift *= theta
     half = max(
         max(abs(row[middle]), abs(row[middle + 1]) * theta),
         max(abs(row[middle + 2]) * square, abs(row[middle + 3]) * cube),
@@ -182,7 +184,7 @@ def _grows(c, n, theta):  # type: ignore[no-untyped-def]
     return found
 
 
-@inner()
+@inner(forceinline=True)
 def move(x, x_low, change):  # type: ignore[no-untyped-def]
     """x += change as a compensated sum; False where the state has blown up."""
     bounded = True
@@ -196,7 +198,7 @@ def move(x, x_low, change):  # type: ignore[no-untyped-def]
     return bounded
 
 
-@inner()
+@inner(forceinline=True)
 def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, alone, flat, stop_at):  # type: ignore[no-untyped-def]
     """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
 
