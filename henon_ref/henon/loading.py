@@ -32,7 +32,7 @@ CALLED: tuple[tuple[Any, tuple[Any, ...]], ...] = (
     )),
     (held, (float64, float64, float64, _ROW, int64, _LAYOUT, _ROW, _ROWS, int64)),
     (polish, (_ROW, _COUNTS, _ROW, _ROW, _LAYOUT, _ROW, _ROWS, _ROW, int64, float64, float64)),
-    (sample, (_ROW, _COUNTS, _ROWS, int64, float64, int64, _ROW, _ROWS)),
+    (sample, (_ROW, _COUNTS, _ROWS, int64, float64, int64, _ROWS)),
     (record, (_ROW, _COUNTS, _ROW, _ROWS, int64, int64, int64, int64, int64)),
     (crowded, (_ROW, _COUNTS)),
 )  # fmt: skip
