@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,14 @@ from problems import make_problem
 from runs import kinds, run, times
 
 from baselines.scipy_ivp import DOP853
+from henon_ref.henon import registers as k
+from henon_ref.henon.engine import Engine
+from henon_ref.henon.session import Session
 from henon_ref.henon.solvers import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.model.case import load_case
 from henon_ref.truth.simulate import simulate
 
+CASES = Path(__file__).parents[1] / "cases"
 SOLVERS = [HENON_SOLVER, HENON_NEWTON, HENON_BRENT]
 
 
@@ -37,7 +42,7 @@ def test_a_slide_is_left_at_its_tangent_point() -> None:
 @pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
 def test_a_loose_tolerance_leaves_tangent_points_as_a_tight_one(rtol: float) -> None:
     """Fig. 8: a slide that ended a little beside its tangent point would begin anew at once (210 events, not 126)."""
-    case = load_case(Path(__file__).parents[1] / "cases" / "fig8.yaml")
+    case = load_case(CASES / "fig8.yaml")
     (reading,) = [r for r in case.readings if r.name == "listing_limit"]
     found = HENON_SOLVER.prepare(reading.problem, rtol=rtol)()
     exact = HENON_SOLVER.prepare(reading.problem, rtol=1e-13)()
@@ -222,3 +227,22 @@ def test_a_model_ends_where_it_only_just_does(valid: str) -> None:
     result = run(make_problem("x", ["1"], {"s": "x - 5"}, [0], 3, valid=[valid]))
     assert result.status == "invalid"
     assert result.end_time == 1.0
+
+
+def test_runs_of_one_engine_do_not_disturb_each_other() -> None:
+    """They share what the compiled loop works on: here two are stopped at each transition, a third hands out blocks."""
+    (reading,) = [r for r in load_case(CASES / "fig8.yaml").readings if r.name == "listing_limit"]
+    engine = Engine(reading.problem.system, 20)
+    tight = engine.start(reading.problem, tolerance=1e-12, landing=k.HENON)
+    loose = replace(tight, tolerance=1e-8)
+    alone = [list(engine.run(start).transitions) for start in (tight, loose)]
+    assert alone[0] != alone[1]
+    sessions = [Session(engine, start, block=1) for start in (tight, loose)]
+    in_turn = [[session.next_event() for session in sessions] for _ in alone[0]]
+    assert [list(found) for found in zip(*in_turn, strict=True)] == alone
+    stream = Session(engine, tight, block=10)
+    streamed = []
+    for block in stream.stream():
+        assert list(engine.run(loose).transitions) == alone[1]
+        streamed += list(block)
+    assert streamed == alone[0]

@@ -65,7 +65,10 @@ class Start:
 
 
 class Scratch(NamedTuple):
-    """What the compiled loop works on and leaves nothing in from one call to the next: runs of one engine share it."""
+    """Arrays that the compiled loop works on.
+
+    Runs of one engine share them: what is in them is a run's own until it hands on its transitions, no longer.
+    """
 
     work: NDArray[np.float64]
     band: NDArray[np.float64]
