@@ -165,8 +165,6 @@ class _Expander:
         w = self.w
         leaves, part = form.leaves(), 1.0 / (k + 1)
         total = w.mul(self.factor(form.constant), "%sigma") if k == 0 and form.constant else None
-        if len(leaves) == 1 and total is None:
-            return w.mul(w.scaled(part, rate[leaves[0]]), self._series[leaves[0]][k])
         for leaf in leaves[:-1]:
             total = w.fused(rate[leaf], self._series[leaf][k], total)
         total = w.scaled(part, total)  # the last leaf is what is waited for

@@ -157,15 +157,13 @@ class Writer:
     # -- sums -------------------------------------------------------------------------------------------
 
     def total_lanewise(self, lanes: int, pairs: Sequence[tuple[str, str]]) -> str:
-        """Sum of products of vectors, in two chains: what waits in a long one keeps others from being started."""
-        chains: list[str] = []
-        for at, (a, b) in enumerate(pairs):
-            which = at % 2 if len(pairs) > 3 else 0
-            if which < len(chains):
-                chains[which] = self.lanewise_fused(lanes, a, b, chains[which])
-            else:
-                chains.append(self.lanewise("fmul", lanes, a, b))
-        return self.lanewise("fadd", lanes, *chains) if len(chains) > 1 else chains[0]
+        """Sum of products of vectors, in chains."""
+
+        def fused(a: str, b: str, c: Value) -> str:
+            return self.lanewise("fmul", lanes, a, b) if c is None else self.lanewise_fused(lanes, a, b, c)
+
+        first, second = _chained(pairs, fused)
+        return self.lanewise("fadd", lanes, first or "", second) if second else first or ""
 
     def total(self, old: Sequence[tuple[Value, Value]], new: Sequence[tuple[Value, Value]] = ()) -> Value:
         """Sum of products: the ``old`` ones in two chains, then the ``new`` ones, one fused operation each.
@@ -173,12 +171,17 @@ class Writer:
         A coefficient waits for the newest coefficients of its arguments; with their products added last,
         to a sum made before, each operation adds one instruction to the chain from order to order.
         """
-        chains: list[Value] = [None, None]
-        pairs = [(a, b) for a, b in old if a is not None and b is not None]
-        for at, (a, b) in enumerate(pairs):
-            which = at % 2 if len(pairs) > 3 else 0
-            chains[which] = self.fused(a, b, chains[which])
-        total: Value = self.add(chains[1], chains[0])
+        chains = _chained([(a, b) for a, b in old if a is not None and b is not None], self.fused)
+        total = self.add(chains[1], chains[0])
         for first, second in new:
             total = self.fused(first, second, total)
         return total
+
+
+def _chained(pairs: Sequence[tuple[str, str]], fused: Callable[[str, str, Value], Value]) -> tuple[Value, Value]:
+    """Sums of products in two chains, which are not in each other's way; all in the first where they are few."""
+    chains: list[Value] = [None, None]
+    for at, (a, b) in enumerate(pairs):
+        which = at % 2 if len(pairs) > 3 else 0
+        chains[which] = fused(a, b, chains[which])
+    return chains[0], chains[1]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.compiled import CompiledSystem, double_double
-from henon_ref.henon.kernel import work_length, work_space
+from henon_ref.henon.kernel import work_places, work_space
 from henon_ref.henon.near import NearLook
 from henon_ref.henon.session import CHUNK, Session
 from henon_ref.henon.settling import settling_space
@@ -79,7 +79,8 @@ class Scratch(NamedTuple):
 
 def _scratch(compiled: CompiledSystem) -> Scratch:
     sizes = len(compiled.system.states), compiled.most_guards, compiled.order, CHUNK
-    work = np.zeros(work_length(*sizes))
+    *_, length = work_places(*sizes)
+    work = np.zeros(length)
     band, _, records = cast(Any, work_space).py_func(work, *sizes)  # uncompiled: it is done once
     return Scratch(work, band, records)
 
@@ -102,14 +103,14 @@ class Engine:
         self.near = NearLook(system)
         self.closer = CloserLook(system)
         self.scratch = _scratch(self.compiled)
-        self._settling = settling_space(len(system.states), len(system.surfaces)) if self.compiled.rows.size else None
+        self._settling = settling_space(len(system.states), len(system.surfaces))
 
     @property
     def settling(self) -> tuple[Any, ...] | None:
         """What the compiled loop decides events of several surfaces with; None where it need not."""
-        if self._settling is None:
-            return None
         compiled = self.compiled
+        if not compiled.rows.size:
+            return None
         return (*compiled.normals, compiled.signs, compiled.rows, compiled.decoupled, *self._settling)
 
     def start(self, problem: Problem, *, tolerance: float, landing: int) -> Start:

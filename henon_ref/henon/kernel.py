@@ -6,8 +6,9 @@ handed back to Python (:mod:`henon_ref.henon.session`) with a code; after the an
 
 from __future__ import annotations
 
+from numba.extending import register_jitable
+
 from henon_ref.henon.calls import call_closing, call_expand
-from henon_ref.henon.emitter import LANES
 from henon_ref.henon.events import at_zero, ends_at_zero, fails_at_once, first_event, zeros_at_release
 from henon_ref.henon.holding import held
 from henon_ref.henon.polynomial import DEPTH
@@ -85,6 +86,15 @@ BANDS = 6 + 2 * DEPTH
 """Rows of the work space that root isolation needs."""
 
 
+@register_jitable
+def work_places(n, most, order, block):  # type: ignore[no-untyped-def]
+    """Of an array that the loop works on: length of a row of the band, where room and records begin, and its length."""
+    width = row_length(order)
+    room = (2 * (n + most + 1) + BANDS) * width
+    records = room + 3 * (n + most)
+    return width, room, records, records + block * (R_STATE + n)
+
+
 @njit()
 def work_space(work, n, most, order, block):  # type: ignore[no-untyped-def]
     """Parts of an array that the loop works on.
@@ -92,7 +102,7 @@ def work_space(work, n, most, order, block):  # type: ignore[no-untyped-def]
     Parameters
     ----------
     work : ndarray
-        Long enough (:func:`work_length`).
+        As long as :func:`work_places` says.
     n, most, order, block : int
         States; guards of the largest mode, G; order; transitions kept.
 
@@ -106,16 +116,8 @@ def work_space(work, n, most, order, block):  # type: ignore[no-untyped-def]
     records : ndarray, shape (block, R_STATE + n)
         Transitions, a row each.
     """
-    rows, width = 2 * (n + most + 1) + BANDS, (order // LANES + 1) * LANES
-    end = rows * width
-    begin = end + 3 * (n + most)
-    records = work[begin : begin + block * (R_STATE + n)].reshape(block, R_STATE + n)
-    return work[:end].reshape(rows, width), work[end:begin], records
-
-
-def work_length(n: int, most: int, order: int, block: int) -> int:
-    """Length of the array that :func:`work_space` takes apart."""
-    return (2 * (n + most + 1) + BANDS) * row_length(order) + 3 * (n + most) + block * (R_STATE + n)
+    width, room, records, end = work_places(n, most, order, block)
+    return work[:room].reshape(-1, width), work[room:records], work[records:end].reshape(block, -1)
 
 
 @njit()

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from numba.extending import register_jitable
+
 from henon_ref.henon.emitter import LANES, ZERO, Value, Writer, literal
 
 _VECTOR = f"<{LANES} x double>"
 
 
+@register_jitable
 def row_length(order: int) -> int:
     """Doubles from one row of coefficients to the next: whole vectors, padded with zeros."""
     return -(-(order + 1) // LANES) * LANES if order else 1
