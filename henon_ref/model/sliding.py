@@ -68,7 +68,7 @@ def filippov_sliding(
     normal = [
         sp.expand(along(system.surfaces[i], states, tuple(rhs)).xreplace(on_surface), deep=False) for i in sliding
     ]
-    slope = [[sp.simplify(sp.diff(n, s)) if n.has(s) else sp.S.Zero for s in signs] for n in normal]
+    slope = [[_simplified(sp.diff(n, s)) if n.has(s) else sp.S.Zero for s in signs] for n in normal]
     if any(entry.has(*signs) for row in slope for entry in row):
         raise ModelError(
             "signs that multiply each other on the intersection of "
@@ -107,6 +107,11 @@ def filippov_sliding(
         others = along(h, states, tuple(rates))
         result[k] = -others.xreplace(on_surface) / sp.diff(h, states[k])
     return tuple(result), tuple(guards), {i: equivalent[s] for i, s in zip(sliding, signs, strict=True)}
+
+
+def _simplified(slope: sp.Expr) -> sp.Expr:
+    """A slope in few terms; a product is so already (SymPy loads all its units, 0.2 s, before it simplifies)."""
+    return sp.simplify(slope) if slope.has(sp.Add, sp.Function) else slope
 
 
 def _surface_substitution(system: FilippovSystem, solved: Mapping[int, int]) -> dict[sp.Symbol, sp.Expr]:

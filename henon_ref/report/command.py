@@ -81,7 +81,8 @@ def run(request: Request) -> Unmet:
     origin: list[Provenance] = []
 
     def meanwhile() -> None:
-        preload()
+        if request.figures:
+            preload()
         environment()
         origin.append(provenance(rerun_command(request)))
 

@@ -82,5 +82,7 @@ def svg(figure: Figure) -> bytes:
 
 
 def preload() -> None:
-    """Import what drawing and writing need, so that workers forked from here on have it, and nobody waits for it."""
-    import sympy.physics.units  # noqa: F401 - SymPy's simplify asks for it
+    """Import what drawing needs, so that workers forked from here on have it, and nobody waits for it."""
+    import matplotlib.backends.backend_svg
+    import matplotlib.figure
+    import matplotlib.lines  # noqa: F401

@@ -51,7 +51,7 @@ class Journal:
         OSError
             Where it cannot be written; the rows before it are safe.
         """
-        line = json.dumps({"key": key, **asdict(record)}, separators=(",", ":")) + "\n"
+        line = json.dumps({"key": key, **vars(record)}, separators=(",", ":")) + "\n"
         self.path.parent.mkdir(parents=True, exist_ok=True)
         # A line that was cut short must not swallow this one.
         lead = "\n" if self._started and not _ends_with_newline(self.path) else ""
