@@ -97,8 +97,10 @@ class Step:
     per_step_s: float
     """Wall time of one Taylor step of a whole run [s]."""
     carried_per_step_s: float
-    written_per_step_s: float | None
-    """The same of :data:`BY_HAND`; None where more effects are in than it has."""
+    to_carried: float
+    """Time of a step over that with all later effects at zero, median over the rounds."""
+    to_written: float | None
+    """The same over :data:`BY_HAND`; None where more effects are in than it has."""
 
 
 def oscillator(effects: dict[str, str], *, until: float = 60.0) -> Problem:
@@ -150,7 +152,9 @@ def effect_costs() -> list[Step]:
                 problems["written"] = parse_case(BY_HAND[body]).readings[0].problem
             runs = {key: HENON_SOLVER.prepare(problem, rtol=RTOL) for key, problem in problems.items()}
             times = in_turn(runs, rounds=ROUNDS)
-            a_step = {key: times[key].median / run().counts.steps for key, run in runs.items()}
+            steps = {key: run().counts.steps for key, run in runs.items()}
+            a_step = {key: times.median(key) / steps[key] for key in runs}
+            ratio = {key: times.ratio("own", key) * steps[key] / steps["own"] for key in runs}
             found.append(
                 Step(
                     body=body,
@@ -159,7 +163,8 @@ def effect_costs() -> list[Step]:
                     carried=operations(problems["carried"].system),
                     per_step_s=a_step["own"],
                     carried_per_step_s=a_step["carried"],
-                    written_per_step_s=a_step.get("written"),
+                    to_carried=ratio["carried"],
+                    to_written=ratio.get("written"),
                 )
             )
     return found
@@ -175,8 +180,8 @@ def table(steps: Sequence[Step]) -> list[tuple[str, ...]]:
             f"{step.carried}",
             f"{1e9 * step.per_step_s:.0f} ns",
             f"{1e9 * step.carried_per_step_s:.0f} ns",
-            f"{step.per_step_s / step.carried_per_step_s:.2f}",
-            "" if step.written_per_step_s is None else f"{step.per_step_s / step.written_per_step_s:.2f}",
+            f"{step.to_carried:.2f}",
+            "" if step.to_written is None else f"{step.to_written:.2f}",
         )
         for step in steps
     ]

@@ -84,7 +84,7 @@ def _three(
         count = len(result.transitions)
         evaluations = result.counts.event_evaluations / count if count else math.nan
         error = _error(result, exact, modes)
-        lines.append(Landed(case, reading, solver, count, evaluations, times[solver].median, error))
+        lines.append(Landed(case, reading, solver, count, evaluations, times.median(solver), error))
     return lines
 
 

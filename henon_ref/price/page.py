@@ -131,7 +131,7 @@ def size_table(found: Sequence[Size]) -> Table:
             if size.agrees else "other transitions"
             for size in own.values()
         ]  # fmt: skip
-        ratio = f"{first.wall_s / own['heyoka'].wall_s:.2g}" if own["heyoka"].agrees else ""
+        ratio = f"{own['heyoka'].ratio:.2g}" if own["heyoka"].agrees else ""
         lines.append((f"{states}", f"{first.transitions}", *cells, ratio))
     solvers = dict.fromkeys(size.solver for size in found)
     return Table(

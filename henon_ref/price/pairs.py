@@ -40,12 +40,9 @@ class Pair:
     wall_s: float
     """Median of `henon`'s times, and of the other's."""
     rival_wall_s: float
+    ratio: float
+    """`henon`'s time over the other's, median over the rounds."""
     rounds: int
-
-    @property
-    def ratio(self) -> float:
-        """`henon`'s time over the other's."""
-        return self.wall_s / self.rival_wall_s
 
 
 def pairs(cases: Sequence[Case], rows: Sequence[Row], seconds: float = SECONDS) -> list[Pair]:
@@ -81,11 +78,19 @@ def _timed(case: str, reading: str, error: float, problem: Problem, rows: Sequen
     runs = {(name(row), number(row, "rtol")): _prepared(row, problem) for row in rows}
     rounds = min(max(int(seconds / sum(number(row, "wall_s") for row in rows)), FEWEST), MOST)
     times = in_turn(runs, rounds=rounds, turn=TURN)
-    (wall, _, rtol), (rival_wall, rival, rival_rtol) = (
-        min((times[solver, rtol].median, solver, rtol) for solver, rtol in runs if (solver == FIRST) is ours)
-        for ours in (True, False)
+    own, other = (min((key for key in runs if (key[0] == FIRST) is ours), key=times.median) for ours in (True, False))
+    return Pair(
+        case=case,
+        reading=reading,
+        worst_error_s=error,
+        rival=other[0],
+        rtol=own[1],
+        rival_rtol=other[1],
+        wall_s=times.median(own),
+        rival_wall_s=times.median(other),
+        ratio=times.ratio(own, other),
+        rounds=rounds,
     )
-    return Pair(case, reading, error, rival, rtol, rival_rtol, wall, rival_wall, rounds)
 
 
 def _prepared(row: Row, problem: Problem) -> Run:

@@ -37,6 +37,8 @@ class Size:
     prepare_s: float
     """Wall time of making it ready, all modes that the run visits included [s]."""
     wall_s: float
+    ratio: float
+    """The first solver's time over its own, median over the rounds."""
     agrees: bool
     """Whether its transitions are those of the first solver."""
 
@@ -99,7 +101,8 @@ def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> l
                     transitions=len(end.transitions),
                     steps=end.counts.steps,
                     prepare_s=prepared[name],
-                    wall_s=times[name].median,
+                    wall_s=times.median(name),
+                    ratio=times.ratio(solvers[0], name),
                     agrees=_agree(first, end),
                 )
             )
