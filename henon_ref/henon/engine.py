@@ -15,9 +15,8 @@ from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.compiled import CompiledSystem, double_double
 from henon_ref.henon.kernel import work_places, work_space
 from henon_ref.henon.near import NearLook
-from henon_ref.henon.session import CHUNK, Session
+from henon_ref.henon.session import CHUNK, Session, refusal
 from henon_ref.henon.settling import settling_space
-from henon_ref.model.decision import Decision
 from henon_ref.model.equations import TIME
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.modes import Mode
@@ -36,10 +35,10 @@ class Start:
     """Horizon and what rounding it lost."""
     x: tuple[tuple[float, float], ...]
     """Initial state and what rounding it lost."""
-    decision: Decision
-    """The mode at the start, or why there is none."""
-    row: int | None
-    """Its row in the compiled tables."""
+    refused: Trajectory | None
+    """What every run comes to where there is no mode to begin with; None where there is one."""
+    row: int
+    """Row of the mode at the start in the compiled tables."""
     zeros: tuple[int, ...]
     """Known zeros of the guards, as many as the largest mode has: surfaces that the start lies on."""
     order: int
@@ -59,7 +58,7 @@ class Start:
         floats[k.F_LAST], floats[k.F_TOLERANCE] = -np.inf, self.tolerance
         floats[k.F_SIGMA] = max((self.until[0] - self.time[0]) + (self.until[1] - self.time[1]), 1e-280)
         integers = np.array([0] * k.I_SIZE + [*self.zeros] + [0] * len(self.zeros))
-        integers[k.I_MODE], integers[k.I_BLOCK] = self.row or 0, CHUNK
+        integers[k.I_MODE], integers[k.I_BLOCK] = self.row, CHUNK
         integers[k.I_ORDER], integers[k.I_METHOD] = self.order, self.landing
         return floats, integers
 
@@ -133,15 +132,17 @@ class Engine:
             [i for i, e in enumerate(expressions) if exact_sign(system.numeric(e).xreplace(at)) == 0]
             for expressions in (system.surfaces, system.valid)
         )
-        time = double_double(problem.start)
-        row: int | None = None
-        zeros = (0,) * self.compiled.most_guards
-        if decision.mode is not None:
-            row = self.compiled.compile(decision.mode)
-            own = self.known_zeros(time[0], [v[0] for v in x], decision.mode, active, edges)
+        time, until, point = double_double(problem.start), double_double(problem.until), tuple(high for high, _ in x)
+        refused, row, zeros = None, 0, (0,) * self.compiled.most_guards
+        if decision.mode is None:
+            status, reason = refusal(decision)
+            refused = Trajectory(status, (), time[0], point, (0,) * len(system.surfaces), reason)
+        elif (compiled := self.compiled.compile(decision.mode)) is None:
+            refused = Trajectory("failed", (), time[0], point, decision.mode, "the mode at the start has no equations")
+        else:
+            row, own = compiled, self.known_zeros(time[0], point, decision.mode, active, edges)
             zeros = own + zeros[len(own) :]
-        until = double_double(problem.until)
-        return Start(time, until, tuple(x), decision, row, zeros, self.order, tolerance, landing)
+        return Start(time, until, tuple(x), refused, row, zeros, self.order, tolerance, landing)
 
     def known_zeros(
         self,

@@ -82,7 +82,7 @@ class NearLook:
     ) -> int:
         """See :func:`look_near`; ``places`` are the guards' in the order of :meth:`FilippovSystem.equations`."""
         if mode not in self._looks:
-            self._looks[mode] = (np.array(places, dtype=np.int64), *self._program(mode))
+            self._looks[mode] = self._program(mode, places)
         if self.loading_s:
             return int(look_near(floats, integers, layout, *self._looks[mode]))
         began = time.perf_counter()
@@ -91,8 +91,8 @@ class NearLook:
         self.loading_s = time.perf_counter() - began
         return outcome
 
-    def _program(self, mode: Mode) -> tuple[NDArray[Any], ...]:
-        """A mode's tape as arrays, and work space for it."""
+    def _program(self, mode: Mode, places: Sequence[int]) -> tuple[NDArray[Any], ...]:
+        """A mode's tape as arrays, and work space for it (few arrays: each that is passed costs 45 ns)."""
         system, equations = self.system, self.system.equations(mode)
         signs = {sign: sp.Integer(s) for sign, s in zip(system.signs, mode, strict=True)}
         sides = [speed.xreplace(signs) for speed in speeds(system, equations.guards)]
@@ -100,14 +100,13 @@ class NearLook:
         codes, constants, field, outputs, rows = program(
             tape, [double_double(system.numeric(c)) for c in tape.constants]
         )
-        shapes = [(rows, ORDER + 1), (rows, ORDER + 1), (rows,), (4 + HALVINGS, ORDER + 1)]
-        guards = len(equations.guards)
-        return codes, constants, field, outputs[:guards], outputs[guards:], *(np.zeros(shape) for shape in shapes)
+        shapes = [(2, rows, ORDER + 1), (rows,), (4 + HALVINGS, ORDER + 1)]
+        return codes, constants, np.concatenate([places, field, outputs]), *(np.zeros(shape) for shape in shapes)
 
 
 @njit()
 def look_near(  # type: ignore[no-untyped-def]
-    floats, integers, layout, places, codes, constants, field, outputs, sides, high, low, sizes, work,
+    floats, integers, layout, codes, constants, rows, series, sizes, work,
 ):  # fmt: skip
     """Decide a doubtful event and go there.
 
@@ -117,13 +116,13 @@ def look_near(  # type: ignore[no-untyped-def]
         The run (see :mod:`henon_ref.henon.registers`), which came back with DOUBTFUL.
     layout : ndarray of int
         The mode's table.
-    places : ndarray of int, shape (guards,)
-        Where its guards stand among the outputs; -1 for those that have no place there.
-    codes, constants, field, outputs : ndarray
-        The mode as a :class:`henon_ref.henon.program.Program`; its outputs are the guards.
-    sides : ndarray of int, shape (2 outputs,)
-        Where the speeds towards the surface of each guard, and away from it beyond, stand in it.
-    high, low, sizes : ndarray
+    codes, constants : ndarray
+        The mode as a :class:`henon_ref.henon.program.Program`; its outputs are G guards, then the speeds towards the
+        surface of each and away from it beyond.
+    rows : ndarray of int, shape (guards + n + 3 G,)
+        Where the guards of the table stand among the G (-1 for those that have no place there); rows of the field and
+        of the outputs.
+    series, sizes : ndarray, shapes (2, rows, ORDER + 1) and (rows,)
         Work space of :func:`henon_ref.henon.fine.expand_fine`.
     work : ndarray, shape (4 + HALVINGS, ORDER + 1)
         Work space.
@@ -136,6 +135,11 @@ def look_near(  # type: ignore[no-untyped-def]
     """
     n = (floats.size - F_STATE) // 2
     x, x_low = floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
+    known = layout[0, T_GUARDS]
+    first = known + n
+    behind = first + (rows.size - first) // 3
+    places, field, outputs, sides = rows[:known], rows[known:first], rows[first:behind], rows[behind:]
+    high, low = series[0], series[1]
     unit = floats[F_REACH] * (1.0 + BEYOND)
     guard, most = integers[I_GUARD], (integers.size - I_SIZE) // 2
     zeros = integers[I_SIZE + guard]
@@ -169,8 +173,8 @@ def look_near(  # type: ignore[no-untyped-def]
         together = False
         for g in range(layout[0, T_GUARDS]):
             if g != guard and places[g] >= 0:
-                series = high[outputs[places[g]], : last + 1]
-                if at_zero(series, integers[I_SIZE + g], last, s, layout[1 + g, G_RISING]):
+                own_series = high[outputs[places[g]], : last + 1]
+                if at_zero(own_series, integers[I_SIZE + g], last, s, layout[1 + g, G_RISING]):
                     integers[I_SIZE + most + g] = 1
                     together = True
         own = layout[1 + guard]

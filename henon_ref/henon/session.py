@@ -161,10 +161,13 @@ class Session:
     def _advance(self, *, stop: bool = False) -> Trajectory | None:
         """Let the compiled loop run until it needs something; None if the run goes on."""
         engine = self.engine
-        if self.start.row is None:
-            decision = self.start.decision
-            failed: tuple[Status, str] = "failed", "the mode at the start has no equations"
-            return self._end(*(_refusal(decision) if decision.mode is None else failed))
+        refused = self.start.refused
+        if refused is not None:
+            return (
+                refused
+                if self.samples is _NO_SAMPLES
+                else refused._replace(samples=self.samples[:, 1:-1], sample_modes=())
+            )
         code = advance(
             self.floats, self.integers, engine.scratch.work, engine.compiled.tables, engine.compiled.numbers,
             engine.settling, self.samples,
@@ -174,14 +177,14 @@ class Session:
         if code == k.FULL and not stop:
             self._close_block()
         elif code in (k.RESOLVE, k.DOUBTFUL, k.UNKNOWN):
-            refused = None
+            why = None
             if code == k.UNKNOWN:
-                refused = self._go_on()
+                why = self._go_on()
             elif code == k.RESOLVE:
-                refused = self._resolve()
+                why = self._resolve()
             elif self._closer_look():
-                refused = self._resolve(zero=PROVEN)
-            return None if refused is None else self._end(*refused)
+                why = self._resolve(zero=PROVEN)
+            return None if why is None else self._end(*why)
         elif code not in (k.FULL, k.PAUSE):
             return self._end(*self._why(code))
         return None
@@ -191,7 +194,7 @@ class Session:
 
         True if there is an event to resolve there.
         """
-        row, guard = int(self.integers[k.I_MODE]), int(self.integers[k.I_GUARD])
+        row, guard = self.integers.item(k.I_MODE), self.integers.item(k.I_GUARD)
         compiled = self.engine.compiled
         mode = compiled.modes[row]
         places = compiled.places(mode)
@@ -253,7 +256,7 @@ class Session:
         x = self.x.tolist()
         decision = self.engine.switching.after_event(self.time, x, before, hits, zero=zero)
         if decision.mode is None:
-            return _refusal(decision)
+            return refusal(decision)
         early = self.integers[k.I_GUARD] == k.NOWHERE
         # Where no step was taken, surfaces left a moment ago are still as good as touched.
         fresh = {g.index for g, zeros in zip(self._guards, self.multiplicity, strict=False) if zeros and early}
@@ -313,22 +316,22 @@ class Session:
     def _end(self, status: Status, reason: str) -> Trajectory:
         integers, modes = self.integers.tolist(), self.engine.compiled.modes
         transitions: Sequence[Transition] = ()
-        if self.blocks or integers[k.I_COUNT]:
+        if integers[k.I_COUNT] or self.blocks:
             records = self.engine.scratch.records[: integers[k.I_COUNT]].copy()
             transitions = TransitionBlock(np.concatenate([*self.blocks, records]) if self.blocks else records, modes)
         samples = sample_modes = None
         if self.samples is not _NO_SAMPLES:
             samples = self.samples[:, 1:-1]
             sample_modes = tuple(modes[int(m)] for m in self.samples[: integers[k.I_SAMPLE], -1])
-        end_mode = modes[integers[k.I_MODE]] if modes else (0,) * len(self.engine.system.surfaces)
-        x, end = tuple(self.x.tolist()), self.floats.item(k.F_TIME)
         # As the tuples they are, past Python's constructors: a tenth of a short run.
         counts = _tuple(Counts, integers[k.I_STEPS : k.I_EVENTS + 1])
-        fields = status, transitions, end, x, end_mode, reason, counts, 0.0, samples, sample_modes
+        x, mode = tuple(self.x.tolist()), modes[integers[k.I_MODE]]
+        fields = status, transitions, self.time, x, mode, reason, counts, 0.0, samples, sample_modes
         return _tuple(Trajectory, fields)
 
 
-def _refusal(decision: Decision) -> tuple[Status, str]:
+def refusal(decision: Decision) -> tuple[Status, str]:
+    """Status and reason of a run that a decision without a mode ends."""
     if decision.status == "nonunique":
         return "nonunique", decision.reason
     return ("invalid" if decision.status == "invalid" else "failed"), decision.reason
