@@ -105,6 +105,33 @@ def gone(pid: int) -> bool:
         return True
 
 
+def test_lanes_of_one_kin_have_one_worker_after_the_other(monkeypatch):
+    """Four lanes of two kins, one at a time, and one of none: three workers. A grown one is not passed on."""
+
+    def workers() -> list[int]:
+        seen = Collector()
+        kins = {"a": "x", "b": "y", "c": "x", "d": "y", "e": None, "f": None}
+        lanes = [Lane(what, deque([Act(what)]), kin) for what, kin in kins.items()]
+        Fence(processes=1, memory=MEMORY).run(lanes, seen)
+        assert set(seen.results) == set(kins)
+        return [seen.pids[what] for what in kins]
+
+    a, b, c, d, e, f = workers()
+    assert (a, b) == (c, d)
+    assert len({a, b, e, f}) == 4
+    monkeypatch.setattr(fence, "PASSED_ON", 0.0)
+    assert len(set(workers())) == 6
+
+
+def test_a_dead_worker_is_not_passed_on():
+    seen = Collector()
+    lanes = [Lane(what, deque([Act(what)]), "x") for what in ("a", "kill", "b", "c")]
+    Fence(processes=1, memory=MEMORY).run(lanes, seen)
+    assert set(seen.results) == {"a", "b", "c"}
+    assert set(seen.failures) == {"kill"}
+    assert seen.pids["a"] != seen.pids["b"] == seen.pids["c"]
+
+
 def test_a_lane_keeps_its_worker():
     seen = run(["a", "b", "c"])
     assert seen.results == {"a": "aa", "b": "bb", "c": "cc"}

@@ -12,6 +12,7 @@ from henon_ref.truth import multiprecision
 from henon_ref.truth.multiprecision import multiprecision as route
 from henon_ref.truth.proof import prove
 from henon_ref.truth.simulate import Event, Run
+from henon_ref.truth.stepper import _integrator
 
 
 def event(time: str, after: int = 1) -> Event:
@@ -29,6 +30,21 @@ def test_the_radius_holds_the_closed_form_and_is_small() -> None:
     assert release.kind == "release"
     assert abs(release.time - 1) <= release.radius < 1e-60
     assert not release.proven
+
+
+def test_fields_that_differ_in_their_numbers_alone_are_compiled_once() -> None:
+    """And what one run leaves in an integrator does not reach the next one."""
+    problems = [systems.free_coulomb(friction=friction) for friction in ("0.6", "0.7")]
+    alone = []
+    for problem in problems:
+        _integrator.cache_clear()
+        alone.append(route(problem).transitions)
+        made = _integrator.cache_info().misses
+    assert len(alone[0]) > 2
+    assert alone[0] != alone[1]
+    _integrator.cache_clear()
+    assert [route(problem).transitions for problem in (*problems, problems[0])] == [*alone, alone[0]]
+    assert _integrator.cache_info().misses == made
 
 
 def test_the_radius_is_the_difference_of_the_two_runs() -> None:

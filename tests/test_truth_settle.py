@@ -151,6 +151,22 @@ def test_other_mathematics_is_computed_anew(tmp_path: Path) -> None:
     assert settle.stored_truth(case(other), reading(other), tmp_path) is None
 
 
+@pytest.mark.parametrize(
+    "claims",
+    [
+        "",
+        'exact: {transition_times: ["1 + 1e-70"]}\n',
+        'exact: {transition_times: ["1"], modes: [[-1]]}\n',
+        'exact: {transition_times: ["1"]}\nexpect: {status: diverged}\n',
+    ],
+)
+def test_a_truth_that_was_not_held_against_what_the_case_claims_is_computed_anew(tmp_path: Path, claims: str) -> None:
+    store.save(tmp_path, settle.compute(case(), reading()))
+    other = TEXT[: TEXT.index("exact")] + claims
+    assert reading(other).mathematics_hash == reading().mathematics_hash
+    assert settle.stored_truth(case(other), reading(other), tmp_path) is None
+
+
 def test_a_folder_that_cannot_be_written_costs_a_warning_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -104,7 +104,7 @@ class Campaign:
                     continue
                 known = stored_statement(case, reading)
                 if known is None:
-                    lanes.append(Lane(case.name, deque([TruthJob(case, reading)])))
+                    lanes.append(Lane(case.name, deque([TruthJob(case, reading)]), kin="truth"))
                 else:
                     collected.statements[case.name, reading.name] = known
         self.observer.truths(len(lanes))
@@ -202,7 +202,7 @@ class Campaign:
         result = state.results[reading]
         if state.pending[reading] == 0 and drawable and self.draw is not None and reading_is_drawn(state, result):
             job = self.draw(result, state.records(reading))
-            self._fence.add(CaseLane(state.case.name, deque([job]), state))
+            self._fence.add(CaseLane(state.case.name, deque([job]), "figures", state))
             state.pending[reading] += 1
         if not state.pending.total():
             self._deliver(state)

@@ -1,8 +1,9 @@
 """Fences: jobs in worker processes, with limits on time and memory, so that one failure stays one failure.
 
-A lane is a queue of jobs that share a worker (one solver's runs: its imports and compiled code are kept). A
-worker that hangs, dies or outgrows its memory is killed with all it started, its job is reported as failed, and
-the lane goes on with a new worker. Leaving :meth:`Fence.run`, by whatever exception, leaves no process behind.
+A lane is a queue of jobs that share a worker (one solver's runs: its imports and compiled code are kept), and lanes of
+one kin take over each other's workers. A worker that hangs, dies or outgrows its memory is killed with all it started,
+its job is reported as failed, and the lane goes on with a new worker. Leaving :meth:`Fence.run`, by whatever exception,
+leaves no process behind.
 
 Workers are forked on Linux while the caller has a single thread; elsewhere they are spawned, and a script that
 calls this needs the usual ``if __name__ == "__main__"`` guard.
@@ -33,16 +34,20 @@ from henon_ref.score.worker import DONE, FAILURE, Failure, Job, serve
 
 POLL = 0.05
 """Seconds between two looks at the clock and at memory."""
+PASSED_ON = 0.25
+"""Part of its memory up to which a worker is passed on: what one lane has left there is not held against the next."""
 LOG_TAIL = 4000
 """Bytes of a dead worker's output that are searched for its last words."""
 
 
-@dataclass
+@dataclass(eq=False)
 class Lane:
     """Jobs that one worker does in turn."""
 
     name: str
     jobs: deque[Job] = field(default_factory=deque)
+    kin: str | None = None
+    """Lanes of the same kin may have the same worker, one after the other."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +163,7 @@ class Fence:
         """Start the lane's next job, in its worker or a new one; a lane without jobs is over."""
         if not lane.jobs:
             if worker is not None:
-                worker.stop()
+                self._pass_on(lane, worker)
             return
         job = lane.jobs.popleft()
         slot = _Slot(lane, worker or _Worker(self._context, self.memory), job, time.monotonic() + job.seconds)
@@ -171,6 +176,15 @@ class Fence:
             raise HenonRefError(
                 f"a job of {lane.name} cannot be sent to its worker ({error}); define solvers at the top of a module"
             ) from error
+
+    def _pass_on(self, lane: Lane, worker: _Worker) -> None:
+        """Give the worker of a lane that is over to the next one of its kin."""
+        heir = next((other for other in self._waiting if lane.kin is not None and other.kin == lane.kin), None)
+        if heir is None or (resident_bytes(worker.process.pid) or 0) > PASSED_ON * self.memory:
+            worker.stop()
+            return
+        self._waiting.remove(heir)
+        self._begin(heir, worker)
 
     def _wait(self, consumer: Consumer) -> None:
         """Take the messages that arrive before the next look at the clock."""

@@ -23,7 +23,7 @@ SAMPLERS = ("henon", "scipy-dop853")
 """Solvers that draw the motion for the figures: the first that can."""
 
 
-@dataclass
+@dataclass(eq=False)
 class CaseLane(Lane):
     """A lane that knows its case."""
 
@@ -114,10 +114,10 @@ def case_lanes(
             jobs.setdefault(SAMPLERS[0], deque()).append(sample_job(result, SAMPLERS[0], options))
     state.pending = Counter(job.reading for queue in jobs.values() for job in queue)
     # The registry names the fast solvers first: begun last, they fill the gaps that the slow ones leave.
-    queues = [queue for queue in reversed(jobs.values()) if queue]
+    queues = [(name, queue) for name, queue in reversed(jobs.items()) if queue]
     if len(queues) < options.processes:
-        queues = [deque(own) for queue in queues for _, own in groupby(queue, lambda job: job.reading)]
-    return state, [CaseLane(case.name, deque(queue), state) for queue in queues]
+        queues = [(name, deque(own)) for name, queue in queues for _, own in groupby(queue, lambda job: job.reading)]
+    return state, [CaseLane(case.name, deque(queue), f"{case.name} {name}", state) for name, queue in queues]
 
 
 def reading_is_drawn(state: CaseState, result: ReadingResult) -> bool:

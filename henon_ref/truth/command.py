@@ -61,8 +61,9 @@ def _one(case: Case, reading: Reading, shown: Progress, *, check: bool, missing:
     """One reading; False where something is wrong."""
     folder = store.folder_of(case.path)
     name = f"{case.name}, {reading.name}"
-    stored = settle.stored_truth(case, reading, folder)
-    if stored is not None and missing:
+    stored = settle.of_same_mathematics(case, reading, folder)
+    current = stored is not None and settle.claimed(stored, reading)
+    if current and missing:
         return True
     task = shown.add_task(name, total=1.0)
 
@@ -76,15 +77,19 @@ def _one(case: Case, reading: Reading, shown: Progress, *, check: bool, missing:
         return False
     finally:
         shown.remove_task(task)
-    return _compared(name, stored, fresh, folder, shown, check=check)
+    return _compared(name, stored, fresh, folder, shown, current=current, check=check)
 
 
-def _compared(name: str, stored: Truth | None, fresh: Truth, folder: Path, shown: Progress, *, check: bool) -> bool:
+def _compared(
+    name: str, stored: Truth | None, fresh: Truth, folder: Path, shown: Progress, *, current: bool, check: bool
+) -> bool:
     """Say how a stored truth and a new one stand to each other; store the new one unless only checking."""
     if stored is None:
         verdict, right = ("not stored or out of date" if check else "stored"), not check
     elif faults := settle.differences(stored, fresh):
         verdict, right = "differs from what was stored: " + "; ".join(faults[:5]), not check
+    elif not current:
+        verdict, right = "was not held against what the case claims now", not check
     elif fresh.proven > stored.proven:
         verdict, right = "agrees, and more is proven now", True
     else:

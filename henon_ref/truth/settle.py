@@ -15,6 +15,8 @@ from decimal import Decimal, localcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import sympy as sp
+
 from henon_ref.truth import store
 from henon_ref.truth.reference import ReferenceTransition, Route, Truth, TruthError
 
@@ -77,6 +79,12 @@ def truth_for(
 
 
 def stored_truth(case: Case, reading: Reading, folder: Path) -> Truth | None:
+    """The stored truth, if it is that of the reading's mathematics and of what its case claims."""
+    stored = of_same_mathematics(case, reading, folder)
+    return stored if stored is not None and claimed(stored, reading) else None
+
+
+def of_same_mathematics(case: Case, reading: Reading, folder: Path) -> Truth | None:
     """The stored truth, if it is that of the reading's mathematics."""
     try:
         stored = store.load(folder, case.name, reading.name)
@@ -84,6 +92,21 @@ def stored_truth(case: Case, reading: Reading, folder: Path) -> Truth | None:
         log.warning("%s", error)
         return None
     return stored if stored is not None and stored.mathematics_hash == reading.mathematics_hash else None
+
+
+def claimed(stored: Truth, reading: Reading) -> bool:
+    """Whether a truth has been held against what its case claims now: the hash says nothing of claims."""
+    times, modes = (reading.exact.transition_times, reading.exact.modes) if reading.exact else ((), ())
+    known = [t for t in stored.transitions if t.closed_form]
+    try:
+        _check_end(reading, stored)
+    except TruthError:
+        return False
+    return (
+        len(known) == len(times)
+        and all(abs(sp.N(time - sp.Rational(t.time_digits))) <= t.radius for time, t in zip(times, known, strict=True))
+        and tuple(t.to_mode for t in stored.transitions[: len(modes)]) == tuple(modes)
+    )
 
 
 def compute(

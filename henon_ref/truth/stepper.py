@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import heyoka as hy
@@ -21,7 +22,7 @@ from henon_ref.model.equations import TIME, Guard
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 from henon_ref.truth import jets
-from henon_ref.truth.numbers import to_ball, to_real
+from henon_ref.truth.numbers import exact_text, to_ball, to_real
 from henon_ref.truth.roots import END
 from henon_ref.truth.translate import real_constants, to_heyoka
 
@@ -48,6 +49,47 @@ class Step:
     """(states + guards, order + 1) heyoka numbers, in units of the step."""
     rough: NDArray[np.float64]
     """The same in double precision."""
+
+
+class _Numbers:
+    """The numbers of a field as heyoka's run-time parameters, whole ones apart.
+
+    Parameters
+    ----------
+    bits : int
+        Precision.
+    first : int
+        Parameters that stand before them.
+    """
+
+    def __init__(self, bits: int, first: int) -> None:
+        self.values: list[Any] = []
+        """Heyoka numbers, in order."""
+        self._bits, self._first = bits, first
+        self._constant = real_constants(bits)
+
+    def __call__(self, number: sp.Expr) -> Any:
+        if number.is_Integer:
+            return self._constant(number)
+        self.values.append(hy.real(exact_text(number, self._bits), self._bits))
+        return hy.par[self._first + len(self.values) - 1]
+
+
+@lru_cache(maxsize=64)
+def _integrator(variables: tuple[Any, ...], rhs: tuple[Any, ...], bits: int, parameters: int) -> Any:
+    """An integrator, compiled once for all fields that differ in their numbers alone.
+
+    Whoever uses it next sets its time, state and parameters anew.
+    """
+    zero = hy.real("0", bits)
+    return hy.taylor_adaptive(
+        list(zip(variables, rhs, strict=True)),
+        [zero] * len(rhs),
+        fp_type=hy.real,
+        prec=bits,
+        pars=[zero] * parameters,
+        compact_mode=True,
+    )
 
 
 class Stepper:
@@ -82,17 +124,9 @@ class Stepper:
         symbols.update((system.signs[i], hy.par[k]) for k, i in enumerate(self._signs))
         self._rhs = [*field, *slopes]
         self._system = system
-        constant = real_constants(bits)
-        rhs = [to_heyoka(e, symbols, constant) for e in self._rhs]
-        zero = hy.real("0", bits)
-        self._integrator = hy.taylor_adaptive(
-            list(zip(variables, rhs, strict=True)),
-            [zero] * len(rhs),
-            fp_type=hy.real,
-            prec=bits,
-            pars=[zero] * len(self._signs),
-            compact_mode=True,
-        )
+        self._numbers = _Numbers(bits, len(self._signs))
+        rhs = tuple([to_heyoka(e, symbols, self._numbers) for e in self._rhs])
+        self._integrator = _integrator(tuple(variables), rhs, bits, len(self._signs) + len(self._numbers.values))
 
     @property
     def order(self) -> int:
@@ -102,7 +136,7 @@ class Stepper:
     def start(self, mode: Mode, time: arb, state: Sequence[arb], guards: Sequence[arb]) -> None:
         """Set a mode, a point, and the guards' values there."""
         integrator = self._integrator
-        integrator.pars[:] = [hy.real(str(mode[i]), self.bits) for i in self._signs]
+        integrator.pars[:] = [hy.real(str(mode[i]), self.bits) for i in self._signs] + self._numbers.values
         integrator.state[:] = [to_real(v, self.bits) for v in (*state, *guards)]
         integrator.time = to_real(time, self.bits)
 
