@@ -119,7 +119,7 @@ def test_lanes_of_one_kin_have_one_worker_after_the_other(monkeypatch):
     a, b, c, d, e, f = workers()
     assert (a, b) == (c, d)
     assert len({a, b, e, f}) == 4
-    monkeypatch.setattr(fence, "PASSED_ON", 0.0)
+    monkeypatch.setattr(fence, "PASSED_ON", -1.0)
     assert len(set(workers())) == 6
 
 

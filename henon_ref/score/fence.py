@@ -35,7 +35,8 @@ from henon_ref.score.worker import DONE, FAILURE, Failure, Job, serve
 POLL = 0.05
 """Seconds between two looks at the clock and at memory."""
 PASSED_ON = 0.25
-"""Part of its memory up to which a worker is passed on: what one lane has left there is not held against the next."""
+"""Part of its memory by which a worker that is passed on may have grown: what one lane has left there is not held
+against the next."""
 LOG_TAIL = 4000
 """Bytes of a dead worker's output that are searched for its last words."""
 
@@ -90,6 +91,12 @@ class _Worker:
             warnings.simplefilter("ignore", DeprecationWarning)
             self.process.start()
         theirs.close()
+        self._began_with = resident_bytes(self.process.pid) or 0
+
+    @property
+    def grown(self) -> int:
+        """Bytes that it holds beyond those that it began with (a fork begins with its parent's)."""
+        return (resident_bytes(self.process.pid) or 0) - self._began_with
 
     def stop(self) -> None:
         """Kill the process and everything it started."""
@@ -180,7 +187,7 @@ class Fence:
     def _pass_on(self, lane: Lane, worker: _Worker) -> None:
         """Give the worker of a lane that is over to the next one of its kin."""
         heir = next((other for other in self._waiting if lane.kin is not None and other.kin == lane.kin), None)
-        if heir is None or (resident_bytes(worker.process.pid) or 0) > PASSED_ON * self.memory:
+        if heir is None or worker.grown > PASSED_ON * self.memory:
             worker.stop()
             return
         self._waiting.remove(heir)
