@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from baselines.flow import LIMIT, Library, Stop
 from baselines.functions import ARITHMETIC, Scalar
 from baselines.mode_functions import EPSILON
-from baselines.mode_table import ModeEntry, ModeTable, status_of
+from baselines.mode_table import ModeEntry, ModeTable
 from baselines.record import Record
 from baselines.restart import Fresh
 from baselines.work import DeadlinePassed, Work
@@ -123,7 +123,7 @@ class Driver:
         )
         if self.decision.mode is None:
             unknown = (0,) * len(system.surfaces)
-            return record.finish(status_of(self.decision), self.start, x, unknown, self.decision.reason)
+            return record.finish(self.decision.ending, self.start, x, unknown, self.decision.reason)
         return self._march(record, self.decision.mode)
 
     def _march(self, record: Record, mode: Mode) -> Trajectory:

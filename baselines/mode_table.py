@@ -17,7 +17,6 @@ from baselines.functions import ARITHMETIC, Scalar, scalar
 from baselines.mode_functions import EPSILON, ModeFunctions, projected
 from baselines.restart import Fresh
 from baselines.work import Work
-from henon_ref.model.decision import Decision
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced
 from henon_ref.model.switching import Switching
@@ -50,11 +49,6 @@ Followed = tuple[Mode, tuple[float, ...], tuple[Fresh, ...], float]
 """The first four fields of :class:`After` (bare: this is on the path that every ordinary event takes)."""
 Exit = Callable[[float, Sequence[float]], Followed | None]
 """What follows an ordinary event at (t, x); None where two signs do not settle it."""
-
-
-def status_of(decision: Decision) -> Status:
-    """Status of a run that ends because no one mode follows."""
-    return decision.status if decision.status in ("nonunique", "invalid") else "failed"
 
 
 class ModeEntry:
@@ -178,7 +172,7 @@ class ModeTable:
         x, drift = projected([self._surface(i) for i in sorted(involved)], t, x)
         decision = self.switching.after_event(t, x, model.mode, guards)
         if decision.mode is None:
-            return After(None, x, (), drift, (), status_of(decision), decision.reason)
+            return After(None, x, (), drift, (), decision.ending, decision.reason)
         touched = tuple(
             g.index for g in guards if g.kind == "surface" and decision.mode[g.index] == model.mode[g.index]
         )

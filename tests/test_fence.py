@@ -106,7 +106,7 @@ def gone(pid: int) -> bool:
 
 
 def test_lanes_of_one_kin_have_one_worker_after_the_other(monkeypatch):
-    """Four lanes of two kins, one at a time, and one of none: three workers. A grown one is not passed on."""
+    """Four lanes of two kins, one at a time, and two of none: four workers. A grown one is not passed on."""
 
     def workers() -> list[int]:
         seen = Collector()

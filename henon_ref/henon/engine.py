@@ -15,7 +15,7 @@ from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.compiled import CompiledSystem, double_double
 from henon_ref.henon.kernel import work_places, work_space
 from henon_ref.henon.near import NearLook
-from henon_ref.henon.session import CHUNK, Session, refusal
+from henon_ref.henon.session import CHUNK, Session
 from henon_ref.henon.settling import settling_space
 from henon_ref.model.equations import TIME
 from henon_ref.model.exact import exact_sign
@@ -135,8 +135,8 @@ class Engine:
         time, until, point = double_double(problem.start), double_double(problem.until), tuple(high for high, _ in x)
         refused, row, zeros = None, 0, (0,) * self.compiled.most_guards
         if decision.mode is None:
-            status, reason = refusal(decision)
-            refused = Trajectory(status, (), time[0], point, (0,) * len(system.surfaces), reason)
+            nowhere = (0,) * len(system.surfaces)
+            refused = Trajectory(decision.ending, (), time[0], point, nowhere, decision.reason)
         elif (compiled := self.compiled.compile(decision.mode)) is None:
             refused = Trajectory("failed", (), time[0], point, decision.mode, "the mode at the start has no equations")
         else:

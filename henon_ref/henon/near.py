@@ -141,7 +141,7 @@ def look_near(  # type: ignore[no-untyped-def]
     places, field, outputs, sides = rows[:known], rows[known:first], rows[first:behind], rows[behind:]
     high, low = series[0], series[1]
     unit = floats[F_REACH] * (1.0 + BEYOND)
-    guard, most = integers[I_GUARD], (integers.size - I_SIZE) // 2
+    guard = integers[I_GUARD]
     zeros = integers[I_SIZE + guard]
     last = expand_fine(
         codes, constants, field, outputs, floats[F_TIME], floats[F_LOW], x, x_low, unit, 0.0, ORDER,
@@ -170,15 +170,8 @@ def look_near(  # type: ignore[no-untyped-def]
     for i in range(n):
         x[i], x_low[i] = _value(high[i, : last + 1], low[i, : last + 1], s, s_low)
     if outcome in (ROOT, STEEP):
-        together = False
-        for g in range(layout[0, T_GUARDS]):
-            if g != guard and places[g] >= 0:
-                own_series = high[outputs[places[g]], : last + 1]
-                if at_zero(own_series, integers[I_SIZE + g], last, s, layout[1 + g, G_RISING]):
-                    integers[I_SIZE + most + g] = 1
-                    together = True
         own = layout[1 + guard]
-        if together:
+        if _others_hit(high, outputs, integers, layout, places, last, s):
             outcome = ROOT
         elif outcome == ROOT and own[G_KIND] == SURFACE and own[G_HOLD] == 0 and own[G_ACTS] == 0:
             floats[F_BEYOND] = _beyond(high, low, sizes, sides[2 * places[guard] :], last, s, s_low)
@@ -224,6 +217,19 @@ def _settled(high, outputs, n, last, sizes):  # type: ignore[no-untyped-def]
             if abs(high[row, k]) > 0.01 * NOISE * sizes[row]:
                 return False
     return True
+
+
+@inner()
+def _others_hit(high, outputs, integers, layout, places, last, s):  # type: ignore[no-untyped-def]
+    """Mark the other guards that are at zero at a place on the step; True if there are any."""
+    most, found = (integers.size - I_SIZE) // 2, False
+    for g in range(layout[0, T_GUARDS]):
+        if g != integers[I_GUARD] and places[g] >= 0:
+            series = high[outputs[places[g]], : last + 1]
+            if at_zero(series, integers[I_SIZE + g], last, s, layout[1 + g, G_RISING]):
+                integers[I_SIZE + most + g] = 1
+                found = True
+    return found
 
 
 @inner()

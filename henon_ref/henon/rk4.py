@@ -43,7 +43,6 @@ HUGE = 1e10
 
 _KERNELS: WeakKeyDictionary[FilippovSystem, dict[Mode, Kernel]] = WeakKeyDictionary()
 """Compiled once a system, whatever the step: system -> mode -> kernel."""
-_NO_MODE: dict[str, Status] = {"none": "failed", "nonunique": "nonunique", "invalid": "invalid"}
 
 
 class HenonRK4:
@@ -173,7 +172,7 @@ class _Integration:
             recent.append(self.time)
             if len(recent) == CROWDED and self.time - recent[0] < self.plan.step:
                 return self._result("failed", f"{CROWDED} events within one step at t = {self.time:.17g}")
-        return self._result(_NO_MODE[decision.status], decision.reason)
+        return self._result(decision.ending, decision.reason)
 
     def _through_mode(self) -> Decision | tuple[Status, str]:
         """Step through one mode: what follows its end, or how the run ends."""

@@ -15,7 +15,6 @@ from henon_ref.henon.kernel import advance
 from henon_ref.henon.near import MISS, arrive
 from henon_ref.henon.recording import crowded
 from henon_ref.henon.window import OPEN, PASSED, ROOT, UNSURE
-from henon_ref.model.decision import Decision
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import ZERO
@@ -163,11 +162,8 @@ class Session:
         engine = self.engine
         refused = self.start.refused
         if refused is not None:
-            return (
-                refused
-                if self.samples is _NO_SAMPLES
-                else refused._replace(samples=self.samples[:, 1:-1], sample_modes=())
-            )
+            unasked = self.samples is _NO_SAMPLES
+            return refused if unasked else refused._replace(samples=self.samples[:, 1:-1], sample_modes=())
         code = advance(
             self.floats, self.integers, engine.scratch.work, engine.compiled.tables, engine.compiled.numbers,
             engine.settling, self.samples,
@@ -256,7 +252,7 @@ class Session:
         x = self.x.tolist()
         decision = self.engine.switching.after_event(self.time, x, before, hits, zero=zero)
         if decision.mode is None:
-            return refusal(decision)
+            return decision.ending, decision.reason
         early = self.integers[k.I_GUARD] == k.NOWHERE
         # Where no step was taken, surfaces left a moment ago are still as good as touched.
         fresh = {g.index for g, zeros in zip(self._guards, self.multiplicity, strict=False) if zeros and early}
@@ -328,10 +324,3 @@ class Session:
         x, mode = tuple(self.x.tolist()), modes[integers[k.I_MODE]]
         fields = status, transitions, self.time, x, mode, reason, counts, 0.0, samples, sample_modes
         return _tuple(Trajectory, fields)
-
-
-def refusal(decision: Decision) -> tuple[Status, str]:
-    """Status and reason of a run that a decision without a mode ends."""
-    if decision.status == "nonunique":
-        return "nonunique", decision.reason
-    return ("invalid" if decision.status == "invalid" else "failed"), decision.reason

@@ -23,6 +23,11 @@ class Decision:
     mode: Mode | None
     reason: str = ""
 
+    @property
+    def ending(self) -> Literal["nonunique", "invalid", "failed"]:
+        """Status of a run that ends for want of a mode."""
+        return self.status if self.status in ("nonunique", "invalid") else "failed"
+
 
 def explained(refusal: Decision, system: FilippovSystem, mode: Mode, surfaces: tuple[int, ...]) -> Decision:
     """A refusal with what it is about the surfaces that leaves the mode open, where it is something."""

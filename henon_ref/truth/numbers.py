@@ -51,6 +51,11 @@ def exact_ball(number: sp.Expr, bits: int) -> arb:
     return arb(exact_text(number, bits + GUARD_BITS))
 
 
+def exact_real(number: sp.Expr, bits: int) -> Any:
+    """An exact number as a heyoka number of so many bits."""
+    return hy.real(exact_text(number, bits), bits)
+
+
 def to_real(value: arb, bits: int) -> Any:
     """The midpoint of a ball as a heyoka number."""
     return hy.real(value.mid().str(decimal_digits(bits), radius=False), bits)

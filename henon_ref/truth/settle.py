@@ -15,9 +15,10 @@ from decimal import Decimal, localcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import sympy as sp
+from flint import arb, ctx
 
 from henon_ref.truth import store
+from henon_ref.truth.certified.exact import enclose
 from henon_ref.truth.reference import ReferenceTransition, Route, Truth, TruthError
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ log = logging.getLogger(__name__)
 PROOF_SECONDS = 120.0
 """Time a proof may take where a truth is computed because none is stored [s]."""
 
+CLAIM_BITS = 320
+"""Precision at which a stored closed form is held against its case's."""
 END_TOLERANCE = 1e-12
 """Relative difference to the end that a case expects; a blow-up's time is an extrapolation."""
 
@@ -98,15 +101,14 @@ def claimed(stored: Truth, reading: Reading) -> bool:
     """Whether a truth has been held against what its case claims now: the hash says nothing of claims."""
     times, modes = (reading.exact.transition_times, reading.exact.modes) if reading.exact else ((), ())
     known = [t for t in stored.transitions if t.closed_form]
+    if len(known) != len(times) or [t.to_mode for t in stored.transitions[: len(modes)]] != list(modes):
+        return False
     try:
         _check_end(reading, stored)
     except TruthError:
         return False
-    return (
-        len(known) == len(times)
-        and all(abs(sp.N(time - sp.Rational(t.time_digits))) <= t.radius for time, t in zip(times, known, strict=True))
-        and tuple(t.to_mode for t in stored.transitions[: len(modes)]) == tuple(modes)
-    )
+    with ctx.workprec(CLAIM_BITS):
+        return all(abs(enclose(time) - arb(t.time_digits)) <= t.radius for time, t in zip(times, known, strict=True))
 
 
 def compute(

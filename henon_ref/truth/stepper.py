@@ -22,9 +22,9 @@ from henon_ref.model.equations import TIME, Guard
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 from henon_ref.truth import jets
-from henon_ref.truth.numbers import exact_text, to_ball, to_real
+from henon_ref.truth.numbers import to_ball, to_real
 from henon_ref.truth.roots import END
-from henon_ref.truth.translate import real_constants, to_heyoka
+from henon_ref.truth.translate import RealParameters, to_heyoka
 
 PIECES = 16
 """Pieces of a step on which a guard is first shown to be away from zero in double precision."""
@@ -49,30 +49,6 @@ class Step:
     """(states + guards, order + 1) heyoka numbers, in units of the step."""
     rough: NDArray[np.float64]
     """The same in double precision."""
-
-
-class _Numbers:
-    """The numbers of a field as heyoka's run-time parameters, whole ones apart.
-
-    Parameters
-    ----------
-    bits : int
-        Precision.
-    first : int
-        Parameters that stand before them.
-    """
-
-    def __init__(self, bits: int, first: int) -> None:
-        self.values: list[Any] = []
-        """Heyoka numbers, in order."""
-        self._bits, self._first = bits, first
-        self._constant = real_constants(bits)
-
-    def __call__(self, number: sp.Expr) -> Any:
-        if number.is_Integer:
-            return self._constant(number)
-        self.values.append(hy.real(exact_text(number, self._bits), self._bits))
-        return hy.par[self._first + len(self.values) - 1]
 
 
 @lru_cache(maxsize=64)
@@ -124,7 +100,7 @@ class Stepper:
         symbols.update((system.signs[i], hy.par[k]) for k, i in enumerate(self._signs))
         self._rhs = [*field, *slopes]
         self._system = system
-        self._numbers = _Numbers(bits, len(self._signs))
+        self._numbers = RealParameters(bits, len(self._signs))
         rhs = tuple([to_heyoka(e, symbols, self._numbers) for e in self._rhs])
         self._integrator = _integrator(tuple(variables), rhs, bits, len(self._signs) + len(self._numbers.values))
 

@@ -10,7 +10,7 @@ import heyoka as hy
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.truth.numbers import exact_text
+from henon_ref.truth.numbers import exact_real
 
 Number = Callable[[sp.Expr], Any]
 
@@ -22,7 +22,31 @@ _FUNCTIONS = {
 
 def real_constants(bits: int) -> Number:
     """Exact numbers as heyoka constants of so many bits."""
-    return lambda number: hy.expression(hy.real(exact_text(number, bits), bits))
+    return lambda number: hy.expression(exact_real(number, bits))
+
+
+class RealParameters:
+    """Exact numbers as heyoka's run-time parameters, whole ones as constants: what is compiled does not depend on them.
+
+    Parameters
+    ----------
+    bits : int
+        Precision.
+    first : int
+        Parameters that stand before them.
+    """
+
+    def __init__(self, bits: int, first: int) -> None:
+        self.values: list[Any] = []
+        """Heyoka numbers, in order."""
+        self._bits, self._first = bits, first
+        self._constant = real_constants(bits)
+
+    def __call__(self, number: sp.Expr) -> Any:
+        if number.is_Integer:
+            return self._constant(number)
+        self.values.append(exact_real(number, self._bits))
+        return hy.par[self._first + len(self.values) - 1]
 
 
 def double_constants(number: sp.Expr) -> Any:
@@ -40,7 +64,7 @@ def to_heyoka(expression: sp.Expr, symbols: Mapping[sp.Symbol, Any], constant: N
     symbols : mapping
         Symbol -> heyoka expression (``hy.time`` for time, ``hy.par[i]`` for what is set at run time).
     constant : callable
-        Exact number -> heyoka constant.
+        Exact number -> heyoka constant, or run-time parameter.
 
     Raises
     ------
