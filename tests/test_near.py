@@ -41,7 +41,7 @@ def looked_at(field: sp.Expr, surface: sp.Expr, near: float, reach: float, *, ac
     integers[k.I_ORDER] = 20
     layout = np.zeros((3, k.T_SIZE), dtype=np.int64)
     layout[0, k.T_GUARDS], layout[1, k.G_ACTS] = 1, acts
-    outcome = NearLook(system).look(floats, integers, (1,), layout, [0])
+    outcome = NearLook(system, lambda _: [0]).look(floats, integers, (1,), layout)
     assert integers[k.I_ARRIVED] == {STEEP: k.LANDED, ACROSS: k.TOLD}.get(outcome, 0)
     return outcome, floats
 
@@ -181,7 +181,7 @@ def test_another_guard_s_root_is_not_passed_over(other: float, outcome: int) -> 
     integers[k.I_ORDER] = 20
     layout = np.zeros((3, k.T_SIZE), dtype=np.int64)
     layout[0, k.T_GUARDS] = 2
-    assert NearLook(system).look(floats, integers, (1, 1), layout, [0, 1]) == outcome
+    assert NearLook(system, lambda _: [0, 1]).look(floats, integers, (1, 1), layout) == outcome
 
 
 def test_a_series_that_falls_too_slowly_is_left_open() -> None:

@@ -99,7 +99,7 @@ class Engine:
         self.order = order
         self.compiled = CompiledSystem(system, order)
         self.switching = Switching(system)
-        self.near = NearLook(system)
+        self.near = NearLook(system, self.compiled.places)
         self.closer = CloserLook(system)
         self.scratch = _scratch(self.compiled)
         self._settling = settling_space(len(system.states), len(system.surfaces))

@@ -222,7 +222,7 @@ def expand_fine(  # type: ignore[no-untyped-def]
     t, t_low, unit, unit_low : float
     x, x_low : ndarray, shape (n,)
     order, least : int
-        Highest order, and the order before which the expansion does not end.
+        Highest order, and the order before which the expansion does not end but where it is a polynomial's.
     high, low : ndarray, shape (rows, order + 1)
         Gets the coefficients: row i < n state i, ``outputs[i]`` output i.
     sizes : ndarray, shape (rows,)
@@ -233,7 +233,10 @@ def expand_fine(  # type: ignore[no-untyped-def]
     int
         The last order computed, -1 where something is not finite.
     """
-    n, quiet = len(x), 0
+    n, quiet, highest = len(x), 0, 0
+    for i in range(len(codes)):
+        highest = max(highest, codes[i, DEGREE])
+    least = min(least, highest)
     sizes[:] = 0.0
     for i in range(n):
         high[i, 0], low[i, 0] = x[i], x_low[i]

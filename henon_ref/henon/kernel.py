@@ -181,10 +181,8 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
         return FULL
     if remaining(floats) <= 0.0:
         return HORIZON
-    alone, flat = integers[I_SAMPLE] < samples.shape[0], False
-    for g in range(guards):
-        alone, flat = alone or multiplicity[g] > 0, flat or multiplicity[g] > 2
-    theta = glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, alone, flat, stop_at)
+    sampled = integers[I_SAMPLE] < samples.shape[0]
+    theta = glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, sampled, stop_at)
     if theta == 0.0:
         return PAUSE
     if theta < 0.0:

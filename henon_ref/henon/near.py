@@ -8,7 +8,7 @@ in one window.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -64,34 +64,37 @@ CERTAIN = 1e3 * NOISE
 
 
 class NearLook:
-    """Double-double programs of one system's modes, made when they are first needed."""
+    """Double-double programs of one system's modes, made when they are first needed.
 
-    def __init__(self, system: FilippovSystem) -> None:
-        self.system = system
+    Parameters
+    ----------
+    system : FilippovSystem
+    places : callable
+        Where the guards of a mode's table stand in :meth:`FilippovSystem.equations`.
+    """
+
+    def __init__(self, system: FilippovSystem, places: Callable[[Mode], Sequence[int]]) -> None:
+        self.system, self._places = system, places
         self.loading_s = 0.0
         """Seconds that went into compiling :func:`look_near`, or reading it from the disk: no run's own time."""
         self._looks: dict[Mode, tuple[NDArray[Any], ...]] = {}
 
     def look(
-        self,
-        floats: NDArray[np.float64],
-        integers: NDArray[np.int64],
-        mode: Mode,
-        layout: NDArray[np.int64],
-        places: Sequence[int],
+        self, floats: NDArray[np.float64], integers: NDArray[np.int64], mode: Mode, layout: NDArray[np.int64]
     ) -> int:
-        """See :func:`look_near`; ``places`` are the guards' in the order of :meth:`FilippovSystem.equations`."""
-        if mode not in self._looks:
-            self._looks[mode] = self._program(mode, places)
+        """See :func:`look_near`."""
+        made = self._looks.get(mode)
+        if made is None:
+            made = self._looks[mode] = self._program(mode)
         if self.loading_s:
-            return int(look_near(floats, integers, layout, *self._looks[mode]))
+            return int(look_near(floats, integers, layout, *made))
         began = time.perf_counter()
         with compiling():
-            outcome = int(look_near(floats, integers, layout, *self._looks[mode]))
+            outcome = int(look_near(floats, integers, layout, *made))
         self.loading_s = time.perf_counter() - began
         return outcome
 
-    def _program(self, mode: Mode, places: Sequence[int]) -> tuple[NDArray[Any], ...]:
+    def _program(self, mode: Mode) -> tuple[NDArray[Any], ...]:
         """A mode's tape as arrays, and work space for it (few arrays: each that is passed costs 45 ns)."""
         system, equations = self.system, self.system.equations(mode)
         signs = {sign: sp.Integer(s) for sign, s in zip(system.signs, mode, strict=True)}
@@ -101,7 +104,8 @@ class NearLook:
             tape, [double_double(system.numeric(c)) for c in tape.constants]
         )
         shapes = [(2, rows, ORDER + 1), (rows,), (4 + HALVINGS, ORDER + 1)]
-        return codes, constants, np.concatenate([places, field, outputs]), *(np.zeros(shape) for shape in shapes)
+        where = np.concatenate([self._places(mode), field, outputs])
+        return codes, constants, where, *(np.zeros(shape) for shape in shapes)
 
 
 @njit()

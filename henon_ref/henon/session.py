@@ -193,16 +193,16 @@ class Session:
         row, guard = self.integers.item(k.I_MODE), self.integers.item(k.I_GUARD)
         compiled = self.engine.compiled
         mode = compiled.modes[row]
-        places = compiled.places(mode)
-        outcome = self.engine.near.look(self.floats, self.integers, mode, compiled.tables[row], places)
+        outcome = self.engine.near.look(self.floats, self.integers, mode, compiled.tables[row])
         if outcome not in (UNSURE, OPEN):
             return outcome == ROOT and bool(self.hits[guard])
         touched, zeros, floats = self._guards[guard], int(self.multiplicity[guard]), self.floats
         time, low, *_, near, near_low, clear, reach = floats[: k.F_REACH + 1].tolist()
         state = list(zip(self.x.tolist(), self.x_low.tolist(), strict=True))
         found = self.engine.closer.look(
-            mode, places[guard], zeros, (time, low), state, (near, near_low), reach, clear if outcome == OPEN else None
-        )
+            mode, compiled.places(mode)[guard], zeros, (time, low), state, (near, near_low), reach,
+            clear if outcome == OPEN else None,
+        )  # fmt: skip
         floats[k.F_TIME], floats[k.F_LOW] = found.time
         self.x[:] = [high for high, _ in found.state]
         self.x_low[:] = [low for _, low in found.state]

@@ -199,15 +199,17 @@ def move(x, x_low, change):  # type: ignore[no-untyped-def]
 
 
 @inner(forceinline=True)
-def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, alone, flat, stop_at):  # type: ignore[no-untyped-def]
+def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, alone, stop_at):  # type: ignore[no-untyped-def]
     """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
 
-    ``alone``: look at the very first one. Returns the step proposed in units of sigma; 0 where the budget of
-    steps is used up, -1 where the step size fell to zero, -2 where the state blew up.
+    ``alone``: look at the very first one, as where a guard stands at zero. Returns the step proposed in units of
+    sigma; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where the state blew up.
     """
     n, guards = x.size, layout[0, T_GUARDS]
     expansion, closing = layout[0, T_EXPANSION], layout[0, T_CLOSING]
-    shrunk = False
+    shrunk, zeros = False, 0
+    for g in range(guards):
+        zeros = max(zeros, multiplicity[g])
     while True:
         if integers[I_STEPS] >= stop_at:
             return 0.0
@@ -216,7 +218,7 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
         call_expand(expansion, floats[F_TIME], floats[F_LOW], sigma, x, constants, c)
         integers[I_RHS] += 1
         theta = step_size(c, n + guards, integers[I_ORDER], floats[F_TOLERANCE])
-        if flat and theta > 0.0:
+        if zeros > 2 and theta > 0.0:
             theta = flat_step_size(c, n, multiplicity[:guards], integers[I_ORDER], floats[F_TOLERANCE])
         if theta < 1e-6 or (theta > 1e6 and sigma < left and not shrunk):
             # sigma is far from the step: bring it there and expand again before anything is read off. Where it is
@@ -239,7 +241,7 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
             integers[I_STALLED] = 0
         if integers[I_STALLED] > STALL:
             return -1.0
-        if alone or step >= left or theta > LEAP or swells(c, n + guards, integers[I_ORDER], theta):
+        if alone or zeros > 0 or step >= left or theta > LEAP or swells(c, n + guards, integers[I_ORDER], theta):
             return theta
         call_closing(closing, theta, c, change)
         for g in range(guards):
