@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from henon_ref.henon import doubledouble as dd
 from henon_ref.henon import fine
 from henon_ref.henon import program as lowered
-from henon_ref.henon.compiled import double_double
+from henon_ref.henon.compiled import quad_double
 from henon_ref.jit import njit
 from henon_ref.model.equations import TIME
 from henon_ref.taylor.expand import Ring, expand
@@ -169,7 +169,7 @@ class Expansion:
         self, field: Sequence[sp.Expr], outputs: Sequence[sp.Expr], order: int, least: int, unit: Pair = (0.25, 1e-18)
     ) -> None:
         self.tape = build_tape((x, y), field, outputs)
-        self.numbers = [double_double(c) for c in self.tape.constants]
+        self.numbers = [quad_double(c) for c in self.tape.constants]
         self.unit, self.order = unit, order
         made = lowered.program(self.tape, self.numbers)
         self.high, self.low = (np.full((made.rows, order + 1), np.nan) for _ in range(2))

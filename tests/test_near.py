@@ -14,9 +14,9 @@ import sympy as sp
 
 from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook, Finding
-from henon_ref.henon.near import ACROSS, NearLook
+from henon_ref.henon.near import NearLook
 from henon_ref.henon.solvers import HENON_SOLVER
-from henon_ref.henon.window import CLEAR, LOCAL, OPEN, PASSED, ROOT, STEEP, UNSURE, _sign_changes
+from henon_ref.henon.window import ACROSS, CLEAR, LOCAL, OPEN, PASSED, ROOT, STEEP, UNSURE, _sign_changes
 from henon_ref.jit import njit
 from henon_ref.model.case import load_case
 from henon_ref.model.system import FilippovSystem
@@ -123,10 +123,11 @@ def test_coefficients_that_noise_may_have_made_have_no_sign(width: float, depth:
     assert changes(g, width, np.zeros(LOCAL + 1), np.zeros(LOCAL + 1)) == said
 
 
-def test_of_a_touch_the_place_is_found_and_the_sign_left_open() -> None:
-    outcome, when, state = look((X - 1) ** 2, 1 - 1e-7)
+def test_of_a_touch_the_place_is_found_and_the_sign_left_open_where_no_polynomial_tells_it() -> None:
+    touch = (X - 1) ** 2 * sp.exp(X / 3)
+    outcome, when, state = look(touch, 1 - 1e-7)
     assert (outcome, when, state) == (OPEN, (0.0, 0.0), (0.0, 0.0))
-    _, floats = looked_at(sp.Integer(1), (X - 1) ** 2, 1 - 1e-7, 2.0)
+    _, floats = looked_at(sp.Integer(1), touch, 1 - 1e-7, 2.0)
     assert abs(exact((floats[k.F_NEAR], floats[k.F_NEAR_LOW])) - 1) < 1e-25
     assert floats[k.F_CLEAR] == floats[k.F_NEAR]
 

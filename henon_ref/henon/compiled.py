@@ -51,11 +51,25 @@ def double_double(number: sp.Expr) -> tuple[float, float]:
     ModelError
         If it is not a finite real number.
     """
-    value = sp.N(number, 50)
-    if not value.is_number or not value.is_real or not value.is_finite:
+    high, low = _doubles(number, 2)
+    return high, low
+
+
+def quad_double(number: sp.Expr) -> list[float]:
+    """An exact number as four doubles, each the nearest to what those before it leave (see :func:`double_double`)."""
+    return _doubles(number, 4)
+
+
+def _doubles(number: sp.Expr, count: int) -> list[float]:
+    digits = 20 * count + 10
+    rest = sp.N(number, digits)
+    if not rest.is_number or not rest.is_real or not rest.is_finite:
         raise ModelError(f"not a finite real number: {number}")
-    high = float(value)
-    return high, float(value - sp.Float(high, 60))
+    parts: list[float] = []
+    for _ in range(count):
+        parts.append(float(rest))
+        rest -= sp.Float(parts[-1], digits)
+    return parts
 
 
 @dataclass(frozen=True)

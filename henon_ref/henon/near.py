@@ -1,8 +1,8 @@
 """A closer look in double-double, in compiled code, at an event that double precision leaves in doubt.
 
 The mode is expanded again (:mod:`henon_ref.henon.fine`), and the doubtful guard's polynomial looked at
-(:mod:`henon_ref.henon.window`). What is not clear then is left to :mod:`henon_ref.henon.closer`: a touch, three roots
-in one window.
+(:mod:`henon_ref.henon.window`). Whether a minimum touches zero is told in quad-double where the motion is a polynomial
+(:mod:`henon_ref.henon.touch`). What is not clear then is left to :mod:`henon_ref.henon.closer`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.henon import doubledouble as dd
-from henon_ref.henon.compiled import double_double, speeds
+from henon_ref.henon.compiled import quad_double, speeds
 from henon_ref.henon.events import at_zero
 from henon_ref.henon.fine import expand_fine
 from henon_ref.henon.polynomial import factored
@@ -46,9 +46,25 @@ from henon_ref.henon.registers import (
     T_GUARDS,
     TANGENT,
     TOLD,
+    VALID,
 )
 from henon_ref.henon.stepping import remaining
-from henon_ref.henon.window import BEYOND, HALVINGS, NOISE, OPEN, PASSED, ROOT, STEEP, UNSURE, decide, stays_clear
+from henon_ref.henon.touch import along, at_minimum, expand, value
+from henon_ref.henon.window import (
+    ACROSS,
+    BEYOND,
+    HALVINGS,
+    MISS,
+    NOISE,
+    OPEN,
+    PASSED,
+    ROOT,
+    STEEP,
+    TOUCH,
+    UNSURE,
+    decide,
+    stays_clear,
+)
 from henon_ref.jit import compiling, inner, njit
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
@@ -56,9 +72,6 @@ from henon_ref.taylor.tape import build_tape
 
 ORDER = 64
 """Highest order of the expansion; it ends before where its terms have become negligible."""
-MISS, ACROSS = 5, 6
-"""Outcomes besides those of a window: the guard's minimum, which it goes on from as from a double zero; a root, and the
-field beyond its surface is known."""
 CERTAIN = 1e3 * NOISE
 """What a speed has to exceed of its size for its sign to be certain."""
 
@@ -100,9 +113,7 @@ class NearLook:
         signs = {sign: sp.Integer(s) for sign, s in zip(system.signs, mode, strict=True)}
         sides = [speed.xreplace(signs) for speed in speeds(system, equations.guards)]
         tape = build_tape(system.states, equations.field, [*(g.expression for g in equations.guards), *sides])
-        codes, constants, field, outputs, rows = program(
-            tape, [double_double(system.numeric(c)) for c in tape.constants]
-        )
+        codes, constants, field, outputs, rows = program(tape, [quad_double(system.numeric(c)) for c in tape.constants])
         shapes = [(2, rows, ORDER + 1), (rows,), (4 + HALVINGS, ORDER + 1)]
         where = np.concatenate([self._places(mode), field, outputs])
         return codes, constants, where, *(np.zeros(shape) for shape in shapes)
@@ -165,7 +176,13 @@ def look_near(  # type: ignore[no-untyped-def]
     if outcome == OPEN:
         floats[F_NEAR], floats[F_NEAR_LOW] = dd.multiply(s, s_low, unit, 0.0)
         floats[F_CLEAR] = min(clear * unit, floats[F_NEAR])
-    if outcome in (UNSURE, OPEN):
+        if clear == s and zeros == 0:
+            outcome = _touched(floats, codes, constants, field, row, unit, s, s_low, x, x_low, high)
+    if outcome == TOUCH:
+        return settle_touch(floats, integers, layout)
+    if outcome == MISS:
+        arrive(floats, integers, MISS)
+    if outcome in (UNSURE, OPEN, MISS):
         return outcome
     if outcome == PASSED and not _others_clear(high, outputs, integers, layout, places, last, s, work):
         return UNSURE
@@ -182,6 +199,20 @@ def look_near(  # type: ignore[no-untyped-def]
             outcome = ROOT if floats[F_BEYOND] == 0.0 else ACROSS
     arrive(floats, integers, outcome)
     return outcome
+
+
+@inner()
+def _touched(floats, codes, constants, field, row, unit, s, s_low, x, x_low, work):  # type: ignore[no-untyped-def]
+    """Go to a guard's minimum if it is told in quad-double whether that is a TOUCH or a MISS; else OPEN."""
+    degree = expand(codes, constants, field, floats[F_TIME], floats[F_LOW], x, x_low, unit, work)
+    if degree < 0:
+        return OPEN
+    outcome, place = at_minimum(work[row], degree, s, s_low)
+    if outcome != UNSURE:
+        floats[F_TIME], floats[F_LOW] = along(floats[F_TIME], floats[F_LOW], unit, place)
+        for i in range(x.size):
+            x[i], x_low[i] = value(work[i], degree, place)
+    return OPEN if outcome == UNSURE else outcome
 
 
 @inner()
@@ -210,6 +241,22 @@ def arrive(floats, integers, outcome):  # type: ignore[no-untyped-def]
     elif outcome != PASSED:
         integers[I_SIZE + most + guard] = 1
         integers[I_ARRIVED] = TOLD if outcome == ACROSS else LANDED if outcome == STEEP else 0
+
+
+@njit()
+def settle_touch(floats, integers, layout):  # type: ignore[no-untyped-def]
+    """Leave the step behind where a guard touches zero; TOUCH if its surface is left again, to be told of.
+
+    A hold zone holds what only touches its surface, and a model ends where it only just does: that is a ROOT.
+    """
+    guard = integers[I_GUARD]
+    own = layout[1 + guard]
+    surface = own[G_KIND] == SURFACE
+    if own[G_KIND] == VALID or (surface and own[G_HOLD] == 1):
+        arrive(floats, integers, ROOT)
+        return ROOT
+    arrive(floats, integers, MISS)
+    return TOUCH if surface and integers[I_SIZE + guard] > 0 else MISS
 
 
 @inner()

@@ -49,7 +49,7 @@ class Program(NamedTuple):
     codes: NDArray[np.int64]
     """(operations, COLUMNS): one operation a row, in the order of their evaluation."""
     constants: NDArray[np.float64]
-    """(C + 1, 2): high and low part of each, and a zero for operations without one."""
+    """(C + 1, 4): each in four doubles, largest first, and a zero for operations without one."""
     field: NDArray[np.int64]
     """(n,): row of x_i'."""
     outputs: NDArray[np.int64]
@@ -58,12 +58,12 @@ class Program(NamedTuple):
     """Series it works on: row i < N is node i of the tape, its first n the states; helpers follow."""
 
 
-def program(tape: Tape, numbers: Sequence[tuple[float, float]]) -> Program:
-    """Lower a tape; ``numbers`` are its constants as (high, low)."""
+def program(tape: Tape, numbers: Sequence[Sequence[float]]) -> Program:
+    """Lower a tape; ``numbers`` are its constants as four doubles each, largest first."""
     lowered = _Lowered(tape)
     return Program(
         np.array(lowered.codes, dtype=np.int64).reshape(-1, COLUMNS),
-        np.array([*numbers, (0.0, 0.0)], dtype=np.float64),
+        np.array([*numbers, (0.0,) * 4], dtype=np.float64),
         np.array(tape.field, dtype=np.int64),
         np.array(tape.outputs, dtype=np.int64),
         len(lowered.degrees),

@@ -37,8 +37,9 @@ CROWD = 64
 """Events in a row, each closer to the last than the resolution of time, before they count as accumulating."""
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def record(floats, integers, x, records, kind, index, source, target, landing):  # type: ignore[no-untyped-def]
+    """Write a transition down."""
     row = records[integers[I_COUNT]]
     row[R_TIME], row[R_LOW] = floats[F_TIME], floats[F_LOW]
     row[R_KIND], row[R_SURFACE], row[R_FROM], row[R_TO], row[R_LANDING] = kind, index, source, target, landing

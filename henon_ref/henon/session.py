@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from henon_ref.henon import registers as k
 from henon_ref.henon.blocks import KINDS, TransitionBlock
 from henon_ref.henon.kernel import advance
-from henon_ref.henon.near import MISS, arrive
-from henon_ref.henon.recording import crowded
-from henon_ref.henon.window import OPEN, PASSED, ROOT, UNSURE
+from henon_ref.henon.near import arrive, settle_touch
+from henon_ref.henon.recording import crowded, record
+from henon_ref.henon.window import MISS, OPEN, PASSED, ROOT, TOUCH, UNSURE
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import ZERO
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 PROVEN = 1e-15
 """Relative size below which a derivative counts as zero at a root that was found in multiprecision."""
 _tuple = tuple.__new__
+_GRAZE = KINDS.index("graze")
 _NO_SAMPLES = np.zeros((0, 2))
 CHUNK = 1024
 """Transitions kept in one block of memory."""
@@ -194,38 +195,40 @@ class Session:
         compiled = self.engine.compiled
         mode = compiled.modes[row]
         outcome = self.engine.near.look(self.floats, self.integers, mode, compiled.tables[row])
-        if outcome not in (UNSURE, OPEN):
-            return outcome == ROOT and bool(self.hits[guard])
-        touched, zeros, floats = self._guards[guard], int(self.multiplicity[guard]), self.floats
+        if outcome in (UNSURE, OPEN):
+            outcome = self._closest_look(mode, guard, outcome == OPEN)
+        if outcome == TOUCH:  # a stick whose own end is touched goes on, and nothing is told
+            self._record(_GRAZE, compiled.tables.item(row, 1 + guard, k.G_INDEX), row, row)
+        return outcome == ROOT and bool(self.hits[guard])
+
+    def _closest_look(self, mode: Mode, guard: int, at_minimum: bool) -> int:
+        """Go to a doubtful event in multiprecision: ROOT, TOUCH, or what else comes of it.
+
+        ``at_minimum``: double-double has found one, whose sign is open, and nothing else is but a window before it.
+        """
+        compiled, floats, zeros = self.engine.compiled, self.floats, self.multiplicity.item(guard)
         time, low, *_, near, near_low, clear, reach = floats[: k.F_REACH + 1].tolist()
+        where, known = compiled.places(mode)[guard], clear if at_minimum else None
         state = list(zip(self.x.tolist(), self.x_low.tolist(), strict=True))
-        found = self.engine.closer.look(
-            mode, compiled.places(mode)[guard], zeros, (time, low), state, (near, near_low), reach,
-            clear if outcome == OPEN else None,
-        )  # fmt: skip
+        found = self.engine.closer.look(mode, where, zeros, (time, low), state, (near, near_low), reach, known)
         floats[k.F_TIME], floats[k.F_LOW] = found.time
         self.x[:] = [high for high, _ in found.state]
         self.x_low[:] = [low for _, low in found.state]
-        # A hold zone holds what only touches its surface, and a model ends where it only just does.
-        touch = found.what == "touch" and touched.kind == "surface"
-        ends = found.what == "touch" and touched.kind == "valid"
-        caught = ends or (touch and self.engine.system.held_inside(touched.index))
-        arrive(floats, self.integers, ROOT if found.what == "root" or caught else MISS if found.lowest else PASSED)
+        if found.what == "touch":
+            outcome = int(settle_touch(floats, self.integers, compiled.tables[compiled.index[mode]]))
+        else:
+            outcome = ROOT if found.what == "root" else MISS if found.lowest else PASSED
+            arrive(floats, self.integers, outcome)
         if self.multiplicity[guard] and not found.parabolic:
-            orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, [touched.index])
+            orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, [self._guards[guard].index])
             self.multiplicity[guard] = max(2, orders[guard])
-        if touch and self.multiplicity[guard]:  # a stick whose own end is touched goes on
-            self._record(KINDS.index("graze"), touched.index, row, row)
-        return bool(self.hits[guard])
+        return outcome
 
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:
         if self.integers[k.I_COUNT] >= self.integers[k.I_BLOCK]:
             self._close_block()
-        floats, integers = self.floats, self.integers
-        row = self.engine.scratch.records[integers[k.I_COUNT]]
-        row[: k.R_STATE] = floats[k.F_TIME], floats[k.F_LOW], kind, surface, source, target, integers[k.I_LANDING]
-        row[k.R_STATE :] = self.x
-        integers[k.I_COUNT] += 1
+        landing = self.integers.item(k.I_LANDING)
+        record(self.floats, self.integers, self.x, self.engine.scratch.records, kind, surface, source, target, landing)
 
     def _go_on(self) -> tuple[Status, str] | None:
         """Complete a transition that is decided, into a mode that has no row yet."""

@@ -13,10 +13,11 @@ from henon_ref.henon.polynomial import value
 from henon_ref.henon.registers import EPS
 from henon_ref.jit import inner
 
-UNSURE, OPEN, ROOT, STEEP, PASSED = range(5)
+UNSURE, OPEN, ROOT, STEEP, PASSED, ACROSS, MISS, TOUCH = range(8)
 """Outcomes: not decided; nothing undecided but a window that ends at a minimum, or the minimum's sign alone; a root,
 and one steep enough for signs in double precision; no root, and the guard is clear of zero again (or the root lies
-behind the step's end)."""
+behind the step's end). And, of a closer look as a whole: a root, and the field beyond its surface is known; the guard's
+minimum above zero, which it goes on from as from a double zero; its minimum at zero."""
 LOCAL = 16
 """Degree of the polynomial on a window."""
 FINE = 4
@@ -89,9 +90,9 @@ def decide(q, q_low, zeros, size, start, work):  # type: ignore[no-untyped-def]
         _recentred(q, q_low, s, s_low, g)  # far from the minimum it is known there to a double's digits only
         s, s_low = dd.add(s, s_low, -g[0] / g[1], 0.0)
         return (STEEP if -g[1] > SLOPE * size else ROOT), s, s_low, 0.0
-    clear = s if touching and changes == 0 else s - width
+    clear = s - width
     s, s_low = dd.add(s, s_low, shift, 0.0)
-    return OPEN, s, s_low, clear
+    return OPEN, s, s_low, (s if touching and changes == 0 else clear)
 
 
 @inner()
