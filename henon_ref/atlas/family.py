@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
+import sympy as sp
+
 from henon_ref.model.case import Case
+from henon_ref.model.system import FilippovSystem
 from henon_ref.score.columns import Row
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 14))
@@ -36,6 +39,7 @@ class Family:
     """A case whose readings differ in one parameter, the distance."""
 
     case: Case
+    """With the family's readings alone."""
     meaning: str
     """What the distance is, with its unit."""
     distances: dict[str, float]
@@ -48,18 +52,27 @@ class Family:
 
 
 def family_of(case: Case) -> Family | None:
-    """The family that a case is; None where it is none, or its readings differ in more than one parameter."""
-    tags = set(case.readings[0].tags)
+    """The family that a case is; None where it is none, or its readings differ in more than one parameter.
+
+    Readings with other equations than the first one's are not of the family.
+    """
+    first = case.readings[0]
+    tags = set(first.tags)
     meaning = next((words for tag, words in KINDS.items() if tag in tags), None)
     if FAMILY not in tags or meaning is None:
         return None
-    values = [reading.problem.system.parameters for reading in case.readings]
+    alike = [r for r in case.readings if _equations(r.problem.system) == _equations(first.problem.system)]
+    values = [reading.problem.system.parameters for reading in alike]
     differing = [symbol for symbol in values[0] if len({own.get(symbol) for own in values}) > 1]
     if len(differing) != 1:
         return None
-    return Family(
-        case, meaning, {r.name: float(own[differing[0]]) for r, own in zip(case.readings, values, strict=True)}
-    )
+    own = replace(case, readings=tuple(alike))
+    distances = {r.name: float(values[differing[0]]) for r, values in zip(alike, values, strict=True)}
+    return Family(own, meaning, distances)
+
+
+def _equations(system: FilippovSystem) -> tuple[tuple[sp.Expr, ...], ...]:
+    return system.surfaces, system.field
 
 
 def outcome_of(row: Row) -> Outcome | None:

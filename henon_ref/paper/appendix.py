@@ -137,7 +137,8 @@ def draw_audit() -> Figure:
 
 def _draw_portrait(ax: Axes, run: VariantRun) -> None:
     path = run.path
-    held = np.abs(path[:, 2] - BELT) < 1e-12
+    on = np.abs(path[:, 2] - BELT) < 1e-12
+    held = on & (np.roll(on, 1) | np.roll(on, -1))  # one sample alone on the belt is a crossing
     ax.axhline(BELT, color=style.GREY, lw=0.8, zorder=1)
     ax.plot(path[::20, 1], path[::20, 2], color=style.BLUE, lw=0.9)
     ax.plot(np.where(held, path[:, 1], np.nan)[::5], path[::5, 2], color=style.BLACK, lw=2.4)
@@ -219,7 +220,8 @@ brackets are of Python 2.
 _LEGEND = """\
 *Converges to*: the system whose truth the errors and orders are taken against (`equations`: Eq. (18) with Filippov's
 sliding; `f` or `3 f`, one-sided: that slip field, and a stick left at the upper tangent point only; none: no limit).
-*Status* chatters: the changes of mode never end. *Transitions* to t = 70 s, *sticks* after t = 40 s and longer than
+*Status* chatters: the changes of mode never end. *Transitions* to t = 70 s (the release that the run may start with
+included), *sticks* after t = 40 s and longer than
 0.1 s, durations of the two kinds of stick (mean), then the same at a step ten times smaller. *Rms error* of all
 transitions at h = 1e-4. *Order* of the first 14 transition times in h, from the paper's start, and (*crossings*) from
 a start after which nothing sticks. An empty cell: there is none, or the sequence of modes is not the limit's.

@@ -234,7 +234,7 @@ def _draw_stretch(ax: Axes, drawn: Curve) -> None:
     lowest, overload = worst_stretch()
     at = int(np.argmin(np.where(drawn.modes == 0, drawn.states[:, 0] - base(drawn.times), np.inf)))
     ax.annotate(
-        f"spring force {overload:.2f} times what friction can hold",
+        f"spring force {overload:.2f} times\nwhat friction can hold",
         (drawn.times[at] - start, lowest),
         xytext=(0, -4),
         textcoords="offset points",

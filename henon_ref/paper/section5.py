@@ -87,7 +87,8 @@ def section(folder: Path) -> Section:
         motions=picture(
             folder,
             "section5_motions.svg",
-            "The rig in its three kinds of motion: x1 against x2 over 600 units of time, sticks on the belt's line",
+            "The rig in its three kinds of motion: x1 against x2 over 600 units of time, samples 0.2 apart joined; "
+            "sticks on the belt's line",
         ),
         estimate=picture(
             folder,
@@ -296,10 +297,11 @@ At vp = 0.40 the period is {period:.12f}.
 {motions}
 
 What the samples cannot say: they lie on the attractor, so directions across it are not seen. The last exponent is
--infinity; the estimate gives any number from -5 down, which moves with radius and delay and not with the motion. On
-the periodic orbit one direction is seen and three numbers are noise. The largest exponent of the chaotic motion is
-robust: a tenth too large from 1500 samples, right to a few per cent from 6000 on, whatever the ball and the delay. The
-third is lost where the ball or the delay is large.
+-infinity; the estimate gives a finite number, which moves with radius and delay and not with the motion. *Directions
+seen* are those that the neighbours of a sample span, on average. On the periodic orbit there is one, and at its corners
+two: the other numbers are noise. The largest exponent of the chaotic motion is robust: some 14 %
+too large from 1500 samples, right to a few per cent from 6000 on, whatever the ball and the delay. The third is lost
+where the ball or the delay is large.
 
 {estimate}
 """

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from decimal import Decimal
 
 from henon_ref.comparison import Comparison
+from henon_ref.report.orbits import orbit_sentences
 from henon_ref.report.ranking import by_solver, floor, most_accurate, name, number, prices, right
+from henon_ref.report.tables import timed
 from henon_ref.report.words import (
     code,
     digits,
-    duration,
     error,
     listing,
     printed_alike,
@@ -36,6 +37,7 @@ def answer(comparison: Comparison, result: ReadingResult) -> list[str]:
         " ".join([_accuracy(rows, result), *_cost(rows)]),
         " ".join(_failures(rows)),
         " ".join(published(comparison, result)),
+        " ".join(orbit_sentences(result)),
     ]
     return [text for text in paragraphs if text]
 
@@ -116,7 +118,7 @@ def _best(rows: Sequence[Row]) -> str:
     worst = error(best["max_time_error_s"], floor(best))
     text = (
         f"**`{name(best)}` is right to {digits(number(best, 'digits'))} digits** "
-        f"(worst error {worst} s at {setting(best['rtol'], best['step_s'])}) in **{duration(best['wall_s'])}**"
+        f"(worst error {worst} s at {setting(best['rtol'], best['step_s'])}) in **{timed(best)}**"
     )
     rest = [row for row in right(rows) if row["solver"] != best["solver"]]
     second = most_accurate(rest)
@@ -124,7 +126,7 @@ def _best(rows: Sequence[Row]) -> str:
         return text + "."
     times = times_as_long(number(second, "wall_s") / number(best, "wall_s"))
     reached = digits(number(second, "digits"))
-    return f"{text}; next comes `{name(second)}`, right to {reached} digits in {duration(second['wall_s'])}, {times}."
+    return f"{text}; next comes `{name(second)}`, right to {reached} digits in {timed(second)}, {times}."
 
 
 def _cost(rows: Sequence[Row]) -> list[str]:
@@ -222,12 +224,11 @@ def published(comparison: Comparison, result: ReadingResult) -> list[str]:
         what = f"no stick{after}" if _ends_in_slip(expected) else f"no stick that ends{after or ' within the run'}"
         return [f"The published stick durations ({named} s) have no counterpart: the exact run has {what}."]
     partners = published_partners(exact, [float(value) for value in printed])
-    pairs = dict(
-        sorted({_nearest(p, printed): d for p, d in zip(partners, exact, strict=True) if p is not None}.items())
-    )
+    pairs = {_nearest(p, printed): d for p, d in zip(partners, exact, strict=True) if p is not None}
     values = listing([significant(pairs[value], 11) for value in printed if value in pairs])
     alike = all(printed_alike(duration_s, value) for value, duration_s in pairs.items())
-    sentences = [f"The exact stick durations are {values} s where the source prints {named} s"]
+    last = "last sticks take" if len(exact) > len(pairs) else "sticks take" if len(exact) > 1 else "stick takes"
+    sentences = [f"The exact run's {last} {values} s where the source prints {named} s"]
     if alike:
         sentences[0] += ": the printed digits hold."
     else:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LEAST = 1e-18
-"""Errors below this [s] (a run that agrees to the last bit has none) are drawn at the lower edge."""
+"""Errors below this [s] are drawn at the lower edge, and none at all (a run that agrees to the last bit), too."""
 MOST_MARKED = 60
 """Transitions up to which each one gets a marker."""
 
@@ -42,7 +42,8 @@ def draw_errors(records: Sequence[Record], expected: Expected) -> Figure | None:
         axes.set_ylim(lowest, highest)
         axes.set_xlim(expected.start, expected.end_time)
         ends = [_draw(axes, record, lowest) for record in chosen]
-        _draw_floor(axes, expected, lowest)
+        hidden = any(min(_errors(record)[1], default=1.0) < lowest for record in chosen)
+        _draw_floor(axes, expected, lowest, hidden=hidden)
         style.decades(axes.yaxis)
         style.label_points(axes, ends, x=1.05, gap=0.055)
         axes.set_xlabel("time of the transition [s]")
@@ -64,10 +65,13 @@ def _errors(record: Record) -> tuple[list[float], list[float]]:
 def _limits(records: Sequence[Record], expected: Expected) -> tuple[float, float]:
     """Whole decades around what there is, the lower end not below what can be seen or claimed."""
     found = np.array([error for record in records for error in _errors(record)[1]])
-    found = found[found > max(LEAST, expected.radius)]
-    if not found.size:
+    seen = found[found > max(LEAST, expected.radius)]
+    if not seen.size:
         return LEAST, 1e-12
-    return float(10 ** np.floor(np.log10(found.min()))), float(10 ** np.ceil(np.log10(found.max()) + 0.1))
+    least = seen.min()
+    if seen.size < found.size:  # what is drawn at the lower edge must not look like an error of some size
+        least = max(min(least, float(np.spacing(abs(expected.end_time))) / 8), LEAST)
+    return float(10 ** np.floor(np.log10(least))), float(10 ** np.ceil(np.log10(seen.max()) + 0.1))
 
 
 def _draw(axes: Axes, record: Record, lowest: float) -> tuple[str, float, float, str]:
@@ -100,8 +104,8 @@ def _setting(record: Record) -> str:
     return f"{rtol:.0e}".replace("e-0", "e-") if rtol is not None else f"h={step:g} s"
 
 
-def _draw_floor(axes: Axes, expected: Expected, lowest: float) -> None:
-    """What a time in double precision can hold, and the truth's radius where it is in sight."""
+def _draw_floor(axes: Axes, expected: Expected, lowest: float, *, hidden: bool) -> None:
+    """What a time in double precision can hold, the truth's radius where it is in sight, and what lies below all."""
     times = np.linspace(expected.start, expected.end_time, 400)
     half_ulp = np.spacing(np.abs(times)) / 2
     axes.fill_between(times, lowest, np.maximum(half_ulp, lowest), color="#EDEDED", lw=0, zorder=0, step="mid")
@@ -112,3 +116,5 @@ def _draw_floor(axes: Axes, expected: Expected, lowest: float) -> None:
         axes.axhline(expected.radius, color=style.GREY, lw=0.8, ls="--")
         notes.append("dashed: the truth's radius")
     axes.figure.text(0.74, 0.02, "\n".join(notes), va="bottom", fontsize=7.0, color=style.GREY)
+    if hidden:
+        axes.figure.text(0.02, 0.02, "at the lower edge: no error", va="bottom", fontsize=7.0, color=style.GREY)

@@ -13,21 +13,21 @@ _GREEK = (
 
 
 def symbol(name: str) -> str:
-    """LaTeX of a name: a letter, Latin or Greek, and what follows it as an index.
+    """LaTeX of a name: a letter, Latin or Greek, and what follows it as an index; a word stays a word.
 
     Examples
     --------
-    >>> symbol("x2"), symbol("vp"), symbol("mu0"), symbol("xi1"), symbol("q_1"), symbol("t")
-    ('x_{2}', 'v_{p}', '\\\\mu_{0}', '\\\\xi_{1}', 'q_{1}', 't')
+    >>> symbol("x2"), symbol("vp"), symbol("mu0"), symbol("xi1"), symbol("q_1"), symbol("margin")
+    ('x_{2}', 'v_{p}', '\\\\mu_{0}', '\\\\xi_{1}', 'q_{1}', '\\\\mathrm{margin}')
     """
     greek = re.fullmatch(rf"({_GREEK})(?:_?(\d\w*)|_(\w+))?", name, re.IGNORECASE)
     if greek:
         head, index = "\\" + greek[1], greek[2] or greek[3]
     else:
-        latin = re.fullmatch(r"([A-Za-z])_?(\w*)", name)
+        latin = re.fullmatch(r"([A-Za-z])(_\w+|[A-Za-z]?\d*)", name)
         if latin is None:
             return rf"\mathrm{{{name}}}".replace("_", r"\_")
-        head, index = latin[1], latin[2]
+        head, index = latin[1], latin[2].lstrip("_")
     return f"{head}_{{{index}}}" if index else head
 
 

@@ -31,7 +31,10 @@ NOTES = (
     "**Times** are medians of repeated runs in one process after one run as a warm-up, with the interquartile range, "
     "or the number of runs where they are fewer than three: a slow run is not repeated, nor is one that is not right; "
     "† marks samples that scatter by more than a tenth. Compilation, code generation and other one-time work is in the "
-    "column **compile**. "
+    "column **compile**; what is kept on disk (`henon`'s machine code, numba's) comes from there once it has been "
+    "made, in some seconds. "
+    "A library is restarted on the surface after every event, and the **verdict** is on the library with its default "
+    "habit of that: `python -m henon_ref.restarts` tries the others. "
     "**Steps**, **fields** (right-hand sides) and **events** (evaluations of event functions) are what each solver's "
     "docstring says they are."
 )

@@ -12,7 +12,8 @@ from henon_ref.score.columns import Row
 
 MARKS = {"unsupported": "–", "unavailable": "·", "timeout": "timeout", "failed": "failed"}
 KEY = (
-    "Decimal digits of the worst transition time at the most accurate setting with the right sequence. "
+    "Decimal digits of the worst transition time (in seconds, or in the unit of time that the case's report names) at "
+    "the most accurate setting with the right sequence. "
     "`*`: not right at another setting. `–`: the solver cannot do this problem, `·`: not installed; otherwise how its "
     "last run ended."
 )

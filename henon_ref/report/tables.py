@@ -103,13 +103,24 @@ def wall(row: Row, samples: Sequence[float] = ()) -> str:
     """
     if row["wall_s"] is None:
         return ""
-    text = duration(row["wall_s"])
     if row["wall_s_iqr"] is not None:
-        scatter, note = number(row, "wall_s_iqr"), duration(row["wall_s_iqr"])
+        note = duration(row["wall_s_iqr"])
+    else:
+        note = "" if row["timed_runs"] is None else count(int(number(row, "timed_runs")), "run")
+    return duration(row["wall_s"]) + (f" ({note})" if note else "") + _mark(row, samples)
+
+
+def timed(row: Row) -> str:
+    """Median wall time of a row that has one, marked where its samples scatter too much."""
+    return duration(row["wall_s"]) + _mark(row)
+
+
+def _mark(row: Row, samples: Sequence[float] = ()) -> str:
+    if row["wall_s_iqr"] is not None:
+        scatter = number(row, "wall_s_iqr")
     else:
         scatter = (max(samples) - min(samples)) / 2 if samples else 0.0
-        note = "" if row["timed_runs"] is None else count(int(number(row, "timed_runs")), "run")
-    return text + (f" ({note})" if note else "") + (" †" if scatter > UNSTABLE * number(row, "wall_s") else "")
+    return " †" if scatter > UNSTABLE * number(row, "wall_s") else ""
 
 
 def reason_table(rows: Sequence[Row]) -> Table | None:
