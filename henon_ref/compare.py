@@ -126,6 +126,8 @@ def command(arguments: Sequence[str] | None = None) -> int:
     try:
         # Run outside of typer, which has its own way with an interrupt.
         request = app(arguments, prog_name="python -m henon_ref.compare", standalone_mode=False)
+        if request == INTERRUPTED:  # typer takes an interrupt while it is at work for a status
+            raise KeyboardInterrupt
         return DONE if request is None or isinstance(request, int) else _run(request)
     except USAGE_ERROR as error:
         return _say(f"{error.format_message()} (see --help)")

@@ -28,6 +28,7 @@ from henon_ref.henon.registers import (
     T_GUARDS,
     T_PROBE,
     T_SIZE,
+    T_WARY,
     VALID,
 )
 from henon_ref.model.contacts import SwitchedEquations, switched_equations
@@ -40,6 +41,8 @@ SURFACES = 8
 """With more surfaces than these no table holds the row of every mode."""
 SHAPES = 3
 """With more surfaces than these, all modes share one machine code where their contacts allow it."""
+BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
+"""Operations with branch points."""
 _KIND = {"surface": SURFACE, "release": RELEASE, "valid": VALID}
 
 
@@ -81,9 +84,10 @@ class _Shape:
     code: MachineCode
 
     @property
-    def addresses(self) -> list[int]:
-        """Of expansion, closing and probe."""
-        return [self.code.address(name) for name in ("expansion", "closing", "probe")]
+    def entries(self) -> list[int]:
+        """Addresses of expansion, closing and probe; whether steps have to be wary of branch points."""
+        wary = any(node.op in BRANCHING for node in self.expansion.nodes)
+        return [*(self.code.address(name) for name in ("expansion", "closing", "probe")), int(wary)]
 
 
 def _shape(
@@ -191,7 +195,7 @@ class CompiledSystem:
         return self._normals_code.address("normals"), np.array([*self._numbers(tape, {}), 0.0])
 
     def _row(self, mode: Mode) -> tuple[list[int], list[float], list[float]]:
-        """Addresses and constants of a mode on the machine code of its sliding surfaces."""
+        """Entries and constants of a mode on the machine code of its sliding surfaces."""
         system = self.system
         sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
         if sliding not in self._shapes:
@@ -202,9 +206,9 @@ class CompiledSystem:
             )
         shape = self._shapes[sliding]
         signs = {system.signs[i]: sp.Integer(s) for i, s in enumerate(mode)}
-        return shape.addresses, self._numbers(shape.expansion, signs), self._numbers(shape.probe, signs)
+        return shape.entries, self._numbers(shape.expansion, signs), self._numbers(shape.probe, signs)
 
-    def _append(self, mode: Mode, addresses: list[int], constants: Sequence[float], probes: Sequence[float]) -> None:
+    def _append(self, mode: Mode, entries: list[int], constants: Sequence[float], probes: Sequence[float]) -> None:
         row = self.index[mode]
         numbers = np.zeros((2, max(len(constants), len(probes), 1)))
         numbers[0, : len(constants)], numbers[1, : len(probes)] = constants, probes
@@ -215,7 +219,7 @@ class CompiledSystem:
         guards, system = self.guards(mode), self.system
         sliding = [i for i, s in enumerate(mode) if s == 0]
         layout[0, T_GUARDS] = len(guards)
-        layout[0, [T_EXPANSION, T_CLOSING, T_PROBE]] = addresses
+        layout[0, [T_EXPANSION, T_CLOSING, T_PROBE, T_WARY]] = entries
         layout[0, T_BERNSTEIN] = bernstein_code(self.order).address("bernstein")
         for g, guard in enumerate(guards):
             surface = guard.kind == "surface"
@@ -276,17 +280,17 @@ class SwitchedModes:
         sides = speeds(system, equations.guards((1,) * len(system.surfaces)))
         shape = _shape(system, order, equations.field, equations.outputs, sides)
         self._code = shape.code
-        self._addresses = shape.addresses
+        self._entries = shape.entries
         self._tables = self._table(shape.expansion), self._table(shape.probe)
 
     def row(self, mode: Mode) -> tuple[list[int], list[float], list[float]]:
-        """Addresses and constants of a mode."""
+        """Entries and constants of a mode."""
         entries = np.array([*mode, 0])
         found = []
         for owner, values in self._tables:
             pairs = values[entries[owner] + 1, np.arange(len(owner))]
             found.append(pairs.T.ravel().tolist())
-        return self._addresses, found[0], found[1]
+        return self._entries, found[0], found[1]
 
     def _table(self, tape: Tape) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Surface that each constant depends on (-1: none), and its two doubles for the entries -1, 0 and +1."""

@@ -70,6 +70,7 @@ from henon_ref.henon.registers import (
     T_CLOSING,
     T_GUARDS,
     T_PROBE,
+    T_WARY,
     TANGENT,
     TOLD,
     UNKNOWN,
@@ -194,7 +195,7 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     if final:
         theta = left / sigma
     leap = natural > LEAP * sigma
-    if leap or swells(c, n + guards, order, theta):
+    if leap or layout[0, T_WARY] > 0 or swells(c, n + guards, order, theta):
         believed = trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap)
         if believed < theta:
             theta, final = believed, False

@@ -63,8 +63,8 @@ F_STATE = F_SIZE + REMEMBERED
 # Behind them, an integer a guard each: known zeros at the present point (the surface just left), which are divided
 # out; 1 for a guard that is at zero.
 
-# A mode's table: its own row, then a row a guard.
-T_GUARDS, T_EXPANSION, T_CLOSING, T_PROBE, T_BERNSTEIN = range(5)
+# A mode's table: its own row, then a row a guard. T_WARY: whether its field has branch points.
+T_GUARDS, T_EXPANSION, T_CLOSING, T_PROBE, T_BERNSTEIN, T_WARY = range(6)
 # Kind, index, whether only its rise counts, whether it has a hold zone, whether it acts on a sliding surface; row of
 # the mode after a crossing (or a release) and after a stick, -1 where not known yet. For a release the last is the
 # number of zeros that the surface is left with.

@@ -258,8 +258,9 @@ class _Integration:
         """Move time on, keeping what rounding loses."""
         total = self.time + duration
         moved = total - self.time
-        self.time_low += (self.time - (total - moved)) + (duration - moved)
-        self.time = total
+        low = self.time_low + (self.time - (total - moved)) + (duration - moved)
+        self.time = total + low
+        self.time_low = low - (self.time - total)
 
     def _record_modes(self) -> None:
         self.sample_modes += [self.mode] * (self.filled - len(self.sample_modes))

@@ -20,6 +20,7 @@ from henon_ref.henon.registers import (
     T_CLOSING,
     T_EXPANSION,
     T_GUARDS,
+    T_WARY,
 )
 from henon_ref.jit import inner
 
@@ -36,7 +37,9 @@ SLOW = 0.5
 FALLS, GROWS, HOLLOW = range(3)
 """What the last terms of a step do (see :func:`_tail`)."""
 LEAST = 1.0 / 64.0
-"""A step this much shorter than the last one is believed unchecked."""
+"""A step this much shorter than the last one is believed though guards are not what was foretold."""
+SHORTEST = 1e-13
+"""One this much shorter though slopes are not: steps end before a kink or a singularity, and the run with them."""
 FAR = 1e30
 """A step, in units of sigma, that no coefficient limits."""
 STALL = 1000
@@ -202,14 +205,16 @@ def move(x, x_low, change):  # type: ignore[no-untyped-def]
 def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, alone, stop_at):  # type: ignore[no-untyped-def]
     """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
 
-    ``alone``: look at the very first one, as where a guard stands at zero. Returns the step proposed in units of
-    sigma; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where the state blew up.
+    ``alone``: look at the very first one, as where a guard stands at zero or a branch point may come. Returns the step
+    proposed in units of sigma; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where
+    the state blew up.
     """
     n, guards = x.size, layout[0, T_GUARDS]
     expansion, closing = layout[0, T_EXPANSION], layout[0, T_CLOSING]
     shrunk, zeros = False, 0
     for g in range(guards):
         zeros = max(zeros, multiplicity[g])
+    alone = alone or zeros > 0 or layout[0, T_WARY] > 0
     while True:
         if integers[I_STEPS] >= stop_at:
             return 0.0
@@ -241,7 +246,7 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
             integers[I_STALLED] = 0
         if integers[I_STALLED] > STALL:
             return -1.0
-        if alone or zeros > 0 or step >= left or theta > LEAP or swells(c, n + guards, integers[I_ORDER], theta):
+        if alone or step >= left or theta > LEAP or swells(c, n + guards, integers[I_ORDER], theta):
             return theta
         call_closing(closing, theta, c, change)
         for g in range(guards):
@@ -260,13 +265,14 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
 
     Where terms grow the step is shortened until they fall: then it ends within their circle of convergence. Terms
     that only sink below rounding, are zero or end in a gap promise nothing (a high power seen from where it is flat),
-    nor do those below rounding on a step much longer than the last one (``leap``). There the expansion is made anew
+    nor do those below rounding on a step much longer than the last one (``leap``), nor any where the field has a branch
+    point (T_WARY: a square root's series may be a polynomial that goes on behind it). There the expansion is made anew
     on the step and at its end: guards and slopes must be what was foretold. A step much shorter than the last one,
-    whose terms fall, needs no such trust (and where a guard is next to zero rounding alone may disagree).
+    whose terms fall, needs no such trust in guards (where one is next to zero rounding alone may disagree).
     """
     n, guards = x.size, layout[0, T_GUARDS]
     sigma = floats[F_SIGMA]
-    ask = False
+    ask = layout[0, T_WARY] > 0
     for r in range(n + guards):
         tail = _tail(c[r], order, theta, 0.0 if leap else EPS)
         if tail == GROWS:
@@ -275,7 +281,7 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
             tail = _tail(c[r], order, theta, 0.0)
         ask = ask or tail != FALLS
     while ask:
-        agreed, shorter = True, theta
+        agreed, kept, shorter = True, True, theta
         for part in (0.37, 1.0):
             at = part * theta
             call_closing(layout[0, T_CLOSING], at, c, change)
@@ -296,7 +302,7 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
                 # A slope that moves its state by no more than rounding over the step is none, whatever its digits.
                 dust = 4.0 * EPS * abs(x[r]) / at if first == 1 else 0.0
                 if not abs(foretold - ahead[r, first]) <= max(1e-6 * size, dust):
-                    agreed = False
+                    agreed, kept = False, kept and first == 0
                     while shorter > LEAST * theta and _tail(c[r], order, shorter, 0.0) == GROWS:
                         shorter *= SHORTER
         if agreed:
@@ -304,7 +310,7 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
         ask = not LEAST * theta < shorter < theta
         if ask:  # terms that fall, or are none, are no better on a shorter step
             theta *= 0.25
-            ask = theta > LEAST or swells(c, n + guards, order, theta)
+            ask = theta > (LEAST if kept else SHORTEST) or swells(c, n + guards, order, theta)
         else:
             theta = shorter
     return theta

@@ -104,7 +104,7 @@ def run(request: Request) -> Unmet:
     tally = sum(tallies, Tally())
     told = "".join(f"; {solver} right in {own.right} of {own.judged} judged" for solver, own in demands.items())
     print(f"{where}{gate_state(tally, failures, wanted=request.gate)}{told}")
-    if request.gate and tally.total and not tally.checked:
+    if request.gate and not tally.checked:
         failures.append(gate_words(tally))
     return Unmet(failures, [words for solver, own in demands.items() for words in _unmet(solver, own)])
 
@@ -115,8 +115,8 @@ def _unmet(solver: str, own: Demand) -> tuple[str, ...]:
 
 def gate_state(tally: Tally, failures: Sequence[str], *, wanted: bool) -> str:
     """What became of the gate, behind the report's name; ``wanted``: whether it decides the exit status."""
-    if not tally.total:
-        return "; gate not checked: there is no bound" if wanted else ""
+    if not tally.total and not wanted:
+        return ""
     if failures:
         return "; gate not met"
     if not tally.checked:
@@ -224,7 +224,7 @@ class Shown(Silent, AbstractContextManager["Shown"]):
         self._task: TaskID | None = None
 
     def __enter__(self) -> Shown:
-        if sys.stderr.isatty():
+        if sys.stderr is not None and sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 

@@ -148,6 +148,8 @@ def _gate(comparison: Comparison) -> str:
 
 def gate_words(tally: Tally) -> str:
     """How many bounds of a gate were checked, of one that has bounds."""
+    if not tally.total:
+        return "there is no bound"
     if not tally.checked:
         if tally.total == 1:
             return "the only bound of the gate is on no solver that ran"

@@ -131,8 +131,9 @@ def _isolate(parent: int, memory: int, log: int | None) -> None:
         os.setsid()
     if sys.platform == "linux":
         _die_with(parent)
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:  # as where the shell has closed it
+            stream.flush()
     target = os.open(os.devnull, os.O_WRONLY) if log is None else log
     os.dup2(target, 1)
     os.dup2(target, 2)

@@ -130,8 +130,10 @@ class _Builder:
         if self._is_constant(e):
             return self._op("constant", constants=(e,))
         if not e.free_symbols & (self.moving - {TIME}) and sp.diff(e, TIME, 2) == 0:
-            slope = sp.diff(e, TIME)
-            return self._op("clock", constants=(sp.expand(e - slope * TIME), slope))
+            slope = sp.cancel(sp.diff(e, TIME))  # of a quotient that is linear, but not by its form
+            start = sp.expand(sp.cancel(e - slope * TIME) if e.is_rational_function(TIME) else e - slope * TIME)
+            if not slope.has(TIME) and not start.has(TIME):
+                return self._op("clock", constants=(start, slope))
         if e.is_Add:
             return self._sum(e.args, sp.Integer(1))
         if e.is_Mul:
