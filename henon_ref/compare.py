@@ -68,7 +68,10 @@ def main(
     ] = None,
     figures: Annotated[bool, typer.Option(help="Draw figures.")] = True,
     gate: Annotated[
-        bool, typer.Option("--gate", help="Exit with 1 if a bound of a case's gate is not met, or none was checked.")
+        bool,
+        typer.Option(
+            "--gate", help="Exit with 1 if a bound of a case's gate is not met, or none of its bounds was checked."
+        ),
     ] = False,
     require: Annotated[
         str | None,

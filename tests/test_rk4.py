@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from scipy.optimize import brentq
 
 from henon_ref.errors import UnsupportedError
 from henon_ref.henon.rk4 import RK4
+from henon_ref.model.case import load_case
 from henon_ref.model.equations import TIME
 from henon_ref.model.system import FilippovSystem
 from henon_ref.solver import Solver
@@ -215,3 +217,10 @@ def test_a_crossing_at_the_very_end_of_a_step_is_found(step: float) -> None:
     result = RK4.prepare(problem, step=step)()
     assert result.status == "ok"
     assert [q.time for q in result.transitions] == pytest.approx([20, 20.1, 60, 60], abs=1e-9)
+
+
+def test_what_rounding_lost_of_a_time_is_less_than_its_last_place() -> None:
+    case = load_case(Path(__file__).parent.parent / "cases" / "fig8.yaml")
+    found = RK4.prepare(case.reading("equations").problem, step=1e-3)()
+    assert len(found.transitions) > 50
+    assert all(abs(event.time_low) <= np.spacing(event.time) / 2 for event in found.transitions)

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import sympy as sp
 from problems import make_problem
+from runs import kinds, run
 
 from henon_ref import registry
 from henon_ref.henon.solvers import HENON_SOLVER
@@ -116,3 +117,9 @@ def test_a_slope_that_rounding_has_left_makes_no_number_overflow() -> None:
     rate = rate_of(states)
     assert rate > 1e38
     assert leading([1e-78, 0.0, 3.0, -0.27, -1.2, 0.068, 0.17, -0.0068, -0.013], 1, rate, 0.0, 1e-11) == 2
+
+
+@pytest.mark.parametrize("excess", ["1e-10", "1e-12"])
+def test_a_force_barely_above_friction_is_no_stick(excess: str) -> None:
+    result = run(make_problem("v", [f"1 - (1 - {excess})*s"], {"s": "v"}, ["-1"], 2), rtol=1e-9)
+    assert kinds(result) == ["crossing"]

@@ -147,3 +147,10 @@ def test_polynomial_motion_is_that_of_the_expansion() -> None:
             assert polynomial.degree() <= tape.nodes[tape.outputs[0]].degree
             assert all((c - polynomial[k]).contains(0) for k, c in enumerate(series))
             assert max(float(c.rad()) for c in series) < 1e-9
+
+
+def test_what_is_linear_in_time_but_not_by_its_form_is_a_clock_without_time_in_its_numbers() -> None:
+    hidden = (6 - 2 * t) / (t - 3) + 3
+    tape = build_tape((x,), (hidden,), (x,))
+    assert all(not constant.free_symbols for constant in tape.constants)
+    assert tape.nodes[tape.field[0]].op in ("clock", "constant")

@@ -29,8 +29,10 @@ from henon_ref.taylor.tape import Tape, build_tape
 
 ORDER = 8
 """Derivatives looked at before a contact counts as one that never separates."""
-ZERO = 1e-11
+ZERO = 1e-13
 """Relative size below which a derivative counts as zero (a tangency within it cannot be told in double)."""
+OTHERS = (1e-11, 1e-15, 0.0)
+"""What is tried in its place where no mode fits: rounding may be larger, or the derivative as small."""
 EXHAUSTIVE = 4
 """With at most this many surfaces in play all candidate modes are tried; beyond, they are searched."""
 
@@ -167,11 +169,11 @@ class Switching:
         return orders
 
     def _decide(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float = ZERO) -> Decision:
-        """Try with what rounding may have made of a zero first; then, where no mode fits, with less and less."""
+        """Try with what rounding may have made of a zero first; then, where no mode fits, with more and with less."""
         decision = self._decided(t, x, mode, active, zero)
-        for finer in (1e-15, 0.0):
-            if decision.status == "none" and finer < zero:
-                decision = self._decided(t, x, mode, active, finer)
+        for other in OTHERS:
+            if decision.status == "none" and (other < zero or zero == ZERO):
+                decision = self._decided(t, x, mode, active, other)
         return decision if decision.mode is not None else explained(decision, self.system, mode, active)
 
     def _decided(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:

@@ -104,7 +104,7 @@ def run(request: Request) -> Unmet:
     tally = sum(tallies, Tally())
     told = "".join(f"; {solver} right in {own.right} of {own.judged} judged" for solver, own in demands.items())
     print(f"{where}{gate_state(tally, failures, wanted=request.gate)}{told}")
-    if request.gate and not tally.checked:
+    if request.gate and tally.total and not tally.checked:
         failures.append(gate_words(tally))
     return Unmet(failures, [words for solver, own in demands.items() for words in _unmet(solver, own)])
 
