@@ -108,19 +108,23 @@ def test_a_jump_of_the_field_that_terms_hardly_tell_of_is_not_leapt_over(rtol: f
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize(
-    ("field", "surface", "start", "until", "end", "before"),
+    ("field", "surface", "start", "until", "end", "events"),
     [
-        (["1", "sqrt(x^2 - 2*x + 1)"], "z - 3/4", ["0", "0"], 3, 1.0, []),  # a kink: no power series goes on behind it
-        (["1", "sqrt(1 - cos(x))"], "z - 3", ["-2", "0"], 6, 2.0, []),
+        (["1", "sqrt(x^2 - 2*x + 1)"], "z - 3/4", ["0", "0"], 3, 1.0, [1 + math.sqrt(0.5)]),  # a kink
+        (["1", "sqrt(1 - cos(x))"], "z - 3", ["-2", "0"], 6, 2.0, [4.3206587791709]),
         (["-sqrt(x)", "0"], "x - 1/4", ["1", "0"], 100, 2.0, [1.0]),  # Torricelli: x = (1 - t/2)^2, and dry then
         (["-sqrt(1 - x^2)", "0"], "x + 1/2", ["0", "0"], 10, math.pi / 2, [math.pi / 6]),
     ],
 )
 def test_no_step_leads_over_a_branch_point(
-    field: list[str], surface: str, start: list[str], until: int, end: float, before: list[float], rtol: float
+    field: list[str], surface: str, start: list[str], until: int, end: float, events: list[float], rtol: float
 ) -> None:
-    """A root's series may be a polynomial, or an entire function, that knows nothing of where it branches."""
+    """A root's series may be a polynomial, or an entire function, that knows nothing of where it branches.
+
+    A run ends there, or begins anew just behind it and is right.
+    """
     result = run(make_problem("x z", field, {"s": surface}, start, until), rtol=rtol)
-    assert result.status == "failed"
-    assert result.end_time == pytest.approx(end, abs=3 * math.sqrt(rtol) + 1e-6)
-    assert times(result) == pytest.approx(before, abs=10 * rtol)
+    if result.status == "failed":
+        assert result.end_time == pytest.approx(end, abs=3 * math.sqrt(rtol) + 0.02)
+        events = [event for event in events if event < end]
+    assert times(result) == pytest.approx(events, abs=10 * rtol)
