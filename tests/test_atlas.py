@@ -58,6 +58,14 @@ def test_the_shipped_families_span_both_sides() -> None:
     assert min(abs(d) for d in distances if d) <= 1e-15
 
 
+def test_readings_with_another_surface_are_not_of_a_family() -> None:
+    case = load_case(CASES / "hard" / "two_roots.yaml")
+    family = family_of(case)
+    assert family is not None
+    assert {r.name for r in case.readings} - set(family.distances) == {"behind_a_crossing", "beside_a_touch"}
+    assert [r.name for r in family.case.readings] == list(family.distances)
+
+
 def test_a_case_of_other_differences_is_no_family() -> None:
     assert family_of(load_case(CASES / "fig8.yaml")) is None
 

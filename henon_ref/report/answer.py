@@ -224,7 +224,11 @@ def published(comparison: Comparison, result: ReadingResult) -> list[str]:
         what = f"no stick{after}" if _ends_in_slip(expected) else f"no stick that ends{after or ' within the run'}"
         return [f"The published stick durations ({named} s) have no counterpart: the exact run has {what}."]
     partners = published_partners(exact, [float(value) for value in printed])
-    pairs = {_nearest(p, printed): d for p, d in zip(partners, exact, strict=True) if p is not None}
+    pairs: dict[Decimal, float] = {}
+    for partner, own in list(zip(partners, exact, strict=True))[-2 * len(printed) :]:  # the last two of each kind
+        value = _nearest(partner or 0.0, printed)
+        before = pairs.get(value, own)
+        pairs[value] = own if abs(own - float(value)) <= abs(before - float(value)) else before
     values = listing([significant(pairs[value], 11) for value in printed if value in pairs])
     alike = all(printed_alike(duration_s, value) for value, duration_s in pairs.items())
     last = "last sticks take" if len(exact) > len(pairs) else "sticks take" if len(exact) > 1 else "stick takes"

@@ -177,14 +177,15 @@ def _settled(case: str, reading: Reading, computed: Route, proof: Route, where: 
     for index, (ours, theirs) in enumerate(zip(computed.transitions, proof.transitions, strict=False)):
         if fault := difference(ours, theirs):
             raise TruthError(f"{where}, transition {index}: heyoka and the proof differ: {fault}")
+    if certified and not computed.undecided and proof.status != computed.status:
+        ends = [f"{route.status}{f' ({route.reason})' if route.reason else ''}" for route in (computed, proof)]
+        raise TruthError(f"{where}: heyoka ends with {ends[0]}, the proof with {ends[1]}")
     if proven > len(computed.transitions) and not computed.undecided:
         raise TruthError(f"{where}: {proven} transitions are proven, heyoka found {len(computed.transitions)} only")
     if certified and proven < len(computed.transitions):
         raise TruthError(
             f"{where}: {proven} transitions are proven to be all, heyoka found {len(computed.transitions)}"
         )
-    if certified and not computed.undecided and proof.status != computed.status:
-        raise TruthError(f"{where}: heyoka ends with {computed.status}, the proof with {proof.status}")
     leading = proof if certified or proven > len(computed.transitions) else computed
     routes = (proof, computed) if proven or certified else (computed, proof)
     return Truth(
