@@ -105,7 +105,7 @@ def test_a_run_that_only_touches_is_told_from_one_where_nothing_happens():
 
 def test_published_durations_that_hold_and_that_do_not():
     whole = compared(made("henon", 1e-6, 1e-4))
-    reading = replace(whole.readings[0].reading, published=replace(_published(), stick_durations=_decimals("0.8")))
+    reading = replace(whole.readings[0].reading, published=replace(_published(), stick_durations=_decimals("0.9")))
     text = " ".join(answer(whole, replace(whole.readings[0], reading=reading)))
     assert "they are off by" in text
     exact = replace(
