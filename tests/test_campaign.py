@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint
 
 import pytest
-from fakes import TIMES, Fake, case, statement
+from fakes import CASE, TIMES, Fake, case, statement
 
 from henon_ref import registry
 from henon_ref.comparison import Comparison, compare, compare_all
@@ -271,6 +271,42 @@ def test_rows_of_other_settings_are_not_used(tmp_path, change):
     again = replace(options, **{**change, "solvers": tuple(replace(s, log=str(log)) for s in solvers)})
     compare_all([case()], again, lambda comparison: None)
     assert len(log.read_text().splitlines()) > before
+
+
+TWO_READINGS = CASE.replace("published: {{stick_durations: [0.75]}}", "published: {{}}") + """
+readings:
+  a: {{published: {{stick_durations: [1]}}}}
+  b: {{published: {{stick_durations: [2]}}}}
+"""
+
+
+def test_readings_that_share_their_mathematics_keep_their_own_rows(tmp_path):
+    options = Options(solvers=(Fake(),), repeats=1, folder=tmp_path, resume=True, keep_journals=True)
+    found: list[Comparison] = []
+    for _ in range(2):
+        compare_all([case(text=TWO_READINGS)], options, found.append)
+    first, resumed = found
+    assert list(resumed.runs["reading"]) == ["a", "a", "b", "b"]
+    assert resumed.run_rows == first.run_rows
+    assert resumed.stick_rows == first.stick_rows
+    assert {(row["reading"], row["published_s"]) for row in resumed.stick_rows} == {("a", 1.0), ("b", 2.0)}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("[0.75]", "[0.76]"),
+        ("after: 1", "after: 0.9"),
+        ("name: {name}", "name: {name}\nexpect: {{status: failed}}"),
+        ("name: {name}", "name: {name}\nreadings: {{other: {{}}}}"),
+    ],
+)
+def test_rows_scored_against_something_else_are_not_used(tmp_path, change):
+    log = tmp_path / "log"
+    options = Options(solvers=(Fake(log=str(log)),), folder=tmp_path, resume=True, keep_journals=True, timed=False)
+    for text in (CASE, CASE.replace(*change)):
+        compare_all([case(text=text)], options, lambda comparison: None)
+    assert len(log.read_text().splitlines()) == 4
 
 
 def _raise(comparison: Comparison) -> None:

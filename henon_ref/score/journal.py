@@ -13,11 +13,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from henon_ref.model.case import Reading
 from henon_ref.score.metrics import Expected
 from henon_ref.score.rows import Record
 from henon_ref.score.settings import Setting
 
-FORMAT = 1
+FORMAT = 2
 """Raised where what a line holds, or how a run is scored, changes."""
 FILE = ".partial"
 
@@ -83,23 +84,37 @@ def read(path: Path) -> dict[str, dict[str, Any]]:
     return rows
 
 
+def reading_key(case: str, reading: Reading, expected: Expected | None) -> str:
+    """A hash of all that the rows of one reading share: whose they are, the problem, what they are scored against."""
+    parts = [
+        FORMAT,
+        case,
+        reading.name,
+        reading.mathematics_hash,
+        reading.measure_after,
+        reading.published and asdict(reading.published),
+        reading.expect and asdict(reading.expect),
+        expected and asdict(expected),
+    ]
+    return _hashed(parts)
+
+
 def row_key(
+    reading: str,
     *,
-    mathematics: str,
-    expected: Expected | None,
-    after: float,
     solver: str,
     version: str,
     setting: Setting,
     timeout: float,
     repeats: int | None,
+    timed: bool,
 ) -> str:
-    """A hash of everything that decides what a row says, wall times apart."""
-    truth = None
-    if expected is not None:
-        truth = [expected.status, expected.end_time, [(e.time, e.time_low, e.radius) for e in expected.transitions]]
-    parts = [FORMAT, mathematics, truth, after, solver, version, asdict(setting), timeout, repeats]
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+    """A hash of everything that decides what a row says, wall times apart; ``reading``: its :func:`reading_key`."""
+    return _hashed([reading, solver, version, asdict(setting), timeout, repeats, timed])
+
+
+def _hashed(parts: list[Any]) -> str:
+    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def _ends_with_newline(path: Path) -> bool:

@@ -11,7 +11,7 @@ from henon_ref import registry
 from henon_ref.errors import CaseError
 from henon_ref.model.case import Case, Reading
 from henon_ref.score.fence import Lane
-from henon_ref.score.journal import Journal, row_key
+from henon_ref.score.journal import Journal, reading_key, row_key
 from henon_ref.score.options import MOST_DRAWN, Options, ReadingJob
 from henon_ref.score.results import CaseState, ReadingResult
 from henon_ref.score.runjob import RunJob, SampleJob, sample_times
@@ -108,8 +108,9 @@ def case_lanes(
     state = CaseState(case, results, journal)
     jobs: dict[str, deque[ReadingJob]] = {}
     for result in results.values():
+        key = reading_key(case.name, result.reading, result.expected)
         for name, solver in chosen_solvers(result.reading, options).items():
-            jobs.setdefault(name, deque()).extend(_run_jobs(state, result, name, solver, options))
+            jobs.setdefault(name, deque()).extend(_run_jobs(state, result, key, name, solver, options))
         if figures and reading_is_drawn(state, result):
             jobs.setdefault(SAMPLERS[0], deque()).append(sample_job(result, SAMPLERS[0], options))
     state.pending = Counter(job.reading for queue in jobs.values() for job in queue)
@@ -126,9 +127,9 @@ def reading_is_drawn(state: CaseState, result: ReadingResult) -> bool:
 
 
 def _run_jobs(
-    state: CaseState, result: ReadingResult, name: str, solver: str | Solver, options: Options
+    state: CaseState, result: ReadingResult, key: str, name: str, solver: str | Solver, options: Options
 ) -> list[RunJob]:
-    """The runs of one solver on one reading that are still to be made, loosest first."""
+    """The runs of one solver on one reading (of this :func:`reading_key`) still to be made, loosest first."""
     reading = result.reading
     fixed = registry.fixed_step(solver) if isinstance(solver, str) else solver.fixed_step
     jobs: list[RunJob] = []
@@ -140,14 +141,13 @@ def _run_jobs(
     ):
         slot = (reading.name, name, setting)
         state.keys[slot] = row_key(
-            mathematics=reading.mathematics_hash,
-            expected=result.expected,
-            after=reading.measure_after,
+            key,
             solver=name,
             version=registry.library_version(solver) if isinstance(solver, str) else "",
             setting=setting,
             timeout=options.timeout,
             repeats=options.repeats,
+            timed=options.timed,
         )
         kept = state.journal.get(state.keys[slot]) if state.journal else None
         if kept is not None:
