@@ -130,6 +130,8 @@ def test_numbers_are_exact_and_parameters_use_each_other_in_any_order() -> None:
         (changed("{F: 1}", "{F: 1, pi: 3}"), "7:22", "'pi' is taken"),
         (changed("{F: 1}", "{F: 1, lambda: 3}"), "7:22", "'lambda'"),
         (changed("{F: 1}", "{F: 1, x: 3}"), "6:11", "already the name of a parameter"),
+        (changed("[x]", "[x, time_s]"), "6:14", "'time_s' is a column of transitions.csv"),
+        (changed("[x]", "[x, outcome]"), "6:14", "'outcome' is a column of transitions.csv"),
         (changed('{s: "x"}', "{s: F}"), "8:17", "never changes"),
         (changed('{s: "x"}', "{s: x + s}"), "8:21", "unknown name 's'"),
         (changed("{t: 0, x: 0}", "{t: 0}"), "11:1", "lacks the state x"),

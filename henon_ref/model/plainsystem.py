@@ -7,6 +7,10 @@ from henon_ref.model.grammar import did_you_mean, listed, name_problem
 from henon_ref.model.schema import CaseForm, SlidingForm, SystemForm
 from henon_ref.model.source import Names, Path, Source
 from henon_ref.model.system import FilippovSystem, Release, SlidingOverride
+from henon_ref.score.columns import JUDGED_COLUMNS, TRANSITION_COLUMNS
+
+TAKEN = frozenset((*TRANSITION_COLUMNS, *JUDGED_COLUMNS))
+"""Columns of ``transitions.csv``, where a state's column has the name of the state."""
 
 
 def build_system(source: Source, form: SystemForm) -> tuple[FilippovSystem, Names]:
@@ -55,6 +59,8 @@ def _check_names(source: Source, states: list[str], signs: list[str], parameters
             problem = name_problem(name)
             if not problem and name in seen:
                 problem = f"'{name}' is already the name of a {seen[name]}"
+            if not problem and kind == "state" and name in TAKEN:
+                problem = f"'{name}' is a column of transitions.csv, where states have theirs; choose another name"
             if problem:
                 raise source.error(path, problem, key=True)
             seen[name] = kind
