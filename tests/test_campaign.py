@@ -273,11 +273,14 @@ def test_rows_of_other_settings_are_not_used(tmp_path, change):
     assert len(log.read_text().splitlines()) > before
 
 
-TWO_READINGS = CASE.replace("published: {{stick_durations: [0.75]}}", "published: {{}}") + """
+TWO_READINGS = (
+    CASE.replace("published: {{stick_durations: [0.75]}}", "published: {{}}")
+    + """
 readings:
   a: {{published: {{stick_durations: [1]}}}}
   b: {{published: {{stick_durations: [2]}}}}
 """
+)
 
 
 def test_readings_that_share_their_mathematics_keep_their_own_rows(tmp_path):

@@ -64,3 +64,40 @@ def test_a_contradiction_stores_nothing_and_exits_1(file: Path) -> None:
     assert code == 1
     assert "closed form" in text
     assert not (file.parent / "truth").exists()
+
+
+def test_a_certified_truth_is_not_given_up_for_one_that_is_not(file: Path) -> None:
+    stored = file.parent / "truth" / "leaving_slide" / "default.json"
+    assert run(file)[0] == 0
+    before = stored.read_text()
+    code, text = run(file, "--proof-seconds", "0")
+    assert code == 0
+    assert "not certified: " in text
+    assert "agrees with what is stored; what is stored is certified and stays" in text
+    assert stored.read_text() == before
+    assert run(file, "--proof-seconds", "0", "--check")[0] == 1
+
+    zeros = "1." + "0" * 78
+    moved = before.replace(zeros, "1." + "0" * 10 + "1" + "0" * 67)
+    stored.write_text(moved)
+    code, text = run(file, "--proof-seconds", "0")
+    assert code == 1
+    assert "differs from what was stored: transition 0" in text
+    assert stored.read_text() == moved
+
+
+def test_a_proof_makes_an_uncertified_truth_a_certified_one(file: Path) -> None:
+    assert "stored" in run(file, "--proof-seconds", "0")[1]
+    code, text = run(file)
+    assert code == 0
+    assert "certified" in text
+    assert "more is proven now" in text
+    assert run(file, "--check")[0] == 0
+
+
+@pytest.mark.parametrize("seconds", ["-1", "nan"])
+def test_a_time_for_proofs_that_is_none_is_refused(file: Path, seconds: str) -> None:
+    code, text = run(file, "--proof-seconds", seconds)
+    assert code == 2
+    assert f"--proof-seconds is a number of seconds from 0 on, not {seconds}" in text
+    assert not (file.parent / "truth").exists()

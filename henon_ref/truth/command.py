@@ -29,10 +29,13 @@ def main(
 ) -> None:
     """Compute the truth of every reading, compare it with what is stored, and store it under cases/truth.
 
-    A stored truth that the new one agrees with stays as it is, unless more of it is now proven.
+    A stored truth that the new one agrees with stays as it is, unless more of it is now proven; one that is
+    certified stays wherever the new one is not.
     """
     console, errors = Console(), Console(stderr=True)
     try:
+        if not proof_seconds >= 0:
+            raise CaseError(f"--proof-seconds is a number of seconds from 0 on, not {proof_seconds:g}")
         loaded = [load_case(path) for path in _files(cases)]
     except CaseError as error:
         errors.print(str(error), markup=False, highlight=False, soft_wrap=True)
@@ -83,21 +86,26 @@ def _one(case: Case, reading: Reading, shown: Progress, *, check: bool, missing:
 def _compared(
     name: str, stored: Truth | None, fresh: Truth, folder: Path, shown: Progress, *, current: bool, check: bool
 ) -> bool:
-    """Say how a stored truth and a new one stand to each other; store the new one unless only checking."""
+    """Say how a stored truth and a new one stand to each other; store the new one unless only checking.
+
+    A certified truth is not given up for one that is not.
+    """
+    faults = [] if stored is None else settle.differences(stored, fresh)
+    weaker = stored is not None and stored.certified and not fresh.certified
+    stays = check or weaker
     if stored is None:
         verdict, right = ("not stored or out of date" if check else "stored"), not check
-    elif faults := settle.differences(stored, fresh):
-        verdict, right = "differs from what was stored: " + "; ".join(faults[:5]), not check
+    elif faults:
+        verdict, right = "differs from what was stored: " + "; ".join(faults[:5]), not stays
     elif not current:
-        verdict, right = "was not held against what the case claims now", not check
-    elif fresh.proven > stored.proven:
+        verdict, right = "was not held against what the case claims now", not stays
+    elif (fresh.certified, fresh.proven) > (stored.certified, stored.proven):
         verdict, right = "agrees, and more is proven now", True
     else:
-        _print(shown, f"{name}: {_summary(fresh)}; agrees with what is stored")
-        return True
-    if not check:
+        verdict, right, stays = "agrees with what is stored", not (check and weaker), True
+    if not stays:
         store.save(folder, fresh)
-    _print(shown, f"{name}: {_summary(fresh)}; {verdict}")
+    _print(shown, f"{name}: {_summary(fresh)}; {verdict}{'; what is stored is certified and stays' * weaker}")
     return right
 
 
