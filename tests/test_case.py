@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from decimal import Decimal
 from pathlib import Path
+from time import process_time
 
 import pytest
 import sympy as sp
@@ -78,6 +79,36 @@ def test_numbers_are_exact_and_parameters_use_each_other_in_any_order() -> None:
     assert values == {"F": sp.Rational(1, 5), "G": sp.Rational(3, 10), "H": sp.sqrt(sp.Rational(3, 10))}
     assert problem.initial == (-values["H"],)
     assert problem.initial_mode == {0: -1}
+
+
+def chain(first: str, step: str) -> str:
+    """The case with 200 parameters, a line each, every one made of the one before it."""
+    lines = [f"    p{i}: {step.format(p=f'p{i - 1}')}\n" for i in range(1, 201)]
+    return changed("{F: 1}", f"\n    F: 1\n    p0: {first}\n{''.join(lines)}")
+
+
+@pytest.mark.parametrize(
+    ("text", "index"),
+    [
+        (chain("1", "sin({p})"), 17),
+        (chain("sqrt(2)", "1/(1 + {p})"), 8),
+        (chain("sqrt(2)", "sqrt(3)*(1 + {p})"), 8),
+        (chain("1", "exp(-{p})"), 9),
+    ],
+)
+def test_numbers_do_not_nest_without_end_through_parameters(text: str, index: int) -> None:
+    begin = process_time()
+    error = refusal(text)
+    assert process_time() - begin < 5
+    assert error.line == 9 + index
+    assert (
+        f"in 'p{index}': operations nest deeper than 16 in this number, with all parameters in it written out"
+        in str(error)
+    )
+
+
+def test_rational_parameters_may_use_each_other_in_a_long_chain() -> None:
+    assert len(parse_case(chain("1", "{p} + 1")).readings[0].problem.system.parameters) == 202
 
 
 @pytest.mark.parametrize(

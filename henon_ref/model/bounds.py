@@ -23,6 +23,8 @@ MAX_TERMS = 20_000
 """Terms an expression may have once its powers and products are multiplied out."""
 MAX_SIZE = 500
 """Operations and numbers that a number may be made of, parameters written out."""
+MAX_LEVELS = 16
+"""How deep operations may nest in a number that is not rational: what SymPy asks of it may double with each level."""
 LARGEST = sp.Float("1.7976931348623157e308", 20)
 """Largest absolute value a number may have: a double must be able to hold it."""
 
@@ -118,8 +120,7 @@ def checked(value: sp.Expr, offset: int) -> sp.Expr:
 
 def check_constant(value: sp.Expr, offset: int) -> None:
     """Refuse a number that is not real, not finite, or too large."""
-    if any(count > MAX_SIZE for count, _ in enumerate(sp.preorder_traversal(value))):
-        raise ExpressionError(f"a number made of more than {MAX_SIZE} numbers and operations", offset)
+    _check_extent(value, offset)
     if value.has(sp.zoo, sp.nan, sp.oo, -sp.oo):
         raise ExpressionError("division by zero, or another value that is not finite", offset)
     if value.is_Rational:
@@ -132,6 +133,20 @@ def check_constant(value: sp.Expr, offset: int) -> None:
             raise ExpressionError(f"the value {shown(value)} is not a real number", offset)
     if abs(number) > LARGEST:
         raise ExpressionError("the value is larger than the largest double, 1.8e308", offset)
+
+
+def _check_extent(value: sp.Expr, offset: int) -> None:
+    """Refuse a number made of too many operations, or of some that nest too deep."""
+    waiting, count = [(value, 0)], 0
+    while waiting:
+        part, level = waiting.pop()
+        count += 1
+        if count > MAX_SIZE:
+            raise ExpressionError(f"a number made of more than {MAX_SIZE} numbers and operations", offset)
+        if level > MAX_LEVELS:
+            text = f"operations nest deeper than {MAX_LEVELS} in this number, with all parameters in it written out"
+            raise ExpressionError(text, offset)
+        waiting += [(inner, level + 1) for inner in part.args]
 
 
 def check_smooth(value: sp.Expr) -> None:
