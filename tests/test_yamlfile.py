@@ -74,6 +74,9 @@ BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
         ("a: {b: 1", "1:9", "not YAML"),
         ("a: 'x", "1:6", "not YAML"),
         ("a: b\x07", "1:5", "control character"),
+        ("%YAML 1.3\n---\na: 1", "1:1", "a version other than 1.1 and 1.2"),
+        ('a: 1\nb: "\\U00110000"', "2:2", "a character that there is not"),
+        ('a: 1\nb: "\\UFFFFFFFF"', "2:2", "a character that there is not"),
     ],
 )
 def test_a_hostile_or_broken_file_is_refused_with_its_place(text: str, place: str, says: str) -> None:

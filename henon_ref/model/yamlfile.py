@@ -56,21 +56,31 @@ def read_yaml(path: str | Path) -> MappingNode:
 
 def parse_yaml(text: str, *, file: str | None = None) -> MappingNode:
     """Read YAML text whose top level is a mapping (see :func:`read_yaml`)."""
-    try:
-        node = _Builder(iter(YAML(typ="safe", pure=True).parse(text)), file).document()
-    except MarkedYAMLError as error:
-        raise _from_marked(error, file) from None
-    except ReaderError as error:
-        before = text[: error.position]
-        place = Place(before.count("\n") + 1, len(before) - before.rfind("\n"))
-        raise CaseError(
-            "a control character that YAML does not allow", file=file, line=place.line, column=place.column
-        ) from None
+    node = _Builder(_events(text, file), file).document()
     if not isinstance(node, MappingNode):
         empty = "" if node else "the file is empty; "
         message = f"{empty}a case file is a mapping of keys to values, 'schema: 1' first"
         raise _error(message, file, node.place if node else Place(1, 1))
     return node
+
+
+def _events(text: str, file: str | None) -> Iterator[ev.Event]:
+    """The parser's events; whatever the parser raises is an error of the file."""
+    end = Place(1, 1)
+    try:
+        for event in YAML(typ="safe", pure=True).parse(text):
+            end = Place(event.end_mark.line + 1, event.end_mark.column + 1)
+            yield event
+    except MarkedYAMLError as error:
+        raise _from_marked(error, file) from None
+    except ReaderError as error:
+        before = text[: error.position]
+        place = Place(before.count("\n") + 1, len(before) - before.rfind("\n"))
+        raise _error("a control character that YAML does not allow", file, place) from None
+    except (AssertionError, ArithmeticError, ValueError):
+        # The parser's own checks of '%YAML 1.3' and of "\\U00110000"; they tell no place.
+        what = "a version other than 1.1 and 1.2, or the number of a character that there is not"
+        raise _error(f"what follows here is not YAML: {what}", file, end) from None
 
 
 def _error(message: str, file: str | None, place: Place) -> CaseError:
