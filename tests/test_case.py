@@ -6,6 +6,7 @@ import re
 from decimal import Decimal
 from pathlib import Path
 from time import process_time
+from typing import Any
 
 import pytest
 import sympy as sp
@@ -41,7 +42,7 @@ def changed(old: str, new: str) -> str:
     return SLIDE.replace(old, new)
 
 
-def refusal(text: str, **options: list[str]) -> CaseError:
+def refusal(text: str, **options: Any) -> CaseError:
     with pytest.raises(CaseError) as caught:
         parse_case(text, file="case.yaml", **options)
     assert "\n" not in str(caught.value)
@@ -181,6 +182,10 @@ def test_rational_parameters_may_use_each_other_in_a_long_chain() -> None:
         (changed("[1e-6, 1e-9", "[1e-6, '1e-9'"), "17:20", "not the text"),
         (changed("[1e-6, 1e-9", "[1e-6, 1e-6"), "17:20", "stands twice"),
         (changed("gate: {henon", "gate: {cvode-bdf"), "18:8", "not among 'solvers'"),
+        (SLIDE + "expect: {time: 99}\n", "19:16", "ends at 'until', 3; leave 'time' out"),
+        (SLIDE + "expect: {status: ok, time: 1}\n", "19:28", "ends at 'until', 3; leave 'time' out"),
+        (SLIDE + "expect: {status: failed, time: 99}\n", "19:32", "between its start, 0, and 'until', 3"),
+        (SLIDE + "expect: {status: failed, time: -F}\n", "19:32", "between its start, 0, and 'until', 3"),
         (changed("{max_time_error: 1e-11}", "{at: 1e-7, max_time_error: 1}"), "18:20", "not among 'tolerances'"),
         (changed("{max_time_error: 1e-11}", "{max_error: 1e-11}"), "18:16", "did you mean 'max_time_error'"),
         (SLIDE + "until: 4\n", "19:1", "twice"),
@@ -197,6 +202,13 @@ def test_what_cannot_be_used_is_refused_with_its_place(text: str, place: str, sa
     error = refusal(text)
     assert says in error.message
     assert str(error).startswith(f"case.yaml:{place}: ")
+
+
+def test_a_fixed_step_solver_has_no_row_at_a_tolerance() -> None:
+    text = changed("{max_time_error: 1e-11}", "{max_time_error: 1e-11, at: 1e-6}")
+    error = refusal(text, fixed_step=lambda name: name == "henon")
+    assert str(error).startswith("case.yaml:18:39: 'henon' has steps and no tolerances")
+    assert parse_case(text, fixed_step=lambda name: False).readings[0].gate["henon"].at == 1e-6
 
 
 def test_solvers_that_do_not_exist_are_refused_where_the_caller_knows_them() -> None:

@@ -9,7 +9,7 @@ import sympy as sp
 
 from henon_ref.model.case import load_case
 from henon_ref.model.switching import Switching
-from henon_ref.registry import names
+from henon_ref.registry import fixed_step, names
 
 CASES = Path(__file__).parent.parent / "cases"
 TOP = sorted(CASES.glob("*.yaml"))
@@ -17,7 +17,7 @@ TOP = sorted(CASES.glob("*.yaml"))
 
 @pytest.mark.parametrize("path", TOP, ids=[path.stem for path in TOP])
 def test_a_case_reads_and_is_named_after_its_file(path: Path) -> None:
-    case = load_case(path, solvers=names())
+    case = load_case(path, solvers=names(), fixed_step=fixed_step)
     assert case.name == path.stem
     assert case.source
     for reading in case.readings:

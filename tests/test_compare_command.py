@@ -163,6 +163,13 @@ def test_a_bad_case_is_named_with_line_and_column(tmp_path, capsys):
     assert not (tmp_path / "reports").exists()
 
 
+def test_a_gate_on_a_fixed_step_solver_at_a_tolerance_is_refused_with_its_line(made_up, capsys):
+    text = CASE.format(name="made_up").replace("henon, heyoka", "henon-rk4")
+    made_up.write_text(text.replace("{henon: {", "{henon-rk4: {at: 1e-6, "))
+    assert run(made_up) == 2
+    assert "made_up.yaml:17:20: 'henon-rk4' has steps and no tolerances" in capsys.readouterr().err
+
+
 def test_one_file_by_several_paths_is_one_case(made_up, tmp_path):
     (tmp_path / "other").mkdir()
     (tmp_path / "link.yaml").symlink_to(made_up)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from decimal import Decimal
 
@@ -117,15 +117,20 @@ def orbit(source: Source, form: CaseForm, names: Names) -> Orbit | None:
     return Orbit(period, tuple(form.orbit.sticks), tuple(form.orbit.crossings))
 
 
-def expectation(source: Source, form: CaseForm, names: Names) -> Expect | None:
-    """How the case says the run ends."""
+def expectation(source: Source, form: CaseForm, names: Names, problem: Problem) -> Expect | None:
+    """How the case says the run ends, and where: within the run, with status ok at its horizon."""
     if form.expect is None:
         return None
-    time = source.number(("expect", "time"), names.values) if form.expect.time is not None else None
-    return Expect(form.expect.status, form.expect.reason, time, form.expect.verdict)
+    path, status = ("expect", "time"), form.expect.status
+    time = source.number(path, names.values) if form.expect.time is not None else None
+    if time is not None and status == "ok" and exact_sign(problem.until - time) != 0:
+        raise source.error(path, f"a run with status ok ends at 'until', {problem.until}; leave 'time' out")
+    if time is not None and (exact_sign(time - problem.start) < 0 or exact_sign(problem.until - time) < 0):
+        raise source.error(path, f"the run ends between its start, {problem.start}, and 'until', {problem.until}")
+    return Expect(status, form.expect.reason, time, form.expect.verdict)
 
 
-def gates(source: Source, form: CaseForm) -> dict[str, Gate]:
+def gates(source: Source, form: CaseForm, fixed_step: Callable[[str], bool] | None) -> dict[str, Gate]:
     """The gate, each solver's row among those that are run."""
     found = {}
     for solver, gate in form.gate.items():
@@ -135,6 +140,9 @@ def gates(source: Source, form: CaseForm) -> dict[str, Gate]:
         if gate.at is not None and gate.at not in form.tolerances:
             tolerances = listed([f"{tolerance:g}" for tolerance in form.tolerances])
             raise source.error(("gate", solver, "at"), f"{gate.at:g} is not among 'tolerances': {tolerances}")
+        if gate.at is not None and fixed_step is not None and fixed_step(solver):
+            message = f"'{solver}' has steps and no tolerances; without 'at' its row with the smallest step is meant"
+            raise source.error(("gate", solver, "at"), message, key=True)
         found[solver] = Gate(gate.at, gate.max_time_error, gate.max_stick_error, gate.status or "ok")
     return found
 

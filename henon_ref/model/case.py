@@ -99,7 +99,9 @@ class Case:
         raise CaseError(f"no reading '{name}'{did_you_mean(name, names)}; readings: {listed(names)}", file=file)
 
 
-def load_case(path: str | Path, *, solvers: Collection[str] | None = None) -> Case:
+def load_case(
+    path: str | Path, *, solvers: Collection[str] | None = None, fixed_step: Callable[[str], bool] | None = None
+) -> Case:
     """Read a case file.
 
     Parameters
@@ -107,22 +109,33 @@ def load_case(path: str | Path, *, solvers: Collection[str] | None = None) -> Ca
     path : str or Path
     solvers : collection of str, optional
         Solvers that exist; a name in the file that is not among them is refused. None: not checked.
+    fixed_step : callable, optional
+        Tells of a solver's name whether it is driven by a step, so that no gate asks for its row at a tolerance.
+        None: not checked.
 
     Raises
     ------
     CaseError
         With file, line and column, what is wrong and what is allowed.
     """
-    return replace(_case(read_yaml(path), str(path), solvers), path=Path(path))
+    return replace(_case(read_yaml(path), str(path), solvers, fixed_step), path=Path(path))
 
 
-def parse_case(text: str, *, file: str | None = None, solvers: Collection[str] | None = None) -> Case:
+def parse_case(
+    text: str,
+    *,
+    file: str | None = None,
+    solvers: Collection[str] | None = None,
+    fixed_step: Callable[[str], bool] | None = None,
+) -> Case:
     """Read a case from text (see :func:`load_case`)."""
-    return _case(parse_yaml(text, file=file), file, solvers)
+    return _case(parse_yaml(text, file=file), file, solvers, fixed_step)
 
 
-def _case(tree: MappingNode, file: str | None, solvers: Collection[str] | None) -> Case:
-    readings = tuple(_reading(name, source, solvers) for name, source in _sources(tree, file))
+def _case(
+    tree: MappingNode, file: str | None, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
+) -> Case:
+    readings = tuple(_reading(name, source, solvers, fixed_step) for name, source in _sources(tree, file))
     whole = Source(tree, file)
     name, title, source = (_line(whole, key) for key in ("name", "title", "source"))
     if title is None:
@@ -169,7 +182,9 @@ def _sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
     return found
 
 
-def _reading(name: str, source: Source, solvers: Collection[str] | None) -> Reading:
+def _reading(
+    name: str, source: Source, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
+) -> Reading:
     form = validated(source.tree, file=source.file, within=source.within)
     _check_model(source, form)
     answers.check_runs(source, form, solvers)
@@ -191,8 +206,8 @@ def _reading(name: str, source: Source, solvers: Collection[str] | None) -> Read
         published=answers.published(form),
         exact=answers.exact(source, form, names, problem),
         orbit=answers.orbit(source, form, names),
-        gate=answers.gates(source, form),
-        expect=answers.expectation(source, form, names),
+        gate=answers.gates(source, form, fixed_step),
+        expect=answers.expectation(source, form, names, problem),
         source=form.source,
         story=form.story,
         equations=form.equations,

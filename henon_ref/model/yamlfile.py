@@ -78,7 +78,7 @@ def _events(text: str, file: str | None) -> Iterator[ev.Event]:
         place = Place(before.count("\n") + 1, len(before) - before.rfind("\n"))
         raise _error("a control character that YAML does not allow", file, place) from None
     except (AssertionError, ArithmeticError, ValueError):
-        # The parser's own checks of '%YAML 1.3' and of "\\U00110000"; they tell no place.
+        # The parser's own checks of '%YAML 1.3' and of "\U00110000"; they tell no place.
         what = "a version other than 1.1 and 1.2, or the number of a character that there is not"
         raise _error(f"what follows here is not YAML: {what}", file, end) from None
 

@@ -162,7 +162,7 @@ def load_cases(paths: Sequence[Path]) -> list[Case]:
         for found in case_files(path):
             files.setdefault(os.path.realpath(found), found)
     for file in files.values():
-        case = load_case(file, solvers=known)
+        case = load_case(file, solvers=known, fixed_step=registry.fixed_step)
         if case.name in cases:
             raise CaseError(f"the name '{case.name}' is also that of {cases[case.name].path}", file=str(file))
         cases[case.name] = case
