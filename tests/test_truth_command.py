@@ -101,3 +101,13 @@ def test_a_time_for_proofs_that_is_none_is_refused(file: Path, seconds: str) -> 
     assert code == 2
     assert f"--proof-seconds is a number of seconds from 0 on, not {seconds}" in text
     assert not (file.parent / "truth").exists()
+
+
+def test_a_truth_that_cannot_be_stored_is_one_message_and_exit_1(file: Path) -> None:
+    (file.parent / "truth" / "leaving_slide" / "default.json").mkdir(parents=True)
+    code, text = run(file)
+    assert code == 1
+    assert f"cannot be stored in {file.parent / 'truth'}: " in text
+    assert list((file.parent / "truth" / "leaving_slide").iterdir()) == [
+        file.parent / "truth" / "leaving_slide" / "default.json"
+    ]

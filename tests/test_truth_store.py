@@ -57,12 +57,30 @@ def test_nothing_stored_is_none(tmp_path: Path) -> None:
     assert store.load(tmp_path, "somewhere", "default") is None
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"schema": 1}', '{"schema": 1, "case": 3, "transitions": "x"}'])
+NO_TRUTHS = (
+    "",
+    "[]",
+    '{"schema": 1}',
+    '{"schema": 1, "case": 3, "transitions": "x"}',
+    store.dumps(TRUTH).replace('"+1,-1 -> +1,+1"', "3"),
+    "[" * 100_000,
+    "\udcff",
+)
+
+
+@pytest.mark.parametrize("text", NO_TRUTHS, ids=range(len(NO_TRUTHS)))
 def test_a_file_that_is_no_truth_is_refused_with_the_mend(tmp_path: Path, text: str) -> None:
     path = store.path_of(tmp_path, "somewhere", "default")
     path.parent.mkdir()
-    path.write_text(text)
-    with pytest.raises(TruthError, match=r"default\.json.*delete it"):
+    path.write_bytes(text.encode(errors="surrogateescape"))
+    with pytest.raises(TruthError, match=r"default\.json.*delete it") as caught:
+        store.load(tmp_path, "somewhere", "default")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_folder_in_the_place_of_a_truth_is_refused_with_the_mend(tmp_path: Path) -> None:
+    store.path_of(tmp_path, "somewhere", "default").mkdir(parents=True)
+    with pytest.raises(TruthError, match=r"default\.json.*directory.*delete it"):
         store.load(tmp_path, "somewhere", "default")
 
 

@@ -104,7 +104,10 @@ def _compared(
     else:
         verdict, right, stays = "agrees with what is stored", not (check and weaker), True
     if not stays:
-        store.save(folder, fresh)
+        try:
+            store.save(folder, fresh)
+        except OSError as error:
+            verdict, right = f"cannot be stored in {folder}: {error.strerror or error}", False
     _print(shown, f"{name}: {_summary(fresh)}; {verdict}{'; what is stored is certified and stays' * weaker}")
     return right
 

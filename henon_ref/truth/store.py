@@ -40,22 +40,21 @@ def load(folder: Path, case: str, reading: str) -> Truth | None:
     Raises
     ------
     TruthError
-        For a file that is no truth; it says how to make it anew.
+        For a file that is no truth, or cannot be read; it says how to make it anew.
     """
     path = path_of(folder, case, reading)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-    try:
-        found = json.loads(text)
+        found = json.loads(path.read_text(encoding="utf-8"))
         if found["schema"] != SCHEMA:
             return None
         return _truth(found)
-    except (KeyError, TypeError, ValueError, ArithmeticError) as error:
-        raise TruthError(
-            f"{path} is no stored truth ({error!r}); delete it and run python -m henon_ref.truth"
-        ) from None
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        reason = error.strerror or "cannot be read"
+    except (AttributeError, KeyError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
+        reason = f"{type(error).__name__}: {error}"
+    raise TruthError(f"{path} is no stored truth ({reason}); delete it and run python -m henon_ref.truth")
 
 
 def save(folder: Path, truth: Truth) -> Path:
