@@ -15,7 +15,8 @@ from fakes import CASE, Fake
 
 from henon_ref import registry
 from henon_ref.errors import CaseError
-from henon_ref.report.command import case_files, load_cases
+from henon_ref.model.files import case_files
+from henon_ref.report.command import load_cases
 from henon_ref.score import runjob, truthjob
 from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 

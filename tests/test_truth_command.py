@@ -111,3 +111,21 @@ def test_a_truth_that_cannot_be_stored_is_one_message_and_exit_1(file: Path) -> 
     assert list((file.parent / "truth" / "leaving_slide").iterdir()) == [
         file.parent / "truth" / "leaving_slide" / "default.json"
     ]
+
+
+def test_case_files_are_found_as_compare_finds_them(file: Path) -> None:
+    file.rename(file.with_suffix(".yml"))
+    code, text = run(file.parent, "--check")
+    assert (code, "leaving_slide, default" in text) == (1, True)
+
+    (file.parent / "again.yaml").write_text(TEXT)
+    code, text = run(file.parent)
+    assert code == 2
+    assert "leaving_slide.yml: the name 'leaving_slide' is also that of" in text
+    assert not (file.parent / "truth").exists()
+
+    empty = file.parent.parent / "empty"
+    empty.mkdir()
+    code, text = run(empty)
+    assert code == 2
+    assert "empty: no case file" in text

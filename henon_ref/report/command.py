@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -14,8 +13,8 @@ from henon_ref import registry
 from henon_ref.atlas.page import FOLDER as ATLAS
 from henon_ref.atlas.run import run_atlas
 from henon_ref.comparison import Comparison, compare_all
-from henon_ref.errors import CaseError
-from henon_ref.model.case import Case, load_case
+from henon_ref.model.case import Case
+from henon_ref.model.files import read_cases
 from henon_ref.report.causes import FOLDER as CAUSES
 from henon_ref.report.causes import write_causes
 from henon_ref.report.figures import figure_job, preload
@@ -34,8 +33,6 @@ from henon_ref.score.rows import Record
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
-
-SUFFIXES = (".yaml", ".yml")
 
 
 class Unmet(NamedTuple):
@@ -147,40 +144,14 @@ def discard(out: Path, cases: Sequence[Case]) -> None:
 
 
 def load_cases(paths: Sequence[Path]) -> list[Case]:
-    """Read the case files; a folder stands for all of its cases, ``truth`` apart.
+    """Read the case files that paths lead to, held against the solvers that there are.
 
     Raises
     ------
     CaseError
-        For a file that is no case, a folder without any, and two cases of one name.
+        See :func:`henon_ref.model.files.read_cases`.
     """
-    cases: dict[str, Case] = {}
-    known = registry.names()
-    # Several paths may lead to one file: it is read once, by the first of them.
-    files: dict[str, Path] = {}
-    for path in paths:
-        for found in case_files(path):
-            files.setdefault(os.path.realpath(found), found)
-    for file in files.values():
-        case = load_case(file, solvers=known, fixed_step=registry.fixed_step)
-        if case.name in cases:
-            raise CaseError(f"the name '{case.name}' is also that of {cases[case.name].path}", file=str(file))
-        cases[case.name] = case
-    return list(cases.values())
-
-
-def case_files(path: Path) -> list[Path]:
-    """The case files that a path stands for, in order."""
-    if not path.is_dir():
-        return [path]
-    found = sorted(
-        file
-        for file in path.rglob("*")
-        if file.suffix in SUFFIXES and "truth" not in file.relative_to(path).parts[:-1] and file.is_file()
-    )
-    if not found:
-        raise CaseError(f"no case file (*{SUFFIXES[0]}) in this folder", file=str(path))
-    return found
+    return read_cases(paths, solvers=registry.names(), fixed_step=registry.fixed_step)
 
 
 def rerun_command(request: Request) -> str:

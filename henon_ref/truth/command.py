@@ -12,7 +12,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from henon_ref.errors import CaseError, ModelError
-from henon_ref.model.case import Case, Reading, load_case
+from henon_ref.model.case import Case, Reading
+from henon_ref.model.files import read_cases
 from henon_ref.truth import settle, store
 from henon_ref.truth.reference import Truth, TruthError
 
@@ -36,7 +37,7 @@ def main(
     try:
         if not proof_seconds >= 0:
             raise CaseError(f"--proof-seconds is a number of seconds from 0 on, not {proof_seconds:g}")
-        loaded = [load_case(path) for path in _files(cases)]
+        loaded = read_cases(cases)
     except CaseError as error:
         errors.print(str(error), markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(2) from None
@@ -46,11 +47,6 @@ def main(
             for reading in case.readings:
                 failed |= not _one(case, reading, shown, check=check, missing=missing, proof_seconds=proof_seconds)
     raise typer.Exit(int(failed))
-
-
-def _files(paths: list[Path]) -> list[Path]:
-    """Case files, folders searched."""
-    return [file for path in paths for file in (sorted(path.rglob("*.yaml")) if path.is_dir() else [path])]
 
 
 @contextmanager
