@@ -7,6 +7,7 @@ import json
 import os
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,8 @@ from fakes import CASE, Fake
 from henon_ref import registry
 from henon_ref.errors import CaseError
 from henon_ref.model.files import case_files
-from henon_ref.report.command import load_cases
+from henon_ref.report.command import load_cases, rerun_command
+from henon_ref.report.request import Request
 from henon_ref.score import runjob, truthjob
 from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 
@@ -169,6 +171,22 @@ def test_a_gate_on_a_fixed_step_solver_at_a_tolerance_is_refused_with_its_line(m
     made_up.write_text(text.replace("{henon: {", "{henon-rk4: {at: 1e-6, "))
     assert run(made_up) == 2
     assert "made_up.yaml:17:20: 'henon-rk4' has steps and no tolerances" in capsys.readouterr().err
+
+
+def test_the_rerun_command_has_every_digit_that_was_given():
+    request = Request(
+        cases=(Path("a.yaml"),),
+        out=Path("reports"),
+        solvers=None,
+        tolerances=(1e-3, 1e-6, 1.23456789e-7),
+        repeats=None,
+        timeout=1234.56789,
+        processes=1,
+        resume=False,
+    )
+    words = "python -m henon_ref.compare a.yaml --tolerances 0.001,1e-06,1.23456789e-07 --timeout 1234.56789"
+    assert rerun_command(request) == words
+    assert rerun_command(replace(request, timeout=5.0)).endswith("--timeout 5")
 
 
 def test_one_file_by_several_paths_is_one_case(made_up, tmp_path):

@@ -159,16 +159,22 @@ def rerun_command(request: Request) -> str:
     words = ["python", "-m", "henon_ref.compare", *(_relative(path) for path in request.cases)]
     for option, value in (
         ("--solvers", ",".join(request.solvers) if request.solvers else None),
-        ("--tolerances", ",".join(f"{value:g}" for value in request.tolerances) if request.tolerances else None),
+        ("--tolerances", ",".join(map(_digits, request.tolerances)) if request.tolerances else None),
         ("--restart", ",".join(request.restarts) or None),
         ("--repeats", request.repeats),
-        ("--timeout", f"{request.timeout:g}" if request.timeout != Options().timeout else None),
+        ("--timeout", _digits(request.timeout) if request.timeout != Options().timeout else None),
     ):
         if value is not None:
             words += [option, str(value)]
     if not request.figures:
         words.append("--no-figures")
     return shlex.join(words)
+
+
+def _digits(value: float) -> str:
+    """A number as short as it reads back to the same double."""
+    short = f"{value:g}"
+    return short if float(short) == value else repr(value)
 
 
 def _relative(path: Path) -> str:
