@@ -14,7 +14,7 @@ from fakes import CASE, TIMES, Fake, case, statement
 from henon_ref import registry
 from henon_ref.comparison import Comparison, compare, compare_all
 from henon_ref.errors import CaseError, HenonRefError
-from henon_ref.score import truthjob
+from henon_ref.score import runjob, truthjob
 from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.score.gate import gate_failures
 from henon_ref.score.journal import FILE, read
@@ -103,6 +103,14 @@ def test_numbers_of_numpy_are_as_good_as_plain_ones_in_rows_and_in_the_journal(t
     plain, numpy = (comparison.transitions for comparison in found)
     assert plain.equals(numpy)
     assert list(found[1].runs["steps"]) == [10, 10]
+
+
+def test_a_run_with_too_many_transitions_to_score_is_a_failed_row_that_says_so(monkeypatch):
+    monkeypatch.setattr(runjob, "FOLD", 0)
+    monkeypatch.setattr(runjob, "SPARE", 4)
+    row = run(Fake(), tolerances=[1e-6]).records[0].run
+    assert (row["status"], row["verdict"]) == ("failed", "solver defect")
+    assert row["status_reason"].startswith("the solver returned more than 4 transitions")
 
 
 def test_missing_values_are_missing_and_never_nought():

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.errors import HenonRefError, UnavailableError, UnsupportedError
 from henon_ref.score import fence
 from henon_ref.score.fence import Answer, Fence, Lane
 from henon_ref.score.worker import Failure
@@ -53,6 +53,8 @@ class Act:
             raise UnsupportedError("no events")
         elif self.what == "unavailable":
             raise UnavailableError("not installed")
+        elif self.what == "trap":
+            yield "begun", Trap()
         elif self.what == "children":
             yield "begun", ("child", subprocess.Popen(["sleep", "60"]).pid)
             time.sleep(60)
@@ -63,6 +65,28 @@ class Act:
         while True:
             held.append(bytearray(os.urandom(1) * (20 * 2**20)))
             time.sleep(0.01)
+
+
+def spring():
+    raise RuntimeError("out of\nthe pickle")
+
+
+class Trap:
+    """Fails where it is taken out of a pickle."""
+
+    def __reduce__(self):
+        return spring, ()
+
+
+@dataclass(frozen=True)
+class Stuck:
+    """A job that does not go into a pickle."""
+
+    what: str = "stuck"
+    seconds: float = 20.0
+
+    def __getstate__(self):
+        raise ValueError("no state")
 
 
 class Collector:
@@ -145,6 +169,7 @@ def test_a_lane_keeps_its_worker():
         ("kill", "failed", "SIGKILL"),
         ("abort", "failed", "SIGABRT: LLVM ERROR: out of registers"),
         ("raise", "failed", "ValueError: bad value"),
+        ("trap", "failed", "what the worker sent cannot be read: RuntimeError: out of the pickle"),
         ("unsupported", "unsupported", "no events"),
         ("unavailable", "unavailable", "not installed"),
     ],
@@ -154,6 +179,11 @@ def test_a_failed_job_says_why_and_the_lane_goes_on(what, status, words):
     assert seen.failures[what].status == status
     assert words in seen.failures[what].reason
     assert seen.results == {"before": "beforebefore", "after": "afterafter", "other": "otherother"}
+
+
+def test_a_job_that_cannot_be_sent_is_named_whatever_its_classes_raise():
+    with pytest.raises(HenonRefError, match=r"a job of a cannot be sent to its worker \(ValueError: no state\)"):
+        Fence(processes=1, memory=MEMORY).run([Lane("a", deque([Stuck()]))], Collector())
 
 
 @pytest.mark.parametrize("what", ["hang", "spin"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -10,21 +11,91 @@ import pytest
 from fakes import case, found, trajectory
 
 from baselines.record import Transitions
+from henon_ref.score.plaintext import LONGEST, plain_text
 from henon_ref.score.returned import check_prepared, check_returned
 from henon_ref.score.worker import failure_of
 from henon_ref.solver import ContractError
-from henon_ref.trajectory import Counts, Trajectory
+from henon_ref.trajectory import Counts, Trajectory, Transition
 
-SYSTEM = case().readings[0].problem.system
+PROBLEM = case().readings[0].problem
+MOST = 1000
 EVENT = found()[1]
 
 
-def test_what_is_plain_stays_the_same_and_a_view_stays_a_view():
+def check(returned: object) -> Trajectory:
+    return check_returned(returned, PROBLEM, most=MOST)
+
+
+def test_what_is_plain_stays_the_same_and_a_view_becomes_a_tuple():
     given = trajectory(found())
-    assert check_returned(given, SYSTEM) == given
+    assert check(given) == given
     event = ("stick", 0, (1,), (0,), 0.5, (0.25,), 0.0)
-    view = Transitions([event] * 3, "theirs")
-    assert check_returned(trajectory(view), SYSTEM).transitions is view
+    assert check(trajectory(Transitions([event] * 3, "theirs"))).transitions == (Transition(*event, "theirs"),) * 3
+
+
+class Text(str):
+    """A str that is taken out of a pickle by running something."""
+
+    def __reduce__(self):
+        return exec, ("raise SystemExit",)
+
+    def __eq__(self, other):
+        return True
+
+    def __hash__(self):
+        return 0
+
+
+class Number(float):
+    def __reduce__(self):
+        return exec, ("raise SystemExit",)
+
+
+class Changing(list):
+    """A sequence that is another one at the second look."""
+
+    def __iter__(self):
+        yield from list.copy(self)
+        self.append(None)
+
+
+def test_objects_of_a_solver_s_own_classes_become_plain_ones():
+    own = replace(
+        EVENT,
+        kind=Text("release"),
+        time=Number(1.25),
+        state=Changing([Number(0.25)]),
+        from_mode=Changing([0]),
+        landing=Text("fake"),
+    )
+    given = trajectory(
+        Changing([own]), Text("ok"), end_time=Number(5), end_state=Changing([Number(0)]), reason=Text("why")
+    )
+    plain = check(given)
+    assert plain == trajectory((EVENT,), reason="why")
+    assert pickle.loads(pickle.dumps(plain)) == plain
+    assert {type(value) for value in (plain.status, plain.reason, plain.transitions[0].kind)} == {str}
+    assert check_prepared(print, landing=Text("a"), version=Text("1")) == ("a", "1")
+    assert {type(word) for word in check_prepared(print, landing=Text("a"), version=Text("1"))} == {str}
+    with pytest.raises(ContractError, match="status is 'done'"):
+        check(trajectory((), Text("done")))
+
+
+def test_words_become_one_line_that_files_can_hold():
+    assert plain_text("no\r\n\tconvergence\x1b\x00 at \udcff\u2028.") == "no convergence at \ufffd ."
+    assert plain_text("\N{GREEK SMALL LETTER MU} = 0.5") == "\N{GREEK SMALL LETTER MU} = 0.5"
+    assert len(plain_text("x" * 3_000_000)) == LONGEST
+    assert plain_text("x" * 501).endswith("x...")
+    given = trajectory((replace(EVENT, landing="a\nb"),), "failed", reason="a\n| b" * 200)
+    plain = check(given)
+    assert plain.transitions[0].landing == "a b"
+    assert (len(plain.reason), plain.reason[:9]) == (LONGEST, "a | ba | ")
+
+
+def test_more_transitions_than_can_be_scored_are_refused():
+    assert len(check(trajectory((EVENT,) * MOST)).transitions) == MOST
+    with pytest.raises(ContractError, match="the solver returned more than 1000 transitions"):
+        check(trajectory((EVENT,) * (MOST + 1)))
 
 
 def test_numbers_of_numpy_are_made_plain():
@@ -38,7 +109,7 @@ def test_numbers_of_numpy_are_made_plain():
         state=np.array([0.25]),
     )
     given = Trajectory("ok", [event], np.float64(5), np.zeros(1), np.array([1]), "", Counts(np.int64(3)), np.float32(0))
-    plain = check_returned(given, SYSTEM)
+    plain = check(given)
     assert plain == Trajectory("ok", (EVENT,), 5.0, (0.0,), (1,), counts=Counts(3))
     first = plain.transitions[0]
     json.dumps([first.surface, first.from_mode, first.to_mode, first.time, first.time_low, first.state, plain.counts])
@@ -46,11 +117,11 @@ def test_numbers_of_numpy_are_made_plain():
 
 def test_samples_that_nobody_asked_for_are_left_out():
     given = trajectory(found(), samples=np.zeros((2, 1)), sample_modes=((1,), (1,)))
-    assert check_returned(given, SYSTEM) == trajectory(found())
+    assert check(given) == trajectory(found())
 
 
 def test_a_state_that_is_not_finite_is_a_run_s_own_affair():
-    assert np.isnan(check_returned(trajectory((), "diverged", end_state=(np.nan,)), SYSTEM).end_state[0])
+    assert np.isnan(check(trajectory((), "diverged", end_state=(np.nan,))).end_state[0])
 
 
 @pytest.mark.parametrize(
@@ -65,13 +136,17 @@ def test_a_state_that_is_not_finite_is_a_run_s_own_affair():
         ({"end_mode": ()}, "end_mode is () (tuple), wanted 1 entries, each -1, 0 or +1"),
         ({"reason": None}, "reason is None (NoneType), wanted a str"),
         ({"counts": None}, "counts is None (NoneType), wanted a Counts"),
+        ({"counts": Counts(0, -1)}, "counts.rhs_evaluations is -1 (int), wanted a whole number from 0 to 2**63 - 1"),
+        ({"counts": Counts(2**63)}, "counts.steps is 9223372036854775808 (int), wanted a whole number from 0 to"),
+        ({"max_surface_drift": -1.0}, "max_surface_drift is -1.0 (float), wanted a finite number from 0 on, or NaN"),
+        ({"max_surface_drift": np.inf}, "max_surface_drift is inf (float), wanted a finite number from 0 on, or NaN"),
         ({"counts": Counts(1.5)}, "counts.steps is 1.5 (float), wanted a whole number"),
         ({"max_surface_drift": "small"}, "max_surface_drift is 'small' (str), wanted a number"),
     ],
 )
 def test_a_trajectory_that_cannot_be_scored_is_refused_by_what_is_wrong_with_it(changes, words):
     with pytest.raises(ContractError) as refused:
-        check_returned(trajectory(found())._replace(**changes), SYSTEM)
+        check(trajectory(found())._replace(**changes))
     assert str(refused.value).startswith(f"the solver returned a Trajectory whose {words}")
 
 
@@ -98,13 +173,13 @@ def test_a_trajectory_that_cannot_be_scored_is_refused_by_what_is_wrong_with_it(
 def test_a_transition_that_cannot_be_scored_is_refused_by_its_place(changes, words):
     events = (*found()[:2], replace(EVENT, **changes))
     with pytest.raises(ContractError) as refused:
-        check_returned(trajectory(events), SYSTEM)
+        check(trajectory(events))
     assert str(refused.value).startswith(f"the solver returned a Trajectory whose transitions[2].{words}")
 
 
 def test_what_is_no_transition_is_refused():
     with pytest.raises(ContractError, match=r"transitions\[0\] is 0.5 \(float\), wanted a Transition"):
-        check_returned(trajectory((0.5,)), SYSTEM)
+        check(trajectory((0.5,)))
 
 
 def test_words_of_a_solver_that_are_none_are_refused():
@@ -113,6 +188,20 @@ def test_words_of_a_solver_that_are_none_are_refused():
         check_prepared(print, landing=None, version="")
     with pytest.raises(ContractError, match=r"version is 1.0 \(float\), wanted a str"):
         check_prepared(print, landing="theirs", version=1.0)
+
+
+def test_exceptions_whose_words_cannot_be_had_are_told_by_their_name():
+    class MuteError(Exception):
+        def __str__(self):
+            raise ValueError
+
+    class LoudError(Exception):
+        def __str__(self):
+            return Text("a\nb" * 1000)
+
+    assert failure_of(MuteError()).reason == "MuteError"
+    loud = failure_of(LoudError()).reason
+    assert (type(loud), len(loud), loud[:14]) == (str, LONGEST, "LoudError: a b")
 
 
 def test_the_reason_of_a_row_is_the_message_alone():

@@ -25,12 +25,13 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
+from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
-from pickle import PicklingError
 from typing import IO, Any, Protocol
 
 from henon_ref.errors import HenonRefError
-from henon_ref.score.worker import DONE, FAILURE, Failure, Job, serve
+from henon_ref.score.plaintext import plain_text
+from henon_ref.score.worker import DONE, FAILURE, Failure, Job, failure_of, serve
 
 POLL = 0.05
 """Seconds between two looks at the clock and at memory."""
@@ -114,8 +115,8 @@ class _Worker:
         """The last line that the process printed, for the reason of a crash."""
         size = self.log.seek(0, os.SEEK_END)
         self.log.seek(max(0, size - LOG_TAIL))
-        lines = self.log.read().decode(errors="replace").split("\n")
-        return next((" ".join(line.split()) for line in reversed(lines) if line.strip()), "")
+        lines = map(plain_text, self.log.read().decode(errors="replace").split("\n"))
+        return next((line for line in reversed([*lines]) if line), "")
 
 
 @dataclass
@@ -176,13 +177,16 @@ class Fence:
         slot = _Slot(lane, worker or _Worker(self._context, self.memory), job, time.monotonic() + job.seconds)
         self._slots.append(slot)
         try:
-            slot.worker.connection.send(job)
+            message = ForkingPickler.dumps(job)
+        except Exception as error:  # whatever the solver's own classes do on the way into a pickle
+            raise HenonRefError(
+                f"a job of {lane.name} cannot be sent to its worker ({failure_of(error).reason}); "
+                "define solvers at the top of a module"
+            ) from error
+        try:
+            slot.worker.connection.send_bytes(message)
         except BrokenPipeError:  # it died at once: seen as a crash on the next look
             return
-        except (PicklingError, AttributeError, TypeError) as error:
-            raise HenonRefError(
-                f"a job of {lane.name} cannot be sent to its worker ({error}); define solvers at the top of a module"
-            ) from error
 
     def _pass_on(self, lane: Lane, worker: _Worker) -> None:
         """Give the worker of a lane that is over to the next one of its kin."""
@@ -199,9 +203,15 @@ class Fence:
         for ready in wait(list(by_connection), timeout=POLL):
             slot = by_connection[ready]  # type: ignore[index]
             try:
-                stage, payload = slot.worker.connection.recv()
-            except (EOFError, ConnectionResetError):
+                message = slot.worker.connection.recv_bytes()
+            except (EOFError, OSError):
                 self._end(slot, consumer, _crash(slot.worker), restart=True)
+                continue
+            try:
+                stage, payload = ForkingPickler.loads(message)
+            except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever its classes do on the way out
+                reason = f"what the worker sent cannot be read: {failure_of(error).reason}"
+                self._end(slot, consumer, Failure("failed", plain_text(reason)), restart=True)
                 continue
             if stage == DONE:
                 self._end(slot, consumer, None, restart=False)

@@ -14,7 +14,7 @@ from henon_ref.score.fence import Lane
 from henon_ref.score.journal import Journal, reading_key, row_key
 from henon_ref.score.options import MOST_DRAWN, Options, ReadingJob
 from henon_ref.score.results import CaseState, ReadingResult
-from henon_ref.score.runjob import RunJob, SampleJob, sample_times
+from henon_ref.score.runjob import RunJob, SampleJob, most_transitions, sample_times
 from henon_ref.score.settings import Setting, settings, state_scale
 from henon_ref.score.truthjob import Statement
 from henon_ref.solver import Solver
@@ -132,6 +132,7 @@ def _run_jobs(
     """The runs of one solver on one reading (of this :func:`reading_key`) still to be made, loosest first."""
     reading = result.reading
     fixed = registry.fixed_step(solver) if isinstance(solver, str) else solver.fixed_step
+    most = most_transitions(0 if result.expected is None else len(result.expected.transitions))
     jobs: list[RunJob] = []
     for setting in settings(
         fixed_step=fixed,
@@ -153,7 +154,7 @@ def _run_jobs(
         if kept is not None:
             state.rows[slot] = kept
             continue
-        run = RunJob(reading.name, name, solver, reading.problem, setting, options.timeout, options.repeats)
+        run = RunJob(reading.name, name, solver, reading.problem, setting, options.timeout, options.repeats, most)
         jobs.append(replace(run, cold=not jobs))
     return jobs
 

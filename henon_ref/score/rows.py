@@ -10,6 +10,7 @@ from henon_ref.score.causes import cause_of
 from henon_ref.score.columns import RUN_COLUMNS, STICK_COLUMNS, Row
 from henon_ref.score.matching import Matching
 from henon_ref.score.metrics import Expected, Score, score
+from henon_ref.score.plaintext import plain_text
 from henon_ref.score.settings import Setting
 from henon_ref.score.sticks import Stick, published_partners, sticks
 from henon_ref.score.timing import summarise
@@ -116,7 +117,7 @@ def _trajectory_values(trajectory: Trajectory) -> Row:
         "event_evaluations": counts.event_evaluations or None,
         "end_time_s": trajectory.end_time,
     }
-    return values | ({"landing": "+".join(landings)} if landings else {})
+    return values | ({"landing": plain_text("+".join(landings))} if landings else {})
 
 
 def _score_values(score: Score) -> Row:

@@ -24,6 +24,8 @@ LOADING_SECONDS = 20.0
 """Time that a first run of a reading may take for what its preparation could not foresee (compiling, loading) [s]."""
 BUDGET = 0.3
 """Seconds that the samples of one row may take where the caller does not say how many to take."""
+FOLD, SPARE = 10, 100_000
+"""A run may return so many times the truth's transitions, and so many more: scoring takes time outside of the fence."""
 MOST_SHOWN = 40
 """Transitions in a figure of the motion; more cannot be told apart."""
 SAMPLE_COUNT = 1201
@@ -65,6 +67,8 @@ class RunJob:
     """Seconds that one run may take."""
     repeats: int | None
     """Samples to time; None: as many as fit the budget."""
+    most: int
+    """Transitions that it may return."""
     cold: bool = False
     """The solver's first run of this reading: whatever it loads on the way is not what a run costs."""
 
@@ -93,14 +97,19 @@ class RunJob:
             deadline=self.timeout,
         )
         took = time.perf_counter() - begin
-        check_prepared(run, landing=chosen.landing, version=version)
-        yield PREPARED, Prepared(chosen.landing, version, took)
+        landing, version = check_prepared(run, landing=chosen.landing, version=version)
+        yield PREPARED, Prepared(landing, version, took)
         begin = time.perf_counter()
         returned = run()
         first = time.perf_counter() - begin
-        again = yield RAN, Ran(check_returned(returned, self.problem.system), first)
+        again = yield RAN, Ran(check_returned(returned, self.problem, most=self.most), first)
         if again:
             yield TIMED, repeat(run, first=first, repeats=self.repeats, budget=BUDGET, cold=self.cold)
+
+
+def most_transitions(exact: int) -> int:
+    """How many transitions a run may return where the exact one has so many (nought where that is not known)."""
+    return FOLD * exact + SPARE
 
 
 @dataclass(frozen=True)

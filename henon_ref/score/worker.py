@@ -19,6 +19,7 @@ from types import TracebackType
 from typing import Any, Protocol
 
 from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.score.plaintext import plain_text
 from henon_ref.solver import ContractError
 from henon_ref.trajectory import Status
 
@@ -110,16 +111,24 @@ class _Reported:
 
 def failure_of(error: BaseException) -> Failure:
     """Status and reason of an exception that a job raised."""
+    text = plain_text(_said(error))
     if isinstance(error, UnsupportedError):
-        return Failure("unsupported", str(error))
+        return Failure("unsupported", text)
     if isinstance(error, UnavailableError):
-        return Failure("unavailable", str(error))
+        return Failure("unavailable", text)
     if isinstance(error, MemoryError):
         return Failure("failed", "memory: the run needs more than the limit")
-    text = " ".join(str(error).split())
     if isinstance(error, ContractError):
         return Failure("failed", text)
-    return Failure("failed", f"{type(error).__name__}: {text}" if text else type(error).__name__)
+    return Failure("failed", plain_text(f"{type(error).__name__}: {text}" if text else type(error).__name__))
+
+
+def _said(error: BaseException) -> str:
+    """The words of an exception; none where it cannot even say them."""
+    try:
+        return str(error)
+    except Exception:  # noqa: BLE001 - a library's own
+        return ""
 
 
 def _isolate(parent: int, memory: int, log: int | None) -> None:
