@@ -29,8 +29,9 @@ class Solver(Protocol):
       JIT. Its time is reported as ``compile_s``; the run's time does not hold it.
     * The returned callable does the whole run and has no memory of earlier calls.
     * Transitions come in order of time; every one of them is reported, also after a failure.
-    * What the run returns is checked (:mod:`henon_ref.score.returned`): a :class:`Trajectory`, times finite, an
-      entry a state and a surface; NumPy's numbers will do. What fails the check is a row ``failed``.
+    * What the run returns is checked (:mod:`henon_ref.score.returned`): a :class:`Trajectory`, an entry a state and
+      a surface, times in order and from the start to the horizon; with status ``ok`` the end at the horizon and
+      finite states. NumPy's numbers will do. What fails the check is a row ``failed``.
     * ``UnsupportedError`` from ``prepare`` where the solver cannot do the problem; ``UnavailableError``
       where its library is missing. Other failures of a library are status ``failed`` with the reason.
     * The docstring says what ``steps``, ``rhs_evaluations`` and ``event_evaluations`` count.

@@ -132,6 +132,10 @@ def test_a_state_that_is_not_finite_is_a_run_s_own_affair():
         ({"transitions": None}, "transitions is None (NoneType), wanted a sequence of Transition"),
         ({"end_time": None}, "end_time is None (NoneType), wanted a number"),
         ({"end_time": np.nan}, "end_time is nan (float), wanted a finite number"),
+        ({"end_time": -0.1}, "end_time is -0.1 (float), wanted a time from 0 to 5"),
+        ({"end_time": 5.1}, "end_time is 5.1 (float), wanted a time from 0 to 5"),
+        ({"end_time": 4.0}, "end_time is 4.0 (float), wanted the horizon, 5, where the status is ok"),
+        ({"end_state": (np.nan,)}, "end_state is (nan,) (tuple), wanted finite numbers where the status is ok"),
         ({"end_state": (1.0, 2.0)}, "end_state is (1.0, 2.0) (tuple), wanted 1 numbers"),
         ({"end_mode": ()}, "end_mode is () (tuple), wanted 1 entries, each -1, 0 or +1"),
         ({"reason": None}, "reason is None (NoneType), wanted a str"),
@@ -163,6 +167,11 @@ def test_a_trajectory_that_cannot_be_scored_is_refused_by_what_is_wrong_with_it(
         ({"to_mode": 1}, "to_mode is 1 (int), wanted 1 entries"),
         ({"time": "2"}, "time is '2' (str), wanted a number"),
         ({"time": np.nan}, "time is nan (float), wanted a finite number"),
+        ({"time": -1e-9}, "time is -1e-09 (float), wanted a time from 0 to 5"),
+        ({"time": 5.1}, "time is 5.1 (float), wanted a time from 0 to 5"),
+        ({"time": 1.0}, "time is 1.0 (float), wanted one not before 1.25, the latest so far"),
+        ({"time_low": 1e-9}, "time_low is 1e-09 (float), wanted what rounding lost, at most 7.1e-14"),
+        ({"state": (np.inf,)}, "state is (inf,) (tuple), wanted finite numbers where the status is ok"),
         ({"time_low": None}, "time_low is None (NoneType), wanted a number"),
         ({"state": ()}, "state is () (tuple), wanted 1 numbers"),
         ({"state": 0.25}, "state is 0.25 (float), wanted 1 numbers"),
@@ -175,6 +184,19 @@ def test_a_transition_that_cannot_be_scored_is_refused_by_its_place(changes, wor
     with pytest.raises(ContractError) as refused:
         check(trajectory(events))
     assert str(refused.value).startswith(f"the solver returned a Trajectory whose transitions[2].{words}")
+
+
+def test_times_are_held_against_the_problem_s_up_to_rounding():
+    last, early = np.nextafter(5.0, 6.0), replace(EVENT, time=np.nextafter(1.25, 0.0), time_low=1e-16)
+    events = (replace(EVENT, time=-1e-17), EVENT, EVENT, early, replace(EVENT, time=last))
+    assert check(trajectory(events, end_time=np.nextafter(5.0, 0.0))).transitions == events
+
+
+def test_a_run_that_ends_early_is_held_to_its_times_alone():
+    events = (replace(EVENT, state=(np.nan,)),)
+    assert check(trajectory(events, "diverged", end_time=2.0)).end_time == 2.0
+    with pytest.raises(ContractError, match="wanted a time from 0 to 5"):
+        check(trajectory((replace(EVENT, time=6.0),), "diverged", end_time=2.0))
 
 
 def test_what_is_no_transition_is_refused():

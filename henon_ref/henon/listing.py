@@ -39,6 +39,9 @@ class Listing:
     of ``cases/fig8.yaml`` has it. It reads m, k1, k2, mu0, vp, A and w by name; the tangent points are
     constants of the listing.
 
+    The listing counts passes and keeps no horizon: the state at the end is that after its last pass, some
+    steps off the horizon, which is what the trajectory names as its end.
+
     A transition is reported when the listing changes its mode, with the time and state it then has. A
     release whose very next step lands again and turns to the other side is one release to that side.
 
@@ -81,6 +84,7 @@ class Listing:
         start = _start(problem)
         start_mode = _start_mode(start, numbers[4])
         wanted = None if sample_times is None else np.asarray(sample_times, dtype=float)
+        until = float(problem.until)
 
         def run() -> Trajectory:
             x = np.array([float(problem.start), *start])
@@ -93,8 +97,8 @@ class Listing:
                 status, reason = "failed", f"more than {MAX_CHANGES} changes of mode: it chatters"
             return Trajectory(
                 status=status,
-                transitions=_transitions(changes[:count], start_mode, float(problem.until)),
-                end_time=float(x[0]),
+                transitions=_transitions(changes[:count], start_mode, until),
+                end_time=until if status == "ok" else min(float(x[0]), until),
                 end_state=(float(x[1]), float(x[2])),
                 end_mode=(int(mode),),
                 reason=reason,

@@ -5,13 +5,18 @@ What passes is made of plain values (:mod:`henon_ref.score.plain`): the rest of 
 
 from __future__ import annotations
 
-from henon_ref.score.plain import Plain, shown
+import math
+import sys
+
+from henon_ref.score.plain import Plain, shown, wrong
 from henon_ref.score.plaintext import plain_text
 from henon_ref.solver import ContractError
 from henon_ref.trajectory import Problem, Status, Trajectory
 
 ENDS: tuple[Status, ...] = ("ok", "diverged", "nonunique", "invalid", "timeout", "failed")
 """Statuses that a run may end with."""
+ROUNDINGS = 64
+"""So many roundings of the largest time of a problem are granted to times; ``time_low`` is no more than that."""
 
 
 def check_prepared(run: object, *, landing: object, version: object) -> tuple[str, str]:
@@ -56,7 +61,7 @@ def check_returned(returned: object, problem: Problem, *, most: int) -> Trajecto
     if not isinstance(returned, Trajectory):
         raise ContractError(f"the solver returned {shown(returned)}, wanted a Trajectory")
     given, plain = Trajectory._make(returned), Plain(problem.system)
-    return Trajectory(
+    checked = Trajectory(
         status=plain.word("status", given.status, ENDS),
         transitions=plain.transitions(given.transitions, most),
         end_time=plain.time("end_time", given.end_time),
@@ -66,3 +71,35 @@ def check_returned(returned: object, problem: Problem, *, most: int) -> Trajecto
         counts=plain.counts(given.counts),
         max_surface_drift=plain.size("max_surface_drift", given.max_surface_drift),
     )
+    _check_times(checked, problem)
+    if checked.status == "ok":
+        _check_finite(checked)
+    return checked
+
+
+def _check_times(run: Trajectory, problem: Problem) -> None:
+    """Refuse times outside of the problem's, out of order, or in the wrong part of a compensated time."""
+    start, until = float(problem.start), float(problem.until)
+    slack = ROUNDINGS * sys.float_info.epsilon * max(abs(start), abs(until))
+    between = f"a time from {start:.17g} to {until:.17g}"
+    latest = start
+    for k, event in enumerate(run.transitions):
+        if not start - slack <= event.time <= until + slack:
+            raise wrong(f"transitions[{k}].time", event.time, between)
+        if abs(event.time_low) > slack:
+            raise wrong(f"transitions[{k}].time_low", event.time_low, f"what rounding lost, at most {slack:.1e}")
+        if event.time < latest - slack:
+            raise wrong(f"transitions[{k}].time", event.time, f"one not before {latest!r}, the latest so far")
+        latest = max(latest, event.time)
+    if not start - slack <= run.end_time <= until + slack:
+        raise wrong("end_time", run.end_time, between)
+    if run.status == "ok" and run.end_time < until - slack:
+        raise wrong("end_time", run.end_time, f"the horizon, {until:.17g}, where the status is ok")
+
+
+def _check_finite(run: Trajectory) -> None:
+    """Refuse states that are not finite."""
+    states = [(f"transitions[{k}].state", event.state) for k, event in enumerate(run.transitions)]
+    for what, state in [*states, ("end_state", run.end_state)]:
+        if not all(map(math.isfinite, state)):
+            raise wrong(what, state, "finite numbers where the status is ok")
