@@ -98,6 +98,8 @@ def test_a_run_that_only_touches_is_told_from_one_where_nothing_happens():
     )
     cut = told(replace(expected(), transitions=(), partial=True, end_time=0.5), ())
     assert cut.startswith("The exact run has no transition up to t = 0.5 s, where the truth ends; all 2 solvers agree.")
+    nothing = told(replace(expected(), transitions=(), partial=True, end_time=0.0), ())
+    assert nothing == "Nothing is known of the exact run after its start: no run is judged."
     touching = told(replace(expected(), transitions=(touch,)), seen)
     assert touching.startswith("The exact run touches a surface once and has no transition; all 2 solvers agree, ")
     assert "1 of 2 solvers report the touch." in touching

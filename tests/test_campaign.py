@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint
 
 import pytest
-from fakes import CASE, TIMES, Fake, case, statement
+from fakes import CASE, TIMES, Fake, case, expected, statement
 
 from henon_ref import registry
 from henon_ref.comparison import Comparison, compare, compare_all
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.score import runjob, truthjob
 from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
-from henon_ref.score.gate import gate_failures
+from henon_ref.score.gate import demand, gate_failures
 from henon_ref.score.journal import FILE, read
 from henon_ref.score.options import Options
 from henon_ref.score.truthjob import Statement
@@ -187,6 +187,14 @@ def test_without_a_truth_runs_are_kept_and_not_scored(monkeypatch):
     assert list(result.runs["status"]) == ["ok", "ok"]
     assert result.runs["max_time_error_s"].isna().all()
     assert "the routes disagree" in result.readings[0].statement.reason
+
+
+def test_a_truth_that_ends_at_the_start_makes_no_run_right(monkeypatch):
+    nothing = Statement(expected((), end_time=0.0, partial=True), reason="the field is not finite")
+    monkeypatch.setattr(truthjob, "statement_of", lambda case, reading: nothing)
+    rows = run(Fake()).run_rows
+    assert {(row["status"], row["verdict"], row["expected_status"]) for row in rows} == {("ok", "not judged", None)}
+    assert not demand("fake", rows).judged
 
 
 def test_an_unknown_solver_is_refused_with_the_nearest_name():

@@ -135,6 +135,15 @@ def test_where_the_truth_ends_the_score_ends():
     )
 
 
+@pytest.mark.parametrize("status", ["ok", "failed", "timeout", "diverged"])
+def test_where_nothing_is_known_after_the_start_no_run_is_judged(status):
+    truth = expected((), end_time=0.0, partial=True)
+    for run in (trajectory((), status, end_time=0.0), trajectory(found(), status)):
+        result = score(run, truth, tolerance=1e-6)
+        assert (result.status, result.verdict.word) == (status, "not judged")
+        assert result.verdict.basis == "nothing is known of the exact run after its start"
+
+
 def test_a_transition_beside_the_horizon_is_left_to_the_tolerance():
     truth = expected(TIMES[:4])
     extra = replace(found()[4], time=5.0 - 1e-7)

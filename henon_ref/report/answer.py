@@ -47,6 +47,8 @@ def _accuracy(rows: Sequence[Row], result: ReadingResult) -> str:
     expected = result.expected
     if expected is None:
         return ""
+    if expected.nothing_known:
+        return "Nothing is known of the exact run after its start: no run is judged."
     solvers = by_solver(rows)
     tried = [solver for solver, own in solvers.items() if own[-1]["status"] not in NOT_RUN]
     good = [solver for solver in tried if right_at_all(solvers[solver])]
@@ -152,7 +154,7 @@ def _failures(rows: Sequence[Row]) -> list[str]:
                 groups.setdefault("unsupported", []).append(solver)
             continue
         late = [row for row in own if row["status"] == "timeout"]
-        wrong = [row for row in own if row["verdict"] != "right" and row["status"] != "timeout"]
+        wrong = [row for row in own if row["verdict"] not in ("right", "not judged") and row["status"] != "timeout"]
         if late:
             groups.setdefault("late", []).append(f"`{solver}` ({_late(late)})")
         if wrong and len(wrong) == len(own):

@@ -14,7 +14,8 @@ RUN_COLUMNS = (
 )  # fmt: skip
 """A row a reading, solver and setting. From ``status_reason`` on beyond the contract:
 
-* ``expected_status``: how the truth ends; ``verdict``: see :mod:`henon_ref.score.verdict`;
+* ``expected_status``: how the truth ends, missing where nothing is known of it after the start;
+* ``verdict``: see :mod:`henon_ref.score.verdict`;
 * ``digits``: decimal digits of the worst transition time, counted from ``time_unit_s``;
 * ``missed_touches``, ``spurious_touches``: touch-and-go events, not counted as missed or spurious;
 * ``cut_off``: transitions that the horizon cuts off;

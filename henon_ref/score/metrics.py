@@ -85,6 +85,11 @@ class Expected:
     """What happens after ``end_time`` is not known: runs are scored up to there."""
 
     @property
+    def nothing_known(self) -> bool:
+        """The truth could not leave the start: there is nothing that a run could be held against."""
+        return self.partial and not self.transitions and self.end_time <= self.start
+
+    @property
     def radius(self) -> float:
         """Largest radius of its transition times [s]."""
         return max((e.radius for e in self.transitions), default=0.0)
@@ -226,6 +231,8 @@ def _state_error(trajectory: Trajectory, expected: Expected, matching: Matching)
 def _status(trajectory: Trajectory, expected: Expected, matching: Matching) -> tuple[Status, str, bool]:
     """A run's status after scoring, the reason in one sentence, and whether the run is right."""
     status, reason = trajectory.status, trajectory.reason
+    if expected.nothing_known:
+        return status, reason, False
     if expected.partial and trajectory.end_time >= expected.end_time:
         return (status, reason, True) if matching.exact else ("wrong", _edits(matching, expected), False)
     if status not in ("ok", *EARLY, expected.status):  # it did not run to its own end

@@ -84,7 +84,8 @@ def _run_row(outcome: Outcome, expected: Expected | None, identity: Row, stick_r
     row.update(landing=outcome.landing or None, compile_s=outcome.compile_s)
     if expected is not None:
         counted = [event for event in expected.transitions if event.kind != "graze"]
-        row.update(reference_transitions=len(counted), expected_status=expected.status, time_unit_s=expected.time_unit)
+        row.update(reference_transitions=len(counted), time_unit_s=expected.time_unit)
+        row.update(expected_status=None if expected.nothing_known else expected.status)
         row.update(reference_radius_s=expected.radius if expected.transitions else None)
     if outcome.trajectory is not None:
         row.update(_trajectory_values(outcome.trajectory))

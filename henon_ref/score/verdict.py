@@ -10,7 +10,7 @@ distance itself is compared with the slack.
 
 ``not unique`` is for runs that are right up to the instant from which on the exact one has several futures;
 ``not judged`` for runs that are right up to where the time limit stopped them: how far they come is the machine's
-doing, too.
+doing, too; and for all runs where nothing is known of the exact one after its start.
 """
 
 from __future__ import annotations
@@ -74,6 +74,8 @@ def verdict(
     timed_out : bool
         Whether the time limit ended it.
     """
+    if expected.nothing_known:
+        return Verdict("not judged", "nothing is known of the exact run after its start")
     allowed = slack(expected, tolerance)
     missed = [expected.transitions[i].time for i in matching.missed[:1]]
     invented = [found[j].time for j in matching.spurious[:1]]
