@@ -143,6 +143,19 @@ def _crashes(error: float, deadline: float) -> Trajectory:
     return _right(error, deadline)
 
 
+def _once(what: Callable[[float, float], Trajectory]) -> Callable[[float, float], Trajectory]:
+    """Right in a worker's first run at each setting, then something else."""
+    seen: set[float] = set()
+
+    def run(error: float, deadline: float) -> Trajectory:
+        if error in seen:
+            return what(error, deadline)
+        seen.add(error)
+        return _right(error, deadline)
+
+    return run
+
+
 def _stops(error: float, deadline: float) -> Trajectory:
     return trajectory(found(error=error)[:3], "timeout", end_time=2.5, reason="stopped after the deadline")
 
@@ -175,6 +188,9 @@ _BEHAVIOURS: dict[str, Callable[[float, float], Trajectory]] = {
     "crashes": _crashes,
     "stops": _stops,
     "slow": _slow,
+    "raises later": _once(_raises),
+    "crashes later": _once(_crashes),
+    "hangs later": _once(_hangs),
     "answers": _answers,
     "numpy": _numpy,
 }

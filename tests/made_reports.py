@@ -25,8 +25,11 @@ def made(solver: str, rtol: float, wall: float, *, what: str = "right", truth=No
         outcome.failure = Failure("timeout", "not tried: it took too long before")
     else:
         transitions = found(error=0.99 * rtol)
-        outcome.trajectory = trajectory(transitions if what == "right" else transitions[:2] + transitions[3:])
-        outcome.samples = (wall, wall * 1.01, wall * 0.99)
+        outcome.trajectory = trajectory(transitions[:2] + transitions[3:] if what == "misses" else transitions)
+        if what == "fails later":
+            outcome.repeat_failure = Failure("failed", "it died")
+        else:
+            outcome.samples = (wall, wall * 1.01, wall * 0.99)
         score_outcome(outcome, truth)
     return record(outcome, truth)
 

@@ -58,6 +58,15 @@ def test_a_setting_out_of_time_is_not_a_wrong_one():
     )
 
 
+def test_a_run_that_fails_when_it_is_repeated_is_right_without_a_time():
+    whole = compared(made("henon", 1e-6, 1e-4), made("heyoka", 1e-12, 0.0, what="fails later"))
+    first = answer(whole, whole.readings[0])[0]
+    assert "**`heyoka` is right to 12 digits** (worst error 9.9e-13 s at 1e-12), without a time: " in first
+    assert "failed: it died." in first
+    whole = compared(made("henon", 1e-12, 1e-4), made("heyoka", 1e-12, 0.0, what="fails later"))
+    assert "in **0.1 ms**." in answer(whole, whole.readings[0])[0]
+
+
 def test_every_wrong_setting_is_named_beside_the_tightest():
     whole = compared(
         *(made("scipy-sign", rtol, 1e-4, what=what) for rtol, what in ((1e-3, "right"), (1e-6, "misses"))),

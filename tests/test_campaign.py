@@ -19,6 +19,7 @@ from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, 
 from henon_ref.score.gate import demand, gate_failures
 from henon_ref.score.journal import FILE, read
 from henon_ref.score.options import Options
+from henon_ref.score.runjob import RunJob
 from henon_ref.score.truthjob import Statement
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
@@ -138,6 +139,24 @@ def test_only_a_right_answer_is_timed_again(tmp_path):
     run(Fake(log=str(right)), Fake("wrong", "misses", str(wrong)), repeats=5)
     assert len(right.read_text().splitlines()) == 2 * (1 + 5)
     assert len(wrong.read_text().splitlines()) == 2
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        ("raises later", "failed: ArithmeticError: the Newton iteration failed"),
+        ("crashes later", "failed: the library was ended by signal SIGSEGV"),
+        ("hangs later", "timeout: stopped from outside"),
+    ],
+)
+def test_a_right_run_that_fails_when_it_is_repeated_stays_right_and_says_how_it_failed(monkeypatch, what, words):
+    monkeypatch.setattr(RunJob, "timing_seconds", lambda job, first: 0.5)
+    runs = run(Fake(what=what)).runs
+    assert list(runs["verdict"]) == ["right", "right"]
+    assert list(runs["status"]) == ["ok", "ok"]
+    assert runs["wall_s"].isna().all()
+    for reason in runs["status_reason"]:
+        assert reason.startswith(f"a repeated run ended otherwise than the first one, {words}")
 
 
 def test_transitions_are_the_union_of_the_truth_s_and_the_run_s():

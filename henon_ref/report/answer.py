@@ -120,9 +120,12 @@ def _best(rows: Sequence[Row]) -> str:
     worst = error(best["max_time_error_s"], floor(best))
     text = (
         f"**`{name(best)}` is right to {digits(number(best, 'digits'))} digits** "
-        f"(worst error {worst} s at {setting(best['rtol'], best['step_s'])}) in **{timed(best)}**"
+        f"(worst error {worst} s at {setting(best['rtol'], best['step_s'])})"
     )
-    rest = [row for row in right(rows) if row["solver"] != best["solver"]]
+    if best["wall_s"] is None:
+        return f"{text}, without a time: {best['status_reason']}."
+    text += f" in **{timed(best)}**"
+    rest = [row for row in right(rows) if row["solver"] != best["solver"] and row["wall_s"] is not None]
     second = most_accurate(rest)
     if second is None:
         return text + "."

@@ -148,6 +148,8 @@ class Campaign:
             del self._outcomes[id(job)]
             if outcome.trajectory is None:
                 outcome.failure = failure
+            else:
+                outcome.repeat_failure = failure
             self._keep(state, job, outcome)
             if _timed_out(outcome):
                 self._give_up_on_tighter(lane, state, job, outcome)

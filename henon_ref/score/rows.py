@@ -37,9 +37,11 @@ class Outcome:
     landing: str = ""
     compile_s: float | None = None
     trajectory: Trajectory | None = None
-    first_s: float | None = None
     samples: tuple[float, ...] = ()
     failure: Failure | None = None
+    """Why there is no answer."""
+    repeat_failure: Failure | None = None
+    """What happened after the answer, when the run was repeated for its wall time."""
     score: Score | None = None
 
 
@@ -97,11 +99,19 @@ def _run_row(outcome: Outcome, expected: Expected | None, identity: Row, stick_r
     if outcome.failure is not None:
         row.update(status=outcome.failure.status, status_reason=outcome.failure.reason or None)
         row.update(verdict=FAILURES.get(outcome.failure.status, "solver defect"))
+    if outcome.repeat_failure is not None:
+        row.update(status_reason=_and_then(row["status_reason"], outcome.repeat_failure))
     timing = summarise(outcome.samples)
     if timing is not None:
         row.update(wall_s=timing.median, wall_s_iqr=timing.iqr, wall_s_low=timing.low, wall_s_high=timing.high)
         row.update(timed_runs=len(outcome.samples))
     return row
+
+
+def _and_then(reason: object, failure: Failure) -> str:
+    """The reason of a row, and what happened when its run was repeated."""
+    how = f"a repeated run ended otherwise than the first one, {failure.status}: {failure.reason}"
+    return plain_text(f"{reason}; {how}" if reason else how)
 
 
 def _trajectory_values(trajectory: Trajectory) -> Row:
