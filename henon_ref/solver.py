@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from henon_ref.errors import HenonRefError
 from henon_ref.trajectory import Problem, Trajectory
 
+MEMBERS = ("name", "fixed_step", "landing", "prepare")
+"""What an object must have to be a solver."""
 Run = Callable[[], Trajectory]
 """A prepared run: no arguments, may be called again and again, each call does the whole run afresh."""
 
@@ -87,12 +89,19 @@ def fault(candidate: object) -> str:
     """
     if isinstance(candidate, type):
         return f"is the class {candidate.__name__}, wanted an instance of it: {candidate.__name__}()"
-    missing = [member for member in ("name", "fixed_step", "landing", "prepare") if not hasattr(candidate, member)]
+    held: dict[str, object] = {}
+    for member in MEMBERS:
+        try:
+            held[member] = getattr(candidate, member)
+        except AttributeError:
+            continue
+        except Exception as error:  # noqa: BLE001 - a property may raise anything
+            return f"is no solver: its {member} raises {type(error).__name__}: {error}"
+    missing = [member for member in MEMBERS if member not in held]
     if missing:
         kind = type(candidate).__name__
         return f"is no solver: {kind} has no {', '.join(missing)} (see henon_ref.solver.Solver)"
     for member, wanted in (("name", str), ("fixed_step", bool)):
-        value = getattr(candidate, member)
-        if not isinstance(value, wanted):
-            return f"is no solver: its {member} is {value!r}, wanted a {wanted.__name__}"
+        if not isinstance(held[member], wanted):
+            return f"is no solver: its {member} is {held[member]!r}, wanted a {wanted.__name__}"
     return ""

@@ -385,6 +385,39 @@ def test_figures_are_drawn_behind_the_fence_too(monkeypatch):
     assert found[0].readings[0].figures == {"default.svg": b"<svg/>"}
 
 
+@dataclass(frozen=True)
+class Stateless(Fake):
+    """Goes into no pickle, by an error of its own."""
+
+    def __getstate__(self):
+        raise RuntimeError("it holds a device")
+
+
+@dataclass(frozen=True)
+class Undecided:
+    """Cannot say whether it has a fixed step."""
+
+    name: str = "undecided"
+    landing: str = "none"
+
+    @property
+    def fixed_step(self):
+        raise RuntimeError("not connected")
+
+    def prepare(self, problem, **settings):
+        raise NotImplementedError
+
+
+def test_a_solver_that_raises_on_the_way_to_a_worker_is_named():
+    with pytest.raises(HenonRefError, match=r"cannot be sent to its worker \(RuntimeError: it holds a device\)"):
+        run(Stateless())
+
+
+def test_a_solver_whose_attributes_raise_is_refused():
+    with pytest.raises(CaseError, match="is no solver: its fixed_step raises RuntimeError: not connected"):
+        run(Undecided())
+
+
 def test_a_solver_that_cannot_be_sent_to_a_worker_is_named():
     class Local(Fake):
         pass
