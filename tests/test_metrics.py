@@ -135,6 +135,16 @@ def test_where_the_truth_ends_the_score_ends():
     )
 
 
+def test_the_nearest_transition_of_a_surface_is_found():
+    events = tuple(replace(e, surface=i % 2) for i, e in enumerate(reference()))
+    truth = expected(transitions=events)
+    for surface in (0, 1):
+        own = [i for i, e in enumerate(events) if e.surface == surface]
+        for time in (-1.0, 0.5, 1.0, 2.4, 2.9, 3.9, 9.0):
+            assert truth.nearest(surface, time) == min(own, key=lambda i: abs(events[i].time - time))
+    assert truth.nearest(2, 1.0) is None
+
+
 @pytest.mark.parametrize("status", ["ok", "failed", "timeout", "diverged"])
 def test_where_nothing_is_known_after_the_start_no_run_is_judged(status):
     truth = expected((), end_time=0.0, partial=True)

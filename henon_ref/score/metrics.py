@@ -8,6 +8,7 @@ is what is claimed: never more than the radius and the format of the times allow
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -117,6 +118,22 @@ class Expected:
                 found[before], found[i] = min(found[before], gap), gap
             last[event.surface] = i
         return found
+
+    @cached_property
+    def _of_surface(self) -> dict[int, tuple[list[float], list[int]]]:
+        """Surface -> times and indices of its transitions."""
+        found: dict[int, tuple[list[float], list[int]]] = {}
+        for i, event in enumerate(self.transitions):
+            times, places = found.setdefault(event.surface, ([], []))
+            times.append(event.time)
+            places.append(i)
+        return found
+
+    def nearest(self, surface: int, time: float) -> int | None:
+        """Index of the transition of this surface that is nearest to a time; None where it has none."""
+        times, places = self._of_surface.get(surface, ([], []))
+        at = bisect_left(times, time)
+        return min(places[max(at - 1, 0) : at + 1], key=lambda i: abs(self.transitions[i].time - time), default=None)
 
     @property
     def scale(self) -> float:

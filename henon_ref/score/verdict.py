@@ -111,11 +111,7 @@ def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
 def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> Verdict:
     """The verdict on a transition that a run invents."""
     what = f"{event.kind} at t = {event.time:.9g} s"
-    close = min(
-        (i for i, other in enumerate(expected.transitions) if other.surface == event.surface),
-        key=lambda i: abs(expected.transitions[i].time - event.time),
-        default=None,
-    )
+    close = expected.nearest(event.surface, event.time)
     if close is not None:
         near = expected.transitions[close]
         gap = min(expected.gaps[close], expected.until - expected.start)
