@@ -153,6 +153,15 @@ def test_the_run_ends_at_the_horizon_and_counts_its_work(forced_coulomb):
     assert run.max_surface_drift < 1e-12
 
 
+def test_what_rounding_the_time_loses_does_not_pile_up():
+    """After thousands of events the time is still the double next to it."""
+    oscillator = make_problem("x v", ["v", "-(100**2)*x"], {"s": "x - 1/10"}, [1, 0], 100)
+    run = RK4.prepare(oscillator, step=7e-4)()
+    assert len(run.transitions) > 3000
+    assert all(abs(event.time_low) <= math.ulp(event.time) for event in run.transitions)
+    assert run.end_time == pytest.approx(100.0, abs=2e-14)
+
+
 def test_finite_escape_is_called_diverged():
     problem = Problem(FilippovSystem((X,), (S,), (X,), (X**3,)), sp.Integer(0), (sp.Integer(1),), sp.Integer(9))
     run = RK4.prepare(problem, step=1e-3)()
