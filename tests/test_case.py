@@ -383,3 +383,9 @@ def test_a_case_remembers_its_file(tmp_path: Path) -> None:
     with pytest.raises(CaseError) as caught:
         load_case(path)
     assert str(caught.value).startswith(f"{path}:12:8: ")
+
+
+@pytest.mark.parametrize("path", [None, b"case.yaml", 3])
+def test_what_is_no_path_is_refused(path: object) -> None:
+    with pytest.raises(CaseError, match="wanted a str or a Path"):
+        load_case(path)  # type: ignore[arg-type]

@@ -134,11 +134,14 @@ def test_a_run_that_stalls_says_what_is_not_finite(field: list[str], surface: st
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("field", ["sqrt(x)", "log(x)", "x**(1/3)"])
 def test_the_way_to_a_branch_point_is_short(field: str, rtol: float) -> None:
-    """Its terms say how far a step may go, and below the resolution of time there is nothing left to do."""
+    """Its terms say how far a step may go, and below the resolution of time there is nothing left to do.
+
+    (Each step towards it is expanded three times: at its start, on it, and at its end.)
+    """
     result = run(make_problem("x y", ["-1", field], {"s": "x + 1"}, [1, 0], 2), rtol)
     assert (result.status, result.end_time) == ("failed", 1.0)
     assert "the field of y is singular" in result.reason
-    assert result.counts.rhs_evaluations < 500
+    assert result.counts.rhs_evaluations < 1000
 
 
 def test_a_model_that_ends_is_invalid() -> None:

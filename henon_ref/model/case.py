@@ -118,6 +118,8 @@ def load_case(
     CaseError
         With file, line and column, what is wrong and what is allowed.
     """
+    if not isinstance(path, str | Path):
+        raise CaseError(f"path is {path!r}, wanted a str or a Path")
     return replace(_case(read_yaml(path), str(path), solvers, fixed_step), path=Path(path))
 
 

@@ -168,7 +168,7 @@ def rerun_command(request: Request) -> str:
             words += [option, str(value)]
     if not request.figures:
         words.append("--no-figures")
-    return shlex.join(words)
+    return shlex.join(words).encode(errors="replace").decode()  # a path need not be text
 
 
 def _digits(value: float) -> str:
