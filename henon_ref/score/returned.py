@@ -17,6 +17,8 @@ ENDS: tuple[Status, ...] = ("ok", "diverged", "nonunique", "invalid", "timeout",
 """Statuses that a run may end with."""
 ROUNDINGS = 64
 """So many roundings of the largest time of a problem are granted to times; ``time_low`` is no more than that."""
+ADDED_UP = 1e-9
+"""So much of the run is granted to times that a solver adds up from its steps."""
 
 
 def check_prepared(run: object, *, landing: object, version: object) -> tuple[str, str]:
@@ -80,14 +82,15 @@ def check_returned(returned: object, problem: Problem, *, most: int) -> Trajecto
 def _check_times(run: Trajectory, problem: Problem) -> None:
     """Refuse times outside of the problem's, out of order, or in the wrong part of a compensated time."""
     start, until = float(problem.start), float(problem.until)
-    slack = ROUNDINGS * sys.float_info.epsilon * max(abs(start), abs(until))
+    rounding = ROUNDINGS * sys.float_info.epsilon * max(abs(start), abs(until))
+    slack = max(rounding, ADDED_UP * (until - start))
     between = f"a time from {start:.17g} to {until:.17g}"
     latest = start
     for k, event in enumerate(run.transitions):
         if not start - slack <= event.time <= until + slack:
             raise wrong(f"transitions[{k}].time", event.time, between)
-        if abs(event.time_low) > slack:
-            raise wrong(f"transitions[{k}].time_low", event.time_low, f"what rounding lost, at most {slack:.1e}")
+        if abs(event.time_low) > rounding:
+            raise wrong(f"transitions[{k}].time_low", event.time_low, f"what rounding lost, at most {rounding:.1e}")
         if event.time < latest - slack:
             raise wrong(f"transitions[{k}].time", event.time, f"one not before {latest!r}, the latest so far")
         latest = max(latest, event.time)
