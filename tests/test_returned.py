@@ -167,7 +167,7 @@ def test_a_trajectory_that_cannot_be_scored_is_refused_by_what_is_wrong_with_it(
         ({"to_mode": 1}, "to_mode is 1 (int), wanted 1 entries"),
         ({"time": "2"}, "time is '2' (str), wanted a number"),
         ({"time": np.nan}, "time is nan (float), wanted a finite number"),
-        ({"time": -1e-9}, "time is -1e-09 (float), wanted a time from 0 to 5"),
+        ({"time": -1e-6}, "time is -1e-06 (float), wanted a time from 0 to 5"),
         ({"time": 5.1}, "time is 5.1 (float), wanted a time from 0 to 5"),
         ({"time": 1.0}, "time is 1.0 (float), wanted one not before 1.25, the latest so far"),
         ({"time_low": 1e-9}, "time_low is 1e-09 (float), wanted what rounding lost, at most 7.1e-14"),

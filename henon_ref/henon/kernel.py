@@ -195,8 +195,9 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     if final:
         theta = left / sigma
     leap = natural > LEAP * sigma
-    if leap or layout[0, T_WARY] > 0 or swells(c, n + guards, order, theta):
-        believed = trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap)
+    doubt = leap or swells(c, n + guards, order, theta)
+    if doubt or layout[0, T_WARY] > 0:
+        believed = trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap, doubt)
         if believed < theta:
             theta, final = believed, False
             natural = theta * sigma

@@ -260,26 +260,30 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
 
 
 @inner()
-def trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap):  # type: ignore[no-untyped-def]
+def trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap, doubt):  # type: ignore[no-untyped-def]
     """A step no longer than where the expansion still tells what lies there, ``theta`` if that is so.
 
     Where terms grow the step is shortened until they fall: then it ends within their circle of convergence. Terms
     that only sink below rounding, are zero or end in a gap promise nothing (a high power seen from where it is flat),
-    nor do those below rounding on a step much longer than the last one (``leap``), nor any where the field has a branch
-    point (T_WARY: a square root's series may be a polynomial that goes on behind it). There the expansion is made anew
+    nor do those below rounding on a step much longer than the last one (``leap``). There the expansion is made anew
     on the step and at its end: guards and slopes must be what was foretold. A step much shorter than the last one,
     whose terms fall, needs no such trust in guards (where one is next to zero rounding alone may disagree).
+
+    Without ``doubt`` terms are not looked at: the field has branch points (T_WARY), behind which a square root's
+    series, a polynomial perhaps, goes on as if there were none. Slopes alone are held against it.
     """
     n, guards = x.size, layout[0, T_GUARDS]
     sigma = floats[F_SIGMA]
-    ask = layout[0, T_WARY] > 0
-    for r in range(n + guards):
+    all_told = True
+    for r in range(n + guards if doubt else 0):
         tail = _tail(c[r], order, theta, 0.0 if leap else EPS)
         if tail == GROWS:
             while _tail(c[r], order, theta, EPS) == GROWS:
                 theta *= SHORTER
             tail = _tail(c[r], order, theta, 0.0)
-        ask = ask or tail != FALLS
+        all_told = all_told and tail == FALLS
+    compared = n if all_told else n + guards
+    ask = not all_told or layout[0, T_WARY] > 0
     while ask:
         agreed, kept, shorter = True, True, theta
         for part in (0.37, 1.0):
@@ -291,7 +295,7 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
             call_expand(layout[0, T_EXPANSION], end, floats[F_LOW], sigma, point, constants, ahead)
             integers[I_RHS] += 1
             agreed = agreed and ahead[n + guards, 3] >= 0.25 * at  # the exponentials allow the way back, too
-            for r in range(n + guards):
+            for r in range(compared):
                 first = 1 if r < n else 0  # slopes of states, values of guards
                 foretold, size, power = 0.0, abs(ahead[r, first]), 1.0
                 for k in range(first, order + 1):
