@@ -76,7 +76,7 @@ def draw_growth(found: Sequence[Horizon]) -> Figure:
         errors = [max(own.stick_error_s, 1e-16) for own in settled]
         right_.loglog([own.until for own in settled], errors, "o-", color=style.BLUE)
         right_.axhline(BOUND, color=style.GREY, ls="--", lw=0.9)
-        right_.annotate(f"bound: {BOUND:.0e} s", (settled[0].until, BOUND), (0, -10), textcoords="offset points")
+        right_.annotate(f"asked for: {BOUND:.0e} s", (settled[0].until, BOUND), (0, -10), textcoords="offset points")
         right_.set(xlabel="horizon [s]", ylabel="worst error of the last sticks [s]", ylim=(1e-14, 1e-10))
         right_.set_xlim(left.get_xlim())
         figure.set_layout_engine("constrained")
