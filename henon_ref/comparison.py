@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
+from henon_ref.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, Row
 from henon_ref.errors import CaseError
 from henon_ref.model.case import Case
 from henon_ref.score.campaign import Campaign
-from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, Row
 from henon_ref.score.gate import gate_failures
 from henon_ref.score.options import Draw, Observer, Options
 from henon_ref.score.results import ReadingResult

@@ -8,12 +8,12 @@ import pytest
 
 from henon_ref.atlas.family import TOLERANCES, defects, family_of, outcome_of
 from henon_ref.atlas.run import families, run_atlas
+from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.model.case import load_case
 from henon_ref.report.command import load_cases
 from henon_ref.report.csvfiles import read_rows
 from henon_ref.report.manifest import provenance
 from henon_ref.restarts.experiment import run_restarts
-from henon_ref.score.columns import RUN_COLUMNS, Row
 from henon_ref.score.options import Options, Silent
 
 CASES = Path(__file__).parents[1] / "cases"

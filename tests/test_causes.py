@@ -7,9 +7,9 @@ import dataclasses
 import pytest
 
 from baselines.causes import CAUSES, Cause, ClaimError
+from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.report import causes as page
 from henon_ref.score.causes import NAMES, cause_of
-from henon_ref.score.columns import RUN_COLUMNS, Row
 
 
 @pytest.mark.parametrize("cause", CAUSES.values(), ids=lambda cause: cause.name)

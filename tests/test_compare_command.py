@@ -15,12 +15,12 @@ from commands import SOLVERS, compare, run
 from fakes import CASE, Fake
 
 from henon_ref import registry
+from henon_ref.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.errors import CaseError
 from henon_ref.model.files import case_files
 from henon_ref.report.command import load_cases, rerun_command
 from henon_ref.report.request import Request
 from henon_ref.score import runjob, truthjob
-from henon_ref.score.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork"),

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import sympy as sp
 
+from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.model.case import load_case, parse_case
 from henon_ref.price import effects
 from henon_ref.price.command import orbit_problem, truths_of
@@ -22,7 +23,6 @@ from henon_ref.price.pairs import pairs
 from henon_ref.price.states import Size, exponent, sizes
 from henon_ref.price.timer import MOST, Turns, in_turn
 from henon_ref.report.ratios import ratio_at, ratios, slower_table, spread_table
-from henon_ref.score.columns import RUN_COLUMNS, Row
 from henon_ref.trajectory import Problem
 
 CASES = Path(__file__).parents[1] / "cases"

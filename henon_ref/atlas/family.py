@@ -8,9 +8,9 @@ from typing import Literal
 
 import sympy as sp
 
+from henon_ref.columns import Row
 from henon_ref.model.case import Case
 from henon_ref.model.system import FilippovSystem
-from henon_ref.score.columns import Row
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 14))
 """Relative tolerances of the atlas."""

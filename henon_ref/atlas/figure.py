@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from henon_ref.atlas.family import OUTCOMES, Family, Outcome, outcome_of
+from henon_ref.columns import Row
 from henon_ref.report import style
-from henon_ref.score.columns import Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,6 +10,7 @@ from pathlib import Path
 from henon_ref import registry
 from henon_ref.atlas.family import OUTCOMES, TOLERANCES, Family, outcome_of
 from henon_ref.atlas.figure import draw_atlas
+from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.report import style
 from henon_ref.report.csvfiles import csv_text
 from henon_ref.report.manifest import Provenance
@@ -17,7 +18,6 @@ from henon_ref.report.markdown import environment
 from henon_ref.report.tables import Table
 from henon_ref.report.words import exponential
 from henon_ref.report.write import RUNS, replace_file
-from henon_ref.score.columns import RUN_COLUMNS, Row
 
 FOLDER = "atlas"
 PAGE = "README.md"

@@ -9,10 +9,10 @@ from pathlib import Path
 from henon_ref import registry
 from henon_ref.atlas.family import TOLERANCES, Family, family_of
 from henon_ref.atlas.page import FOLDER, write_atlas
+from henon_ref.columns import Row
 from henon_ref.comparison import Comparison, compare_all
 from henon_ref.model.case import Case
 from henon_ref.report.manifest import Provenance
-from henon_ref.score.columns import Row
 from henon_ref.score.options import Observer, Options
 
 

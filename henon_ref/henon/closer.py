@@ -43,6 +43,8 @@ SETTLED, PLACED = 2.0**-180, 2.0**-60
 less than the other, of the step."""
 CURVED = 1e-6
 """A relative second derivative above this at a minimum makes it one of second order."""
+LOST = 2.0**-106
+"""A second double below this of the first is none."""
 UNSEEN = 1e-20
 """Values below this of the size are not relied on where double-double has looked at a flat minimum."""
 _BEYOND = 1 + arb(2) ** -46
@@ -148,7 +150,7 @@ def _split(number: arb) -> Pair:
     """A number as two doubles; what is lost to the second, too, would only make it miss round numbers."""
     high = float(number)
     low = float(number - high)
-    return high, (low if abs(low) > 2.0**-106 * abs(high) else 0.0)
+    return high, (low if abs(low) > LOST * abs(high) else 0.0)
 
 
 def _at_minimum(guard: arb_poly, place: arb, width: arb | None) -> tuple[What, bool, bool, arb] | None:

@@ -11,7 +11,7 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.henon import quaddouble as qd
-from henon_ref.henon.closer import CURVED
+from henon_ref.henon.closer import CURVED, LOST
 from henon_ref.henon.compiled import quad_double
 from henon_ref.henon.isolation import NOTHING
 from henon_ref.henon.program import (
@@ -41,8 +41,6 @@ HIGHEST = 15
 """Highest degree of a motion that is looked at here."""
 PARTS = 4
 """Doubles of a number."""
-LOST = 2.0**-106
-"""A second double below this of the first would only make it miss round numbers."""
 
 
 _INVERSES = np.array([quad_double(sp.Rational(1, max(k, 1))) for k in range(HIGHEST + 1)])

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from henon_ref.columns import JUDGED_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.model.equations import TIME
 from henon_ref.model.grammar import did_you_mean, listed, name_problem
 from henon_ref.model.schema import CaseForm, SlidingForm, SystemForm
 from henon_ref.model.source import Names, Path, Source
 from henon_ref.model.system import FilippovSystem, Release, SlidingOverride
-from henon_ref.score.columns import JUDGED_COLUMNS, TRANSITION_COLUMNS
 
 TAKEN = frozenset((*TRANSITION_COLUMNS, *JUDGED_COLUMNS))
 """Columns of ``transitions.csv``, where a state's column has the name of the state."""

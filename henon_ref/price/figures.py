@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from henon_ref.columns import Row
 from henon_ref.price.growth import Horizon
 from henon_ref.price.ladder import FAIR
 from henon_ref.price.states import Size, exponent
 from henon_ref.report import style
 from henon_ref.report.ranking import by_solver, number, right
-from henon_ref.score.columns import Row
 
 COUNTS = {
     "wall_s": "wall time of one run, median [s]",

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from henon_ref import registry
+from henon_ref.columns import Row
 from henon_ref.comparison import Comparison, compare_all
 from henon_ref.model.case import Case
 from henon_ref.report.ranking import by_solver, number, prices, right
 from henon_ref.report.ratios import readings_of
-from henon_ref.score.columns import Row
 from henon_ref.score.options import Observer, Options
 
 LADDER = tuple(10.0**-k for k in range(3, 16))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
+from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.price import effects
 from henon_ref.price.effects import Step
 from henon_ref.price.figures import COUNTS, draw_growth, draw_ladder, draw_sizes
@@ -25,7 +26,6 @@ from henon_ref.report.ratios import readings_of
 from henon_ref.report.tables import Table, wall
 from henon_ref.report.words import duration, setting
 from henon_ref.report.write import replace_file
-from henon_ref.score.columns import RUN_COLUMNS, Row
 
 PAGE = "README.md"
 RUNS = "price.csv"

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from henon_ref import registry
+from henon_ref.columns import Row
 from henon_ref.model.case import Case
 from henon_ref.price.timer import in_turn
 from henon_ref.report.ranking import name, number, right
 from henon_ref.report.ratios import readings_of
-from henon_ref.score.columns import Row
 from henon_ref.solver import Run
 from henon_ref.trajectory import Problem
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
 
+from henon_ref.columns import Row
 from henon_ref.comparison import Comparison
 from henon_ref.report.orbits import orbit_sentences
 from henon_ref.report.ranking import by_solver, floor, most_accurate, name, number, prices, right
@@ -19,7 +20,6 @@ from henon_ref.report.words import (
     significant,
     times_as_long,
 )
-from henon_ref.score.columns import Row
 from henon_ref.score.metrics import Expected
 from henon_ref.score.results import ReadingResult
 from henon_ref.score.sticks import published_partners, sticks

@@ -18,6 +18,7 @@ from typing import Annotated
 
 import typer
 
+from henon_ref.columns import Row
 from henon_ref.comparison import Comparison, compare_all
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.report.command import load_cases
@@ -26,7 +27,6 @@ from henon_ref.report.manifest import provenance
 from henon_ref.report.ranking import floor, number
 from henon_ref.report.words import setting
 from henon_ref.report.write import MANIFEST, REPORT, RUNS, write_report
-from henon_ref.score.columns import Row
 from henon_ref.score.options import Options
 
 FACTOR = 10.0

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from henon_ref.columns import Row
 from henon_ref.report import style
-from henon_ref.score.columns import Row
 from henon_ref.score.metrics import HALF_ULP, Expected
 
 if TYPE_CHECKING:

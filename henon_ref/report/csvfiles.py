@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from henon_ref.score.columns import Row
+from henon_ref.columns import Row
 
 
 def csv_text(columns: Sequence[str], rows: Iterable[Row]) -> str:

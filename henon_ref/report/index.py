@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.errors import CaseError
 from henon_ref.report.csvfiles import read_rows
 from henon_ref.report.markdown import environment
@@ -18,7 +19,6 @@ from henon_ref.report.ratios import slower_table, spread_table
 from henon_ref.report.tables import Table
 from henon_ref.report.words import count
 from henon_ref.report.write import INDEX, MANIFEST, REPORT, RUNS, check_index, replace_file
-from henon_ref.score.columns import RUN_COLUMNS, Row
 
 ATLAS, RESTARTS, CAUSES, PAPER, PRICE = "atlas", "restarts", "causes", "paper", "price"
 """Folders of the further pages."""

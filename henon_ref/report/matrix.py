@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from henon_ref import registry
+from henon_ref.columns import Row
 from henon_ref.report.ranking import best_of, by_solver, name, number
 from henon_ref.report.tables import Table
 from henon_ref.report.words import digits
-from henon_ref.score.columns import Row
 
 MARKS = {"unsupported": "–", "unavailable": "·", "timeout": "timeout", "failed": "failed"}
 KEY = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from henon_ref.columns import Row
 from henon_ref.comparison import Comparison
 from henon_ref.report.answer import NOT_RUN
 from henon_ref.report.figures import READINGS
@@ -12,7 +13,6 @@ from henon_ref.report.matrix import KEY, matrix
 from henon_ref.report.ranking import by_solver, name, number, over_all
 from henon_ref.report.tables import price_table
 from henon_ref.report.words import code, listing, setting
-from henon_ref.score.columns import Row
 from henon_ref.score.options import MOST_DRAWN
 
 MANY = 4

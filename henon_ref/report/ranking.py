@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from henon_ref.score.columns import Row
+from henon_ref.columns import Row
 from henon_ref.score.metrics import HALF_ULP
 
 LEVELS = (3, 6, 9, 12)

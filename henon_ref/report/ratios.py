@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from henon_ref.columns import Row
 from henon_ref.report.ranking import name, number, right
 from henon_ref.report.tables import Table
-from henon_ref.score.columns import Row
 
 FIRST, SECOND = "henon", "heyoka"
 """The two that an index sets against each other."""

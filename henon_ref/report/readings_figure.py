@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from henon_ref.columns import Row
 from henon_ref.report import style
 from henon_ref.report.answer import NOT_RUN
 from henon_ref.report.matrix import solvers_of
 from henon_ref.report.ranking import LEVELS, best_of, by_solver, number
-from henon_ref.score.columns import Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

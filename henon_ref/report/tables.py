@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from baselines.causes import CAUSES
+from henon_ref.columns import Row
 from henon_ref.comparison import Comparison
 from henon_ref.report.ranking import floor, name, number, prices, right
 from henon_ref.report.words import count, digits, duration, error, setting, significant
-from henon_ref.score.columns import Row
 from henon_ref.score.results import ReadingResult
 from henon_ref.score.rows import Record
 from henon_ref.score.sticks import published_partners, sticks

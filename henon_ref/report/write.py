@@ -9,6 +9,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from henon_ref.columns import RUN_COLUMNS, STICK_COLUMNS
 from henon_ref.comparison import Comparison
 from henon_ref.errors import CaseError
 from henon_ref.report.csvfiles import csv_text
@@ -16,7 +17,6 @@ from henon_ref.report.figures import READINGS, svg
 from henon_ref.report.manifest import Provenance, manifest_text
 from henon_ref.report.markdown import report_text
 from henon_ref.report.overview import is_drawn, judged
-from henon_ref.score.columns import RUN_COLUMNS, STICK_COLUMNS
 
 REPORT, RUNS, TRANSITIONS, STICKS, MANIFEST = (
     "report.md",

@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from henon_ref import registry
+from henon_ref.columns import Row
 from henon_ref.comparison import Comparison, compare_all
 from henon_ref.model.case import Case
 from henon_ref.report.manifest import Provenance
 from henon_ref.restarts.page import FOLDER, write_page
-from henon_ref.score.columns import Row
 from henon_ref.score.options import Observer, Options
 
 CASES: dict[str, tuple[str, ...]] = {

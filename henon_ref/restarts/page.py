@@ -8,13 +8,13 @@ from pathlib import Path
 
 from henon_ref import registry
 from henon_ref.atlas.family import outcome_of
+from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.report.csvfiles import csv_text
 from henon_ref.report.manifest import Provenance
 from henon_ref.report.markdown import environment
 from henon_ref.report.tables import Table
 from henon_ref.report.words import listing, setting
 from henon_ref.report.write import REPORT, RUNS, replace_file
-from henon_ref.score.columns import RUN_COLUMNS, Row
 
 FOLDER = "restarts"
 PAGE = "README.md"

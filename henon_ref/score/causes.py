@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from henon_ref import registry
-from henon_ref.score.columns import Row
+from henon_ref.columns import Row
 
 EXPLAINED = ("solver defect", "not judged")
 """Verdicts on runs that a cause may explain: one that was too slow may be so for a known reason."""

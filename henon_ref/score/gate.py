@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from henon_ref.columns import Row
 from henon_ref.model.case import Gate, Reading
-from henon_ref.score.columns import Row
 
 
 @dataclass(frozen=True)

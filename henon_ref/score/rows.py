@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from henon_ref.columns import RUN_COLUMNS, STICK_COLUMNS, Row
 from henon_ref.model.case import Reading
 from henon_ref.model.modes import Mode, mode_text
 from henon_ref.score.causes import cause_of
-from henon_ref.score.columns import RUN_COLUMNS, STICK_COLUMNS, Row
 from henon_ref.score.matching import Matching
 from henon_ref.score.metrics import Expected, Score, score
 from henon_ref.score.plaintext import plain_text
