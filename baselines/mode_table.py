@@ -82,7 +82,7 @@ class ModeEntry:
     def _exit(self, guard: Guard) -> Exit | None:
         model, mode, i = self.model, self.model.mode, guard.index
         sliding = [j for j, s in enumerate(mode) if s == 0]
-        if guard.kind == "valid" or (guard.kind == "surface" and len(model.system.together(i, sliding)) > 1):
+        if guard.ends or (guard.kind == "surface" and len(model.system.together(i, sliding)) > 1):
             return None
         landing = model.landing(i).values
         stick, slip = replaced(mode, i, 0), {s: replaced(mode, i, s) for s in (-1, 1)}
@@ -168,7 +168,7 @@ class ModeTable:
         """What follows any event, by :class:`Switching`."""
         model = entry.model
         guards = [model.guards[k] for k in hits]
-        involved = {g.index for g in guards if g.kind != "valid"} | {i for i, s in enumerate(model.mode) if s == 0}
+        involved = {g.index for g in guards if g.ends is None} | {i for i, s in enumerate(model.mode) if s == 0}
         x, drift = projected([self._surface(i) for i in sorted(involved)], t, x)
         decision = self.switching.after_event(t, x, model.mode, guards)
         if decision.mode is None:
@@ -188,10 +188,10 @@ class ModeTable:
                     value = model.guard[k](t, *x)[0]
                     if abs(value) > ON * model.size(k, t, x, EPSILON, 0.0):
                         continue
-                    rate = model.rates(t, *x)[2 * k + 1] if guard.kind == "valid" else 0.0
+                    rate = model.rates(t, *x)[2 * k + 1] if guard.ends else 0.0
                 except ARITHMETIC:
                     continue
-            if guard.kind != "valid":
+            if guard.ends is None:
                 found.append((k, *_speed(model, guard.index, t, x)))
             elif rate >= 0.0:  # one that falls is none that is being left
                 found.append((k, rate, rate))

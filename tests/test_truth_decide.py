@@ -91,7 +91,7 @@ def test_a_field_that_is_not_finite_has_no_mode() -> None:
 def test_the_end_of_the_model_is_invalid() -> None:
     system = FilippovSystem((X,), (S,), (X - 5,), (S,), valid=(X,))
     assert initial(system, -1) == ("invalid", None)
-    guard = Guard("valid", 0, 0, X)
+    guard = Guard("valid", 0, 0, X, ends="invalid")
     assert Decider(system, 128).after_event(Point(arb(0), (arb(0),)), (-1,), [guard]).status == "invalid"
 
 

@@ -31,6 +31,7 @@ from henon_ref.henon.registers import (
     T_WARY,
     VALID,
 )
+from henon_ref.model.attraction import EXHAUSTIVE
 from henon_ref.model.contacts import SwitchedEquations, switched_equations
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced
@@ -43,7 +44,7 @@ SHAPES = 3
 """With more surfaces than these, all modes share one machine code where their contacts allow it."""
 BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
 """Operations with branch points."""
-_KIND = {"surface": SURFACE, "release": RELEASE, "valid": VALID}
+_KIND = {"surface": SURFACE, "release": RELEASE, "valid": VALID, "attracts": VALID}
 
 
 def double_double(number: sp.Expr) -> tuple[float, float]:
@@ -147,7 +148,9 @@ class CompiledSystem:
         """Guards of the largest mode."""
         system = self.system
         releases = sum(max(2, len(o.release)) for o in system.overrides.values())
-        return 2 * len(system.surfaces) + releases + len(system.valid)
+        surfaces = len(system.surfaces)
+        minors = 0 if self.decoupled else 2**surfaces - 1 if surfaces <= EXHAUSTIVE else surfaces + 1
+        return 2 * surfaces + releases + minors + len(system.valid)
 
     def compile(self, mode: Mode) -> int | None:
         """Row of a mode, compiled on first sight; None where the mode has no equations."""
@@ -160,7 +163,8 @@ class CompiledSystem:
             self.modes = (*self.modes, mode)
             self.index[mode] = row
             self._append(mode, *made)
-            if self.rows.size:
+            # Where it may not attract, compiled code does not settle on it.
+            if self.rows.size and all(g.kind != "attracts" for g in self.guards(mode)):
                 self.rows[sum((s + 1) * 3**i for i, s in enumerate(mode))] = row
             if not self._switched:
                 self._link()
@@ -242,7 +246,7 @@ class CompiledSystem:
             for g, guard in enumerate(self.system.equations(mode).guards):
                 if guard.kind == "surface":
                     self.tables[row, 1 + g, G_STUCK] = self.index.get(replaced(mode, guard.index, 0), -1)
-                if guard.kind != "valid":
+                if guard.ends is None:
                     after = replaced(mode, guard.index, guard.to_sign)
                     self.tables[row, 1 + g, G_AFTER] = self.index.get(after, -1)
 

@@ -15,6 +15,7 @@ from henon_ref.henon.kernel import advance
 from henon_ref.henon.near import arrive, settle_touch
 from henon_ref.henon.recording import crowded, record
 from henon_ref.henon.window import MISS, OPEN, PASSED, ROOT, TOUCH, UNSURE
+from henon_ref.model.decision import ended
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import ZERO
@@ -274,12 +275,12 @@ class Session:
             return self._why(k.ACCUMULATED)
         return None
 
-    def _ended(self) -> int | None:
-        """A ``valid`` expression that has shrunk to nothing where the run stalled (the field may be singular there)."""
+    def _ended(self) -> Guard | None:
+        """A guard that ends the run and has shrunk to nothing where it stalled (the field may be singular there)."""
         for g, guard in enumerate(self._guards):
             value = self.engine.scratch.band[self.x.size + g, 0]
-            if guard.kind == "valid" and abs(value) <= 1e-14 * max(1.0, abs(self.start.time[0]), abs(self.time)):
-                return guard.index
+            if guard.ends and abs(value) <= 1e-14 * max(1.0, abs(self.start.time[0]), abs(self.time)):
+                return guard
         return None
 
     def _singular(self) -> str:
@@ -294,7 +295,8 @@ class Session:
             return f"the field of {system.state_names[at]} is {'singular' if finite[at, 1] else 'not finite'}"
         guard = self._guards[at - self.x.size]
         of = str(system.valid[guard.index]) if guard.kind == "valid" else system.sign_names[guard.index]
-        what = {"valid": of, "surface": f"the surface of {of}"}.get(guard.kind, f"the release of {of}")
+        words = {"valid": "", "surface": "the surface of ", "attracts": "whether sliding attracts on "}
+        what = words.get(guard.kind, "the release of ") + of
         return f"{what} is {'singular' if finite[at, 0] else 'not finite'}"
 
     def _why(self, code: int) -> tuple[Status, str]:
@@ -302,15 +304,20 @@ class Session:
         grown = np.abs(self.x).max() > 1e8 * max(1.0, *(abs(v[0]) for v in self.start.x))
         if code == k.DIVERGED or (code == k.STALLED and grown):
             return "diverged", f"the state leaves every bound at {at}"
-        ended = self._ended() if code == k.STALLED else None
-        if ended is not None:
-            return "invalid", f"the model ends: {self.engine.system.valid[ended]} fell to 0 at {at}"
+        singular = self._ended() if code == k.STALLED else None
+        if singular is not None:
+            return self._fallen(singular)
         if code == k.STALLED:
             return "failed", f"the step size fell to zero at {at}: {self._singular()} there"
         if code == k.ACCUMULATED:
             return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
-        guard = self._guards[self.integers[k.I_GUARD]]
-        return "invalid", f"the model ends: {self.engine.system.valid[guard.index]} fell to 0 at {at}"
+        return self._fallen(self._guards[self.integers[k.I_GUARD]])
+
+    def _fallen(self, guard: Guard) -> tuple[Status, str]:
+        """How the run ends here for a guard that ends it."""
+        refused = ended(self.engine.system, self.mode, [guard], f"{self.time:.17g}")
+        assert refused is not None
+        return refused.ending, refused.reason
 
     def _end(self, status: Status, reason: str) -> Trajectory:
         integers, modes = self.integers.tolist(), self.engine.compiled.modes

@@ -64,7 +64,7 @@ class SwitchedEquations:
                 found.append(Guard("release", i, 1, first))
             found.append(Guard("release", i, -1, second))
         valid = self.outputs[2 * len(mode) :]
-        return (*found, *(Guard("valid", i, 0, e) for i, e in enumerate(valid)))
+        return (*found, *(Guard("valid", i, 0, e, ends="invalid") for i, e in enumerate(valid)))
 
     def places(self, mode: Mode) -> tuple[int, ...]:
         """Where each of :meth:`guards` stands among those of the mode's own equations; -1 where it does not."""

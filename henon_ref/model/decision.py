@@ -10,7 +10,7 @@ from typing import Literal
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.model.equations import TIME
+from henon_ref.model.equations import TIME, Guard, Refusal
 from henon_ref.model.modes import Mode, replaced
 from henon_ref.model.system import FilippovSystem
 
@@ -19,7 +19,7 @@ from henon_ref.model.system import FilippovSystem
 class Decision:
     """The mode that follows an event, or why there is none."""
 
-    status: Literal["unique", "nonunique", "none", "invalid"]
+    status: Refusal | Literal["unique"]
     mode: Mode | None
     reason: str = ""
 
@@ -55,6 +55,23 @@ def _repeats(expression: sp.Expr, variables: set[sp.Symbol]) -> bool:
     """Whether some factor in these variables stands there with a power above 1."""
     powers = (factor.as_base_exp() for factor in sp.Mul.make_args(expression))
     return any(base.free_symbols & variables and exponent.is_number and exponent > 1 for base, exponent in powers)
+
+
+def ended(system: FilippovSystem, mode: Mode, hits: Sequence[Guard], time: str) -> Decision | None:
+    """Why a run ends where guards of a mode have fallen; None where none of them ends it."""
+    for guard in hits:
+        if guard.ends:
+            return Decision(guard.ends, None, f"{_end(system, mode, guard)} t = {time}")
+    return None
+
+
+def _end(system: FilippovSystem, mode: Mode, guard: Guard) -> str:
+    if guard.kind == "valid":
+        return f"the model ends: {system.valid[guard.index]} fell to 0 at"
+    names = ", ".join(name for name, s in zip(system.sign_names, mode, strict=True) if s == 0)
+    if guard.ends == "nonunique":
+        return f"the future is not unique: sliding on the intersection of {names} does not attract beyond"
+    return f"it is not told whether sliding on the intersection of {names} attracts beyond"
 
 
 def with_entries(mode: Mode, active: Sequence[int], choice: Sequence[int]) -> Mode:

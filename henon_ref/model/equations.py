@@ -10,7 +10,9 @@ import sympy as sp
 
 TIME = sp.Symbol("t", real=True)
 
-GuardKind = Literal["surface", "release", "valid"]
+GuardKind = Literal["surface", "release", "valid", "attracts"]
+Refusal = Literal["nonunique", "none", "invalid"]
+"""Why no mode follows: several could, none can be told, the model ends."""
 
 
 @dataclass(frozen=True)
@@ -18,15 +20,18 @@ class Guard:
     """A function that is positive inside a mode; the mode ends where it falls through zero."""
 
     kind: GuardKind
-    """``surface``: h_i reached in slip; ``release``: the sliding on surface i ends; ``valid``: the model ends."""
+    """``surface``: h_i reached in slip; ``release``: the sliding on surface i ends; ``valid``: the model ends;
+    ``attracts``: sliding on an intersection is no longer sure to attract."""
     index: int
-    """Index of the surface, or of the ``valid`` expression."""
+    """Index of the surface, or of the ``valid`` expression; ``attracts``: of the first surface slid on."""
     to_sign: int
-    """``surface``: the side beyond; ``release``: the side released into; ``valid``: 0."""
+    """``surface``: the side beyond; ``release``: the side released into; else 0."""
     expression: sp.Expr
     """In time, states, parameters (and, in shared equations, the signs of the surfaces in slip)."""
     rising_only: bool = False
     """A guard that may be negative at the start of the mode and is then armed once it has turned positive."""
+    ends: Refusal | None = None
+    """Why a run ends where it falls; None where it goes on in another mode."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +41,7 @@ class ModeEquations:
     field: tuple[sp.Expr, ...]
     """x' in this mode, in time, states and parameters."""
     guards: tuple[Guard, ...]
-    """What ends the mode: surfaces in slip first, then releases, then ``valid``; by index within each."""
+    """What ends the mode: surfaces in slip first, then releases, ``attracts``, ``valid``; by index within each."""
     equivalent_signs: Mapping[int, sp.Expr]
     """Sliding surface -> its equivalent sign in [-1, 1] (empty where a ``sliding`` override is in force)."""
 

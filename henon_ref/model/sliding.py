@@ -11,6 +11,7 @@ import sympy as sp
 from sympy.solvers.solveset import NonlinearError
 
 from henon_ref.errors import ModelError
+from henon_ref.model.attraction import attraction_guards
 from henon_ref.model.equations import TIME, Guard, along
 
 if TYPE_CHECKING:
@@ -53,7 +54,8 @@ def filippov_sliding(
         lone = replace(system, field=tuple(f.xreplace(joined) for f in system.field))
         field, releases, found = filippov_sliding(lone, tuple(i for i in sliding if i not in tied))
         for j, (i, way) in tied.items():
-            releases += tuple(Guard(g.kind, j, way * g.to_sign, g.expression) for g in releases if g.index == i)
+            own = [g for g in releases if g.kind == "release" and g.index == i]
+            releases += tuple(replace(g, index=j, to_sign=way * g.to_sign) for g in own)
             found[j] = way * found[i]
         return field, releases, found
     states = system.states
@@ -91,6 +93,7 @@ def filippov_sliding(
         for i, s in zip(sliding, signs, strict=True):
             guards.append(Guard("release", i, 1, 1 - equivalent[s]))
             guards.append(Guard("release", i, -1, 1 + equivalent[s]))
+        guards += attraction_guards(system, sliding, sp.Matrix(slope))
     else:
         if any(slope[i][i] == 0 for i in range(len(signs))):
             raise ModelError(f"the field does not depend on the sign of a surface it should slide on: {signs}")

@@ -18,7 +18,7 @@ from itertools import product
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.model.decision import Decision, explained, with_entries
+from henon_ref.model.decision import Decision, ended, explained, with_entries
 from henon_ref.model.derivatives import leading, leading_sign, rate_of, scaled
 from henon_ref.model.equations import TIME, Guard, ModeEquations
 from henon_ref.model.exact import exact_sign
@@ -100,7 +100,8 @@ class Switching:
             if sign == 0:
                 edges.append(i)
         t, x = float(start), [float(v) for v in initial]
-        decision = self._decide(t, x, tuple(mode), tuple(active)) if active else Decision("unique", tuple(mode))
+        settled = Decision("unique", tuple(mode))
+        decision = self._decide(t, x, tuple(mode), tuple(active)) if active else self._attracting(t, x, settled)
         refused = self._rising(t, x, decision.mode, edges) if edges and decision.mode is not None else None
         return refused or decision
 
@@ -123,13 +124,12 @@ class Switching:
         The states of the surfaces hit are taken to be on them, whatever rounding says. ``zero`` is the relative
         size below which a derivative counts as zero.
         """
-        for guard in hits:
-            if guard.kind == "valid":
-                expression = self.system.valid[guard.index]
-                return Decision("invalid", None, f"the model ends: {expression} fell to 0 at t = {t:.17g}")
+        refused = ended(self.system, mode, hits, f"{t:.17g}")
+        if refused is not None:
+            return refused
         if len(hits) == 1 and hits[0].kind == "release":
             # The equivalent sign reaches +-1 continuously, so the field does not jump and nothing else changes.
-            return Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign))
+            return self._attracting(t, x, Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign)))
         sliding = [i for i, s in enumerate(mode) if s == 0]
         active = {i for g in hits for i in self.system.together(g.index, sliding)}
         return self._decide(t, list(x), mode, tuple(sorted(active)), zero)
@@ -161,7 +161,7 @@ class Switching:
             if guard.kind == "valid" and guard.index in edges:
                 found = leading(series, 1, rate, 0.0, zero)
                 orders.append(found if found is not None and series[found] > 0.0 else 0)
-            elif guard.kind == "valid" or guard.index not in active or guard.rising_only:
+            elif guard.ends or guard.index not in active or guard.rising_only:
                 orders.append(0)
             else:
                 found = leading(series, first, rate, self._size(t, x, mode, guard.index), zero)
@@ -174,7 +174,23 @@ class Switching:
         for other in OTHERS:
             if decision.status == "none" and (other < zero or zero == ZERO):
                 decision = self._decided(t, x, mode, active, other)
-        return decision if decision.mode is not None else explained(decision, self.system, mode, active)
+        if decision.mode is None:
+            return explained(decision, self.system, mode, active)
+        return self._attracting(t, x, decision)
+
+    def _attracting(self, t: float, x: Sequence[float], decision: Decision) -> Decision:
+        """A decision for a mode, unless that slides on an intersection which is not sure to attract."""
+        mode = decision.mode
+        made = None if mode is None else self._equations(mode)
+        if mode is None or made is None or all(g.kind != "attracts" for g in made[0].guards):
+            return decision
+        outputs, rate = self._expanded(mode, t, x)
+        falling = [
+            guard
+            for guard, series in zip(made[0].guards, outputs, strict=True)
+            if guard.kind == "attracts" and leading_sign(series, 0, rate, 0.0, ZERO) <= 0
+        ]
+        return ended(self.system, mode, falling, f"{t:.17g}") or decision
 
     def _decided(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:
         if len(active) > EXHAUSTIVE:
@@ -251,7 +267,7 @@ class Switching:
         active = set(active)
         broken: list[Guard] = []
         for guard, series in zip(made[0].guards, outputs, strict=True):
-            if guard.kind == "valid" or guard.index not in active:
+            if guard.ends or guard.index not in active:
                 continue
             if guard.index in self.system.overrides:
                 sticks = self._sticks(t, x, mode, guard.index, zero)

@@ -8,7 +8,7 @@ with Discontinuous Righthand Sides* (1988), and Eqs. (6)-(8) of Olejnik and Awre
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from functools import cached_property
 from typing import Literal
@@ -104,12 +104,10 @@ class FilippovSystem:
             self._cache[key] = ModeEquations(
                 field=tuple(e.xreplace(slip) for e in shared.field),
                 guards=tuple(
-                    Guard(
-                        g.kind,
-                        g.index,
-                        -mode[g.index] if g.kind == "surface" else g.to_sign,
-                        g.expression.xreplace(slip),
-                        g.rising_only,
+                    replace(
+                        g,
+                        to_sign=-mode[g.index] if g.kind == "surface" else g.to_sign,
+                        expression=g.expression.xreplace(slip),
                     )
                     for g in shared.guards
                 ),
@@ -144,7 +142,7 @@ class FilippovSystem:
             surfaces = tuple(
                 Guard("surface", i, 0, self.signs[i] * h) for i, h in enumerate(self.surfaces) if i not in sliding
             )
-            valid = tuple(Guard("valid", i, 0, e) for i, e in enumerate(self.valid))
+            valid = tuple(Guard("valid", i, 0, e, ends="invalid") for i, e in enumerate(self.valid))
             self._cache[key] = ModeEquations(tuple(rhs), surfaces + releases + valid, signs)
         return self._cache[key]
 

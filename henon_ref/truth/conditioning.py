@@ -97,7 +97,7 @@ def _fallen_guards(
     """The guards that end a mode: of those that could, the ones at their root."""
     candidates: list[tuple[float, Fall]] = []
     for guard, value, gradient, rate in flow.guards(mode, time, state):
-        if guard.kind == "valid" or guard.index not in surfaces:
+        if guard.ends or guard.index not in surfaces:
             continue
         if guard.kind == "release" and guard.to_sign != after[guard.index]:
             continue

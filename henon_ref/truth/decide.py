@@ -15,7 +15,7 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.errors import ModelError
-from henon_ref.model.decision import Decision, explained
+from henon_ref.model.decision import Decision, ended, explained
 from henon_ref.model.equations import TIME, Guard
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.modes import Mode, mode_text, replaced
@@ -74,10 +74,9 @@ class Decider:
 
     def after_event(self, point: Point, mode: Mode, hits: Sequence[Guard]) -> Decision:
         """Mode after the guards ``hits`` of ``mode`` fell to zero at a point."""
-        for guard in hits:
-            if guard.kind == "valid":
-                expression = self.system.valid[guard.index]
-                return Decision("invalid", None, f"the model ends: {expression} fell to 0 at t = {_short(point)}")
+        refused = ended(self.system, mode, hits, _short(point))
+        if refused is not None:
+            return refused
         if len(hits) == 1 and hits[0].kind == "release":
             # The equivalent sign reaches +-1 continuously, so nothing else changes (an override says where to).
             return Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign))
@@ -167,7 +166,7 @@ class Decider:
             return None
         broken = []
         for guard, head in zip(self.system.equations(mode).guards, heads, strict=True):
-            if guard.kind == "valid" or guard.index not in active or guard.index in own:
+            if guard.ends or guard.index not in active or guard.index in own:
                 continue
             # A surface that is never left is no slip; an equivalent sign that stays at its limit still holds.
             holds = guard.kind == "release" if head is None else head[1] > 0

@@ -145,7 +145,11 @@ class _Simulation:
         guards = self.problem.system.equations(mode).guards
         self.signs = [0 if head is None else head[1] for head in heads]
         self.skipped = [0 if head is None else head[0] for head in heads]
-        failing = [g for g, s in zip(guards, self.signs, strict=True) if s < 0 and not g.rising_only]
+        failing = [
+            g
+            for g, s in zip(guards, self.signs, strict=True)
+            if (s < 0 and not g.rising_only) or (s == 0 and g.kind == "attracts")
+        ]
         if failing:
             self._settle(failing, 0.0)
             return

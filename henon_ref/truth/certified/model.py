@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import sympy as sp
 from flint import arb
 
-from henon_ref.model.equations import TIME, Guard
+from henon_ref.model.equations import TIME
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 from henon_ref.taylor.tape import build_tape
@@ -50,9 +50,7 @@ class ModeModel:
         self.mode = mode
         self.states = system.states
         self.field = tuple(system.numeric(e) for e in equations.field)
-        self.guards = tuple(
-            Guard(g.kind, g.index, g.to_sign, system.numeric(g.expression), g.rising_only) for g in equations.guards
-        )
+        self.guards = tuple(replace(g, expression=system.numeric(g.expression)) for g in equations.guards)
 
         for i in set(system.overrides) & {i for i, s in enumerate(mode) if s == 0}:
             self._check_kept(system.numeric(system.surfaces[i]), system.sign_names[i])

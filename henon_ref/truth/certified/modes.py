@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Literal
 
 import sympy as sp
 from flint import arb, ctx
 
 from henon_ref.errors import ModelError
-from henon_ref.model.equations import Guard
+from henon_ref.model.decision import ended
+from henon_ref.model.equations import Guard, Refusal
 from henon_ref.model.modes import Mode, mode_text, replaced
 from henon_ref.trajectory import Problem
 from henon_ref.truth.certified.enclosure import UndecidedError
@@ -42,7 +42,7 @@ class Entry:
 class EndedError(Exception):
     """The run is proven to go no further: a fact about the problem, not about the precision."""
 
-    def __init__(self, reason: str, ended: Literal["nonunique", "none", "invalid"]) -> None:
+    def __init__(self, reason: str, ended: Refusal) -> None:
         super().__init__(reason)
         self.reason = reason
         self.ended = ended
@@ -133,9 +133,11 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
         With exact numbers for the parameters.
     """
     system = model.system
-    if hit.kind == "valid":
-        expression = system.valid[hit.index]
-        raise EndedError(f"the model ends: {expression} fell to 0 at t = {box[0].str(17, radius=False)}", "invalid")
+    refused = ended(system, mode, [hit], box[0].str(17, radius=False))
+    if refused is not None:
+        if hit.ends is None or hit.ends == "none":  # not told is not proven
+            raise UndecidedError(refused.reason, "mode")
+        raise EndedError(refused.reason, hit.ends)
     on = tuple(sorted({i for i, s in enumerate(mode) if s == 0} | {hit.index}))
     zeros = [model.surfaces[i] for i in on]
     if hit.kind == "surface":
@@ -167,7 +169,7 @@ class _Judge:
         zeros = self._entry_zeros(mode, self.on if attracting else ())
         if zeros is None:
             raise EndedError(refusal + self._where(), "none")
-        return Entry(mode, zeros)
+        return self._attracting(Entry(mode, zeros))
 
     def unique(self, mode: Mode, active: tuple[int, ...]) -> Entry:
         """The one consistent mode among all choices for the active surfaces."""
@@ -183,11 +185,20 @@ class _Judge:
             if zeros is not None:
                 found.append(Entry(candidate, zeros))
         if len(found) == 1:
-            return found[0]
+            return self._attracting(found[0])
         if not found:
             raise EndedError("no mode is consistent" + self._where(), "none")
         modes = " or ".join(mode_text(e.mode, names) for e in found)
         raise EndedError(f"the future is not unique{self._where()}: {modes}", "nonunique")
+
+    def _attracting(self, entry: Entry) -> Entry:
+        """An entry, where it is sure that sliding on an intersection attracts."""
+        at = dict(zip(self.model.symbols, self.box, strict=True))
+        for guard in self.model.mode(entry.mode).guards:
+            if guard.kind == "attracts" and not enclose(guard.expression, at) > 0:
+                names = ", ".join(n for n, s in zip(self.model.system.sign_names, entry.mode, strict=True) if s == 0)
+                raise UndecidedError(f"whether sliding on {names} attracts{self._where()} is not told", "mode")
+        return entry
 
     def _where(self) -> str:
         return f" at t = {self.box[0].str(17, radius=False)}"
@@ -201,7 +212,7 @@ class _Judge:
         series = made.flow.run(ctx.prec, self.box[0], self.box[1:], ORDER, arb(1))
         zeros: list[int] = []
         for guard, row in zip(made.guards, (series[i] for i in made.flow.outputs), strict=True):
-            if guard.kind == "valid" or guard.index not in self.on:
+            if guard.ends or guard.index not in self.on:
                 zeros.append(0)
                 continue
             inside = guard.index in active and self.model.system.held_inside(guard.index)

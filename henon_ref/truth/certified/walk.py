@@ -206,7 +206,7 @@ class Walk:
             raise UndecidedError("the guard's slope has no strict sign at the event: a graze", "graze")
         guard = made.guards[index]
         before = self.mode
-        reached = set() if guard.kind == "valid" else {guard.index}
+        reached = set() if guard.ends else {guard.index}
         on = tuple(sorted({i for i, s in enumerate(before) if s == 0} | reached))
         self._project(made, flow, tangent, root, middle, flow.output(index).at(middle), row, slope, on)
         box = tuple(self.points.hull())
@@ -287,6 +287,8 @@ def guard_text(guard: Guard, names: Sequence[str]) -> str:
     """A guard in words, for reasons."""
     if guard.kind == "valid":
         return f"valid expression {guard.index}"
+    if guard.kind == "attracts":
+        return f"whether sliding on {names[guard.index]} and others attracts"
     if guard.kind == "surface":
         return f"surface {names[guard.index]}"
     return f"the release of {names[guard.index]} to {guard.to_sign:+d}"

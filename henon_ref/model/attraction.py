@@ -1,0 +1,50 @@
+"""Whether sliding on an intersection attracts, where its surfaces act on each other.
+
+With the normal velocities v = a - M s in the signs s, the modes that are consistent at a point solve a complementarity
+problem on the box [-1, 1]^m. It has one solution whatever a is just where all principal minors of M are positive
+(Samelson, Thrall and Wesler, *Proc. Amer. Math. Soc.* 9 (1958) 805-807; M is then called a P-matrix). On two surfaces
+sliding then attracts, for there are positive d_i with sum d_i (abs(h_i) - u_i h_i) falling (Cross, *Linear Algebra
+Appl.* 20 (1978) 253-263). Where det M < 0, sliding is one of several modes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import sympy as sp
+from sympy.utilities.iterables import strongly_connected_components
+
+from henon_ref.model.equations import Guard, Refusal
+
+if TYPE_CHECKING:
+    from henon_ref.model.system import FilippovSystem
+
+EXHAUSTIVE = 4
+"""Of more surfaces that act on each other only the diagonal and the determinant are looked at."""
+
+
+def attraction_guards(system: FilippovSystem, sliding: Sequence[int], slopes: sp.Matrix) -> list[Guard]:
+    """Principal minors of M that are not positive numbers; those that follow from smaller ones are left out.
+
+    ``slopes``, shape (m, m), is -M. A minor of all surfaces that act on each other ends a run as ``nonunique`` where
+    it falls, for the determinant falls with it; beyond another one it is not told whether sliding still attracts.
+    """
+    matrix = -slopes
+    edges = [(i, j) for i in range(matrix.rows) for j in range(matrix.cols) if matrix[i, j] != 0]
+    found = []
+    for group in strongly_connected_components((range(matrix.rows), edges)):
+        sizes = range(1, len(group) + 1) if len(group) <= EXHAUSTIVE else (1, len(group))
+        for chosen in (c for size in sizes for c in combinations(sorted(group), size) if _joined(c, edges)):
+            minor = matrix.extract(chosen, chosen).det()
+            if not system.numeric(minor).is_positive or minor.free_symbols - set(system.parameters):
+                ends: Refusal = "nonunique" if len(chosen) == len(group) else "none"
+                found.append(Guard("attracts", sliding[chosen[0]], 0, minor, ends=ends))
+    return found
+
+
+def _joined(chosen: Sequence[int], edges: Iterable[tuple[int, int]]) -> bool:
+    """Whether surfaces act on each other without the help of others; else their minor is a product of smaller ones."""
+    inside = [(i, j) for i, j in edges if i in chosen and j in chosen]
+    return len(strongly_connected_components((chosen, inside))) == 1
