@@ -19,6 +19,7 @@ from henon_ref.henon import doubledouble as dd
 from henon_ref.henon.compiled import quad_double, speeds
 from henon_ref.henon.events import at_zero
 from henon_ref.henon.fine import expand_fine
+from henon_ref.henon.flat import at_flat_root
 from henon_ref.henon.polynomial import factored
 from henon_ref.henon.program import program
 from henon_ref.henon.registers import (
@@ -176,10 +177,19 @@ def look_near(  # type: ignore[no-untyped-def]
     if outcome == OPEN:
         floats[F_NEAR], floats[F_NEAR_LOW] = dd.multiply(s, s_low, unit, 0.0)
         floats[F_CLEAR] = min(clear * unit, floats[F_NEAR])
-        if clear == s and zeros == 0:
-            outcome = _touched(floats, codes, constants, field, row, unit, s, s_low, x, x_low, high)
+    order = 2
+    if zeros == 0 and (outcome == UNSURE or outcome == OPEN):
+        sure = outcome == OPEN and clear == s
+        told, order = _told(floats, codes, constants, field, row, unit, s, s_low, sure, x, x_low, high, work)
+        outcome = outcome if told == UNSURE else told
     if outcome == TOUCH:
-        return settle_touch(floats, integers, layout)
+        outcome = settle_touch(floats, integers, layout)
+        if integers[I_SIZE + guard] > 0:
+            integers[I_SIZE + guard] = order
+        return outcome
+    if order > 2 and outcome == ROOT:
+        arrive(floats, integers, ROOT)
+        return ROOT
     if outcome == MISS:
         arrive(floats, integers, MISS)
     if outcome in (UNSURE, OPEN, MISS):
@@ -202,17 +212,24 @@ def look_near(  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _touched(floats, codes, constants, field, row, unit, s, s_low, x, x_low, work):  # type: ignore[no-untyped-def]
-    """Go to a guard's minimum if it is told in quad-double whether that is a TOUCH or a MISS; else OPEN."""
-    degree = expand(codes, constants, field, floats[F_TIME], floats[F_LOW], x, x_low, unit, work)
+def _told(floats, codes, constants, field, row, unit, s, s_low, sure, x, x_low, rows, work):  # type: ignore[no-untyped-def]
+    """Go to what is told in quad-double, a TOUCH, a MISS or a flat ROOT, of which the order is told, too; else UNSURE.
+
+    ``sure``: the place is a minimum, and nothing is open but the sign there.
+    """
+    degree = expand(codes, constants, field, floats[F_TIME], floats[F_LOW], x, x_low, unit, rows)
     if degree < 0:
-        return OPEN
-    outcome, place = at_minimum(work[row], degree, s, s_low)
+        return UNSURE, 2
+    outcome, place, order = UNSURE, (s, s_low, 0.0, 0.0), 2
+    if sure:
+        outcome, place = at_minimum(rows[row], degree, s, s_low)
+    if outcome == UNSURE:
+        outcome, place, order = at_flat_root(rows[row], degree, s if sure else floats[F_NEAR] / unit, work)
     if outcome != UNSURE:
         floats[F_TIME], floats[F_LOW] = along(floats[F_TIME], floats[F_LOW], unit, place)
         for i in range(x.size):
-            x[i], x_low[i] = value(work[i], degree, place)
-    return OPEN if outcome == UNSURE else outcome
+            x[i], x_low[i] = value(rows[i], degree, place)
+    return outcome, order
 
 
 @inner()

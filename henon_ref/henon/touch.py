@@ -69,8 +69,7 @@ def expand(codes, constants, field, t, t_low, x, x_low, unit, rows):  # type: ig
             code = codes[i]
             if code[DEGREE] < INFINITE:
                 y = _coefficient(code, k, constants, field, t, t_low, x, x_low, unit, rows)
-                at = PARTS * k
-                rows[code[OWN], at], rows[code[OWN], at + 1], rows[code[OWN], at + 2], rows[code[OWN], at + 3] = y
+                put(rows[code[OWN]], k, y)
     return degree
 
 
@@ -84,29 +83,29 @@ def _coefficient(code, k, constants, field, t, t_low, x, x_low, unit, rows):  # 
         own = code[OWN]
         if k == 0:
             return x[own], x_low[own], 0.0, 0.0
-        return qd.multiply(qd.scale(_number(rows[field[own]], k - 1), unit), _number(_INVERSES[k], 0))
+        return qd.multiply(qd.scale(number(rows[field[own]], k - 1), unit), number(_INVERSES[k], 0))
     if op == CONSTANT:
-        return _number(constants[c], 0)
+        return number(constants[c], 0)
     if op == CLOCK:
-        slope = _number(constants[b], 0)
+        slope = number(constants[b], 0)
         if k == 1:
             return qd.scale(slope, unit)
-        return qd.add(qd.multiply(slope, (t, t_low, 0.0, 0.0)), _number(constants[c], 0))
+        return qd.add(qd.multiply(slope, (t, t_low, 0.0, 0.0)), number(constants[c], 0))
     if op in (MUL, SQUARE):
         y = 0.0, 0.0, 0.0, 0.0
         for j in range(max(0, k - code[DEGREE_B]), min(k, code[DEGREE_A]) + 1):
-            y = qd.add(y, qd.multiply(_number(rows[a], j), _number(rows[b], k - j)))
+            y = qd.add(y, qd.multiply(number(rows[a], j), number(rows[b], k - j)))
         return y
-    y = _number(rows[a], k)
+    y = number(rows[a], k)
     if op == ADD:
-        return qd.add(y, _number(rows[b], k))
+        return qd.add(y, number(rows[b], k))
     if op == SUB:
-        return qd.add(y, qd.negative(_number(rows[b], k)))
+        return qd.add(y, qd.negative(number(rows[b], k)))
     if op == SCALE:
-        return qd.multiply(y, _number(constants[c], 0))
+        return qd.multiply(y, number(constants[c], 0))
     if op == RSUB:
         y = qd.negative(y)
-    return qd.add(y, _number(constants[c], 0)) if k == 0 else y
+    return qd.add(y, number(constants[c], 0)) if k == 0 else y
 
 
 @inner()
@@ -119,7 +118,7 @@ def at_minimum(row, degree, s, s_low):  # type: ignore[no-untyped-def]
     size = 0.0
     value = slope = half = 0.0, 0.0, 0.0, 0.0  # half the second derivative
     for k in range(degree, -1, -1):
-        c = _number(row, k)
+        c = number(row, k)
         size += abs(c[0])
         half = qd.add(qd.multiply(half, place), slope)
         slope = qd.add(qd.multiply(slope, place), value)
@@ -145,7 +144,7 @@ def value(row, degree, place):  # type: ignore[no-untyped-def]
     """Value of a polynomial as two doubles."""
     y = 0.0, 0.0, 0.0, 0.0
     for k in range(degree, -1, -1):
-        y = qd.add(qd.multiply(y, place), _number(row, k))
+        y = qd.add(qd.multiply(y, place), number(row, k))
     return _pair(y)
 
 
@@ -156,6 +155,14 @@ def _pair(y):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _number(row, k):  # type: ignore[no-untyped-def]
+def number(row, k):  # type: ignore[no-untyped-def]
+    """Coefficient k."""
     at = PARTS * k
     return row[at], row[at + 1], row[at + 2], row[at + 3]
+
+
+@inner()
+def put(row, k, y):  # type: ignore[no-untyped-def]
+    """Set coefficient k."""
+    at = PARTS * k
+    row[at], row[at + 1], row[at + 2], row[at + 3] = y
