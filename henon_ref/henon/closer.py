@@ -43,8 +43,14 @@ SETTLED, PLACED = 2.0**-180, 2.0**-60
 less than the other, of the step."""
 CURVED = 1e-6
 """A relative second derivative above this at a minimum makes it one of second order."""
+SECOND = 1e-10
+"""And one above this makes it one whose next derivatives need not be looked at."""
+HEAD = 26
+"""Coefficients that tell zeros next to 0 apart from the rest, to all digits."""
 LOST = 2.0**-106
 """A second double below this of the first is none."""
+UNCOUNTED = NOTHING * 2.0**-20
+"""Terms below this of the size do not count."""
 UNSEEN = 1e-20
 """Values below this of the size are not relied on where double-double has looked at a flat minimum."""
 _BEYOND = 1 + arb(2) ** -46
@@ -60,7 +66,7 @@ class Finding:
     lowest: bool
     """True where the guard has a minimum there (a touch, or a miss)."""
     parabolic: bool
-    """True where that is a minimum of second order."""
+    """True where that is for certain a minimum of second order."""
     time: Pair
     """The time of the root or the minimum, and what rounding it lost."""
     state: tuple[Pair, ...]
@@ -116,7 +122,7 @@ class CloserLook:
             if found is None:
                 q = fixed(series.coeffs()[zeros:])
                 what, lowest, part = decided(q, zeros, fixed_point(place))
-                parabolic = lowest and curvature([0] * zeros + q, part) > CURVED * ONE
+                parabolic = lowest and curvature([0] * zeros + q, part) > SECOND * ONE
                 found = what, lowest, parabolic, arb(part) / ONE
             what, lowest, parabolic, place = found
             return Finding(
@@ -132,17 +138,16 @@ def _apart(guard: arb_poly, zeros: int) -> arb_poly:
     c = guard.coeffs()
     q = c[zeros:]
     if len(q) > 1 and all(abs(low) <= BESIDE * abs(q[0]) for low in c[:zeros]):
-        factor = [arb(0)] * zeros
+        head, factor = arb_poly(c[: zeros + HEAD]), [arb(0)] * zeros
         for _ in range(ROUNDS):
             before = factor.copy()
             for i in range(zeros):
                 known = [factor[j] * q[i - j] for j in range(i) if i - j < len(q)]
                 factor[i] = ((c[i] - sum(known, arb(0))) / q[0]).mid()
-            for k in range(len(q) - 1, -1, -1):
-                above = range(max(zeros + k - len(q) + 1, 0), zeros)
-                q[k] = c[k + zeros] - sum((factor[j] * q[k + zeros - j] for j in above), arb(0))
             if all(abs(new - old) <= NOISE * abs(new) for new, old in zip(factor, before, strict=True)):
                 break
+            q = (head // arb_poly([*factor, 1])).coeffs()
+        q = (guard // arb_poly([*factor, 1])).coeffs()
     return arb_poly([0] * zeros + q)
 
 
@@ -181,7 +186,8 @@ def _at_minimum(guard: arb_poly, place: arb, width: arb | None) -> tuple[What, b
     parabolic = bend > CURVED * size
     depth = float(guard(bottom))
     touching = abs(depth) <= NOTHING * size
-    local = list(map(float, guard(arb_poly([bottom, 1])).coeffs()))
+    about = guard(arb_poly([bottom, 1])).coeffs()
+    local = list(map(float, about))
     point, order = lift(local, NOTHING * size / len(local))
     if order % 2:  # no minimum, a root of odd order
         return None
@@ -190,7 +196,7 @@ def _at_minimum(guard: arb_poly, place: arb, width: arb | None) -> tuple[What, b
     elif not parabolic:  # next to a flat minimum there may be roots that double-double has not seen
         width = arb(lift(local, UNSEEN * size)[0])
     if width is not None:
-        before, after = _beside(guard, bottom, point, width, size)
+        before, after = _beside(about, point, width, size)
         if touching or depth > 0.0:
             proven = all(before) and all(after)
         else:
@@ -198,14 +204,21 @@ def _at_minimum(guard: arb_poly, place: arb, width: arb | None) -> tuple[What, b
         if not proven:
             return None
     if touching or depth > 0.0:
-        return "touch" if touching else "miss", True, parabolic, bottom
+        return "touch" if touching else "miss", True, bend > SECOND * size, bottom
     q, high, across = fixed(coefficients), fixed_point(bottom), CLOSE
     while horner(q, high - across) <= 0:
         across *= 4
     return "root", False, False, arb(rising_root([-c for c in q], high - across, high)) / ONE
 
 
-def _beside(guard: arb_poly, place: arb, point: float, width: arb, size: float) -> list[list[bool]]:
-    """Signs of a guard's Bernstein coefficients on both sides of a place, from one distance to another."""
-    sides = [guard(arb_poly([place + side * point, side * (width - point)])).coeffs() for side in (-1, 1)]
+def _beside(about: Sequence[arb], point: float, width: arb, size: float) -> list[list[bool]]:
+    """Signs of a guard's Bernstein coefficients on both sides of a place, from one distance to another.
+
+    ``about`` are its Taylor coefficients there; the last ones do not count.
+    """
+    reach, count = float(width), len(about)
+    while count > 1 and abs(float(about[count - 1])) * reach ** (count - 1) <= UNCOUNTED * size:
+        count -= 1
+    kept = arb_poly(about[:count])
+    sides = [kept(arb_poly([side * point, side * (width - point)])).coeffs() for side in (-1, 1)]
     return [signs_of(bernstein([fixed_point(c / size) for c in side])) for side in sides]

@@ -1,4 +1,4 @@
-"""Flat roots in quad-double: touches of even order above two, and crossings of odd order, of motions that are polynomials.
+"""Flat roots of polynomial motions in quad-double: touches of order four and more, crossings of odd order.
 
 Next to a root of order m nothing is told from zero in 1/m of the digits. Its place is a simple root of derivative
 m - 1. The polynomial is recentred there, and the root is told where its first term outweighs all behind it up to where

@@ -11,13 +11,15 @@ from flint import arb, arb_poly
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 from henon_ref.taylor.expand import Ring, expand
-from henon_ref.taylor.polynomials import Step, plan, polynomials
+from henon_ref.taylor.polynomials import Plan, function, plan, polynomials
 from henon_ref.taylor.tape import Tape, build_tape
 
 ORDER = 192
 """Highest order of an expansion; it ends before where its terms count for nothing."""
 NEGLIGIBLE = 1e-50
 """What counts for nothing, relative to the sum of all terms on the step."""
+ORDERS = (48, 96, ORDER)
+"""Orders of a function of polynomials."""
 LEAST = 48
 """Order before which it does not end: terms may be missing at first."""
 QUIET = 4
@@ -33,7 +35,7 @@ class _ModeTape:
     tape: Tape
     numbers: list[arb]
     constants: list[arb_poly]
-    plans: dict[int, list[Step] | None] = field(default_factory=dict)
+    plans: dict[int, Plan | None] = field(default_factory=dict)
 
 
 class Motions:
@@ -63,12 +65,25 @@ class Motions:
         tape = made.tape
         if guard not in made.plans:
             made.plans[guard] = plan(tape, guard)
-        steps = made.plans[guard]
-        if steps is not None:
-            values = polynomials(steps, tape, made.constants, time, state, unit)
-            return values[: len(state)], values[tape.outputs[guard]]
+        known = made.plans[guard]
+        if known is not None:
+            values = polynomials(known.motion, tape, made.constants, time, state, unit)
+            if not known.functions:
+                return values[: len(state)], values[tape.outputs[guard]]
+            for order in ORDERS:
+                series = function(known, tape, made.numbers, values, guard, order)
+                if series.length() <= order or _faded([series.coeffs()]):
+                    break
+            return values[: len(state)], series
         states, outputs = expand(
-            tape, made.numbers, time, state, ORDER, _RING, unit, lambda x, y: _faded([*x, y[guard]])
+            tape,
+            made.numbers,
+            time,
+            state,
+            ORDER,
+            _RING,
+            unit,
+            lambda x, y: len(x[0]) > LEAST and len(x[0]) % QUIET == 1 and _faded([*x, y[guard]]),
         )
         return [arb_poly(series) for series in states], arb_poly(outputs[guard])
 
@@ -80,8 +95,6 @@ class Motions:
 
 
 def _faded(rows: Sequence[Sequence[arb]]) -> bool:
-    """True if the last terms of some series count for nothing where its variable is 1; looked at now and then."""
-    if len(rows[0]) <= LEAST or len(rows[0]) % QUIET != 1:
-        return False
+    """True if the last terms of some series count for nothing where their variable is 1."""
     sizes = (list(map(abs, map(float, row))) for row in rows)
     return all(max(terms[-QUIET:]) <= NEGLIGIBLE * sum(terms) for terms in sizes)

@@ -178,7 +178,7 @@ def look_near(  # type: ignore[no-untyped-def]
         floats[F_NEAR], floats[F_NEAR_LOW] = dd.multiply(s, s_low, unit, 0.0)
         floats[F_CLEAR] = min(clear * unit, floats[F_NEAR])
     order = 2
-    if zeros == 0 and (outcome == UNSURE or outcome == OPEN):
+    if zeros == 0 and outcome in (UNSURE, OPEN):
         sure = outcome == OPEN and clear == s
         told, order = _told(floats, codes, constants, field, row, unit, s, s_low, sure, x, x_low, high, work)
         outcome = outcome if told == UNSURE else told
