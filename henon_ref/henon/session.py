@@ -9,11 +9,44 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.henon import registers as k
 from henon_ref.henon.blocks import KINDS, TransitionBlock
 from henon_ref.henon.kernel import advance
 from henon_ref.henon.near import arrive, settle_touch
 from henon_ref.henon.recording import crowded, record
+from henon_ref.henon.registers import (
+    ACCUMULATED,
+    CROSS,
+    DIVERGED,
+    DOUBTFUL,
+    F_LOW,
+    F_REACH,
+    F_STATE,
+    F_TIME,
+    F_UNTIL,
+    F_UNTIL_LOW,
+    FREE,
+    FULL,
+    G_AFTER,
+    G_INDEX,
+    G_STUCK,
+    HORIZON,
+    I_BLOCK,
+    I_COUNT,
+    I_EVENTS,
+    I_GUARD,
+    I_LANDING,
+    I_MODE,
+    I_SAMPLE,
+    I_SIZE,
+    I_STEPS,
+    I_WHAT,
+    NOWHERE,
+    PAUSE,
+    RESOLVE,
+    STALLED,
+    STICK,
+    UNKNOWN,
+)
 from henon_ref.henon.window import MISS, OPEN, PASSED, ROOT, TOUCH, UNSURE
 from henon_ref.model.decision import ended
 from henon_ref.model.equations import Guard
@@ -48,7 +81,16 @@ class Session:
         Seconds after which the run stops with status ``timeout``.
     block : int
         Transitions kept in one block of memory, CHUNK at most; 1 to stop at each.
+
+    Attributes
+    ----------
+    blocks : list of ndarray
+        Transitions that have left the loop's own memory.
+    ended : Trajectory or None
+        How the run ended, once :meth:`stream` is through.
     """
+
+    __slots__ = ("blocks", "deadline", "ended", "engine", "floats", "integers", "samples", "start")
 
     def __init__(
         self,
@@ -63,55 +105,54 @@ class Session:
         floats, integers = start.arrays
         self.floats, self.integers = floats.copy(), integers.copy()
         if block != CHUNK:
-            self.integers[k.I_BLOCK] = block
+            self.integers[I_BLOCK] = block
         self.samples = _NO_SAMPLES
         if sample_times is not None:
             self.samples = np.full((sample_times.size, len(start.x) + 2), np.nan)
             self.samples[:, 0] = sample_times
         self.blocks: list[NDArray[np.float64]] = []
         self.ended: Trajectory | None = None
-        """How the run ended, once :meth:`stream` is through."""
 
     @property
     def until(self) -> tuple[float, float]:
         """Horizon [s] and what rounding it lost; a later one may be set to go on from where the run stands."""
-        return self.floats.item(k.F_UNTIL), self.floats.item(k.F_UNTIL_LOW)
+        return self.floats.item(F_UNTIL), self.floats.item(F_UNTIL_LOW)
 
     @until.setter
     def until(self, until: tuple[float, float]) -> None:
-        self.floats[k.F_UNTIL], self.floats[k.F_UNTIL_LOW] = until
+        self.floats[F_UNTIL], self.floats[F_UNTIL_LOW] = until
 
     @property
     def x(self) -> NDArray[np.float64]:
         """Present state, shape (n,): a view."""
-        return self.floats[k.F_STATE : k.F_STATE + len(self.start.x)]
+        return self.floats[F_STATE : F_STATE + len(self.start.x)]
 
     @property
     def x_low(self) -> NDArray[np.float64]:
         """What rounding it lost: a view; whoever changes ``x`` sets it to 0 there."""
-        return self.floats[k.F_STATE + len(self.start.x) :]
+        return self.floats[F_STATE + len(self.start.x) :]
 
     @property
     def multiplicity(self) -> NDArray[np.int64]:
         """Known zeros of each guard at the present point: a view."""
-        return self.integers[k.I_SIZE : k.I_SIZE + len(self.start.zeros)]
+        return self.integers[I_SIZE : I_SIZE + len(self.start.zeros)]
 
     @property
     def hits(self) -> NDArray[np.int64]:
         """1 for each guard that is at zero: a view."""
-        return self.integers[k.I_SIZE + len(self.start.zeros) :]
+        return self.integers[I_SIZE + len(self.start.zeros) :]
 
     def _close_block(self) -> None:
-        self.blocks.append(self.engine.scratch.records[: self.integers[k.I_COUNT]].copy())
-        self.integers[k.I_COUNT] = 0
+        self.blocks.append(self.engine.scratch.records[: self.integers[I_COUNT]].copy())
+        self.integers[I_COUNT] = 0
 
     def run(self) -> Trajectory:
         """Go to the horizon (or to where the run ends before it)."""
-        near = self.engine.near
-        began = time.perf_counter() - near.loading_s
+        deadline, near = self.deadline, self.engine.near
+        began = 0.0 if deadline is None else time.perf_counter() - near.loading_s
         while (end := self._advance()) is None:
-            if self.deadline is not None and time.perf_counter() - began - near.loading_s > self.deadline:
-                return self._end("timeout", f"stopped after {self.deadline:g} s at t = {self.time:.17g}")
+            if deadline is not None and time.perf_counter() - began - near.loading_s > deadline:
+                return self._end("timeout", f"stopped after {deadline:g} s at t = {self.time:.17g}")
         return end
 
     def stream(self) -> Iterator[TransitionBlock]:
@@ -129,9 +170,9 @@ class Session:
 
     def next_event(self) -> Transition | Trajectory:
         """Go to the next transition; the trajectory instead where the run ends before one."""
-        self.integers[k.I_COUNT] = 0
+        self.integers[I_COUNT] = 0
         while (end := self._advance(stop=True)) is None:
-            if self.integers[k.I_COUNT]:
+            if self.integers[I_COUNT]:
                 return TransitionBlock(self.engine.scratch.records[:1], self.engine.compiled.modes)[0]
         return end
 
@@ -140,7 +181,7 @@ class Session:
         row = self.engine.compiled.compile(mode)
         if row is None:
             return False
-        self.integers[k.I_MODE] = row
+        self.integers[I_MODE] = row
         orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, active, zero=zero)
         self.multiplicity[: len(orders)] = orders
         return True
@@ -152,12 +193,12 @@ class Session:
     @property
     def time(self) -> float:
         """Present time [s], rounded to double."""
-        return self.floats.item(k.F_TIME)
+        return self.floats.item(F_TIME)
 
     @property
     def mode(self) -> Mode:
         """Present mode."""
-        return self.engine.compiled.modes[self.integers[k.I_MODE]]
+        return self.engine.compiled.modes[self.integers[I_MODE]]
 
     def _advance(self, *, stop: bool = False) -> Trajectory | None:
         """Let the compiled loop run until it needs something; None if the run goes on."""
@@ -170,20 +211,20 @@ class Session:
             self.floats, self.integers, engine.scratch.work, engine.compiled.tables, engine.compiled.numbers,
             engine.settling, self.samples,
         )  # fmt: skip
-        if code == k.HORIZON:
+        if code == HORIZON:
             return self._end("ok", "")
-        if code == k.FULL and not stop:
+        if code == FULL and not stop:
             self._close_block()
-        elif code in (k.RESOLVE, k.DOUBTFUL, k.UNKNOWN):
+        elif code in (RESOLVE, DOUBTFUL, UNKNOWN):
             why = None
-            if code == k.UNKNOWN:
+            if code == UNKNOWN:
                 why = self._go_on()
-            elif code == k.RESOLVE:
+            elif code == RESOLVE:
                 why = self._resolve()
             elif self._closer_look():
                 why = self._resolve(zero=PROVEN)
             return None if why is None else self._end(*why)
-        elif code not in (k.FULL, k.PAUSE):
+        elif code not in (FULL, PAUSE):
             return self._end(*self._why(code))
         return None
 
@@ -192,14 +233,14 @@ class Session:
 
         True if there is an event to resolve there.
         """
-        row, guard = self.integers.item(k.I_MODE), self.integers.item(k.I_GUARD)
+        row, guard = self.integers.item(I_MODE), self.integers.item(I_GUARD)
         compiled = self.engine.compiled
         mode = compiled.modes[row]
         outcome = self.engine.near.look(self.floats, self.integers, mode, compiled.tables[row])
         if outcome in (UNSURE, OPEN):
             outcome = self._closest_look(mode, guard, outcome == OPEN)
         if outcome == TOUCH:  # a stick whose own end is touched goes on, and nothing is told
-            self._record(_GRAZE, compiled.tables.item(row, 1 + guard, k.G_INDEX), row, row)
+            self._record(_GRAZE, compiled.tables.item(row, 1 + guard, G_INDEX), row, row)
         return outcome == ROOT and bool(self.hits[guard])
 
     def _closest_look(self, mode: Mode, guard: int, at_minimum: bool) -> int:
@@ -208,11 +249,11 @@ class Session:
         ``at_minimum``: double-double has found one, whose sign is open, and nothing else is but a window before it.
         """
         compiled, floats, zeros = self.engine.compiled, self.floats, self.multiplicity.item(guard)
-        time, low, *_, near, near_low, clear, reach = floats[: k.F_REACH + 1].tolist()
+        time, low, *_, near, near_low, clear, reach = floats[: F_REACH + 1].tolist()
         where, known = compiled.places(mode)[guard], clear if at_minimum else None
         state = list(zip(self.x.tolist(), self.x_low.tolist(), strict=True))
         found = self.engine.closer.look(mode, where, zeros, (time, low), state, (near, near_low), reach, known)
-        floats[k.F_TIME], floats[k.F_LOW] = found.time
+        floats[F_TIME], floats[F_LOW] = found.time
         self.x[:] = [high for high, _ in found.state]
         self.x_low[:] = [low for _, low in found.state]
         if found.what == "touch":
@@ -226,28 +267,28 @@ class Session:
         return outcome
 
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:
-        if self.integers[k.I_COUNT] >= self.integers[k.I_BLOCK]:
+        if self.integers[I_COUNT] >= self.integers[I_BLOCK]:
             self._close_block()
-        landing = self.integers.item(k.I_LANDING)
+        landing = self.integers.item(I_LANDING)
         record(self.floats, self.integers, self.x, self.engine.scratch.records, kind, surface, source, target, landing)
 
     def _go_on(self) -> tuple[Status, str] | None:
         """Complete a transition that is decided, into a mode that has no row yet."""
-        compiled, row, hit = self.engine.compiled, int(self.integers[k.I_MODE]), int(self.integers[k.I_GUARD])
-        guard, what = self._guards[hit], int(self.integers[k.I_WHAT])
-        after = replaced(self.mode, guard.index, 0 if what == k.STICK else guard.to_sign)
-        zeros = {k.STICK: 0, k.CROSS: 1}.get(what, int(compiled.tables[row, 1 + hit, k.G_STUCK]))
+        compiled, row, hit = self.engine.compiled, int(self.integers[I_MODE]), int(self.integers[I_GUARD])
+        guard, what = self._guards[hit], int(self.integers[I_WHAT])
+        after = replaced(self.mode, guard.index, 0 if what == STICK else guard.to_sign)
+        zeros = {STICK: 0, CROSS: 1}.get(what, int(compiled.tables[row, 1 + hit, G_STUCK]))
         target = compiled.compile(after)
-        if target is None or (what == k.FREE and zeros == 0):  # no such mode, or zeros that have to be measured
+        if target is None or (what == FREE and zeros == 0):  # no such mode, or zeros that have to be measured
             return self._resolve()
-        compiled.tables[row, 1 + hit, k.G_STUCK if what == k.STICK else k.G_AFTER] = target
+        compiled.tables[row, 1 + hit, G_STUCK if what == STICK else G_AFTER] = target
         self._record(what, guard.index, row, target)
-        self.integers[k.I_MODE] = target
+        self.integers[I_MODE] = target
         self.multiplicity[:] = 0
         for g, own in enumerate(compiled.guards(after)):
             if own.kind == "surface" and own.index == guard.index:
                 self.multiplicity[g] = zeros
-        return self._why(k.ACCUMULATED) if crowded(self.floats, self.integers) else None
+        return self._why(ACCUMULATED) if crowded(self.floats, self.integers) else None
 
     def _resolve(self, zero: float = ZERO) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
@@ -257,22 +298,22 @@ class Session:
         decision = self.engine.switching.after_event(self.time, x, before, hits, zero=zero)
         if decision.mode is None:
             return decision.ending, decision.reason
-        early = self.integers[k.I_GUARD] == k.NOWHERE
+        early = self.integers[I_GUARD] == NOWHERE
         # Where no step was taken, surfaces left a moment ago are still as good as touched.
         fresh = {g.index for g, zeros in zip(self._guards, self.multiplicity, strict=False) if zeros and early}
         active = sorted(
             fresh | {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0}
         )
-        source = self.integers[k.I_MODE]
+        source = self.integers[I_MODE]
         if not self._enter(decision.mode, active, zero):
             return "failed", f"the mode after t = {self.time:.17g} has no equations"
         changed = [i for i in active if decision.mode[i] != before[i]]
         touched = changed or ([] if early else sorted({g.index for g in hits}))
         for i in touched:
             kind = KINDS.index(transition_kind(before[i], decision.mode[i]))
-            self._record(kind, i, int(source), int(self.integers[k.I_MODE]))
+            self._record(kind, i, int(source), int(self.integers[I_MODE]))
         if crowded(self.floats, self.integers):
-            return self._why(k.ACCUMULATED)
+            return self._why(ACCUMULATED)
         return None
 
     def _ended(self) -> Guard | None:
@@ -302,16 +343,16 @@ class Session:
     def _why(self, code: int) -> tuple[Status, str]:
         at = f"t = {self.time:.17g}"
         grown = np.abs(self.x).max() > 1e8 * max(1.0, *(abs(v[0]) for v in self.start.x))
-        if code == k.DIVERGED or (code == k.STALLED and grown):
+        if code == DIVERGED or (code == STALLED and grown):
             return "diverged", f"the state leaves every bound at {at}"
-        singular = self._ended() if code == k.STALLED else None
+        singular = self._ended() if code == STALLED else None
         if singular is not None:
             return self._fallen(singular)
-        if code == k.STALLED:
+        if code == STALLED:
             return "failed", f"the step size fell to zero at {at}: {self._singular()} there"
-        if code == k.ACCUMULATED:
+        if code == ACCUMULATED:
             return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
-        return self._fallen(self._guards[self.integers[k.I_GUARD]])
+        return self._fallen(self._guards[self.integers[I_GUARD]])
 
     def _fallen(self, guard: Guard) -> tuple[Status, str]:
         """How the run ends here for a guard that ends it."""
@@ -322,15 +363,16 @@ class Session:
     def _end(self, status: Status, reason: str) -> Trajectory:
         integers, modes = self.integers.tolist(), self.engine.compiled.modes
         transitions: Sequence[Transition] = ()
-        if integers[k.I_COUNT] or self.blocks:
-            records = self.engine.scratch.records[: integers[k.I_COUNT]].copy()
+        if integers[I_COUNT] or self.blocks:
+            records = self.engine.scratch.records[: integers[I_COUNT]].copy()
             transitions = TransitionBlock(np.concatenate([*self.blocks, records]) if self.blocks else records, modes)
         samples = sample_modes = None
         if self.samples is not _NO_SAMPLES:
             samples = self.samples[:, 1:-1]
-            sample_modes = tuple(modes[int(m)] for m in self.samples[: integers[k.I_SAMPLE], -1])
+            sample_modes = tuple(modes[int(m)] for m in self.samples[: integers[I_SAMPLE], -1])
         # As the tuples they are, past Python's constructors: a tenth of a short run.
-        counts = _tuple(Counts, integers[k.I_STEPS : k.I_EVENTS + 1])
-        x, mode = tuple(self.x.tolist()), modes[integers[k.I_MODE]]
-        fields = status, transitions, self.time, x, mode, reason, counts, 0.0, samples, sample_modes
+        counts = _tuple(Counts, integers[I_STEPS : I_EVENTS + 1])
+        x = tuple(self.floats[F_STATE : F_STATE + len(self.start.x)].tolist())
+        end = self.floats.item(F_TIME), x, modes[integers[I_MODE]]
+        fields = status, transitions, *end, reason, counts, 0.0, samples, sample_modes
         return _tuple(Trajectory, fields)
