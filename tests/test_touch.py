@@ -12,6 +12,7 @@ import pytest
 import sympy as sp
 from flint import arb, ctx
 from numpy.typing import NDArray
+from problems import make_problem
 
 from henon_ref.henon import quaddouble as qd
 from henon_ref.henon import registers as k
@@ -49,8 +50,8 @@ def combined(product, a, b, results):  # type: ignore[no-untyped-def]
 
 
 @njit()
-def expanded(codes, constants, field, t, t_low, x, x_low, unit, rows):  # type: ignore[no-untyped-def]
-    return touch.expand(codes, constants, field, t, t_low, x, x_low, unit, rows)
+def expanded(codes, constants, field, guard, t, t_low, x, x_low, unit, rows):  # type: ignore[no-untyped-def]
+    return touch.expand(codes, constants, field, guard, t, t_low, x, x_low, unit, rows)
 
 
 def ball(parts: Sequence[float]) -> arb:
@@ -91,7 +92,7 @@ def test_a_motion_is_expanded_as_in_balls(field: tuple[sp.Expr, ...], output: sp
     made = np.zeros((rows, 4 * (touch.HIGHEST + 1)))
     start = (0.3, 1e-18), ((0.7, -2e-17), (-1.1, 1e-17))
     x, low = np.array([s[0] for s in start[1]]), np.array([s[1] for s in start[1]])
-    degree = expanded(codes, constants, rates, *start[0], x, low, 0.625, made)
+    degree = expanded(codes, constants, rates, outputs[0], *start[0], x, low, 0.625, made)
     assert 2 <= degree <= 10
     exact_constants = [arb(str(sp.N(c, 80))) for c in tape.constants]
     ring = Ring({}, arb.__pow__)
@@ -106,9 +107,18 @@ def test_a_motion_is_expanded_as_in_balls(field: tuple[sp.Expr, ...], output: sp
 @pytest.mark.parametrize("field", [sp.sin(X), 1 / (2 + X), sp.sqrt(2 + X)])
 def test_a_motion_that_is_no_polynomial_is_left_alone(field: sp.Expr) -> None:
     tape = build_tape((X,), (field,), (X,))
-    codes, constants, rates, _, rows = program(tape, [quad_double(c) for c in tape.constants])
+    codes, constants, rates, outputs, rows = program(tape, [quad_double(c) for c in tape.constants])
     work = np.zeros((rows, 4 * (touch.HIGHEST + 1)))
-    assert expanded(codes, constants, rates, 0.0, 0.0, np.ones(1), np.zeros(1), 1.0, work) == -1
+    assert expanded(codes, constants, rates, outputs[0], 0.0, 0.0, np.ones(1), np.zeros(1), 1.0, work) == -1
+
+
+@pytest.mark.parametrize("shape", ["exp(x/3)", "2 + sin(x)", "sqrt(2 + x)", "exp(x)*(3 + sin(5*x))", "exp(-3*x)"])
+def test_a_touch_of_a_function_of_a_polynomial_motion_is_not_missed(shape: str) -> None:
+    """x = t + t^2 / 2: the motion is a polynomial, the guard is none."""
+    problem = make_problem("x v", ["v", "1"], {"s": f"(x - 1)**2*({shape})"}, [0, 1], 2)
+    for rtol in (1e-9, 1e-12):
+        (graze,) = HENON_SOLVER.prepare(problem, rtol=rtol)().transitions
+        assert (graze.kind, graze.time) == ("graze", pytest.approx(np.sqrt(3) - 1, abs=1e-15))
 
 
 def looked_at(surface: sp.Expr) -> tuple[int, NDArray[np.float64]]:

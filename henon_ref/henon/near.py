@@ -217,7 +217,7 @@ def _told(floats, codes, constants, field, row, unit, s, s_low, sure, x, x_low, 
 
     ``sure``: the place is a minimum, and nothing is open but the sign there.
     """
-    degree = expand(codes, constants, field, floats[F_TIME], floats[F_LOW], x, x_low, unit, rows)
+    degree = expand(codes, constants, field, row, floats[F_TIME], floats[F_LOW], x, x_low, unit, rows)
     if degree < 0:
         return UNSURE, 2
     outcome, place, order = UNSURE, (s, s_low, 0.0, 0.0), 2

@@ -47,12 +47,12 @@ _INVERSES = np.array([quad_double(sp.Rational(1, max(k, 1))) for k in range(HIGH
 
 
 @inner()
-def expand(codes, constants, field, t, t_low, x, x_low, unit, rows):  # type: ignore[no-untyped-def]
+def expand(codes, constants, field, guard, t, t_low, x, x_low, unit, rows):  # type: ignore[no-untyped-def]
     """Coefficients of a motion that is a polynomial, and of what is one along it, in units of ``unit``.
 
-    Parameters as those of :func:`henon_ref.henon.fine.expand_fine`, but that ``constants`` hold four doubles each and
-    coefficient k of row i is ``rows[i, 4 k : 4 k + 4]``. Returns the highest degree; -1 where the motion, or something
-    along it, needs more than sums and products.
+    Parameters as those of :func:`henon_ref.henon.fine.expand_fine`, but that ``constants`` hold four doubles each,
+    ``guard`` is the row that is asked for and coefficient k of row i is ``rows[i, 4 k : 4 k + 4]``. Returns the highest
+    degree; -1 where the motion or the guard is no polynomial, or something along it needs more than sums and products.
     """
     degree = 0
     for i in range(len(codes)):
@@ -60,7 +60,7 @@ def expand(codes, constants, field, t, t_low, x, x_low, unit, rows):  # type: ig
             degree = max(degree, codes[i, DEGREE])
             if codes[i, OP] > MUL and codes[i, OP] != SQUARE:
                 return -1
-        elif codes[i, OP] == STATE:
+        elif codes[i, OP] == STATE or codes[i, OWN] == guard:
             return -1
     if degree > HIGHEST:
         return -1
