@@ -84,3 +84,13 @@ def test_both_routes_to_the_truth_end_there(field: Sequence[str], status: str, t
     assert bool(proof.undecided) == (status == "failed")
     if not proof.undecided:
         assert (proof.status, float(proof.end_digits)) == (status, time)
+
+
+def test_a_slide_is_not_divided_by_what_is_no_determinant() -> None:
+    """The first entry of the signs' matrix vanishes at t = 1, its determinant does not."""
+    system = make_problem("x y", ["(t - 1)*s/10 + 2*u - 1", "-2*s - u"], {"s": "x", "u": "y"}, [0, 0], 2).system
+    signs = system.equations((0, 0)).equivalent_signs
+    s, u = sp.symbols("s u")
+    exact = sp.solve([(TIME - 1) * s / 10 + 2 * u - 1, -2 * s - u], [s, u])
+    assert [sp.simplify(signs[i] - exact[v]) for i, v in enumerate((s, u))] == [0, 0]
+    assert all(v.subs(TIME, 1).is_finite for v in signs.values())

@@ -82,13 +82,10 @@ def filippov_sliding(
     coupled = any(slope[i][j] != 0 for i in range(len(signs)) for j in range(len(signs)) if i != j)
     guards: list[Guard] = []
     if coupled:
-        try:
-            solution = sp.Matrix(slope).LUsolve(-sp.Matrix(rest))
-        except sp.matrices.exceptions.NonInvertibleMatrixError as error:
+        solution = _solution(sp.Matrix(slope), -sp.Matrix(rest), {TIME, *states, *system.signs})
+        if solution is None:
             names = ", ".join(s.name for s in signs)
-            raise ModelError(
-                f"the field does not settle the signs of the surfaces it should slide on: {names}"
-            ) from error
+            raise ModelError(f"the field does not settle the signs of the surfaces it should slide on: {names}")
         equivalent = {s: solution[i] for i, s in enumerate(signs)}
         for i, s in zip(sliding, signs, strict=True):
             guards.append(Guard("release", i, 1, 1 - equivalent[s]))
@@ -110,6 +107,22 @@ def filippov_sliding(
         others = along(h, states, tuple(rates))
         result[k] = -others.xreplace(on_surface) / sp.diff(h, states[k])
     return tuple(result), tuple(guards), {i: equivalent[s] for i, s in zip(sliding, signs, strict=True)}
+
+
+def _solution(matrix: sp.Matrix, right: sp.Matrix, moving: set[sp.Symbol]) -> sp.Matrix | None:
+    """Solution of a linear system; None where there is none, or more than one.
+
+    Where the matrix moves by Cramer's rule: a pivot of an elimination may vanish where the determinant does not.
+    """
+    if not matrix.free_symbols & moving:
+        try:
+            return matrix.LUsolve(right)
+        except sp.matrices.exceptions.NonInvertibleMatrixError:
+            return None
+    determinant = sp.expand(matrix.det(method="berkowitz"))
+    if determinant == 0:
+        return None
+    return matrix.adjugate(method="berkowitz").applyfunc(sp.expand) * right / determinant
 
 
 def _simplified(slope: sp.Expr) -> sp.Expr:
