@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from henon_ref.henon import quaddouble as qd
 from henon_ref.henon.isolation import NOTHING
-from henon_ref.henon.touch import number, put
+from henon_ref.henon.quadseries import number, put
 from henon_ref.henon.window import ROOT, TOUCH, UNSURE, stays_clear
 from henon_ref.jit import inner
 
+HIGHEST = 15
+"""Highest degree of a polynomial that is looked at here."""
 ROUNDS = 20
 """Steps of Newton's method after which the root is not found."""
 LEVEL = 1e-61

@@ -19,9 +19,10 @@ from henon_ref.henon import doubledouble as dd
 from henon_ref.henon.compiled import quad_double, speeds
 from henon_ref.henon.events import at_zero
 from henon_ref.henon.fine import expand_fine
-from henon_ref.henon.flat import at_flat_root
+from henon_ref.henon.flat import HIGHEST, at_flat_root
 from henon_ref.henon.polynomial import factored
 from henon_ref.henon.program import program
+from henon_ref.henon.quadseries import WIDTH, expand
 from henon_ref.henon.registers import (
     F_BEYOND,
     F_CLEAR,
@@ -50,7 +51,7 @@ from henon_ref.henon.registers import (
     VALID,
 )
 from henon_ref.henon.stepping import remaining
-from henon_ref.henon.touch import along, at_minimum, expand, value
+from henon_ref.henon.touch import along, at_minimum, value
 from henon_ref.henon.window import (
     ACROSS,
     BEYOND,
@@ -115,14 +116,14 @@ class NearLook:
         sides = [speed.xreplace(signs) for speed in speeds(system, equations.guards)]
         tape = build_tape(system.states, equations.field, [*(g.expression for g in equations.guards), *sides])
         codes, constants, field, outputs, rows = program(tape, [quad_double(system.numeric(c)) for c in tape.constants])
-        shapes = [(2, rows, ORDER + 1), (rows,), (4 + HALVINGS, ORDER + 1)]
+        shapes = [(2, rows, ORDER + 1), (rows, WIDTH), (rows,), (4 + HALVINGS, ORDER + 1)]
         where = np.concatenate([self._places(mode), field, outputs])
         return codes, constants, where, *(np.zeros(shape) for shape in shapes)
 
 
 @njit()
 def look_near(  # type: ignore[no-untyped-def]
-    floats, integers, layout, codes, constants, rows, series, sizes, work,
+    floats, integers, layout, codes, constants, rows, series, quads, sizes, work,
 ):  # fmt: skip
     """Decide a doubtful event and go there.
 
@@ -138,8 +139,8 @@ def look_near(  # type: ignore[no-untyped-def]
     rows : ndarray of int, shape (guards + n + 3 G,)
         Where the guards of the table stand among the G (-1 for those that have no place there); rows of the field and
         of the outputs.
-    series, sizes : ndarray, shapes (2, rows, ORDER + 1) and (rows,)
-        Work space of :func:`henon_ref.henon.fine.expand_fine`.
+    series, quads, sizes : ndarray, shapes (2, rows, ORDER + 1), (rows, WIDTH) and (rows,)
+        Work space of :func:`henon_ref.henon.fine.expand_fine` and of :func:`henon_ref.henon.quadseries.expand`.
     work : ndarray, shape (4 + HALVINGS, ORDER + 1)
         Work space.
 
@@ -180,7 +181,9 @@ def look_near(  # type: ignore[no-untyped-def]
     order = 2
     if zeros == 0 and outcome in (UNSURE, OPEN):
         sure = outcome == OPEN and clear == s
-        told, order = _told(floats, codes, constants, field, row, unit, s, s_low, sure, x, x_low, high, work)
+        told, order = _told(
+            floats, integers, codes, constants, field, places[guard], row, unit, s, s_low, sure, quads, sizes, work
+        )
         outcome = outcome if told == UNSURE else told
     if outcome == TOUCH:
         outcome = settle_touch(floats, integers, layout)
@@ -212,22 +215,24 @@ def look_near(  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _told(floats, codes, constants, field, row, unit, s, s_low, sure, x, x_low, rows, work):  # type: ignore[no-untyped-def]
+def _told(floats, integers, codes, constants, field, output, row, unit, s, s_low, sure, rows, sizes, work):  # type: ignore[no-untyped-def]
     """Go to what is told in quad-double, a TOUCH, a MISS or a flat ROOT, of which the order is told, too; else UNSURE.
 
     ``sure``: the place is a minimum, and nothing is open but the sign there.
     """
-    degree = expand(codes, constants, field, row, floats[F_TIME], floats[F_LOW], x, x_low, unit, rows)
+    n, least = field.size, integers[I_ORDER]
+    t, t_low, x, x_low = floats[F_TIME], floats[F_LOW], floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
+    degree = expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, least, rows, sizes)
     if degree < 0:
         return UNSURE, 2
     outcome, place, order = UNSURE, (s, s_low, 0.0, 0.0), 2
     if sure:
         outcome, place = at_minimum(rows[row], degree, s, s_low)
-    if outcome == UNSURE:
+    if outcome == UNSURE and degree <= HIGHEST:
         outcome, place, order = at_flat_root(rows[row], degree, s if sure else floats[F_NEAR] / unit, work)
     if outcome != UNSURE:
-        floats[F_TIME], floats[F_LOW] = along(floats[F_TIME], floats[F_LOW], unit, place)
-        for i in range(x.size):
+        floats[F_TIME], floats[F_LOW] = along(t, t_low, unit, place)
+        for i in range(n):
             x[i], x_low[i] = value(rows[i], degree, place)
     return outcome, order
 

@@ -6,7 +6,7 @@ k a_k), a product or a quotient, and an integral that starts with f(a_0).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,9 +18,10 @@ from henon_ref.taylor.tape import INFINITE, Node, Tape
 CONSTANT, CLOCK, STATE, ADD, SUB, SCALE, SHIFT, RSUB, SLOPE, MUL, SQUARE, SQRT, DIV, RECIP = range(14)
 SIN, TAN, SINH, COSH, TANH, EXP, LOG, ASIN, ATAN, POWER, COS, ACOS = range(14, 26)
 # Columns of a program's codes: operation; row it writes, rows it reads; its constant (a clock's slope is in B);
-# first index of a sum; degrees in time of its own series and of those it reads.
-OP, OWN, A, B, C, FIRST, DEGREE, DEGREE_A, DEGREE_B = range(9)
-COLUMNS = 9
+# first index of a sum; degrees in time of its own series and of those it reads; bits of the outputs that need it (the
+# last bit stands for all from the 62nd on).
+OP, OWN, A, B, C, FIRST, DEGREE, DEGREE_A, DEGREE_B, NEEDED = range(10)
+COLUMNS = 10
 
 _PLAIN = {
     "constant": CONSTANT,
@@ -61,6 +62,9 @@ class Program(NamedTuple):
 def program(tape: Tape, numbers: Sequence[Sequence[float]]) -> Program:
     """Lower a tape; ``numbers`` are its constants as four doubles each, largest first."""
     lowered = _Lowered(tape)
+    lowered.mark(range(len(tape.field)), tape.field, -1)
+    for i, row in enumerate(tape.outputs):
+        lowered.mark([row], tape.field, 1 << min(i, 62))
     return Program(
         np.array(lowered.codes, dtype=np.int64).reshape(-1, COLUMNS),
         np.array([*numbers, (0.0,) * 4], dtype=np.float64),
@@ -86,8 +90,27 @@ class _Lowered:
             own = len(self.degrees)
             self.degrees.append(self.degrees[a] if op == SLOPE else INFINITE)
         degrees = [self.degrees[row] for row in (own, a, b)] if op not in (CONSTANT, CLOCK) else [self.degrees[own]] * 3
-        self.codes.append([op, own, a, b, c, first, *degrees])
+        self.codes.append([op, own, a, b, c, first, *degrees, 0])
         return own
+
+    def mark(self, rows: Iterable[int], field: Sequence[int], bits: int) -> None:
+        """Note in all codes that some rows come from who needs them."""
+        codes = {code[OWN]: code for code in self.codes}
+        waiting, seen = [*rows], set[int]()
+        while waiting:
+            row = waiting.pop()
+            if row in seen:
+                continue
+            seen.add(row)
+            code = codes[row]
+            code[NEEDED] |= bits
+            op = code[OP]
+            if op == STATE:
+                waiting.append(field[row])
+            elif op not in (CONSTANT, CLOCK):
+                waiting.append(code[A])
+                if op in (ADD, SUB) or op >= MUL:
+                    waiting.append(code[B])
 
     def _slope(self, a: int) -> int:
         if a not in self._slopes:

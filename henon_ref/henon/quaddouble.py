@@ -7,6 +7,8 @@ four floats, largest part first. None of this may be compiled with fastmath.
 
 from __future__ import annotations
 
+import math
+
 from henon_ref.henon.doubledouble import quick_two_sum, two_product, two_sum
 from henon_ref.jit import inner
 
@@ -56,6 +58,33 @@ def scale(a, factor):  # type: ignore[no-untyped-def]
 def negative(a):  # type: ignore[no-untyped-def]
     """-a."""
     return -a[0], -a[1], -a[2], -a[3]
+
+
+@inner()
+def divide(a, b):  # type: ignore[no-untyped-def]
+    """a / b, by long division."""
+    q0 = a[0] / b[0]
+    r = add(a, negative(scale(b, q0)))
+    q1 = r[0] / b[0]
+    r = add(r, negative(scale(b, q1)))
+    q2 = r[0] / b[0]
+    r = add(r, negative(scale(b, q2)))
+    q3 = r[0] / b[0]
+    r = add(r, negative(scale(b, q3)))
+    return _renormalized(q0, q1, q2, q3, r[0] / b[0])
+
+
+@inner()
+def square_root(a):  # type: ignore[no-untyped-def]
+    """Square root of a: Newton's method on its inverse, twice the digits at each step. Not a number below zero."""
+    if a[0] == 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    y = 1.0 / math.sqrt(a[0]), 0.0, 0.0, 0.0
+    half = 0.5 * a[0], 0.5 * a[1], 0.5 * a[2], 0.5 * a[3]
+    for _ in range(3):
+        rest = add((0.5, 0.0, 0.0, 0.0), negative(multiply(half, multiply(y, y))))
+        y = add(y, multiply(y, rest))
+    return multiply(a, y)
 
 
 @inner()

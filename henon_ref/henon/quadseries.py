@@ -1,0 +1,177 @@
+"""Taylor coefficients of a solution in quad-double, about 60 digits: one interpreter, compiled once for all models.
+
+Where the motion is a polynomial in time by its form the expansion ends with its degree, else where its terms count for
+nothing. Of the functions there are the sine, the cosine and the exponential.
+"""
+
+from __future__ import annotations
+
+import math
+
+from henon_ref.henon import quaddouble as qd
+from henon_ref.henon.program import (
+    ADD,
+    CLOCK,
+    CONSTANT,
+    COS,
+    DEGREE,
+    DEGREE_A,
+    DEGREE_B,
+    DIV,
+    EXP,
+    FIRST,
+    MUL,
+    NEEDED,
+    OP,
+    OWN,
+    RECIP,
+    RSUB,
+    SCALE,
+    SIN,
+    SLOPE,
+    SQRT,
+    SQUARE,
+    STATE,
+    SUB,
+    A,
+    B,
+    C,
+)
+from henon_ref.henon.quadfunctions import exponential, inverse, sine_cosine
+from henon_ref.jit import inner
+from henon_ref.taylor.tape import INFINITE
+
+ORDER = 96
+"""Highest order of an expansion."""
+PARTS = 4
+"""Doubles of a number."""
+WIDTH = PARTS * (ORDER + 1)
+"""Doubles of a row."""
+NEGLIGIBLE = 1e-63
+"""Size of a coefficient, relative to its series, that no longer counts."""
+QUIET = 4
+"""So many orders in a row without one that counts end an expansion."""
+
+
+@inner()
+def expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, least, rows, sizes):  # type: ignore[no-untyped-def]
+    """Coefficients of a motion, and of one function along it, in units of ``unit``.
+
+    Parameters as those of :func:`henon_ref.henon.fine.expand_fine`, but that ``constants`` hold four doubles each,
+    ``output`` is the place of the function among the outputs and ``row`` its row, and coefficient k of row i is
+    ``rows[i, 4 k : 4 k + 4]``. Returns the highest order; -1 where that is not enough, or a function is not here.
+    """
+    bit, degree, finite = 1 << min(output, 62), 0, True
+    for i in range(len(codes)):
+        if codes[i, NEEDED] & bit != 0:
+            op = codes[i, OP]
+            if op > RECIP and op not in (SIN, COS, EXP):
+                return -1
+            finite = finite and codes[i, DEGREE] < INFINITE
+            degree = max(degree, codes[i, DEGREE])
+    if finite and degree > ORDER:
+        return -1
+    quiet = 0
+    sizes[:] = 0.0
+    for k in range((degree if finite else ORDER) + 1):
+        for i in range(len(codes)):
+            if codes[i, NEEDED] & bit != 0:
+                y = _coefficient(codes[i], k, constants, field, t, t_low, x, x_low, unit, rows)
+                put(rows[codes[i, OWN]], k, y)
+                sizes[codes[i, OWN]] += abs(y[0])
+        quiet += 1
+        for i in range(len(x) + 1):
+            own = i if i < len(x) else row
+            if not sizes[own] < math.inf:
+                return -1
+            if abs(number(rows[own], k)[0]) > NEGLIGIBLE * sizes[own]:
+                quiet = 0
+        if not finite and quiet >= QUIET and k >= least:
+            return k
+    return degree if finite else -1
+
+
+@inner()
+def _coefficient(code, k, constants, field, t, t_low, x, x_low, unit, rows):  # type: ignore[no-untyped-def]
+    """Coefficient k of what a code makes."""
+    op, own, a, b, c = code[OP], code[OWN], code[A], code[B], code[C]
+    if k > code[DEGREE]:
+        return 0.0, 0.0, 0.0, 0.0
+    if op == STATE:
+        if k == 0:
+            return x[own], x_low[own], 0.0, 0.0
+        return qd.multiply(qd.scale(number(rows[field[own]], k - 1), unit), inverse(k))
+    if op == CONSTANT:
+        return number(constants[c], 0)
+    if op == CLOCK:
+        slope = number(constants[b], 0)
+        if k == 1:
+            return qd.scale(slope, unit)
+        return qd.add(qd.multiply(slope, (t, t_low, 0.0, 0.0)), number(constants[c], 0))
+    if op >= SIN:
+        return _integral(op, k, rows[a], rows[b])
+    if op in (MUL, SQUARE):
+        return _dot(rows[a], rows[b], max(code[FIRST], k - code[DEGREE_B]), min(k, code[DEGREE_A]), k)
+    if op in (DIV, RECIP, SQRT):
+        return _quotient(op, k, rows[own], rows[a], rows[b], number(constants[c], 0))
+    y = number(rows[a], k)
+    if op == ADD:
+        return qd.add(y, number(rows[b], k))
+    if op == SUB:
+        return qd.add(y, qd.negative(number(rows[b], k)))
+    if op == SCALE:
+        return qd.multiply(y, number(constants[c], 0))
+    if op == SLOPE:
+        return qd.scale(y, float(k))
+    if op == RSUB:
+        y = qd.negative(y)
+    return qd.add(y, number(constants[c], 0)) if k == 0 else y
+
+
+@inner()
+def _dot(a, b, first, last, k):  # type: ignore[no-untyped-def]
+    """Sum of a[j] b[k - j] over first <= j <= last."""
+    y = 0.0, 0.0, 0.0, 0.0
+    for j in range(first, last + 1):
+        y = qd.add(y, qd.multiply(number(a, j), number(b, k - j)))
+    return y
+
+
+@inner()
+def _quotient(op, k, own, a, b, constant):  # type: ignore[no-untyped-def]
+    """Coefficient k of a / b, of a constant over b, or of the root of a, which is a over itself."""
+    if op == SQRT and k == 0:
+        return qd.square_root(number(a, 0))
+    y = number(a, k)
+    if op == RECIP:
+        y = constant if k == 0 else (0.0, 0.0, 0.0, 0.0)
+    if op == SQRT:
+        y = qd.scale(qd.add(y, qd.negative(_dot(own, own, 1, k - 1, k))), 0.5)
+        return qd.divide(y, number(own, 0))
+    return qd.divide(qd.add(y, qd.negative(_dot(own, b, 0, k - 1, k))), number(b, 0))
+
+
+@inner()
+def _integral(op, k, a, slope):  # type: ignore[no-untyped-def]
+    """Coefficient k of a function of a; ``slope`` is that of its slope, a cosine's with the other sign, times k."""
+    if k == 0:
+        if op == EXP:
+            return exponential(number(a, 0))
+        s, c = sine_cosine(number(a, 0))
+        return s if op == SIN else c
+    y = qd.multiply(number(slope, k), inverse(k))
+    return qd.negative(y) if op == COS else y
+
+
+@inner()
+def number(row, k):  # type: ignore[no-untyped-def]
+    """Coefficient k."""
+    at = PARTS * k
+    return row[at], row[at + 1], row[at + 2], row[at + 3]
+
+
+@inner()
+def put(row, k, y):  # type: ignore[no-untyped-def]
+    """Set coefficient k."""
+    at = PARTS * k
+    row[at], row[at + 1], row[at + 2], row[at + 3] = y
