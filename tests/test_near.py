@@ -124,7 +124,7 @@ def test_coefficients_that_noise_may_have_made_have_no_sign(width: float, depth:
 
 
 def test_of_a_touch_the_place_is_found_and_the_sign_left_open_where_quad_double_does_not_tell_it() -> None:
-    touch = (X - 1) ** 2 * sp.log(3 + X)
+    touch = (X - 1) ** 2 * sp.cosh(X)
     outcome, when, state = look(touch, 1 - 1e-7)
     assert (outcome, when, state) == (OPEN, (0.0, 0.0), (0.0, 0.0))
     _, floats = looked_at(sp.Integer(1), touch, 1 - 1e-7, 2.0)
