@@ -1,8 +1,9 @@
 """A closer look in double-double, in compiled code, at an event that double precision leaves in doubt.
 
 The mode is expanded again (:mod:`henon_ref.henon.fine`), and the doubtful guard's polynomial looked at
-(:mod:`henon_ref.henon.window`). Whether a minimum touches zero is told in quad-double where the motion is a polynomial
-(:mod:`henon_ref.henon.touch`). What is not clear then is left to :mod:`henon_ref.henon.closer`.
+(:mod:`henon_ref.henon.window`). Whether a minimum touches zero is told in quad-double (:mod:`henon_ref.henon.touch`),
+and what a polynomial does at a flat root (:mod:`henon_ref.henon.flat`). What is not clear then is left to
+:mod:`henon_ref.henon.closer`.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 With the normal velocities v = a - M s in the signs s, the modes that are consistent at a point solve a complementarity
 problem on the box [-1, 1]^m. It has one solution whatever a is just where all principal minors of M are positive
-(Samelson, Thrall and Wesler, *Proc. Amer. Math. Soc.* 9 (1958) 805-807; M is then called a P-matrix). On two surfaces
-sliding then attracts, for there are positive d_i with sum d_i (abs(h_i) - u_i h_i) falling (Cross, *Linear Algebra
-Appl.* 20 (1978) 253-263). Where det M < 0, sliding is one of several modes.
+(Robinson, *Math. Oper. Res.* 17 (1992) 691-714; M is then called a P-matrix). On two surfaces sliding then attracts, for
+there are positive d_i with the sum of d_i (abs(h_i) - u_i h_i) falling (Cross, *Linear Algebra Appl.* 20 (1978)
+253-263). Where det M < 0 sliding is one of several modes: the signs of the determinants of all of them add up to 1.
 """
 
 from __future__ import annotations
