@@ -1,10 +1,10 @@
 """Whether sliding on an intersection attracts, where its surfaces act on each other.
 
 With the normal velocities v = a - M s in the signs s, the modes that are consistent at a point solve a complementarity
-problem on the box [-1, 1]^m. It has one solution whatever a is just where all principal minors of M are positive
-(Robinson, *Math. Oper. Res.* 17 (1992) 691-714; M is then called a P-matrix). On two surfaces sliding then attracts, for
-there are positive d_i with the sum of d_i (abs(h_i) - u_i h_i) falling (Cross, *Linear Algebra Appl.* 20 (1978)
-253-263). Where det M < 0 sliding is one of several modes: the signs of the determinants of all of them add up to 1.
+problem on the box [-1, 1]^m. It has one solution whatever a is just where all principal minors of M are positive, M is
+a P-matrix (Robinson, *Math. Oper. Res.* 17 (1992) 691-714). On two surfaces sliding then attracts, for there are
+positive d_i with the sum of d_i (abs(h_i) - u_i h_i) falling (Cross, *Linear Algebra Appl.* 20 (1978) 253-263). Where
+det M < 0 sliding is one of several modes: the signs of the determinants of all of them add up to 1.
 """
 
 from __future__ import annotations
