@@ -22,8 +22,11 @@ from platformdirs import user_cache_path
 
 @cache
 def cache_folder() -> Path:
-    """Folder of the compiled functions, by a hash of the package that compiles, with the constants it compiles in."""
-    digest = hashlib.sha256(numba.__version__.encode())
+    """Folder of the compiled functions, by a hash of the package that compiles, with the constants it compiles in.
+
+    And of where that stands: numba does not take over what it has compiled of another copy.
+    """
+    digest = hashlib.sha256(f"{numba.__version__} {Path(__file__).parent.resolve()}".encode())
     for path in [Path(__file__), *sorted((Path(__file__).parent / "henon").glob("*.py"))]:
         digest.update(path.read_bytes())
     return cache_root() / f"numba-{digest.hexdigest()[:16]}"

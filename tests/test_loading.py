@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
+
+from henon_ref import jit
 
 SCRIPT = """
 import json
@@ -35,3 +40,14 @@ def test_two_processes_share_the_work(tmp_path: Path) -> None:
     assert [time for time, _, _ in results] == [1.0, 1.0]
     assert sorted(made for _, made, _ in results) == [0, 1]
     assert all(all(signatures) for _, made, signatures in results if made)
+
+
+def test_another_copy_of_the_package_compiles_for_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else two processes of it would find the other's loop on the disk, could not use it, and compile all twice."""
+    here = Path(jit.__file__)
+    own = jit.cache_folder()
+    assert jit.cache_folder.__wrapped__() == own
+    shutil.copytree(here.parent / "henon", tmp_path / "henon", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(here, tmp_path)
+    monkeypatch.setattr(jit, "__file__", str(tmp_path / "jit.py"))
+    assert jit.cache_folder.__wrapped__() != own

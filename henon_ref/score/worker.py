@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import faulthandler
+import gc
 import os
 import signal
 import sys
@@ -69,6 +70,7 @@ def serve(connection: Connection, parent: int, memory: int, log: int | None) -> 
         File descriptor that takes the place of standard output and standard error; None: they are thrown away.
     """
     _isolate(parent, memory, log)
+    gc.freeze()  # what a fork has brought along stays: it need not be looked through again and again
     while True:
         try:
             job: Job = connection.recv()
