@@ -32,6 +32,7 @@ def minors(*field: str) -> list[tuple[str | None, sp.Expr]]:
 
 def test_what_is_positive_for_certain_is_not_watched() -> None:
     assert minors("-s - u/2", "s/2 - u") == []
+    assert minors("-(1 + t^2)*s - u/2", "s/2 - u") == []
 
 
 def test_surfaces_that_do_not_act_on_each_other_are_watched_by_their_releases() -> None:

@@ -75,16 +75,12 @@ class Motions:
                 if series.length() <= order or _faded([series.coeffs()]):
                     break
             return values[: len(state)], series
-        states, outputs = expand(
-            tape,
-            made.numbers,
-            time,
-            state,
-            ORDER,
-            _RING,
-            unit,
-            lambda x, y: len(x[0]) > LEAST and len(x[0]) % QUIET == 1 and _faded([*x, y[guard]]),
-        )
+
+        def enough(x: Sequence[Sequence[arb]], y: Sequence[Sequence[arb]]) -> bool:
+            """Looked at now and then."""
+            return len(x[0]) > LEAST and len(x[0]) % QUIET == 1 and _faded([*x, y[guard]])
+
+        states, outputs = expand(tape, made.numbers, time, state, ORDER, _RING, unit, enough)
         return [arb_poly(series) for series in states], arb_poly(outputs[guard])
 
     def _made(self, mode: Mode) -> _ModeTape:

@@ -26,7 +26,7 @@ EXHAUSTIVE = 4
 
 
 def attraction_guards(system: FilippovSystem, sliding: Sequence[int], slopes: sp.Matrix) -> list[Guard]:
-    """Principal minors of M that are not positive numbers; those that follow from smaller ones are left out.
+    """Principal minors of M that may not be positive; those that follow from smaller ones are left out.
 
     ``slopes``, shape (m, m), is -M. A minor of all surfaces that act on each other ends a run as ``nonunique`` where
     it falls, for the determinant falls with it; beyond another one it is not told whether sliding still attracts.
@@ -38,7 +38,7 @@ def attraction_guards(system: FilippovSystem, sliding: Sequence[int], slopes: sp
         sizes = range(1, len(group) + 1) if len(group) <= EXHAUSTIVE else (1, len(group))
         for chosen in (c for size in sizes for c in combinations(sorted(group), size) if _joined(c, edges)):
             minor = matrix.extract(chosen, chosen).det()
-            if not system.numeric(minor).is_positive or minor.free_symbols - set(system.parameters):
+            if not system.numeric(minor).is_positive:
                 ends: Refusal = "nonunique" if len(chosen) == len(group) else "none"
                 found.append(Guard("attracts", sliding[chosen[0]], 0, minor, ends=ends))
     return found
