@@ -42,6 +42,9 @@ def isolated(coefficients: np.ndarray) -> tuple[int, float, float]:
 
 @numba.njit
 def land(coefficients, low, high, method):
+    if method == k.BRENT:
+        tau, evaluations = landings.brent(coefficients, ORDER, low, high)
+        return tau, k.BRENT, evaluations
     return landings.land(coefficients, ORDER, low, high, method)
 
 

@@ -54,25 +54,3 @@ def call_bernstein(typing, address, q, powers, degree, a, b):  # type: ignore[no
         return builder.call(function, [q, powers, args[3], a, b])
 
     return signature, codegen
-
-
-@intrinsic
-def bits(typing, number):  # type: ignore[no-untyped-def]
-    """The bits of a double as an integer."""
-    signature = types.int64(types.float64)
-
-    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
-        return builder.bitcast(args[0], ir.IntType(64))
-
-    return signature, codegen
-
-
-@intrinsic
-def from_bits(typing, pattern):  # type: ignore[no-untyped-def]
-    """The double with these bits."""
-    signature = types.float64(types.int64)
-
-    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
-        return builder.bitcast(args[0], ir.DoubleType())
-
-    return signature, codegen

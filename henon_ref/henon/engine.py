@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.henon import registers as k
+from henon_ref.henon.apart import addresses
 from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.compiled import CompiledSystem, double_double
-from henon_ref.henon.kernel import work_places, work_space
+from henon_ref.henon.kernel import work_places
 from henon_ref.henon.near import NearLook
 from henon_ref.henon.session import CHUNK, Session
 from henon_ref.henon.settling import settling_space
@@ -60,6 +61,7 @@ class Start:
         integers = np.array([0] * k.I_SIZE + [*self.zeros] + [0] * len(self.zeros))
         integers[k.I_MODE], integers[k.I_BLOCK] = self.row, CHUNK
         integers[k.I_ORDER], integers[k.I_METHOD] = self.order, self.landing
+        integers[k.A_LAND : k.I_SIZE] = addresses()
         return floats, integers
 
 
@@ -77,11 +79,10 @@ class Scratch(NamedTuple):
 
 
 def _scratch(compiled: CompiledSystem) -> Scratch:
-    sizes = len(compiled.system.states), compiled.most_guards, compiled.order, CHUNK
-    *_, length = work_places(*sizes)
-    work = np.zeros(length)
-    band, _, records = cast(Any, work_space).py_func(work, *sizes)  # uncompiled: it is done once
-    return Scratch(work, band, records)
+    n, most = len(compiled.system.states), compiled.most_guards
+    width, room, _, records, end = work_places(n, most, compiled.order, CHUNK)
+    work = np.zeros(end)
+    return Scratch(work, work[:room].reshape(-1, width), work[records:].reshape(CHUNK, -1))
 
 
 class Engine:
@@ -102,7 +103,14 @@ class Engine:
         self.near = NearLook(system, self.compiled.places)
         self.closer = CloserLook(system)
         self.scratch = _scratch(self.compiled)
+        self.apart_s = 0.0
+        """Seconds that went into loading functions that stand apart, while a run was waiting."""
         self._settling = settling_space(len(system.states), len(system.surfaces))
+
+    @property
+    def loading_s(self) -> float:
+        """Seconds in which runs have waited for code that few of them need: no run's own time."""
+        return self.near.loading_s + self.apart_s
 
     @property
     def settling(self) -> tuple[Any, ...] | None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from numba import boolean, float64, int64, types
+
+from henon_ref.henon.apart import ROW, ROWS, apart, missing
 from henon_ref.henon.calls import call_bernstein
-from henon_ref.henon.landing import land
+from henon_ref.henon.landing import brent, land
 from henon_ref.henon.polynomial import (
     LOOK,
     NONE,
@@ -16,7 +19,13 @@ from henon_ref.henon.polynomial import (
     value,
 )
 from henon_ref.henon.registers import (
+    A_BELOW,
+    A_BRENT,
+    A_FACTORED,
+    A_ISOLATE,
+    A_LAND,
     BRACKET,
+    BRENT,
     EPS,
     G_INDEX,
     G_KIND,
@@ -31,11 +40,20 @@ from henon_ref.jit import inner
 
 FLAT = 1e-5
 """Relative steepness of a guard at its root below which the root is left to a closer look in multiprecision."""
+_isolate = apart(
+    A_ISOLATE, first_falling_root, types.Tuple((int64, float64, float64)), ROW, int64, ROWS, ROWS
+)  # fmt: skip
+_factored = apart(A_FACTORED, factored, boolean, ROW, int64, int64, ROW, ROW)
+_land = apart(A_LAND, land, types.Tuple((float64, int64, int64)), ROW, int64, float64, float64, int64)
+_brent = apart(A_BRENT, brent, types.Tuple((float64, int64)), ROW, int64, float64, float64)
 
 
 @inner(forceinline=True)
 def first_event(integers, c, n, order, layout, multiplicity, lower, theta, method, work, bounds):  # type: ignore[no-untyped-def]
-    """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used)."""
+    """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used).
+
+    Whatever it is, it counts for nothing where a function turns out to be missing.
+    """
     powers, scaled, stack = work[0], work[1], work[2:]
     best, hit, doubtful, used = 2.0, -1, False, 0
     powers[0] = 0.0
@@ -50,17 +68,27 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, metho
         if zeros > 0:
             if q[0] > 0.0 and excluded(q, powers, degree):
                 continue
-            if factored(c[n + g], zeros, order, stack[1], stack[2]):  # rows that are free until pieces are cut
+            if missing(integers, A_FACTORED):
+                break
+            if _factored(integers, c[n + g], zeros, order, stack[1], stack[2]):  # rows that are free until cuts
                 q = stack[2]
         outcome, low, high = call_bernstein(layout[0, T_BERNSTEIN], q, powers, degree, scaled, stack[0]), 0.0, 1.0
         if outcome == LOOK:
-            outcome, low, high = first_falling_root(scaled, order, stack, bounds)
+            if missing(integers, A_ISOLATE):
+                break
+            outcome, low, high = _isolate(integers, scaled, order, stack, bounds)
         if outcome == NONE:
             continue
         if outcome == TOUCH:
             tau, landing, evaluations = 0.5 * (low + high), BRACKET, 0
         else:
-            tau, landing, evaluations = land(scaled, degree, low, high, method)
+            tau, landing, evaluations = -1.0, BRENT, 0
+            if method == BRENT:
+                if missing(integers, A_BRENT):
+                    break
+                tau, evaluations = _brent(integers, scaled, degree, low, high)
+            if tau < 0.0:
+                tau, landing, evaluations = _land(integers, scaled, degree, low, high, method)
         integers[I_EVENTS] += evaluations
         if tau < best:
             flat = outcome == TOUCH or steepness(scaled, degree, tau, stack[0]) < FLAT
@@ -68,40 +96,58 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, metho
     return best, hit, doubtful, used
 
 
+@inner()
+def below_zero(row, order, surface):  # type: ignore[no-untyped-def]
+    """Of a guard below zero where a step begins: zeros with which its surface is left (0: it is not), whether it fails.
+
+    ``surface``: it may be one that is left. A mode's side of a surface was decided when it was left, and no root came
+    since: a value below zero is rounding's (another event followed at once), and if it rises, with a speed or
+    tangentially, there is nothing to decide. What is zero and stays so does not fall through zero.
+    """
+    size = 0.0
+    for k in range(1, order + 1):
+        size += abs(row[k])
+    if surface and row[1] > TANGENT * size:
+        return 1, False
+    if surface and abs(row[1]) <= TANGENT * size and row[2] > 0.5 * size:
+        return 2, False
+    return 0, abs(row[0]) + size != 0.0
+
+
+_below_zero = apart(A_BELOW, below_zero, types.Tuple((int64, boolean)), ROW, int64, boolean)
+
+
 @inner(forceinline=True)
-def fails_at_once(c, n, order, layout, multiplicity, hits):  # type: ignore[no-untyped-def]
-    """True if a guard is below zero where the step begins, and is not being left; ``hits``: which ones."""
+def fails_at_once(integers, c, n, order, layout, multiplicity, hits):  # type: ignore[no-untyped-def]
+    """True if a guard is below zero where the step begins, and is not being left; ``hits``: which ones.
+
+    Whatever it is, it counts for nothing where a function turns out to be missing.
+    """
     found = False
     for g in range(layout[0, T_GUARDS]):
         row = c[n + g]
-        low = row[multiplicity[g]] <= 0.0 and layout[1 + g, G_RISING] == 0
-        if low and multiplicity[g] == 0 and layout[1 + g, G_KIND] == SURFACE:
-            multiplicity[g] = _zeros_when_leaving(row, order)
-            low = multiplicity[g] == 0
-        hits[g] = 1 if low and not _silent(row, order) else 0
-        found = found or hits[g] == 1
+        hits[g] = 0
+        if row[multiplicity[g]] <= 0.0 and layout[1 + g, G_RISING] == 0:
+            if missing(integers, A_BELOW):
+                break
+            surface = multiplicity[g] == 0 and layout[1 + g, G_KIND] == SURFACE
+            zeros, fails = _below_zero(integers, row, order, surface)
+            multiplicity[g] += zeros
+            hits[g] = 1 if fails else 0
+            found = found or fails
     return found
 
 
 @inner()
-def ends_at_zero(row, zeros, order, theta):  # type: ignore[no-untyped-def]
+def ends_at_zero(row, zeros, order, theta, rising_only):  # type: ignore[no-untyped-def]
     """True if a guard falls to zero at the end of a step, as far as rounding can tell."""
-    if row[zeros] <= 0.0 or not at_zero(row, zeros, order, theta, 0):
+    if row[zeros] <= 0.0 or not at_zero(row, zeros, order, theta, rising_only):
         return False
     slope, power = 0.0, 1.0
     for k in range(1, order + 1):
         slope += k * row[k] * power
         power *= theta
     return slope < 0.0
-
-
-@inner()
-def _silent(row, order):  # type: ignore[no-untyped-def]
-    """True for a guard that is zero and stays so: nothing falls through zero there."""
-    size = 0.0
-    for k in range(order + 1):
-        size += abs(row[k])
-    return size == 0.0
 
 
 @inner(forceinline=True)
@@ -128,18 +174,3 @@ def zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
                 return 2
             return 1 if towards < 0.0 else 0
     return 0
-
-
-@inner()
-def _zeros_when_leaving(row, order):  # type: ignore[no-untyped-def]
-    """1 or 2 for a surface on the wrong side that is being left with a speed or tangentially, 0 for any other.
-
-    A mode's side of a surface was decided when it was left, and no root came since: a value below zero is
-    rounding's (another event followed at once), and if it rises there is nothing to decide.
-    """
-    size = 0.0
-    for k in range(1, order + 1):
-        size += abs(row[k])
-    if row[1] > TANGENT * size:
-        return 1
-    return 2 if abs(row[1]) <= TANGENT * size and row[2] > 0.5 * size else 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from henon_ref.henon.calls import call_expand
+from henon_ref.henon.primitives import smaller
 from henon_ref.henon.registers import G_INDEX, G_KIND, RELEASE, T_EXPANSION, T_GUARDS
 from henon_ref.jit import inner
 
@@ -32,7 +33,7 @@ def held(t, low, sigma, x, index, layout, constants, ahead, order):  # type: ign
     least, size = 1e300, 0.0
     for g in range(layout[0, T_GUARDS]):
         if layout[1 + g, G_KIND] == RELEASE and layout[1 + g, G_INDEX] == index:
-            least = min(least, ahead[n + g, 0])
+            least = smaller(least, ahead[n + g, 0])
             for k in range(order + 1):
                 size += abs(ahead[n + g, k])
     if not abs(least) > EDGE * size:

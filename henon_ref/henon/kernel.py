@@ -6,14 +6,21 @@ handed back to Python (:mod:`henon_ref.henon.session`) with a code; after the an
 
 from __future__ import annotations
 
+from numba import boolean, float64, int64, types
 from numba.extending import register_jitable
 
+from henon_ref.henon.apart import COUNTS, LAYOUT, ROW, ROWS, apart, missing
 from henon_ref.henon.calls import call_closing, call_expand
 from henon_ref.henon.events import at_zero, ends_at_zero, fails_at_once, first_event, zeros_at_release
 from henon_ref.henon.holding import held
 from henon_ref.henon.polynomial import DEPTH
+from henon_ref.henon.primitives import bits, from_bits, rows_of, smaller
 from henon_ref.henon.recording import crowded, record, sample, settle, start
 from henon_ref.henon.registers import (
+    A_HELD,
+    A_POLISH,
+    A_SAMPLE,
+    A_TRUSTED,
     ACCUMULATED,
     BRACKET,
     CROSS,
@@ -48,6 +55,7 @@ from henon_ref.henon.registers import (
     I_GUARD,
     I_LANDING,
     I_METHOD,
+    I_MISSING,
     I_MODE,
     I_ORDER,
     I_RHS,
@@ -57,6 +65,7 @@ from henon_ref.henon.registers import (
     I_STEPS,
     I_WHAT,
     INVALID,
+    MISSING,
     NOWHERE,
     ON,
     PAUSE,
@@ -86,17 +95,29 @@ BUDGET = 50_000
 BANDS = 6 + 2 * DEPTH
 """Rows of the work space that root isolation needs."""
 
+_held = apart(A_HELD, held, int64, float64, float64, float64, ROW, int64, LAYOUT, ROW, ROWS, int64)
+_sample = apart(A_SAMPLE, sample, types.void, ROW, COUNTS, ROWS, int64, float64, int64, ROWS)
+_polish = apart(
+    A_POLISH, polish, types.void,
+    ROW, COUNTS, ROW, ROW, LAYOUT, ROW, ROWS, ROW, int64, float64, float64,
+)  # fmt: skip
+_trusted = apart(
+    A_TRUSTED, trusted, float64,
+    ROW, COUNTS, ROW, LAYOUT, ROW, ROWS, ROWS, ROW, ROW, int64, float64, boolean, boolean,
+)  # fmt: skip
+
 
 @register_jitable
 def work_places(n, most, order, block):  # type: ignore[no-untyped-def]
-    """Of an array that the loop works on: length of a row of the band, where room and records begin, and its length."""
+    """Of an array that the loop works on: length of a row of the band, where its other parts begin, and its length."""
     width = row_length(order)
     room = (2 * (n + most + 1) + BANDS) * width
-    records = room + 3 * (n + most)
-    return width, room, records, records + block * (R_STATE + n)
+    before = room + 3 * (n + most)
+    records = before + F_STATE + 2 * n + I_SIZE + 2 * most
+    return width, room, before, records, records + block * (R_STATE + n)
 
 
-@njit()
+@inner()
 def work_space(work, n, most, order, block):  # type: ignore[no-untyped-def]
     """Parts of an array that the loop works on.
 
@@ -114,11 +135,14 @@ def work_space(work, n, most, order, block):  # type: ignore[no-untyped-def]
         end of a step that is checked; what isolating roots needs.
     room : ndarray, shape (3 n + 3 G,)
         Change of the states over a step and bounds of the guards from below; a state; normal velocities.
+    before : ndarray, shape (F_STATE + 2 n + I_SIZE + 2 G,)
+        Floats and integers of the run as they were when the loop was called.
     records : ndarray, shape (block, R_STATE + n)
         Transitions, a row each.
     """
-    width, room, records, end = work_places(n, most, order, block)
-    return work[:room].reshape(-1, width), work[room:records], work[records:end].reshape(block, -1)
+    width, room, before, records, _ = work_places(n, most, order, block)
+    band = rows_of(work, 0, 2 * (n + most + 1) + BANDS, width)
+    return band, work[room:before], work[before:records], rows_of(work, records, block, R_STATE + n)
 
 
 @njit()
@@ -146,17 +170,30 @@ def advance(floats, integers, work, tables, numbers, settling, samples):  # type
     Returns
     -------
     int
-        HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL or UNKNOWN.
+        HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL or UNKNOWN; or MISSING, and the
+        run is where it was, and I_MISSING says what has to be loaded.
     """
     n, most = (floats.size - F_STATE) // 2, tables.shape[1] - 1
-    band, room, records = work_space(work, n, most, integers[I_ORDER], integers[I_BLOCK])
+    band, room, before, records = work_space(work, n, most, integers[I_ORDER], integers[I_BLOCK])
+    for i in range(floats.size):
+        before[i] = floats[i]
+    for i in range(integers.size):
+        before[floats.size + i] = from_bits(integers[i])
     stop_at = integers[I_STEPS] + BUDGET
     code = EVENT if integers[I_ARRIVED] > 0 else ON
     while True:
         if code == ON:
             code = _to_event(floats, integers, tables, numbers, band, room, samples, stop_at)
         if code == EVENT:
-            code = _through_event(floats, integers, records, tables, numbers, settling, band, room)
+            code = through_event(floats, integers, records, tables, numbers, settling, band, room)
+        if integers[I_MISSING] > 0:
+            for i in range(floats.size):
+                floats[i] = before[i]
+            lacking = integers[I_MISSING]
+            for i in range(integers.size):
+                integers[i] = bits(before[floats.size + i])
+            integers[I_MISSING] = lacking
+            return MISSING
         if code != ON:
             return code
 
@@ -172,9 +209,9 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     change, point = room[: n + most], room[n + most : 2 * n + most]
     order = integers[I_ORDER]
     mode = integers[I_MODE]
-    slot = F_SIZE + min(mode, REMEMBERED - 1)
+    slot = F_SIZE + (mode if mode < REMEMBERED else REMEMBERED - 1)
     if mode != integers[I_STEPPED] and floats[slot] > 0.0:
-        floats[F_SIGMA] = min(floats[slot], floats[F_CAP])
+        floats[F_SIGMA] = smaller(floats[slot], floats[F_CAP])
     integers[I_STEPPED] = mode
     layout, constants = tables[mode], numbers[mode, 0]
     guards = layout[0, T_GUARDS]
@@ -197,24 +234,30 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     leap = natural > LEAP * sigma
     doubt = leap or swells(c, n + guards, order, theta)
     if doubt or layout[0, T_WARY] > 0:
-        believed = trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap, doubt)
+        if missing(integers, A_TRUSTED):
+            return MISSING
+        believed = _trusted(
+            integers, floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap, doubt
+        )
         if believed < theta:
             theta, final = believed, False
             natural = theta * sigma
     call_closing(layout[0, T_CLOSING], theta, c, change)
-    if fails_at_once(c, n, order, layout, multiplicity, hits):  # Python looks closer
+    if fails_at_once(integers, c, n, order, layout, multiplicity, hits):  # Python looks closer
         integers[I_GUARD] = NOWHERE
         return RESOLVE
     best, hit, doubtful, used = first_event(
         integers, c, n, order, layout, multiplicity, change[n:], theta, integers[I_METHOD], work, bounds
     )
+    if integers[I_MISSING] > 0:
+        return MISSING
     if final and hit < 0:  # the horizon belongs to the run: an event at it counts
         for g in range(guards):
-            if ends_at_zero(c[n + g], multiplicity[g], order, theta):
+            if ends_at_zero(c[n + g], multiplicity[g], order, theta, layout[1 + g, G_RISING]):
                 best, hit, doubtful = 1.0, g, True
     part = theta if hit < 0 else best * theta
     if integers[I_SAMPLE] < samples.shape[0]:
-        sample(floats, integers, c, order, part, mode, samples)
+        _sample(integers, floats, integers, c, order, part, mode, samples)
     integers[I_GUARD], integers[I_LANDING] = hit, BRACKET if doubtful else used
     if doubtful:
         floats[F_NEAR], floats[F_NEAR_LOW], floats[F_REACH] = part * sigma, 0.0, theta * sigma
@@ -227,7 +270,7 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     add_time(floats, part * sigma)
     integers[I_STEPS] += 1
     floats[F_CAP] = 1e3 * part * sigma if part > 0.0 else sigma
-    floats[F_SIGMA] = min(natural, floats[F_CAP]) if part > 0.0 else sigma
+    floats[F_SIGMA] = smaller(natural, floats[F_CAP]) if part > 0.0 else sigma
     floats[slot] = natural
     if not bounded:
         return DIVERGED
@@ -238,12 +281,12 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
             return HORIZON
         return ON
     if layout[1 + hit, G_KIND] == RELEASE:
-        polish(floats, integers, x, x_low, layout, constants, ahead, change, n + hit, sigma, theta)
+        _polish(integers, floats, integers, x, x_low, layout, constants, ahead, change, n + hit, sigma, theta)
     return EVENT
 
 
-@inner(inline="always")
-def _through_event(floats, integers, records, tables, numbers, settling, band, room):  # type: ignore[no-untyped-def]
+@inner(forceinline=True)
+def through_event(floats, integers, records, tables, numbers, settling, band, room):  # type: ignore[no-untyped-def]
     """Change the mode at the event the run stands at; ON, or why Python is needed."""
     n, most = (floats.size - F_STATE) // 2, tables.shape[1] - 1
     x = floats[F_STATE : F_STATE + n]
@@ -280,8 +323,10 @@ def _through_event(floats, integers, records, tables, numbers, settling, band, r
         stuck = beyond < 0.0
         if layout[1 + hit, G_HOLD] == 1:
             stick = layout[1 + hit, G_STUCK]
-            zone = 0 if stick < 0 else held(
-                floats[F_TIME], floats[F_LOW], floats[F_SIGMA], x, index, tables[stick], numbers[stick, 0],
+            if missing(integers, A_HELD):
+                return MISSING
+            zone = 0 if stick < 0 else _held(
+                integers, floats[F_TIME], floats[F_LOW], floats[F_SIGMA], x, index, tables[stick], numbers[stick, 0],
                 band[n + most + 1 :], integers[I_ORDER],
             )  # fmt: skip
             if zone == 0 or (stuck and zone < 0):

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from henon_ref.henon.polynomial import POLY, at_end, value
-from henon_ref.henon.registers import BRACKET, BRENT, EPS, NEWTON
+from henon_ref.henon.primitives import larger, smaller
+from henon_ref.henon.registers import BRACKET, EPS, NEWTON
 from henon_ref.jit import inner
 
 STEEP = 3.0
 """How many times less steep than the chord an end may be for an inverse cubic: it is monotone then."""
 
 
-@inner(forceinline=True, fastmath=POLY)
+@inner(fastmath=POLY)
 def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     """Put the step's end on the root of q that [low, high], within [0, 1], brackets, q falling.
 
@@ -18,7 +19,7 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     Taylor step of order 4 in h, of length -h, is taken from a point near the surface: dt/dh = 1/h', whose
     Taylor series is the reversion of h's. That point is the root of an inverse cubic where the guard falls evenly
     over the whole step, and the chord's otherwise. The step is repeated once where the first was long.
-    ``NEWTON``: the same with order 1, repeated. ``BRENT``: bracketing alone. Where h' is too small for
+    ``NEWTON``: the same with order 1, repeated (``BRENT``: see :func:`brent`). Where h' is too small for
     the swap (grazing), bisection decides, and the landing says ``BRACKET``.
 
     Returns
@@ -38,9 +39,6 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     above, slope = at_end(q, degree)
     if high < 1.0:
         above, evaluations = value(q, degree, high), evaluations + 1
-    if method == BRENT and below > 0.0 > above:
-        tau, more = _brent(q, degree, low, high, below, above)
-        return tau, BRENT, evaluations + more
     left, right = low, high
     tau = 0.5 * (low + high)
     if below > 0.0 and above < -0.01 * below:  # else another root next to ``high`` may have left nothing but rounding
@@ -67,7 +65,7 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
                 delta = u if low < tau + u < high else 0.5 * (left + right) - tau
         new = tau + delta
         if not left <= new <= right:
-            new = min(max(new, left), right)
+            new = smaller(larger(new, left), right)
             if new in (left, right) and abs(delta) > 8.0 * EPS * right:
                 new = 0.5 * (left + right)
                 tau = new
@@ -116,7 +114,7 @@ def _reverted(u, inverse, g2, g3, g4):  # type: ignore[no-untyped-def]
     if second > 0.125 or third > 0.015 or fourth > 0.002:
         return u, 1.0
     step = u * (1.0 + u * (-b2 + u * ((2.0 * b2 * b2 - b3) + u * (5.0 * b2 * b3 - b4 - 5.0 * b2**3))))
-    return step, second**4 + third**2 + fourth * max(second, third)
+    return step, second**4 + third**2 + fourth * larger(second, third)
 
 
 @inner(fastmath=POLY)
@@ -135,12 +133,22 @@ def _bisect(q, degree, left, right):  # type: ignore[no-untyped-def]
 
 
 @inner(fastmath=POLY)
-def _brent(q, degree, low, high, below, above):  # type: ignore[no-untyped-def]
-    """Brent's method (*Algorithms for Minimization without Derivatives*, 1973, Ch. 4)."""
-    a, b, fa, fb = low, high, below, above
+def brent(q, degree, low, high):  # type: ignore[no-untyped-def]
+    """Bracketing alone, by Brent's method (*Algorithms for Minimization without Derivatives*, 1973, Ch. 4).
+
+    Returns the root, or -1 where the interval's ends do not bracket one, and evaluations of the polynomial.
+    """
+    if low == high:
+        return low, 0
+    a, b, fa, fb, evaluations = low, high, q[0], value(q, degree, high), 0
+    if low > 0.0:
+        fa, evaluations = value(q, degree, low), 1
+    if high < 1.0:
+        evaluations += 1
+    if not fa > 0.0 > fb:
+        return -1.0, 0
     c, fc = a, fa
     d = e = b - a
-    evaluations = 0
     while evaluations < 200:
         if abs(fc) < abs(fb):
             a, b, c = b, c, b
@@ -160,7 +168,7 @@ def _brent(q, degree, low, high, below, above):  # type: ignore[no-untyped-def]
             if p > 0.0:
                 r = -r
             p = abs(p)
-            if 2.0 * p < min(3.0 * half * r - abs(tolerance * r), abs(e * r)):
+            if 2.0 * p < smaller(3.0 * half * r - abs(tolerance * r), abs(e * r)):
                 e, d = d, p / r
             else:
                 d = e = half

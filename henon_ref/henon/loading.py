@@ -1,22 +1,20 @@
 """Compiling the mode loop where it is not on the disk yet: two processes that need it share the work.
 
-The first one to come compiles the loop. Another one meanwhile compiles functions that the loop calls, from the
-last on; numba looks on the disk before it compiles a function, so that the first one finds them there. Both then load
-what they did not make.
+The first one to come compiles the loop. Another one meanwhile compiles functions that the loop calls (CALLED), then
+those that stand apart; numba looks on the disk before it compiles a function, so that the first one finds them there.
+Both then load what they did not make.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import IO, Any
 
-from numba import float64, int64
+from numba import float64, int64, none, typeof
 
-from henon_ref.henon.events import first_event
-from henon_ref.henon.holding import held
-from henon_ref.henon.kernel import advance
-from henon_ref.henon.recording import crowded, record, sample
-from henon_ref.henon.stepping import polish
+from henon_ref.henon.apart import COUNTS, FUNCTIONS, LAYOUT, ROW, ROWS
+from henon_ref.henon.events import ends_at_zero, first_event
+from henon_ref.henon.kernel import advance, through_event
+from henon_ref.henon.registers import A_TRUSTED, ALWAYS
 from henon_ref.jit import cache_folder, compiling
 
 try:
@@ -24,35 +22,30 @@ try:
 except ImportError:  # elsewhere than on Unix every process compiles for itself
     fcntl = None  # type: ignore[assignment]
 
-_ROW, _ROWS = float64[::1], float64[:, ::1]
-_COUNTS, _LAYOUT = int64[::1], int64[:, ::1]
+TABLES, NUMBERS = int64[:, :, ::1], float64[:, :, ::1]
 CALLED: tuple[tuple[Any, tuple[Any, ...]], ...] = (
-    (first_event, (
-        _COUNTS, _ROWS, int64, int64, _LAYOUT, _COUNTS, _ROW, float64, int64, _ROWS, _ROWS,
-    )),
-    (held, (float64, float64, float64, _ROW, int64, _LAYOUT, _ROW, _ROWS, int64)),
-    (polish, (_ROW, _COUNTS, _ROW, _ROW, _LAYOUT, _ROW, _ROWS, _ROW, int64, float64, float64)),
-    (sample, (_ROW, _COUNTS, _ROWS, int64, float64, int64, _ROWS)),
-    (record, (_ROW, _COUNTS, _ROW, _ROWS, int64, int64, int64, int64, int64)),
-    (crowded, (_ROW, _COUNTS)),
-)  # fmt: skip
-"""What the second process compiles: functions that the loop calls, with the types that it calls them with."""
+    (first_event, (COUNTS, ROWS, int64, int64, LAYOUT, COUNTS, ROW, float64, int64, ROWS, ROWS)),
+    (ends_at_zero, (ROW, int64, int64, float64, int64)),
+    (through_event, (ROW, COUNTS, ROWS, TABLES, NUMBERS, none, ROWS, ROW)),
+)
+"""Functions that the loop calls, with the types that it calls them with: what the second process compiles first."""
 
 
-def load(run: Callable[[], object]) -> None:
-    """Make the loop callable; ``run`` calls it, with nothing to do."""
+def load(settling: tuple[Any, ...] | None) -> None:
+    """Make the loop callable; ``settling``: what it will be called with."""
     loop: Any = advance
+    given = (ROW, COUNTS, ROW, TABLES, NUMBERS, typeof(settling), ROWS)
     with compiling():
-        if loop.signatures or any(cache_folder().rglob("kernel.advance-*.nbi")):
-            run()
+        if given in loop.overloads or any(cache_folder().rglob("kernel.advance-*.nbi")):
+            loop.compile(given)
             return
         cache_folder().mkdir(parents=True, exist_ok=True)
         with (cache_folder() / "compiling").open("w") as file:
             if not _mine(file, wait=False):
-                for function, types in CALLED:
+                for function, types in (*CALLED, *(FUNCTIONS[register] for register in (*ALWAYS, A_TRUSTED))):
                     function.compile(types)
                 _mine(file, wait=True)
-            run()
+            loop.compile(given)
 
 
 def _mine(file: IO[str], *, wait: bool) -> bool:

@@ -8,6 +8,7 @@ minimum, which leaves little in doubt; another one is halved.
 
 from __future__ import annotations
 
+from henon_ref.henon.primitives import larger, smaller
 from henon_ref.henon.registers import EPS
 from henon_ref.jit import inner
 
@@ -47,7 +48,7 @@ def excluded(q, powers, degree):  # type: ignore[no-untyped-def]
     """True if q > 0 on the whole step by its negative terms alone (q[k] * powers[k] at the step's end)."""
     total = q[0]
     for k in range(1, degree + 1):
-        total += min(q[k] * powers[k], 0.0)
+        total += smaller(q[k] * powers[k], 0.0)
     return total > 0.0
 
 
@@ -123,14 +124,14 @@ def _around_minimum(a, degree, low, high, noise):  # type: ignore[no-untyped-def
             return middle, middle
         if abs(shift) <= CLOSE * width:
             break
-    apart = max(8.0 * abs(shift), CLOSE * width)
+    apart = larger(8.0 * abs(shift), CLOSE * width)
     if not apart < FAR * width:
         return middle, middle
     if abs(value(a, degree, tau)) <= noise:
         least = DOUBTS * noise
-        while apart < FAR * width and min(value(a, degree, tau - apart), value(a, degree, tau + apart)) <= least:
+        while apart < FAR * width and smaller(value(a, degree, tau - apart), value(a, degree, tau + apart)) <= least:
             apart *= 4.0
-        apart = min(apart, FAR * width)
+        apart = smaller(apart, FAR * width)
     return tau - apart, tau + apart
 
 
@@ -168,9 +169,9 @@ def first_falling_root(a, degree, stack, bounds):  # type: ignore[no-untyped-def
         low, high = bounds[top, 0], bounds[top, 1]
         first, last, clear, changes, largest, lowest = 0, 0, 0, 0, 0.0, 2.0 * size
         for i in range(degree + 1):
-            largest = max(largest, abs(b[i]))
+            largest = larger(largest, abs(b[i]))
             if 0 < i < degree:  # the ends are looked at where pieces meet
-                lowest = min(lowest, b[i])
+                lowest = smaller(lowest, b[i])
             if clear == 0 and abs(b[i]) > noise:
                 clear = 1 if b[i] > 0.0 else -1
             if b[i] != 0.0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from henon_ref.henon.polynomial import value
+from henon_ref.henon.primitives import larger
 from henon_ref.henon.registers import (
     CROSS,
     EPS,
@@ -67,7 +68,7 @@ def sample(floats, integers, c, order, part, mode, samples):  # type: ignore[no-
             return
         n = samples.shape[1] - 2
         for i in range(n):
-            samples[k, 1 + i] = value(c[i], order, max(at, 0.0))
+            samples[k, 1 + i] = value(c[i], order, larger(at, 0.0))
         samples[k, 1 + n] = mode
         integers[I_SAMPLE] = k + 1
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-# Why the loop came back; and between its own parts: an event is to be gone through, or there is nothing to say.
-HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL, UNKNOWN, EVENT, ON = range(12)
+# Why the loop came back.
+HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL, UNKNOWN, MISSING = range(11)
+# Between its own parts: an event is to be gone through, or there is nothing to say.
+EVENT, ON = 11, 12
 # Kinds of guards.
 SURFACE, RELEASE, VALID = 0, 1, 2
 # Kinds of transitions.
@@ -40,7 +42,8 @@ F_STATE = F_SIZE + REMEMBERED
 # Integers of a run: mode; counts; last guard hit and its landing; steps that time cannot tell apart, events that it
 # cannot tell apart; next sample; mode of the last step; kind of the event that leads to a mode not known yet; LANDED
 # or TOLD where the run stands at an event that was decided outside; order; method of landing; transitions that a
-# block of memory holds.
+# block of memory holds; register of a function that is not there yet; addresses of those that stand
+# apart (0: not there yet; see henon_ref.henon.apart).
 (
     I_MODE,
     I_STEPS,
@@ -58,8 +61,21 @@ F_STATE = F_SIZE + REMEMBERED
     I_ORDER,
     I_METHOD,
     I_BLOCK,
+    I_MISSING,
+    A_LAND,
+    A_POLISH,
+    A_SAMPLE,
+    A_ISOLATE,
+    A_FACTORED,
+    A_BRENT,
+    A_FLAT,
+    A_TRUSTED,
+    A_HELD,
+    A_BELOW,
     I_SIZE,
-) = range(17)
+) = range(28)
+ALWAYS = (A_LAND, A_POLISH, A_SAMPLE)
+"""Registers of functions that are loaded with the loop."""
 # Behind them, an integer a guard each: known zeros at the present point (the surface just left), which are divided
 # out; 1 for a guard that is at zero.
 

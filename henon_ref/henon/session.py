@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.henon.apart import load
 from henon_ref.henon.blocks import KINDS, TransitionBlock
 from henon_ref.henon.kernel import advance
 from henon_ref.henon.near import arrive, settle_touch
@@ -35,11 +36,13 @@ from henon_ref.henon.registers import (
     I_EVENTS,
     I_GUARD,
     I_LANDING,
+    I_MISSING,
     I_MODE,
     I_SAMPLE,
     I_SIZE,
     I_STEPS,
     I_WHAT,
+    MISSING,
     NOWHERE,
     PAUSE,
     RESOLVE,
@@ -148,10 +151,10 @@ class Session:
 
     def run(self) -> Trajectory:
         """Go to the horizon (or to where the run ends before it)."""
-        deadline, near = self.deadline, self.engine.near
-        began = 0.0 if deadline is None else time.perf_counter() - near.loading_s
+        deadline, engine = self.deadline, self.engine
+        began = 0.0 if deadline is None else time.perf_counter() - engine.loading_s
         while (end := self._advance()) is None:
-            if deadline is not None and time.perf_counter() - began - near.loading_s > deadline:
+            if deadline is not None and time.perf_counter() - began - engine.loading_s > deadline:
                 return self._end("timeout", f"stopped after {deadline:g} s at t = {self.time:.17g}")
         return end
 
@@ -224,9 +227,19 @@ class Session:
             elif self._closer_look():
                 why = self._resolve(zero=PROVEN)
             return None if why is None else self._end(*why)
+        elif code == MISSING:
+            self._load()
         elif code not in (FULL, PAUSE):
             return self._end(*self._why(code))
         return None
+
+    def _load(self) -> None:
+        """Load a function that the loop has not found, for this run and those that begin as it did."""
+        began = time.perf_counter()
+        register = self.integers.item(I_MISSING)
+        self.integers[I_MISSING] = 0
+        self.integers[register] = self.start.arrays[1][register] = load(register)
+        self.engine.apart_s += time.perf_counter() - began
 
     def _closer_look(self) -> bool:
         """Go to a doubtful event with more digits: in double-double where they suffice, else in multiprecision.
@@ -361,7 +374,7 @@ class Session:
         return refused.ending, refused.reason
 
     def _end(self, status: Status, reason: str) -> Trajectory:
-        integers, modes = self.integers.tolist(), self.engine.compiled.modes
+        integers, modes = self.integers[:I_GUARD].tolist(), self.engine.compiled.modes
         transitions: Sequence[Transition] = ()
         if integers[I_COUNT] or self.blocks:
             records = self.engine.scratch.records[: integers[I_COUNT]].copy()
@@ -369,7 +382,7 @@ class Session:
         samples = sample_modes = None
         if self.samples is not _NO_SAMPLES:
             samples = self.samples[:, 1:-1]
-            sample_modes = tuple(modes[int(m)] for m in self.samples[: integers[I_SAMPLE], -1])
+            sample_modes = tuple(modes[int(m)] for m in self.samples[: self.integers[I_SAMPLE], -1])
         # As the tuples they are, past Python's constructors: a tenth of a short run.
         counts = _tuple(Counts, integers[I_STEPS : I_EVENTS + 1])
         x = tuple(self.floats[F_STATE : F_STATE + len(self.start.x)].tolist())

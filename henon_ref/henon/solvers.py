@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 
 import numpy as np
@@ -57,8 +57,7 @@ class HenonSolver:
         tolerance = max(0.1 * rtol, 2e-16)
         engine = Engine(problem.system, order_for(tolerance))
         start = engine.start(problem, tolerance=tolerance, landing=self.method)
-        nothing = replace(start, until=start.time)
-        load(lambda: engine.run(nothing))
+        load(engine.settling)
 
         def run() -> Trajectory:
             return engine.run(start, sample_times, deadline)

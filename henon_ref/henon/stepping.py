@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import float64, int64
 
-from henon_ref.henon.calls import bits, call_closing, call_expand, from_bits
+from henon_ref.henon.apart import COUNTS, ROWS, apart, missing
+from henon_ref.henon.calls import call_closing, call_expand
+from henon_ref.henon.primitives import bits, from_bits, larger, smaller
 from henon_ref.henon.registers import (
+    A_FLAT,
     EPS,
     F_LOW,
     F_SIGMA,
@@ -85,8 +89,8 @@ def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
     for r in range(rows):
         row = c[r]
         scale = abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2])) + 1e-300
-        last = max(last, abs(row[order]) / scale)
-        before = max(before, abs(row[order - 1]) / scale)
+        last = larger(last, abs(row[order]) / scale)
+        before = larger(before, abs(row[order - 1]) / scale)
     return last, before
 
 
@@ -100,26 +104,26 @@ def step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
     if not c[rows, 2] < np.inf:
         return 0.0
     theta = 1.0
-    longest = min(c[rows, 3], FAR)
+    longest = smaller(c[rows, 3], FAR)
     power, other = 1.0 / order, 1.0 / (order - 1)
     for _ in range(4):
         new = FAR
         if last > 0.0:
-            new = min(new, _root(tolerance, last, power))
+            new = smaller(new, _root(tolerance, last, power))
         if before > 0.0:
-            new = min(new, _root(tolerance, before, other))
+            new = smaller(new, _root(tolerance, before, other))
         if new >= 0.5 * theta:
-            return min(new, longest)
+            return smaller(new, longest)
         theta = new
         last, before = _error_norms(c, rows, order, theta)
-    return min(theta, longest)
+    return smaller(theta, longest)
 
 
 @inner()
 def flat_step_size(c, n, multiplicity, order, tolerance):  # type: ignore[no-untyped-def]
     """The same where guards have more than two known zeros: what follows those tells the size of such a guard."""
     rows = n + multiplicity.size
-    shortest = min(c[rows, 3], FAR)
+    shortest = smaller(c[rows, 3], FAR)
     for r in range(rows):
         row, first = c[r], multiplicity[r - n] if r >= n else 0
         theta = 1.0
@@ -129,13 +133,16 @@ def flat_step_size(c, n, multiplicity, order, tolerance):  # type: ignore[no-unt
             new = FAR
             for k in (order - 1, order):
                 if row[k] != 0.0:
-                    new = min(new, (tolerance * size / abs(row[k])) ** (1.0 / k))
+                    new = smaller(new, (tolerance * size / abs(row[k])) ** (1.0 / k))
             enough = new >= 0.5 * theta
             theta = new
             if enough:
                 break
-        shortest = min(shortest, theta)
+        shortest = smaller(shortest, theta)
     return shortest
+
+
+_flat_step_size = apart(A_FLAT, flat_step_size, float64, ROWS, int64, COUNTS, int64, float64)
 
 
 @inner(forceinline=True)
@@ -164,16 +171,16 @@ def _tail(row, order, theta, least):  # type: ignore[no-untyped-def]
     shift = 1.0
     for _ in range(last - middle):  # a call of the C library costs as much as the rest
         shift *= theta
-    half = max(
-        max(abs(row[middle]), abs(row[middle + 1]) * theta),
-        max(abs(row[middle + 2]) * square, abs(row[middle + 3]) * cube),
+    half = larger(
+        larger(abs(row[middle]), abs(row[middle + 1]) * theta),
+        larger(abs(row[middle + 2]) * square, abs(row[middle + 3]) * cube),
     )
-    before = shift * max(abs(row[last]), abs(row[last + 1]) * theta)
-    end = shift * max(abs(row[last + 2]) * square, abs(row[last + 3]) * cube)
-    if GAP * before < end < SLOW * min(half, before):
+    before = shift * larger(abs(row[last]), abs(row[last + 1]) * theta)
+    end = shift * larger(abs(row[last + 2]) * square, abs(row[last + 3]) * cube)
+    if GAP * before < end < SLOW * smaller(half, before):
         return FALLS
     scale = least * (abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2]))) / theta**middle
-    if least > 0.0 and max(end, before) <= scale:
+    if least > 0.0 and larger(end, before) <= scale:
         return FALLS
     return HOLLOW if end <= GAP * before else GROWS
 
@@ -206,14 +213,15 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
     """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
 
     ``alone``: look at the very first one, as where a guard stands at zero or a branch point may come. Returns the step
-    proposed in units of sigma; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where
-    the state blew up.
+    proposed in units of sigma; 0 where the budget of steps is used up or a function is missing, -1 where the step size
+    fell to zero, -2 where the state blew up.
     """
     n, guards = x.size, layout[0, T_GUARDS]
     expansion, closing = layout[0, T_EXPANSION], layout[0, T_CLOSING]
     shrunk, zeros = False, 0
     for g in range(guards):
-        zeros = max(zeros, multiplicity[g])
+        if multiplicity[g] > zeros:
+            zeros = multiplicity[g]
     alone = alone or zeros > 0 or layout[0, T_WARY] > 0
     while True:
         if integers[I_STEPS] >= stop_at:
@@ -224,11 +232,13 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
         integers[I_RHS] += 1
         theta = step_size(c, n + guards, integers[I_ORDER], floats[F_TOLERANCE])
         if zeros > 2 and theta > 0.0:
-            theta = flat_step_size(c, n, multiplicity[:guards], integers[I_ORDER], floats[F_TOLERANCE])
+            if missing(integers, A_FLAT):
+                return 0.0
+            theta = _flat_step_size(integers, c, n, multiplicity[:guards], integers[I_ORDER], floats[F_TOLERANCE])
         if theta < 1e-6 or (theta > 1e6 and sigma < left and not shrunk):
             # sigma is far from the step: bring it there and expand again before anything is read off. Where it is
             # much too long even the step is not to be believed: it shrinks by degrees, and does not grow again here.
-            new = max(sigma * max(theta, 1e-4), 1e-290) if theta < 1.0 else min(sigma * theta, left)
+            new = larger(sigma * larger(theta, 1e-4), 1e-290) if theta < 1.0 else smaller(sigma * theta, left)
             if sigma <= 1e-280 and new <= sigma:
                 return -1.0
             if new < 0.5 * sigma or new > 2.0 * sigma:
@@ -236,7 +246,7 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
                 floats[F_SIGMA] = new
                 continue
         if shrunk:
-            theta = min(theta, 1e6)
+            theta = smaller(theta, 1e6)
             shrunk = False
         step = theta * sigma
         if step <= 0.25 * EPS * abs(floats[F_TIME]):
@@ -256,7 +266,7 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
             return -2.0
         add_time(floats, step)
         integers[I_STEPS] += 1
-        floats[F_SIGMA] = min(step, 1e3 * sigma)
+        floats[F_SIGMA] = smaller(step, 1e3 * sigma)
 
 
 @inner()
@@ -305,7 +315,7 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
                     power *= at
                 # A slope that moves its state by no more than rounding over the step is none, whatever its digits.
                 dust = 4.0 * EPS * abs(x[r]) / at if first == 1 else 0.0
-                if not abs(foretold - ahead[r, first]) <= max(1e-6 * size, dust):
+                if not abs(foretold - ahead[r, first]) <= larger(1e-6 * size, dust):
                     agreed, kept = False, kept and first == 0
                     while shorter > LEAST * theta and _tail(c[r], order, shorter, 0.0) == GROWS:
                         shorter *= SHORTER
