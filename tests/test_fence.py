@@ -17,11 +17,15 @@ import pytest
 
 from henon_ref.errors import HenonRefError, UnavailableError, UnsupportedError
 from henon_ref.score import fence
-from henon_ref.score.fence import Answer, Fence, Lane
+from henon_ref.score.fence import Answer, Fence, Lane, resident_bytes
 from henon_ref.score.worker import Failure
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
-MEMORY = 600 * 2**20
+
+
+def memory() -> int:
+    """Bytes that a worker may hold: it begins with what this process holds, which depends on the tests before."""
+    return (resident_bytes(os.getpid()) or 0) + 600 * 2**20
 
 
 @dataclass(frozen=True)
@@ -113,9 +117,9 @@ class Collector:
         pass
 
 
-def run(*lanes: list[str], collector: Collector | None = None, processes: int = 2, memory: int = MEMORY) -> Collector:
+def run(*lanes: list[str], collector: Collector | None = None, processes: int = 2) -> Collector:
     collector = collector or Collector()
-    Fence(processes=processes, memory=memory).run(
+    Fence(processes=processes, memory=memory()).run(
         [Lane(str(k), deque(Act(what) for what in jobs)) for k, jobs in enumerate(lanes)], collector
     )
     return collector
@@ -136,7 +140,7 @@ def test_lanes_of_one_kin_have_one_worker_after_the_other(monkeypatch):
         seen = Collector()
         kins = {"a": "x", "b": "y", "c": "x", "d": "y", "e": None, "f": None}
         lanes = [Lane(what, deque([Act(what)]), kin) for what, kin in kins.items()]
-        Fence(processes=1, memory=MEMORY).run(lanes, seen)
+        Fence(processes=1, memory=memory()).run(lanes, seen)
         assert set(seen.results) == set(kins)
         return [seen.pids[what] for what in kins]
 
@@ -150,7 +154,7 @@ def test_lanes_of_one_kin_have_one_worker_after_the_other(monkeypatch):
 def test_a_dead_worker_is_not_passed_on():
     seen = Collector()
     lanes = [Lane(what, deque([Act(what)]), "x") for what in ("a", "kill", "b", "c")]
-    Fence(processes=1, memory=MEMORY).run(lanes, seen)
+    Fence(processes=1, memory=memory()).run(lanes, seen)
     assert set(seen.results) == {"a", "b", "c"}
     assert set(seen.failures) == {"kill"}
     assert seen.pids["a"] != seen.pids["b"] == seen.pids["c"]
@@ -183,7 +187,7 @@ def test_a_failed_job_says_why_and_the_lane_goes_on(what, status, words):
 
 def test_a_job_that_cannot_be_sent_is_named_whatever_its_classes_raise():
     with pytest.raises(HenonRefError, match=r"a job of a cannot be sent to its worker \(ValueError: no state\)"):
-        Fence(processes=1, memory=MEMORY).run([Lane("a", deque([Stuck()]))], Collector())
+        Fence(processes=1, memory=memory()).run([Lane("a", deque([Stuck()]))], Collector())
 
 
 @pytest.mark.parametrize("what", ["hang", "spin"])
