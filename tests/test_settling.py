@@ -201,7 +201,7 @@ def after_first_event(engine: Engine, problem: Problem, transitions: int) -> tup
     session = Session(engine, engine.start(problem, tolerance=1e-15, landing=HENON), block=transitions)
     while not session.blocks and session.integers[I_COUNT] < transitions:
         assert session._advance() is None
-    return session.mode, session.multiplicity[: len(session._guards)].tolist()
+    return session.mode, session.multiplicity[: len(session.guards)].tolist()
 
 
 @pytest.mark.parametrize("name", ["five", "three", "coupled", "stick_and_cross", "duplicate"])

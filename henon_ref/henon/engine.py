@@ -14,10 +14,10 @@ from henon_ref.henon import registers as k
 from henon_ref.henon.apart import addresses
 from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.compiled import CompiledSystem, double_double
-from henon_ref.henon.kernel import work_places
 from henon_ref.henon.near import NearLook
 from henon_ref.henon.session import CHUNK, Session
 from henon_ref.henon.settling import settling_space
+from henon_ref.henon.workspace import work_places
 from henon_ref.model.equations import TIME
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.modes import Mode
@@ -73,7 +73,7 @@ class Scratch(NamedTuple):
 
     work: NDArray[np.float64]
     band: NDArray[np.float64]
-    """A view: coefficients of the last expansion (see :func:`henon_ref.henon.kernel.work_space`)."""
+    """A view: coefficients of the last expansion (see :func:`henon_ref.henon.workspace.work_space`)."""
     records: NDArray[np.float64]
     """A view: transitions."""
 

@@ -7,14 +7,13 @@ handed back to Python (:mod:`henon_ref.henon.session`) with a code; after the an
 from __future__ import annotations
 
 from numba import boolean, float64, int64, types
-from numba.extending import register_jitable
 
 from henon_ref.henon.apart import COUNTS, LAYOUT, ROW, ROWS, apart, missing
 from henon_ref.henon.calls import call_closing, call_expand
 from henon_ref.henon.events import at_zero, ends_at_zero, fails_at_once, first_event, zeros_at_release
 from henon_ref.henon.holding import held
 from henon_ref.henon.polynomial import DEPTH
-from henon_ref.henon.primitives import bits, from_bits, rows_of, smaller
+from henon_ref.henon.primitives import bits, from_bits, smaller
 from henon_ref.henon.recording import crowded, record, sample, settle, start
 from henon_ref.henon.registers import (
     A_HELD,
@@ -69,7 +68,6 @@ from henon_ref.henon.registers import (
     NOWHERE,
     ON,
     PAUSE,
-    R_STATE,
     RELEASE,
     REMEMBERED,
     RESOLVE,
@@ -85,15 +83,15 @@ from henon_ref.henon.registers import (
     UNKNOWN,
     VALID,
 )
-from henon_ref.henon.rows import row_length
 from henon_ref.henon.settling import decided
-from henon_ref.henon.stepping import LEAP, add_time, glide, move, polish, remaining, swells, trusted
+from henon_ref.henon.stepping import LEAP, add_time, glide, move, polish, remaining
+from henon_ref.henon.trust import swells, trusted
+from henon_ref.henon.workspace import work_space
 from henon_ref.jit import inner, njit
 
 BUDGET = 50_000
 """Steps between two looks at the clock, in Python."""
-BANDS = 6 + 2 * DEPTH
-"""Rows of the work space that root isolation needs."""
+
 
 _held = apart(A_HELD, held, int64, float64, float64, float64, ROW, int64, LAYOUT, ROW, ROWS, int64)
 _sample = apart(A_SAMPLE, sample, types.void, ROW, COUNTS, ROWS, int64, float64, int64, ROWS)
@@ -107,44 +105,6 @@ _trusted = apart(
 )  # fmt: skip
 
 
-@register_jitable
-def work_places(n, most, order, block):  # type: ignore[no-untyped-def]
-    """Of an array that the loop works on: length of a row of the band, where its other parts begin, and its length."""
-    width = row_length(order)
-    room = (2 * (n + most + 1) + BANDS) * width
-    before = room + 3 * (n + most)
-    records = before + F_STATE + 2 * n + I_SIZE + 2 * most
-    return width, room, before, records, records + block * (R_STATE + n)
-
-
-@inner()
-def work_space(work, n, most, order, block):  # type: ignore[no-untyped-def]
-    """Parts of an array that the loop works on.
-
-    Parameters
-    ----------
-    work : ndarray
-        As long as :func:`work_places` says.
-    n, most, order, block : int
-        States; guards of the largest mode, G; order; transitions kept.
-
-    Returns
-    -------
-    band : ndarray, shape (2 (n + G + 1) + BANDS, row length)
-        Taylor coefficients of states and guards in units of sigma, then the norms of the last ones; the same at the
-        end of a step that is checked; what isolating roots needs.
-    room : ndarray, shape (3 n + 3 G,)
-        Change of the states over a step and bounds of the guards from below; a state; normal velocities.
-    before : ndarray, shape (F_STATE + 2 n + I_SIZE + 2 G,)
-        Floats and integers of the run as they were when the loop was called.
-    records : ndarray, shape (block, R_STATE + n)
-        Transitions, a row each.
-    """
-    width, room, before, records, _ = work_places(n, most, order, block)
-    band = rows_of(work, 0, 2 * (n + most + 1) + BANDS, width)
-    return band, work[room:before], work[before:records], rows_of(work, records, block, R_STATE + n)
-
-
 @njit()
 def advance(floats, integers, work, tables, numbers, settling, samples):  # type: ignore[no-untyped-def]
     """Run until the horizon, or until Python is needed.
@@ -156,7 +116,8 @@ def advance(floats, integers, work, tables, numbers, settling, samples):  # type
     integers : ndarray of int, shape (I_SIZE + 2 G,)
         I_..., then known zeros of each guard, then 1 for those at zero when the loop comes back with RESOLVE.
     work : ndarray
-        What :func:`work_space` takes apart. (One array: each that is passed from Python costs 45 ns.)
+        What :func:`henon_ref.henon.workspace.work_space` takes apart. (One array: each that is passed from Python
+        costs 45 ns.)
     tables : ndarray of int, shape (M, 1 + G, T_SIZE)
         Machine code, guards, and what follows them, of each mode (T_..., G_...).
     numbers : ndarray, shape (M, 2, K)

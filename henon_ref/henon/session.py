@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from henon_ref.henon.apart import load
 from henon_ref.henon.blocks import KINDS, TransitionBlock
+from henon_ref.henon.endings import why_ended
 from henon_ref.henon.kernel import advance
 from henon_ref.henon.near import arrive, settle_touch
 from henon_ref.henon.recording import crowded, record
 from henon_ref.henon.registers import (
     ACCUMULATED,
     CROSS,
-    DIVERGED,
     DOUBTFUL,
     F_LOW,
     F_REACH,
@@ -46,12 +46,10 @@ from henon_ref.henon.registers import (
     NOWHERE,
     PAUSE,
     RESOLVE,
-    STALLED,
     STICK,
     UNKNOWN,
 )
 from henon_ref.henon.window import MISS, OPEN, PASSED, ROOT, TOUCH, UNSURE
-from henon_ref.model.decision import ended
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import ZERO
@@ -190,7 +188,8 @@ class Session:
         return True
 
     @property
-    def _guards(self) -> tuple[Guard, ...]:
+    def guards(self) -> tuple[Guard, ...]:
+        """Guards of the present mode, in the order of its row."""
         return self.engine.compiled.guards(self.mode)
 
     @property
@@ -230,7 +229,7 @@ class Session:
         elif code == MISSING:
             self._load()
         elif code not in (FULL, PAUSE):
-            return self._end(*self._why(code))
+            return self._end(*why_ended(self, code))
         return None
 
     def _load(self) -> None:
@@ -275,7 +274,7 @@ class Session:
             outcome = ROOT if found.what == "root" else MISS if found.lowest else PASSED
             arrive(floats, self.integers, outcome)
         if self.multiplicity[guard] and not found.parabolic:
-            orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, [self._guards[guard].index])
+            orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, [self.guards[guard].index])
             self.multiplicity[guard] = max(2, orders[guard])
         return outcome
 
@@ -288,7 +287,7 @@ class Session:
     def _go_on(self) -> tuple[Status, str] | None:
         """Complete a transition that is decided, into a mode that has no row yet."""
         compiled, row, hit = self.engine.compiled, int(self.integers[I_MODE]), int(self.integers[I_GUARD])
-        guard, what = self._guards[hit], int(self.integers[I_WHAT])
+        guard, what = self.guards[hit], int(self.integers[I_WHAT])
         after = replaced(self.mode, guard.index, 0 if what == STICK else guard.to_sign)
         zeros = {STICK: 0, CROSS: 1}.get(what, int(compiled.tables[row, 1 + hit, G_STUCK]))
         target = compiled.compile(after)
@@ -301,19 +300,19 @@ class Session:
         for g, own in enumerate(compiled.guards(after)):
             if own.kind == "surface" and own.index == guard.index:
                 self.multiplicity[g] = zeros
-        return self._why(ACCUMULATED) if crowded(self.floats, self.integers) else None
+        return why_ended(self, ACCUMULATED) if crowded(self.floats, self.integers) else None
 
     def _resolve(self, zero: float = ZERO) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
         before = self.mode
-        hits: list[Guard] = [g for g, hit in zip(self._guards, self.hits, strict=False) if hit]
+        hits: list[Guard] = [g for g, hit in zip(self.guards, self.hits, strict=False) if hit]
         x = self.x.tolist()
         decision = self.engine.switching.after_event(self.time, x, before, hits, zero=zero)
         if decision.mode is None:
             return decision.ending, decision.reason
         early = self.integers[I_GUARD] == NOWHERE
         # Where no step was taken, surfaces left a moment ago are still as good as touched.
-        fresh = {g.index for g, zeros in zip(self._guards, self.multiplicity, strict=False) if zeros and early}
+        fresh = {g.index for g, zeros in zip(self.guards, self.multiplicity, strict=False) if zeros and early}
         active = sorted(
             fresh | {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0}
         )
@@ -326,52 +325,8 @@ class Session:
             kind = KINDS.index(transition_kind(before[i], decision.mode[i]))
             self._record(kind, i, int(source), int(self.integers[I_MODE]))
         if crowded(self.floats, self.integers):
-            return self._why(ACCUMULATED)
+            return why_ended(self, ACCUMULATED)
         return None
-
-    def _ended(self) -> Guard | None:
-        """A guard that ends the run and has shrunk to nothing where it stalled (the field may be singular there)."""
-        for g, guard in enumerate(self._guards):
-            value = self.engine.scratch.band[self.x.size + g, 0]
-            if guard.ends and abs(value) <= 1e-14 * max(1.0, abs(self.start.time[0]), abs(self.time)):
-                return guard
-        return None
-
-    def _singular(self) -> str:
-        """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
-        system, order = self.engine.system, self.engine.order
-        series = self.engine.scratch.band[: self.x.size + len(self._guards), : order + 1]
-        finite = np.isfinite(series)
-        at = int(np.argmin(finite.all(axis=1)))
-        if finite[at].all():
-            at = int(np.argmax(np.abs(series[:, order]) / (np.abs(series[:, :3]).sum(axis=1) + 1e-300)))
-        if at < self.x.size:
-            return f"the field of {system.state_names[at]} is {'singular' if finite[at, 1] else 'not finite'}"
-        guard = self._guards[at - self.x.size]
-        of = str(system.valid[guard.index]) if guard.kind == "valid" else system.sign_names[guard.index]
-        words = {"valid": "", "surface": "the surface of ", "attracts": "whether sliding attracts on "}
-        what = words.get(guard.kind, "the release of ") + of
-        return f"{what} is {'singular' if finite[at, 0] else 'not finite'}"
-
-    def _why(self, code: int) -> tuple[Status, str]:
-        at = f"t = {self.time:.17g}"
-        grown = np.abs(self.x).max() > 1e8 * max(1.0, *(abs(v[0]) for v in self.start.x))
-        if code == DIVERGED or (code == STALLED and grown):
-            return "diverged", f"the state leaves every bound at {at}"
-        singular = self._ended() if code == STALLED else None
-        if singular is not None:
-            return self._fallen(singular)
-        if code == STALLED:
-            return "failed", f"the step size fell to zero at {at}: {self._singular()} there"
-        if code == ACCUMULATED:
-            return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
-        return self._fallen(self._guards[self.integers[I_GUARD]])
-
-    def _fallen(self, guard: Guard) -> tuple[Status, str]:
-        """How the run ends here for a guard that ends it."""
-        refused = ended(self.engine.system, self.mode, [guard], f"{self.time:.17g}")
-        assert refused is not None
-        return refused.ending, refused.reason
 
     def _end(self, status: Status, reason: str) -> Trajectory:
         integers, modes = self.integers[:I_GUARD].tolist(), self.engine.compiled.modes

@@ -1,0 +1,132 @@
+"""Whether a step is to be believed: what its last terms do, and what the field says where it leads."""
+
+from __future__ import annotations
+
+from henon_ref.henon.calls import call_closing, call_expand
+from henon_ref.henon.primitives import larger, smaller
+from henon_ref.henon.registers import (
+    EPS,
+    F_LOW,
+    F_SIGMA,
+    F_TIME,
+    I_RHS,
+    T_CLOSING,
+    T_EXPANSION,
+    T_GUARDS,
+    T_WARY,
+)
+from henon_ref.jit import inner
+
+GAP = 1e-5
+"""Terms this much smaller than those before them are no tail but a gap."""
+SHORTER = 0.7
+"""What is left of a step at a time where terms grow."""
+SLOW = 0.5
+"""Terms that fall by less than this over two orders have not converged."""
+FALLS, GROWS, HOLLOW = range(3)
+"""What the last terms of a step do (see :func:`_tail`)."""
+LEAST = 1.0 / 64.0
+"""A step this much shorter than the last one is believed though guards are not what was foretold."""
+SHORTEST = 1e-13
+"""One this much shorter though slopes are not: steps end before a kink or a singularity, and the run with them."""
+
+
+@inner(forceinline=True)
+def swells(c, rows, order, theta):  # type: ignore[no-untyped-def]
+    """True if the terms of some row do not fall towards the last ones as those of a series do that has converged."""
+    if c[rows, 0] * theta <= SHORTER * c[rows, 1]:  # the usual case
+        return False
+    found = False
+    for r in range(rows):
+        found = found or _tail(c[r], order, theta, EPS) != FALLS
+    return found
+
+
+@inner()
+def _tail(row, order, theta, least):  # type: ignore[no-untyped-def]
+    """What the last terms of a row do on a step: FALLS, GROWS or HOLLOW.
+
+    GROWS: the last two are not much smaller than those before them or halfway to them; what comes after may be larger
+    still (a singularity on the step, a high power whose turn comes later). HOLLOW: they are next to nothing all at
+    once; a gap tells nothing of what comes after. Where they are below ``least`` > 0 of the row's size they may do
+    what they like.
+    """
+    middle, last = order // 2 - 1, order - 3
+    square = theta * theta
+    cube = square * theta
+    shift = 1.0
+    for _ in range(last - middle):  # a call of the C library costs as much as the rest
+        shift *= theta
+    half = larger(
+        larger(abs(row[middle]), abs(row[middle + 1]) * theta),
+        larger(abs(row[middle + 2]) * square, abs(row[middle + 3]) * cube),
+    )
+    before = shift * larger(abs(row[last]), abs(row[last + 1]) * theta)
+    end = shift * larger(abs(row[last + 2]) * square, abs(row[last + 3]) * cube)
+    if GAP * before < end < SLOW * smaller(half, before):
+        return FALLS
+    scale = least * (abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2]))) / theta**middle
+    if least > 0.0 and larger(end, before) <= scale:
+        return FALLS
+    return HOLLOW if end <= GAP * before else GROWS
+
+
+@inner()
+def trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap, doubt):  # type: ignore[no-untyped-def]
+    """A step no longer than where the expansion still tells what lies there, ``theta`` if that is so.
+
+    Where terms grow the step is shortened until they fall: then it ends within their circle of convergence. Terms
+    that only sink below rounding, are zero or end in a gap promise nothing (a high power seen from where it is flat),
+    nor do those below rounding on a step much longer than the last one (``leap``). There the expansion is made anew
+    on the step and at its end: guards and slopes must be what was foretold. A step much shorter than the last one,
+    whose terms fall, needs no such trust in guards (where one is next to zero rounding alone may disagree).
+
+    Without ``doubt`` terms are not looked at: the field has branch points (T_WARY), behind which a square root's
+    series, a polynomial perhaps, goes on as if there were none. Slopes alone are held against it.
+    """
+    n, guards = x.size, layout[0, T_GUARDS]
+    sigma = floats[F_SIGMA]
+    all_told = True
+    for r in range(n + guards if doubt else 0):
+        tail = _tail(c[r], order, theta, 0.0 if leap else EPS)
+        if tail == GROWS:
+            while _tail(c[r], order, theta, EPS) == GROWS:
+                theta *= SHORTER
+            tail = _tail(c[r], order, theta, 0.0)
+        all_told = all_told and tail == FALLS
+    compared = n if all_told else n + guards
+    ask = not all_told or layout[0, T_WARY] > 0
+    while ask:
+        agreed, kept, shorter = True, True, theta
+        for part in (0.37, 1.0):
+            at = part * theta
+            call_closing(layout[0, T_CLOSING], at, c, change)
+            for i in range(n):
+                point[i] = x[i] + change[i]
+            end = floats[F_TIME] + at * sigma
+            call_expand(layout[0, T_EXPANSION], end, floats[F_LOW], sigma, point, constants, ahead)
+            integers[I_RHS] += 1
+            agreed = agreed and ahead[n + guards, 3] >= 0.25 * at  # the exponentials allow the way back, too
+            for r in range(compared):
+                first = 1 if r < n else 0  # slopes of states, values of guards
+                foretold, size, power = 0.0, abs(ahead[r, first]), 1.0
+                for k in range(first, order + 1):
+                    term = c[r, k] * power * (k if first == 1 else 1)
+                    foretold += term
+                    size += abs(term)
+                    power *= at
+                # A slope that moves its state by no more than rounding over the step is none, whatever its digits.
+                dust = 4.0 * EPS * abs(x[r]) / at if first == 1 else 0.0
+                if not abs(foretold - ahead[r, first]) <= larger(1e-6 * size, dust):
+                    agreed, kept = False, kept and first == 0
+                    while shorter > LEAST * theta and _tail(c[r], order, shorter, 0.0) == GROWS:
+                        shorter *= SHORTER
+        if agreed:
+            break
+        ask = not LEAST * theta < shorter < theta
+        if ask:  # terms that fall, or are none, are no better on a shorter step
+            theta *= 0.25
+            ask = theta > (LEAST if kept else SHORTEST) or swells(c, n + guards, order, theta)
+        else:
+            theta = shorter
+    return theta
