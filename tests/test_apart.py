@@ -26,6 +26,9 @@ NEEDED = {
     "a flat touch": (k.A_FLAT, "hard/grazing_fourth_order.yaml", "exact", HENON_SOLVER),
     "a value below zero": (k.A_BELOW, "hard/near_ties.yaml", "d_1e_9", HENON_SOLVER),
     "a hold zone": (k.A_HELD, "hard/static_entry.yaml", "from_below", HENON_SOLVER),
+    "a doubtful event": (k.A_LOOK, "hard/grazing.yaml", "inside1e10", HENON_SOLVER),
+    "a doubtful event of an exponential": (k.A_START, "hard/two_roots.yaml", "beside_a_touch", HENON_SOLVER),
+    "a sign that is open in double-double": (k.A_QUAD, "hard/grazing_ballistic.yaml", "exact", HENON_SOLVER),
     "Brent's landing": (k.A_BRENT, "free_coulomb.yaml", "default", HENON_BRENT),
 }
 
@@ -33,34 +36,48 @@ NEEDED = {
 @pytest.mark.parametrize("what", NEEDED)
 def test_a_run_that_has_to_wait_for_a_function_is_the_same(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Transitions, end and counts, to the last bit; and it is asked for once."""
-    register, file, reading, solver = NEEDED[what]
+    place, file, reading, solver = NEEDED[what]
     asked: list[int] = []
 
-    def load(register: int) -> int:
-        asked.append(register)
-        return apart.load(register)
+    def load(place: int) -> None:
+        asked.append(place)
+        apart.load(place)
 
-    monkeypatch.setattr(apart, "_addresses", {always: apart.load(always) for always in k.ALWAYS})
+    monkeypatch.setattr(apart, "_table", np.zeros_like(apart._table))
     monkeypatch.setattr(sessions, "load", load)
     run = solver.prepare(load_case(CASES / file).reading(reading).problem, rtol=1e-9)
     first, again = run(), run()
-    assert register in asked
+    assert place in asked
     assert len(set(asked)) == len(asked)
     assert list(first.transitions) == list(again.transitions)
     assert first._replace(transitions=()) == again._replace(transitions=())
 
 
-def test_compiling_it_is_not_counted_against_a_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = load_case(CASES / "stribeck_belt.yaml").reading("default").problem
+def test_no_function_that_stands_apart_is_left_out_of_this() -> None:
+    """Every one is asked for by one of these runs, or loaded with one that is, or with the loop."""
+    asked = {place for place, *_ in NEEDED.values()}
+    together = {place for group in apart.TOGETHER if asked & {*group} for place in group}
+    assert asked | together | {*k.ALWAYS} == {*range(1, k.A_SIZE)} == {*apart.FUNCTIONS}
+
+
+@pytest.mark.parametrize(("file", "reading"), [("stribeck_belt.yaml", "default"), ("hard/grazing.yaml", "inside1e10")])
+def test_compiling_it_is_not_counted_against_a_deadline(
+    file: str, reading: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = load_case(CASES / file).reading(reading).problem
     HENON_SOLVER.prepare(problem, rtol=1e-9)()  # what is compiled is compiled now
-    monkeypatch.setattr(apart, "_addresses", {always: apart.load(always) for always in k.ALWAYS})
+    monkeypatch.setattr(apart, "_table", np.zeros_like(apart._table))
+    waited = 0
 
-    def slow(register: int) -> int:
+    def slow(place: int) -> None:
+        nonlocal waited
+        waited += 1
         time.sleep(0.3)
-        return apart.load(register)
+        apart.load(place)
 
+    run = HENON_SOLVER.prepare(problem, rtol=1e-9, deadline=0.2)
     monkeypatch.setattr(sessions, "load", slow)
-    assert HENON_SOLVER.prepare(problem, rtol=1e-9, deadline=0.2)().status == "ok"
+    assert (run().status, waited) > ("ok", 0)
 
 
 def test_the_loop_does_not_compile_with_other_types_than_a_function_takes(monkeypatch: pytest.MonkeyPatch) -> None:

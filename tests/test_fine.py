@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from henon_ref.henon import doubledouble as dd
 from henon_ref.henon import fine
 from henon_ref.henon import program as lowered
+from henon_ref.henon.apart import load, table
 from henon_ref.henon.compiled import quad_double
+from henon_ref.henon.registers import A_START, I_APART, I_SIZE
 from henon_ref.jit import njit
 from henon_ref.model.equations import TIME
 from henon_ref.taylor.expand import Ring, expand
@@ -43,6 +45,16 @@ def started(op, arguments, exponent, results):  # type: ignore[no-untyped-def]
     """An elementary function of many pairs."""
     for i in range(len(arguments)):
         results[i, 0], results[i, 1] = fine.start(op, arguments[i, 0], arguments[i, 1], exponent[0], exponent[1])
+
+
+@njit()
+def expanded(  # type: ignore[no-untyped-def]
+    integers, codes, constants, field, outputs, t, t_low, x, x_low, unit, unit_low, order, least, high, low, sizes
+):
+    """The interpreter, for Python."""
+    return fine.expand_fine(
+        integers, codes, constants, field, outputs, t, t_low, x, x_low, unit, unit_low, order, least, high, low, sizes
+    )
 
 
 @njit()
@@ -177,7 +189,10 @@ class Expansion:
         self.state = np.array([0.2, -0.4]), np.array([0.0, 1e-18])
         arrays = made.codes, made.constants, made.field, made.outputs
         work = self.high, self.low, self.sizes
-        self.last = fine.expand_fine(*arrays, 0.3, 1e-18, *self.state, *unit, order, least, *work)
+        load(A_START)
+        integers = np.zeros(I_SIZE, dtype=np.int64)
+        integers[I_APART] = table()
+        self.last = expanded(integers, *arrays, 0.3, 1e-18, *self.state, *unit, order, least, *work)
         self.rows = [0, 1, *made.outputs.tolist()]
 
     def errors(self) -> list[float]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import closer_look
 import mpmath
 import numpy as np
 import pytest
@@ -13,7 +14,6 @@ import sympy as sp
 
 from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook
-from henon_ref.henon.near import NearLook
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.henon.window import OPEN, ROOT, TOUCH, UNSURE
 from henon_ref.model.case import load_case
@@ -34,7 +34,7 @@ def looked_at(surface: sp.Expr, near: float, *, zeros: int = 0) -> tuple[int, An
     integers[k.I_ORDER], integers[k.I_SIZE] = 20, zeros
     layout = np.zeros((3, k.T_SIZE), dtype=np.int64)
     layout[0, k.T_GUARDS] = 1
-    outcome = NearLook(system, lambda _: [0]).look(floats, integers, (1,), layout)
+    outcome = closer_look.look(system, (1,), floats, integers, layout)
     return outcome, floats, integers
 
 

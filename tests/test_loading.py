@@ -42,6 +42,30 @@ def test_two_processes_share_the_work(tmp_path: Path) -> None:
     assert all(all(signatures) for _, made, signatures in results if made)
 
 
+TOGETHER = """
+import json
+from henon_ref.henon import apart
+from henon_ref.henon.registers import A_LOOK
+from henon_ref.henon import kernel
+apart.load(A_LOOK)
+functions = [apart.FUNCTIONS[place][0] for place in apart.TOGETHER[0]]
+print(json.dumps([sum(function.stats.cache_misses.values()) for function in functions]))
+"""
+
+
+def test_what_is_needed_together_is_compiled_by_whoever_comes_first(tmp_path: Path) -> None:
+    """Each function by one of two processes, and none of them does it all."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    both = [
+        subprocess.Popen([sys.executable, "-c", TOGETHER], env=environment, stdout=subprocess.PIPE) for _ in range(2)
+    ]
+    printed = [process.communicate(timeout=120)[0] for process in both]
+    one, other = (json.loads(text) for text in printed)
+    assert [a + b for a, b in zip(one, other, strict=True)] == [1] * len(one)
+    assert any(one)
+    assert any(other)
+
+
 def test_another_copy_of_the_package_compiles_for_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Else two processes of it would find the other's loop on the disk, could not use it, and compile all twice."""
     here = Path(jit.__file__)

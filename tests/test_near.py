@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import closer_look
 import mpmath
 import numpy as np
 import pytest
@@ -14,11 +14,8 @@ import sympy as sp
 
 from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook, Finding
-from henon_ref.henon.near import NearLook
-from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.henon.window import ACROSS, CLEAR, LOCAL, OPEN, PASSED, ROOT, STEEP, UNSURE, _sign_changes
 from henon_ref.jit import njit
-from henon_ref.model.case import load_case
 from henon_ref.model.system import FilippovSystem
 
 CASES = Path(__file__).parent.parent / "cases"
@@ -41,7 +38,7 @@ def looked_at(field: sp.Expr, surface: sp.Expr, near: float, reach: float, *, ac
     integers[k.I_ORDER] = 20
     layout = np.zeros((3, k.T_SIZE), dtype=np.int64)
     layout[0, k.T_GUARDS], layout[1, k.G_ACTS] = 1, acts
-    outcome = NearLook(system, lambda _: [0]).look(floats, integers, (1,), layout)
+    outcome = closer_look.look(system, (1,), floats, integers, layout)
     assert integers[k.I_ARRIVED] == {STEEP: k.LANDED, ACROSS: k.TOLD}.get(outcome, 0)
     return outcome, floats
 
@@ -182,7 +179,7 @@ def test_another_guard_s_root_is_not_passed_over(other: float, outcome: int) -> 
     integers[k.I_ORDER] = 20
     layout = np.zeros((3, k.T_SIZE), dtype=np.int64)
     layout[0, k.T_GUARDS] = 2
-    assert NearLook(system, lambda _: [0, 1]).look(floats, integers, (1, 1), layout) == outcome
+    assert closer_look.look(system, (1, 1), floats, integers, layout) == outcome
 
 
 def test_a_series_that_falls_too_slowly_is_left_open() -> None:
@@ -299,23 +296,6 @@ def test_it_never_says_anything_else_than_multiprecision_does() -> None:
     assert said[ACROSS] + said[STEEP] > 60
     assert said[PASSED] > 25
     assert said[OPEN] > 15
-
-
-@pytest.mark.parametrize(("loading", "status"), [(0.2, "ok"), (0.0, "timeout")])
-def test_compiling_it_is_not_counted_against_a_deadline(
-    loading: float, status: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    problem = load_case(CASES / "hard" / "grazing.yaml").reading("inside1e10").problem
-    looked = NearLook.look
-
-    def slow(self: NearLook, *arguments: Any) -> int:
-        time.sleep(0.2)
-        self.loading_s += loading
-        return looked(self, *arguments)
-
-    HENON_SOLVER.prepare(problem, rtol=1e-12)()  # whatever is compiled is compiled now
-    monkeypatch.setattr(NearLook, "look", slow)
-    assert HENON_SOLVER.prepare(problem, rtol=1e-12, deadline=0.1)().status == status
 
 
 def test_it_stands_back_from_what_it_has_no_digits_for() -> None:

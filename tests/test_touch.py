@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import closer_look
 import numpy as np
 import pytest
 import sympy as sp
@@ -15,7 +16,6 @@ from problems import make_problem
 
 from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook
-from henon_ref.henon.near import NearLook
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.henon.window import MISS, OPEN, TOUCH
 from henon_ref.model.case import load_case
@@ -49,7 +49,7 @@ def looked_at(surface: sp.Expr) -> tuple[int, NDArray[np.float64]]:
     integers[k.I_ORDER] = 20
     layout = np.zeros((3, k.T_SIZE), dtype=np.int64)
     layout[0, k.T_GUARDS] = 1
-    outcome = NearLook(system, lambda _: [0]).look(floats, integers, (1,), layout)
+    outcome = closer_look.look(system, (1,), floats, integers, layout)
     assert integers[k.I_SIZE] == (0 if outcome == OPEN else 2)
     return outcome, floats
 

@@ -3,46 +3,61 @@
 A function that the loop contains is compiled for itself, again in whoever calls it, and again in the loop. What is not
 called at every step is therefore no part of it; two processes can compile such functions and the loop at one time.
 
-The addresses stand in registers of a run. Where a function is not needed by every run (ALWAYS says which are) its
-register is 0 until the first one needs it: the loop asks :func:`missing`, takes back what it has done since Python
-called it, and comes back with MISSING; Python loads the function (:func:`load`), and calls the loop again as if nothing
-had been.
+The addresses stand in a table, to which a register of each run leads. Where a function is not needed by every run
+(ALWAYS says which are) its place is 0 until a run needs it: the loop asks :func:`missing`, takes back what it has done
+since Python called it, and comes back with MISSING; Python loads the function (:func:`load`), and calls the loop again
+as if nothing had been.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from numba import boolean, float64, int64, types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-from henon_ref.henon.registers import A_LAND, ALWAYS, I_MISSING, I_SIZE
-from henon_ref.jit import compiling
+from henon_ref.henon.registers import (
+    A_CLEAR,
+    A_DECIDE,
+    A_FINE,
+    A_FLAT_ROOT,
+    A_LOOK,
+    A_MINIMUM,
+    A_QUAD,
+    A_SIZE,
+    ALWAYS,
+    I_APART,
+    I_MISSING,
+)
+from henon_ref.henon.sharing import Compiled, compile_all
 
 ROW, ROWS, COUNTS, LAYOUT = float64[::1], float64[:, ::1], int64[::1], int64[:, ::1]
 """Types of the arrays that the loop works with."""
-FUNCTIONS: dict[int, tuple[Any, tuple[Any, ...]]] = {}
-"""By its register, each such function and the types that it is called with."""
-_addresses: dict[int, int] = {}
+FUNCTIONS: dict[int, Compiled] = {}
+"""By its place, each such function and the types that it is called with."""
+TOGETHER = (A_LOOK, A_FINE, A_DECIDE, A_CLEAR), (A_QUAD, A_FLAT_ROOT, A_MINIMUM)
+"""Places of functions that are needed together: who needs one of them loads them all."""
+_table = np.zeros(A_SIZE, dtype=np.int64)
 
 
-def apart(register: int, function: Any, result: Any, *given: Any) -> Callable[..., Any]:
+def apart(place: int, function: Any, result: Any, *given: Any) -> Callable[..., Any]:
     """What calls a function in compiled code: with the run's integers, then what the function is given.
 
     The function must have been loaded, and raise nothing.
 
     Parameters
     ----------
-    register : int
-        Where its address stands among the run's integers.
+    place : int
+        Where its address stands in the table.
     function : Dispatcher
         Compiled by :func:`henon_ref.jit.inner`.
     result, *given : numba types
         What it returns and takes.
     """
-    FUNCTIONS[register] = function, given
+    FUNCTIONS[place] = function, given
 
     @intrinsic
     def call(typing, integers, *arguments):  # type: ignore[no-untyped-def]
@@ -50,7 +65,7 @@ def apart(register: int, function: Any, result: Any, *given: Any) -> Callable[..
             raise TypingError(f"{function.__name__} takes {given}, not {arguments}")
 
         def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
-            address = builder.load(_place(context, builder, values[0], context.get_constant(int64, register)))
+            address = builder.load(_entry(context, builder, values[0], context.get_constant(int64, place)))
             pointer = builder.inttoptr(address, context.call_conv.get_function_type(result, given).as_pointer())
             parts = [builder.extract_value(values[1], i) for i in range(len(given))]
             return context.call_conv.call_function(builder, pointer, result, given, parts)[1]
@@ -61,36 +76,43 @@ def apart(register: int, function: Any, result: Any, *given: Any) -> Callable[..
 
 
 @intrinsic
-def missing(typing, integers, register):  # type: ignore[no-untyped-def]
-    """True, and written down for Python, where the function of a register has not been loaded."""
+def missing(typing, integers, place):  # type: ignore[no-untyped-def]
+    """True, and written down for Python, where a function has not been loaded."""
 
     def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        absent = builder.icmp_signed("==", builder.load(_place(context, builder, *values)), values[1].type(0))
-        note = _place(context, builder, values[0], context.get_constant(int64, I_MISSING))
+        absent = builder.icmp_signed("==", builder.load(_entry(context, builder, *values)), values[1].type(0))
+        note = _register(context, builder, values[0], I_MISSING)
         builder.store(builder.select(absent, values[1], builder.load(note)), note)
         return absent
 
     return boolean(COUNTS, int64), codegen
 
 
-def _place(context: Any, builder: Any, integers: Any, register: Any) -> Any:
+def _register(context: Any, builder: Any, integers: Any, register: int) -> Any:
     """Where a register of a run is in memory."""
-    return builder.gep(context.make_array(COUNTS)(context, builder, value=integers).data, [register])
+    data = context.make_array(COUNTS)(context, builder, value=integers).data
+    return builder.gep(data, [context.get_constant(int64, register)])
 
 
-def load(register: int) -> int:
-    """Address of a function, compiled on the first call, or read from the disk."""
-    if register not in _addresses:
-        function, given = FUNCTIONS[register]
-        with compiling():
-            function.compile(given)
+def _entry(context: Any, builder: Any, integers: Any, place: Any) -> Any:
+    """Where a place of the table is in memory."""
+    table = builder.load(_register(context, builder, integers, I_APART))
+    return builder.gep(builder.inttoptr(table, place.type.as_pointer()), [place])
+
+
+def load(place: int) -> None:
+    """Compile a function, and those that are needed with it, or read them from the disk."""
+    places = next((group for group in TOGETHER if place in group), (place,))
+    compile_all([FUNCTIONS[each] for each in places])
+    for each in places:
+        function, given = FUNCTIONS[each]
         made = function.overloads[given]
-        _addresses[register] = made.library.get_pointer_to_function(made.fndesc.llvm_func_name)
-    return _addresses[register]
+        _table[each] = made.library.get_pointer_to_function(made.fndesc.llvm_func_name)
 
 
-def addresses() -> Sequence[int]:
-    """What the registers of a run begin with, from the first of them on: 0 for functions that are not loaded."""
-    for register in ALWAYS:
-        load(register)
-    return [_addresses.get(register, 0) for register in range(A_LAND, I_SIZE)]
+def table() -> int:
+    """Address of the table, in which all functions of the loop are."""
+    for place in ALWAYS:
+        if not _table[place]:
+            load(place)
+    return int(_table.ctypes.data)

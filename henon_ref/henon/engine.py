@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.henon import registers as k
-from henon_ref.henon.apart import addresses
+from henon_ref.henon.apart import table
 from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.compiled import CompiledSystem, double_double
-from henon_ref.henon.near import NearLook
+from henon_ref.henon.near_program import NearPrograms
 from henon_ref.henon.session import CHUNK, Session
 from henon_ref.henon.settling import settling_space
 from henon_ref.henon.workspace import work_places
@@ -61,7 +61,7 @@ class Start:
         integers = np.array([0] * k.I_SIZE + [*self.zeros] + [0] * len(self.zeros))
         integers[k.I_MODE], integers[k.I_BLOCK] = self.row, CHUNK
         integers[k.I_ORDER], integers[k.I_METHOD] = self.order, self.landing
-        integers[k.A_LAND : k.I_SIZE] = addresses()
+        integers[k.I_APART] = table()
         return floats, integers
 
 
@@ -100,17 +100,12 @@ class Engine:
         self.order = order
         self.compiled = CompiledSystem(system, order)
         self.switching = Switching(system)
-        self.near = NearLook(system, self.compiled.places)
+        self.near = NearPrograms(system, self.compiled.places)
         self.closer = CloserLook(system)
         self.scratch = _scratch(self.compiled)
-        self.apart_s = 0.0
-        """Seconds that went into loading functions that stand apart, while a run was waiting."""
+        self.loading_s = 0.0
+        """Seconds that went into loading functions that stand apart, while a run was waiting: no run's own time."""
         self._settling = settling_space(len(system.states), len(system.surfaces))
-
-    @property
-    def loading_s(self) -> float:
-        """Seconds in which runs have waited for code that few of them need: no run's own time."""
-        return self.near.loading_s + self.apart_s
 
     @property
     def settling(self) -> tuple[Any, ...] | None:

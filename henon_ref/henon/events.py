@@ -43,7 +43,7 @@ FLAT = 1e-5
 _isolate = apart(
     A_ISOLATE, first_falling_root, types.Tuple((int64, float64, float64)), ROW, int64, ROWS, ROWS
 )  # fmt: skip
-_factored = apart(A_FACTORED, factored, boolean, ROW, int64, int64, ROW, ROW)
+call_factored = apart(A_FACTORED, factored, boolean, ROW, int64, int64, ROW, ROW)
 _land = apart(A_LAND, land, types.Tuple((float64, int64, int64)), ROW, int64, float64, float64, int64)
 _brent = apart(A_BRENT, brent, types.Tuple((float64, int64)), ROW, int64, float64, float64)
 
@@ -70,7 +70,7 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, metho
                 continue
             if missing(integers, A_FACTORED):
                 break
-            if _factored(integers, c[n + g], zeros, order, stack[1], stack[2]):  # rows that are free until cuts
+            if call_factored(integers, c[n + g], zeros, order, stack[1], stack[2]):  # rows that are free until cuts
                 q = stack[2]
         outcome, low, high = call_bernstein(layout[0, T_BERNSTEIN], q, powers, degree, scaled, stack[0]), 0.0, 1.0
         if outcome == LOOK:

@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 
 from llvmlite import ir
-from numba import types
+from numba import float64, int64, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 from henon_ref.henon import doubledouble as dd
+from henon_ref.henon.apart import apart, missing
 from henon_ref.henon.program import (
     ACOS,
     ADD,
@@ -48,7 +49,8 @@ from henon_ref.henon.program import (
     B,
     C,
 )
-from henon_ref.jit import inner, njit
+from henon_ref.henon.registers import A_START
+from henon_ref.jit import inner
 
 NEGLIGIBLE = 1e-31
 """Size of a coefficient, relative to its series, that no longer counts."""
@@ -148,6 +150,9 @@ def start(op, a, a_low, c, c_low):  # type: ignore[no-untyped-def]
     return dd.power(a, a_low, c, c_low)
 
 
+_start = apart(A_START, start, types.UniTuple(float64, 2), int64, float64, float64, float64, float64)
+
+
 @inner(forceinline=True)
 def _linear(code, k, high, low, constants):  # type: ignore[no-untyped-def]
     """Coefficient k of what needs coefficient k of its arguments only."""
@@ -198,18 +203,18 @@ def _convolved(code, k, high, low, constants):  # type: ignore[no-untyped-def]
 
 
 @inner(forceinline=True)
-def _integral(code, k, high, low, inverse, inverse_low, constants):  # type: ignore[no-untyped-def]
+def _integral(integers, code, k, high, low, inverse, inverse_low, constants):  # type: ignore[no-untyped-def]
     """Coefficient k of an integral; inverse is 1 / k."""
     op, a, b, c = code[OP], code[A], code[B], code[C]
     if k == 0:
-        return start(op, high[a, 0], low[a, 0], constants[c, 0], constants[c, 1])
+        return _start(integers, op, high[a, 0], low[a, 0], constants[c, 0], constants[c, 1])
     y, y_low = dd.multiply(high[b, k], low[b, k], inverse, inverse_low)
     return (-y, -y_low) if op >= COS else (y, y_low)
 
 
-@njit()
+@inner()
 def expand_fine(  # type: ignore[no-untyped-def]
-    codes, constants, field, outputs, t, t_low, x, x_low, unit, unit_low, order, least, high, low, sizes
+    integers, codes, constants, field, outputs, t, t_low, x, x_low, unit, unit_low, order, least, high, low, sizes
 ):
     """Taylor coefficients of the solution through (t, x) and of the outputs along it, in units of ``unit``.
 
@@ -217,6 +222,8 @@ def expand_fine(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
+    integers : ndarray of int
+        Of the run: where functions that stand apart are.
     codes, constants, field, outputs : ndarray
         Of a :class:`henon_ref.henon.program.Program`.
     t, t_low, unit, unit_low : float
@@ -231,11 +238,13 @@ def expand_fine(  # type: ignore[no-untyped-def]
     Returns
     -------
     int
-        The last order computed, -1 where something is not finite.
+        The last order computed, -1 where something is not finite, or a function is missing.
     """
     n, quiet, highest = len(x), 0, 0
     for i in range(len(codes)):
         highest = max(highest, codes[i, DEGREE])
+        if codes[i, OP] >= SIN and missing(integers, A_START):
+            return -1
     least = min(least, highest)
     sizes[:] = 0.0
     for i in range(n):
@@ -260,7 +269,7 @@ def expand_fine(  # type: ignore[no-untyped-def]
             elif op < SIN:
                 y, y_low = _convolved(code, k, high, low, constants)
             else:
-                y, y_low = _integral(code, k, high, low, inverse, inverse_low, constants)
+                y, y_low = _integral(integers, code, k, high, low, inverse, inverse_low, constants)
             high[own, k], low[own, k] = y, y_low
             sizes[own] += abs(y)
             if not sizes[own] < math.inf:

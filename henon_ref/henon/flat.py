@@ -10,7 +10,7 @@ from __future__ import annotations
 from henon_ref.henon import quaddouble as qd
 from henon_ref.henon.isolation import NOTHING
 from henon_ref.henon.quadseries import number, put
-from henon_ref.henon.window import ROOT, TOUCH, UNSURE, stays_clear
+from henon_ref.henon.window import ROOT, TOUCH, UNSURE, call_clear
 from henon_ref.jit import inner
 
 HIGHEST = 15
@@ -28,11 +28,13 @@ HALVINGS = 40
 
 
 @inner()
-def at_flat_root(row, degree, start, work):  # type: ignore[no-untyped-def]
+def at_flat_root(integers, row, degree, start, work):  # type: ignore[no-untyped-def]
     """What a guard does at a flat root next to a place, before which it has none.
 
     Parameters
     ----------
+    integers : ndarray of int
+        Of the run: where functions that stand apart are.
     row : ndarray
         The guard, as :func:`henon_ref.henon.touch.expand` makes it.
     degree : int
@@ -73,7 +75,7 @@ def at_flat_root(row, degree, start, work):  # type: ignore[no-untyped-def]
     double = work[1]
     for k in range(degree + 1):
         double[k] = number(row, k)[0]
-    if near == 0.0 or (near < s and not stays_clear(double[: degree + 1], s - near, size, work[2:])):
+    if near == 0.0 or (near < s and not call_clear(integers, double[: degree + 1], s - near, size, work[2:])):
         return UNSURE, place, 0
     return (ROOT if falls else TOUCH), place, order
 

@@ -12,11 +12,13 @@ from henon_ref.henon.apart import COUNTS, LAYOUT, ROW, ROWS, apart, missing
 from henon_ref.henon.calls import call_closing, call_expand
 from henon_ref.henon.events import at_zero, ends_at_zero, fails_at_once, first_event, zeros_at_release
 from henon_ref.henon.holding import held
+from henon_ref.henon.near import look_near
 from henon_ref.henon.polynomial import DEPTH
 from henon_ref.henon.primitives import bits, from_bits, smaller
 from henon_ref.henon.recording import crowded, record, sample, settle, start
 from henon_ref.henon.registers import (
     A_HELD,
+    A_LOOK,
     A_POLISH,
     A_SAMPLE,
     A_TRUSTED,
@@ -24,6 +26,7 @@ from henon_ref.henon.registers import (
     BRACKET,
     CROSS,
     DIVERGED,
+    DOUBTED,
     DOUBTFUL,
     EVENT,
     F_BEYOND,
@@ -38,6 +41,7 @@ from henon_ref.henon.registers import (
     F_TIME,
     F_UNTIL,
     F_UNTIL_LOW,
+    FOUND,
     FREE,
     FULL,
     G_ACTS,
@@ -47,6 +51,7 @@ from henon_ref.henon.registers import (
     G_KIND,
     G_RISING,
     G_STUCK,
+    GRAZE,
     HORIZON,
     I_ARRIVED,
     I_BLOCK,
@@ -76,16 +81,19 @@ from henon_ref.henon.registers import (
     SURFACE,
     T_CLOSING,
     T_GUARDS,
+    T_LOOK,
     T_PROBE,
     T_WARY,
     TANGENT,
     TOLD,
     UNKNOWN,
+    UNREAD,
     VALID,
 )
 from henon_ref.henon.settling import decided
 from henon_ref.henon.stepping import LEAP, add_time, glide, move, polish, remaining
 from henon_ref.henon.trust import swells, trusted
+from henon_ref.henon.window import OPEN, ROOT, TOUCH, UNSURE
 from henon_ref.henon.workspace import work_space
 from henon_ref.jit import inner, njit
 
@@ -94,6 +102,7 @@ BUDGET = 50_000
 
 
 _held = apart(A_HELD, held, int64, float64, float64, float64, ROW, int64, LAYOUT, ROW, ROWS, int64)
+call_look = apart(A_LOOK, look_near, int64, ROW, COUNTS, LAYOUT)
 _sample = apart(A_SAMPLE, sample, types.void, ROW, COUNTS, ROWS, int64, float64, int64, ROWS)
 _polish = apart(
     A_POLISH, polish, types.void,
@@ -131,8 +140,10 @@ def advance(floats, integers, work, tables, numbers, settling, samples):  # type
     Returns
     -------
     int
-        HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL or UNKNOWN; or MISSING, and the
-        run is where it was, and I_MISSING says what has to be loaded.
+        HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED or UNKNOWN; DOUBTFUL where a closer look
+        has left an event open (I_WHAT says what), FOUND where it has found one that is to be resolved, UNREAD where the
+        mode has nothing yet for it to look at; or MISSING, and the run is where it was, and I_MISSING says what has to
+        be loaded.
     """
     n, most = (floats.size - F_STATE) // 2, tables.shape[1] - 1
     band, room, before, records = work_space(work, n, most, integers[I_ORDER], integers[I_BLOCK])
@@ -141,10 +152,15 @@ def advance(floats, integers, work, tables, numbers, settling, samples):  # type
     for i in range(integers.size):
         before[floats.size + i] = from_bits(integers[i])
     stop_at = integers[I_STEPS] + BUDGET
-    code = EVENT if integers[I_ARRIVED] > 0 else ON
+    arrived = integers[I_ARRIVED]
+    code = DOUBTFUL if arrived == DOUBTED else EVENT if arrived > 0 else ON
     while True:
         if code == ON:
             code = _to_event(floats, integers, tables, numbers, band, room, samples, stop_at)
+            if code == ON:
+                continue
+        if code == DOUBTFUL:
+            code = _look_closer(floats, integers, records, tables)
         if code == EVENT:
             code = through_event(floats, integers, records, tables, numbers, settling, band, room)
         if integers[I_MISSING] > 0:
@@ -244,6 +260,29 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     if layout[1 + hit, G_KIND] == RELEASE:
         _polish(integers, floats, integers, x, x_low, layout, constants, ahead, change, n + hit, sigma, theta)
     return EVENT
+
+
+@inner()
+def _look_closer(floats, integers, records, tables):  # type: ignore[no-untyped-def]
+    """Go to a doubtful event with more digits: ON, EVENT, or why Python is needed."""
+    n, most, guard = (floats.size - F_STATE) // 2, tables.shape[1] - 1, integers[I_GUARD]
+    mode = integers[I_MODE]
+    layout = tables[mode]
+    integers[I_ARRIVED] = 0
+    if layout[0, T_LOOK] == 0:
+        return UNREAD
+    if missing(integers, A_LOOK):
+        return MISSING
+    outcome = call_look(integers, floats, integers, layout)
+    if outcome in (UNSURE, OPEN):
+        integers[I_WHAT] = outcome
+        return DOUBTFUL
+    if outcome == TOUCH:  # a stick whose own end is touched goes on, and nothing is told
+        x, index = floats[F_STATE : F_STATE + n], layout[1 + guard, G_INDEX]
+        record(floats, integers, x, records, GRAZE, index, mode, mode, integers[I_LANDING])
+    if outcome == ROOT and integers[I_SIZE + most + guard] == 1:
+        return FOUND
+    return EVENT if integers[I_ARRIVED] > 0 else ON
 
 
 @inner(forceinline=True)

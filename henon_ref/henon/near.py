@@ -8,23 +8,24 @@ and what a polynomial does at a flat root (:mod:`henon_ref.henon.flat`). What is
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
-from typing import Any
-
-import numpy as np
-import sympy as sp
-from numpy.typing import NDArray
+from numba import float64, int64, types
 
 from henon_ref.henon import doubledouble as dd
-from henon_ref.henon.compiled import quad_double, speeds
-from henon_ref.henon.events import at_zero
+from henon_ref.henon.apart import COUNTS, LAYOUT, ROW, ROWS, apart, missing
+from henon_ref.henon.events import at_zero, call_factored
 from henon_ref.henon.fine import expand_fine
 from henon_ref.henon.flat import HIGHEST, at_flat_root
-from henon_ref.henon.polynomial import factored
-from henon_ref.henon.program import program
-from henon_ref.henon.quadseries import WIDTH, expand
+from henon_ref.henon.primitives import doubles_at, integers_at
+from henon_ref.henon.program import COLUMNS
+from henon_ref.henon.quadseries import PARTS, WIDTH, expand
 from henon_ref.henon.registers import (
+    A_CLEAR,
+    A_DECIDE,
+    A_FACTORED,
+    A_FINE,
+    A_FLAT_ROOT,
+    A_MINIMUM,
+    A_QUAD,
     F_BEYOND,
     F_CLEAR,
     F_LOW,
@@ -41,12 +42,27 @@ from henon_ref.henon.registers import (
     G_RISING,
     I_ARRIVED,
     I_GUARD,
+    I_MISSING,
     I_ORDER,
     I_SIZE,
     I_STEPS,
+    L_CODES,
+    L_CONSTANTS,
+    L_HIGH,
+    L_LOW,
+    L_NUMBERS,
+    L_OPERATIONS,
+    L_PLACED,
+    L_PLACES,
+    L_QUADS,
+    L_ROWS,
+    L_SIZE,
+    L_SIZES,
+    L_WORK,
     LANDED,
     SURFACE,
     T_GUARDS,
+    T_LOOK,
     TANGENT,
     TOLD,
     VALID,
@@ -65,138 +81,111 @@ from henon_ref.henon.window import (
     STEEP,
     TOUCH,
     UNSURE,
+    call_clear,
     decide,
-    stays_clear,
 )
-from henon_ref.jit import compiling, inner, njit
-from henon_ref.model.modes import Mode
-from henon_ref.model.system import FilippovSystem
-from henon_ref.taylor.tape import build_tape
+from henon_ref.jit import inner, njit
 
 ORDER = 64
 """Highest order of the expansion; it ends before where its terms have become negligible."""
 CERTAIN = 1e3 * NOISE
 """What a speed has to exceed of its size for its sign to be certain."""
+_QUAD = types.UniTuple(float64, 4)
+_expand_fine = apart(
+    A_FINE, expand_fine, int64,
+    COUNTS, LAYOUT, ROWS, COUNTS, COUNTS, float64, float64, ROW, ROW, float64, float64, int64, int64, ROWS, ROWS, ROW,
+)  # fmt: skip
+_decide = apart(
+    A_DECIDE, decide, types.Tuple((int64, float64, float64, float64)), COUNTS, ROW, ROW, int64, float64, float64, ROWS
+)
+_expand = apart(
+    A_QUAD, expand, int64,
+    LAYOUT, ROWS, COUNTS, int64, int64, float64, float64, ROW, ROW, float64, int64, ROWS, ROW,
+)  # fmt: skip
+_at_minimum = apart(A_MINIMUM, at_minimum, types.Tuple((int64, _QUAD)), ROW, int64, float64, float64)
+_at_flat_root = apart(A_FLAT_ROOT, at_flat_root, types.Tuple((int64, _QUAD, int64)), COUNTS, ROW, int64, float64, ROWS)
 
 
-class NearLook:
-    """Double-double programs of one system's modes, made when they are first needed.
-
-    Parameters
-    ----------
-    system : FilippovSystem
-    places : callable
-        Where the guards of a mode's table stand in :meth:`FilippovSystem.equations`.
-    """
-
-    def __init__(self, system: FilippovSystem, places: Callable[[Mode], Sequence[int]]) -> None:
-        self.system, self._places = system, places
-        self.loading_s = 0.0
-        """Seconds that went into compiling :func:`look_near`, or reading it from the disk: no run's own time."""
-        self._looks: dict[Mode, tuple[NDArray[Any], ...]] = {}
-
-    def look(
-        self, floats: NDArray[np.float64], integers: NDArray[np.int64], mode: Mode, layout: NDArray[np.int64]
-    ) -> int:
-        """See :func:`look_near`."""
-        made = self._looks.get(mode)
-        if made is None:
-            made = self._looks[mode] = self._program(mode)
-        if self.loading_s:
-            return int(look_near(floats, integers, layout, *made))
-        began = time.perf_counter()
-        with compiling():
-            outcome = int(look_near(floats, integers, layout, *made))
-        self.loading_s = time.perf_counter() - began
-        return outcome
-
-    def _program(self, mode: Mode) -> tuple[NDArray[Any], ...]:
-        """A mode's tape as arrays, and work space for it (few arrays: each that is passed costs 45 ns)."""
-        system, equations = self.system, self.system.equations(mode)
-        signs = {sign: sp.Integer(s) for sign, s in zip(system.signs, mode, strict=True)}
-        sides = [speed.xreplace(signs) for speed in speeds(system, equations.guards)]
-        tape = build_tape(system.states, equations.field, [*(g.expression for g in equations.guards), *sides])
-        codes, constants, field, outputs, rows = program(tape, [quad_double(system.numeric(c)) for c in tape.constants])
-        shapes = [(2, rows, ORDER + 1), (rows, WIDTH), (rows,), (4 + HALVINGS, ORDER + 1)]
-        where = np.concatenate([self._places(mode), field, outputs])
-        return codes, constants, where, *(np.zeros(shape) for shape in shapes)
-
-
-@njit()
-def look_near(  # type: ignore[no-untyped-def]
-    floats, integers, layout, codes, constants, rows, series, quads, sizes, work,
-):  # fmt: skip
+@inner()
+def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
     """Decide a doubtful event and go there.
 
     Parameters
     ----------
     floats, integers : ndarray
-        The run (see :mod:`henon_ref.henon.registers`), which came back with DOUBTFUL.
+        The run (see :mod:`henon_ref.henon.registers`), next to a doubtful event.
     layout : ndarray of int
-        The mode's table.
-    codes, constants : ndarray
-        The mode as a :class:`henon_ref.henon.program.Program`; its outputs are G guards, then the speeds towards the
-        surface of each and away from it beyond.
-    rows : ndarray of int, shape (guards + n + 3 G,)
-        Where the guards of the table stand among the G (-1 for those that have no place there); rows of the field and
-        of the outputs.
-    series, quads, sizes : ndarray, shapes (2, rows, ORDER + 1), (rows, WIDTH) and (rows,)
-        Work space of :func:`henon_ref.henon.fine.expand_fine` and of :func:`henon_ref.henon.quadseries.expand`.
-    work : ndarray, shape (4 + HALVINGS, ORDER + 1)
-        Work space.
+        The mode's table. What its T_LOOK leads to (L_...): a :class:`henon_ref.henon.program.Program` whose outputs
+        are G guards, then the speeds towards the surface of each and away from it beyond; guards + n + 3 G places:
+        where the guards of the table stand among the G (-1 for those that have no place there), rows of the field
+        and of the outputs; work space of :func:`henon_ref.henon.fine.expand_fine` and of
+        :func:`henon_ref.henon.quadseries.expand`, and of this function, shape (4 + HALVINGS, ORDER + 1).
 
     Returns
     -------
     int
         UNSURE or OPEN, and the run has not moved (with OPEN the doubtful point is the minimum, and up to F_CLEAR there
-        is no doubt); or where it is now, with ACROSS at a root beyond whose surface the field is known.
+        is no doubt); or where it is now, with ACROSS at a root beyond whose surface the field is known. It counts for
+        nothing where a function turns out to be missing.
     """
+    if missing(integers, A_FINE) or missing(integers, A_DECIDE) or missing(integers, A_CLEAR):
+        return UNSURE
+    look = integers_at(layout[0, T_LOOK], 1, L_SIZE)[0]
+    count = look[L_ROWS]
+    codes = integers_at(look[L_CODES], look[L_OPERATIONS], COLUMNS)
+    constants = doubles_at(look[L_CONSTANTS], look[L_NUMBERS], PARTS)
+    rows = integers_at(look[L_PLACES], 1, look[L_PLACED])[0]
+    high, low = doubles_at(look[L_HIGH], count, ORDER + 1), doubles_at(look[L_LOW], count, ORDER + 1)
+    sizes = doubles_at(look[L_SIZES], 1, count)[0]
+    work = doubles_at(look[L_WORK], 4 + HALVINGS, ORDER + 1)
     n = (floats.size - F_STATE) // 2
     x, x_low = floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
     known = layout[0, T_GUARDS]
     first = known + n
     behind = first + (rows.size - first) // 3
     places, field, outputs, sides = rows[:known], rows[known:first], rows[first:behind], rows[behind:]
-    high, low = series[0], series[1]
     unit = floats[F_REACH] * (1.0 + BEYOND)
     guard = integers[I_GUARD]
     zeros = integers[I_SIZE + guard]
-    last = expand_fine(
-        codes, constants, field, outputs, floats[F_TIME], floats[F_LOW], x, x_low, unit, 0.0, ORDER,
+    last = _expand_fine(
+        integers, integers, codes, constants, field, outputs, floats[F_TIME], floats[F_LOW], x, x_low, unit, 0.0, ORDER,
         integers[I_ORDER], high, low, sizes,
     )  # fmt: skip
     if last < 0 or not _settled(high, outputs, n, last, sizes):
         return UNSURE
     row = outputs[places[guard]]
     if zeros > 0:
-        _divide_out(high[row, : last + 1], low[row, : last + 1], zeros, work)
+        if missing(integers, A_FACTORED):
+            return UNSURE
+        _divide_out(integers, high[row, : last + 1], low[row, : last + 1], zeros, work)
     q, q_low = high[row, zeros : last + 1], low[row, zeros : last + 1]
     size = 0.0
     for k in range(q.size):
         size += abs(q[k])
     start = floats[F_NEAR] / unit
-    outcome, s, s_low, clear = decide(q, q_low, zeros, size, start, work)
+    outcome, s, s_low, clear = _decide(integers, integers, q, q_low, zeros, size, start, work)
     if outcome == OPEN:
         floats[F_NEAR], floats[F_NEAR_LOW] = dd.multiply(s, s_low, unit, 0.0)
         floats[F_CLEAR] = min(clear * unit, floats[F_NEAR])
     order = 2
     if zeros == 0 and outcome in (UNSURE, OPEN):
         sure = outcome == OPEN and clear == s
+        quads = doubles_at(look[L_QUADS], count, WIDTH)
         told, order = _told(
             floats, integers, codes, constants, field, places[guard], row, unit, s, s_low, sure, quads, sizes, work
         )
+        if integers[I_MISSING] > 0:
+            return UNSURE
         outcome = outcome if told == UNSURE else told
     if outcome == TOUCH:
         outcome = settle_touch(floats, integers, layout)
         if integers[I_SIZE + guard] > 0:
             integers[I_SIZE + guard] = order
         return outcome
-    if order > 2 and outcome == ROOT:
-        arrive(floats, integers, ROOT)
-        return ROOT
-    if outcome == MISS:
-        arrive(floats, integers, MISS)
-    if outcome in (UNSURE, OPEN, MISS):
+    if outcome == MISS or (order > 2 and outcome == ROOT):
+        arrive(floats, integers, outcome)
+        return outcome
+    if outcome in (UNSURE, OPEN):
         return outcome
     if outcome == PASSED and not _others_clear(high, outputs, integers, layout, places, last, s, work):
         return UNSURE
@@ -221,16 +210,20 @@ def _told(floats, integers, codes, constants, field, output, row, unit, s, s_low
 
     ``sure``: the place is a minimum, and nothing is open but the sign there.
     """
+    if missing(integers, A_QUAD) or missing(integers, A_MINIMUM) or missing(integers, A_FLAT_ROOT):
+        return UNSURE, 2
     n, least = field.size, integers[I_ORDER]
     t, t_low, x, x_low = floats[F_TIME], floats[F_LOW], floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
-    degree = expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, least, rows, sizes)
+    degree = _expand(integers, codes, constants, field, output, row, t, t_low, x, x_low, unit, least, rows, sizes)
     if degree < 0:
         return UNSURE, 2
     outcome, place, order = UNSURE, (s, s_low, 0.0, 0.0), 2
     if sure:
-        outcome, place = at_minimum(rows[row], degree, s, s_low)
+        outcome, place = _at_minimum(integers, rows[row], degree, s, s_low)
     if outcome == UNSURE and degree <= HIGHEST:
-        outcome, place, order = at_flat_root(rows[row], degree, s if sure else floats[F_NEAR] / unit, work)
+        outcome, place, order = _at_flat_root(
+            integers, integers, rows[row], degree, s if sure else floats[F_NEAR] / unit, work
+        )
     if outcome != UNSURE:
         floats[F_TIME], floats[F_LOW] = along(t, t_low, unit, place)
         for i in range(n):
@@ -239,10 +232,10 @@ def _told(floats, integers, codes, constants, field, output, row, unit, s, s_low
 
 
 @inner()
-def _divide_out(c, c_low, zeros, work):  # type: ignore[no-untyped-def]
+def _divide_out(integers, c, c_low, zeros, work):  # type: ignore[no-untyped-def]
     """Divide a polynomial by the factor of its known zeros, leaving the quotient from place ``zeros`` on."""
     size, factor = c.size - zeros, work[0]
-    if not factored(c, zeros, c.size - 1, factor, work[1]):
+    if not call_factored(integers, c, zeros, c.size - 1, factor, work[1]):
         return
     for k in range(size - 1, -1, -1):
         for j in range(max(zeros + k - size + 1, 0), zeros):
@@ -256,7 +249,8 @@ def arrive(floats, integers, outcome):  # type: ignore[no-untyped-def]
     """Leave the step behind, the run being where the closer look has led it."""
     guard, most = integers[I_GUARD], (integers.size - I_SIZE) // 2
     integers[I_STEPS] += 1
-    integers[I_SIZE : I_SIZE + most] = 0
+    for g in range(most):
+        integers[I_SIZE + g] = 0
     if remaining(floats) < -2e-17 * abs(floats[F_UNTIL]):  # behind the horizon, by more than a sum's rounding
         floats[F_TIME], floats[F_LOW] = floats[F_UNTIL], floats[F_UNTIL_LOW]
     elif outcome == MISS:
@@ -275,10 +269,10 @@ def settle_touch(floats, integers, layout):  # type: ignore[no-untyped-def]
     guard = integers[I_GUARD]
     own = layout[1 + guard]
     surface = own[G_KIND] == SURFACE
-    if own[G_KIND] == VALID or (surface and own[G_HOLD] == 1):
-        arrive(floats, integers, ROOT)
+    outcome = ROOT if own[G_KIND] == VALID or (surface and own[G_HOLD] == 1) else MISS
+    arrive(floats, integers, outcome)
+    if outcome == ROOT:
         return ROOT
-    arrive(floats, integers, MISS)
     return TOUCH if surface and integers[I_SIZE + guard] > 0 else MISS
 
 
@@ -317,7 +311,7 @@ def _others_clear(high, outputs, integers, layout, places, last, s, work):  # ty
             for k in range(series.size):
                 own[k] = sign * series[k]
                 size += abs(series[k])
-            if size > 0.0 and not stays_clear(own[: series.size], s, size, work[2:]):
+            if size > 0.0 and not call_clear(integers, own[: series.size], s, size, work[2:]):
                 return False
     return True
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -53,21 +55,42 @@ def larger(typing, a, b):  # type: ignore[no-untyped-def]
 @intrinsic
 def rows_of(typing, array, first, count, width):  # type: ignore[no-untyped-def]
     """A view of part of an array of doubles as rows: from place ``first`` on, ``count`` of them."""
-    view = types.float64[:, ::1]
 
     def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
         source = context.make_array(sig.args[0])(context, builder, value=args[0])
-        made = context.make_array(view)(context, builder)
-        size = context.get_constant(types.intp, 8)
-        context.populate_array(
-            made,
-            data=builder.gep(source.data, [args[1]]),
-            shape=cgutils.pack_array(builder, [args[2], args[3]]),
-            strides=cgutils.pack_array(builder, [builder.mul(args[3], size), size]),
-            itemsize=size,
-            meminfo=None,
-            parent=None,
-        )
-        return made._getvalue()
+        return _rows(context, builder, sig.return_type, builder.gep(source.data, [args[1]]), args[2], args[3])
 
-    return view(types.float64[::1], types.int64, types.int64, types.int64), codegen
+    return types.float64[:, ::1](types.float64[::1], types.int64, types.int64, types.int64), codegen
+
+
+@intrinsic
+def doubles_at(typing, address, count, width):  # type: ignore[no-untyped-def]
+    """The doubles at an address as rows."""
+    return types.float64[:, ::1](types.int64, types.int64, types.int64), _view
+
+
+@intrinsic
+def integers_at(typing, address, count, width):  # type: ignore[no-untyped-def]
+    """The integers at an address as rows."""
+    return types.int64[:, ::1](types.int64, types.int64, types.int64), _view
+
+
+def _view(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    pointer = context.get_data_type(sig.return_type.dtype).as_pointer()
+    return _rows(context, builder, sig.return_type, builder.inttoptr(args[0], pointer), args[1], args[2])
+
+
+def _rows(context: Any, builder: Any, kind: Any, data: Any, count: Any, width: Any) -> Any:
+    """An array of numbers of eight bytes that are kept elsewhere."""
+    made = context.make_array(kind)(context, builder)
+    size = context.get_constant(types.intp, 8)
+    context.populate_array(
+        made,
+        data=data,
+        shape=cgutils.pack_array(builder, [count, width]),
+        strides=cgutils.pack_array(builder, [builder.mul(width, size), size]),
+        itemsize=size,
+        meminfo=None,
+        parent=None,
+    )
+    return made._getvalue()

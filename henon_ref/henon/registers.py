@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 # Why the loop came back.
-HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED, DOUBTFUL, UNKNOWN, MISSING = range(11)
+(
+    HORIZON,
+    RESOLVE,
+    FULL,
+    DIVERGED,
+    STALLED,
+    PAUSE,
+    INVALID,
+    ACCUMULATED,
+    DOUBTFUL,
+    FOUND,
+    UNKNOWN,
+    MISSING,
+    UNREAD,
+) = range(13)
 # Between its own parts: an event is to be gone through, or there is nothing to say.
-EVENT, ON = 11, 12
+EVENT, ON = 13, 14
 # Kinds of guards.
 SURFACE, RELEASE, VALID = 0, 1, 2
 # Kinds of transitions.
-STICK, FREE, CROSS = 0, 1, 2
+STICK, FREE, CROSS, GRAZE = range(4)
 # Ways of landing.
 HENON, NEWTON, BRENT, BRACKET = range(4)
 LANDINGS = ("henon", "newton", "brent", "bracket")
@@ -40,10 +54,10 @@ REMEMBERED = 64
 F_STATE = F_SIZE + REMEMBERED
 """Where the state stands, followed by what rounding it lost."""
 # Integers of a run: mode; counts; last guard hit and its landing; steps that time cannot tell apart, events that it
-# cannot tell apart; next sample; mode of the last step; kind of the event that leads to a mode not known yet; LANDED
-# or TOLD where the run stands at an event that was decided outside; order; method of landing; transitions that a
-# block of memory holds; register of a function that is not there yet; addresses of those that stand
-# apart (0: not there yet; see henon_ref.henon.apart).
+# cannot tell apart; next sample; mode of the last step; kind of the event that leads to a mode not known yet, or what a
+# closer look has left open; LANDED or TOLD where the run stands at an event that a closer look has decided, DOUBTED
+# where it stands before one that is to be looked at closer; order; method of landing; transitions that a
+# block of memory holds; a function that is not there yet (A_...); address of the table of those that stand apart.
 (
     I_MODE,
     I_STEPS,
@@ -62,6 +76,15 @@ F_STATE = F_SIZE + REMEMBERED
     I_METHOD,
     I_BLOCK,
     I_MISSING,
+    I_APART,
+    I_SIZE,
+) = range(19)
+# Behind them, an integer a guard each: known zeros at the present point (the surface just left), which are divided
+# out; 1 for a guard that is at zero.
+
+# Functions that stand apart (see henon_ref.henon.apart), by their places in a table of addresses; there is no place 0.
+(
+    A_NONE,
     A_LAND,
     A_POLISH,
     A_SAMPLE,
@@ -72,24 +95,48 @@ F_STATE = F_SIZE + REMEMBERED
     A_TRUSTED,
     A_HELD,
     A_BELOW,
-    I_SIZE,
-) = range(28)
+    A_LOOK,
+    A_FINE,
+    A_START,
+    A_DECIDE,
+    A_CLEAR,
+    A_QUAD,
+    A_MINIMUM,
+    A_FLAT_ROOT,
+    A_SIZE,
+) = range(20)
 ALWAYS = (A_LAND, A_POLISH, A_SAMPLE)
-"""Registers of functions that are loaded with the loop."""
-# Behind them, an integer a guard each: known zeros at the present point (the surface just left), which are divided
-# out; 1 for a guard that is at zero.
+"""Functions that are loaded with the loop."""
 
-# A mode's table: its own row, then a row a guard. T_WARY: whether its field has branch points.
-T_GUARDS, T_EXPANSION, T_CLOSING, T_PROBE, T_BERNSTEIN, T_WARY = range(6)
+# A mode's table: its own row, then a row a guard. T_WARY: whether its field has branch points. T_LOOK: address of what
+# a closer look works with (L_...), 0 where there is none yet.
+T_GUARDS, T_EXPANSION, T_CLOSING, T_PROBE, T_BERNSTEIN, T_WARY, T_LOOK = range(7)
 # Kind, index, whether only its rise counts, whether it has a hold zone, whether it acts on a sliding surface; row of
 # the mode after a crossing (or a release) and after a stick, -1 where not known yet. For a release the last is the
 # number of zeros that the surface is left with.
 G_KIND, G_INDEX, G_RISING, G_HOLD, G_ACTS, G_AFTER, G_STUCK, T_SIZE = range(8)
+# What a closer look at a mode works with (see henon_ref.henon.near_program): addresses of arrays, then how many
+# operations, constants, places and rows there are.
+(
+    L_CODES,
+    L_CONSTANTS,
+    L_PLACES,
+    L_HIGH,
+    L_LOW,
+    L_QUADS,
+    L_SIZES,
+    L_WORK,
+    L_OPERATIONS,
+    L_NUMBERS,
+    L_PLACED,
+    L_ROWS,
+    L_SIZE,
+) = range(13)
 # A transition.
 R_TIME, R_LOW, R_KIND, R_SURFACE, R_FROM, R_TO, R_LANDING, R_STATE = range(8)
 
-LANDED, TOLD = 1, 2
-"""The run stands at an event; with TOLD what is beyond its surface is known, too."""
+LANDED, TOLD, DOUBTED = 1, 2, 3
+"""The run stands at an event; with TOLD what is beyond its surface is known, too. DOUBTED: it is to be looked at."""
 NOWHERE = -1
 """In place of the guard last hit: nothing was hit, a guard is at zero where a step begins."""
 EPS = 2.220446049250313e-16

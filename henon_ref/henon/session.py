@@ -18,6 +18,7 @@ from henon_ref.henon.recording import crowded, record
 from henon_ref.henon.registers import (
     ACCUMULATED,
     CROSS,
+    DOUBTED,
     DOUBTFUL,
     F_LOW,
     F_REACH,
@@ -25,12 +26,15 @@ from henon_ref.henon.registers import (
     F_TIME,
     F_UNTIL,
     F_UNTIL_LOW,
+    FOUND,
     FREE,
     FULL,
     G_AFTER,
     G_INDEX,
     G_STUCK,
+    GRAZE,
     HORIZON,
+    I_ARRIVED,
     I_BLOCK,
     I_COUNT,
     I_EVENTS,
@@ -47,9 +51,11 @@ from henon_ref.henon.registers import (
     PAUSE,
     RESOLVE,
     STICK,
+    T_LOOK,
     UNKNOWN,
+    UNREAD,
 )
-from henon_ref.henon.window import MISS, OPEN, PASSED, ROOT, TOUCH, UNSURE
+from henon_ref.henon.window import MISS, OPEN, PASSED, ROOT, TOUCH
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import ZERO
@@ -61,7 +67,6 @@ if TYPE_CHECKING:
 PROVEN = 1e-15
 """Relative size below which a derivative counts as zero at a root that was found in multiprecision."""
 _tuple = tuple.__new__
-_GRAZE = KINDS.index("graze")
 _NO_SAMPLES = np.zeros((0, 2))
 CHUNK = 1024
 """Transitions kept in one block of memory."""
@@ -217,49 +222,38 @@ class Session:
             return self._end("ok", "")
         if code == FULL and not stop:
             self._close_block()
-        elif code in (RESOLVE, DOUBTFUL, UNKNOWN):
+        elif code in (RESOLVE, FOUND, DOUBTFUL, UNKNOWN):
             why = None
             if code == UNKNOWN:
                 why = self._go_on()
             elif code == RESOLVE:
                 why = self._resolve()
-            elif self._closer_look():
+            elif code == FOUND or self._closest_look():
                 why = self._resolve(zero=PROVEN)
             return None if why is None else self._end(*why)
         elif code == MISSING:
             self._load()
+        elif code == UNREAD:
+            engine.compiled.tables[self.integers[I_MODE], 0, T_LOOK] = engine.near.address(self.mode)
+            self.integers[I_ARRIVED] = DOUBTED
         elif code not in (FULL, PAUSE):
             return self._end(*why_ended(self, code))
         return None
 
     def _load(self) -> None:
-        """Load a function that the loop has not found, for this run and those that begin as it did."""
+        """Load a function that the loop has not found."""
         began = time.perf_counter()
-        register = self.integers.item(I_MISSING)
+        load(self.integers.item(I_MISSING))
         self.integers[I_MISSING] = 0
-        self.integers[register] = self.start.arrays[1][register] = load(register)
-        self.engine.apart_s += time.perf_counter() - began
+        self.engine.loading_s += time.perf_counter() - began
 
-    def _closer_look(self) -> bool:
-        """Go to a doubtful event with more digits: in double-double where they suffice, else in multiprecision.
+    def _closest_look(self) -> bool:
+        """Go to a doubtful event in multiprecision; True if there is an event to resolve there.
 
-        True if there is an event to resolve there.
+        With OPEN double-double has found a minimum, whose sign is open, and nothing else is but a window before it.
         """
-        row, guard = self.integers.item(I_MODE), self.integers.item(I_GUARD)
-        compiled = self.engine.compiled
-        mode = compiled.modes[row]
-        outcome = self.engine.near.look(self.floats, self.integers, mode, compiled.tables[row])
-        if outcome in (UNSURE, OPEN):
-            outcome = self._closest_look(mode, guard, outcome == OPEN)
-        if outcome == TOUCH:  # a stick whose own end is touched goes on, and nothing is told
-            self._record(_GRAZE, compiled.tables.item(row, 1 + guard, G_INDEX), row, row)
-        return outcome == ROOT and bool(self.hits[guard])
-
-    def _closest_look(self, mode: Mode, guard: int, at_minimum: bool) -> int:
-        """Go to a doubtful event in multiprecision: ROOT, TOUCH, or what else comes of it.
-
-        ``at_minimum``: double-double has found one, whose sign is open, and nothing else is but a window before it.
-        """
+        row, guard, at_minimum = self.integers.item(I_MODE), self.integers.item(I_GUARD), self.integers[I_WHAT] == OPEN
+        mode = self.mode
         compiled, floats, zeros = self.engine.compiled, self.floats, self.multiplicity.item(guard)
         time, low, *_, near, near_low, clear, reach = floats[: F_REACH + 1].tolist()
         where, known = compiled.places(mode)[guard], clear if at_minimum else None
@@ -269,14 +263,16 @@ class Session:
         self.x[:] = [high for high, _ in found.state]
         self.x_low[:] = [low for _, low in found.state]
         if found.what == "touch":
-            outcome = int(settle_touch(floats, self.integers, compiled.tables[compiled.index[mode]]))
+            outcome = int(settle_touch(floats, self.integers, compiled.tables[row]))
         else:
             outcome = ROOT if found.what == "root" else MISS if found.lowest else PASSED
             arrive(floats, self.integers, outcome)
         if self.multiplicity[guard] and not found.parabolic:
             orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, [self.guards[guard].index])
             self.multiplicity[guard] = max(2, orders[guard])
-        return outcome
+        if outcome == TOUCH:  # a stick whose own end is touched goes on, and nothing is told
+            self._record(GRAZE, compiled.tables.item(row, 1 + guard, G_INDEX), row, row)
+        return outcome == ROOT and bool(self.hits[guard])
 
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:
         if self.integers[I_COUNT] >= self.integers[I_BLOCK]:

@@ -8,9 +8,12 @@ another window, up to where the guard is clear of zero again: the next step begi
 
 from __future__ import annotations
 
+from numba import boolean, float64
+
 from henon_ref.henon import doubledouble as dd
+from henon_ref.henon.apart import ROW, ROWS, apart
 from henon_ref.henon.polynomial import value
-from henon_ref.henon.registers import EPS
+from henon_ref.henon.registers import A_CLEAR, EPS
 from henon_ref.jit import inner
 
 UNSURE, OPEN, ROOT, STEEP, PASSED, ACROSS, MISS, TOUCH = range(8)
@@ -41,7 +44,51 @@ BEYOND = 2.0**-46
 
 
 @inner()
-def decide(q, q_low, zeros, size, start, work):  # type: ignore[no-untyped-def]
+def stays_clear(q, end, size, stack):  # type: ignore[no-untyped-def]
+    """True if a polynomial is larger than COARSE of its size all over [0, end], by double precision."""
+    least = COARSE * size
+    degree, power, tail = 0, 1.0, 0.0
+    for k in range(q.size):
+        if abs(q[k]) * power > EPS * size:
+            degree = k
+        power *= end
+    power, choose = 1.0, 1.0
+    for k in range(q.size):
+        if k > degree:
+            tail += abs(q[k]) * power
+        else:
+            stack[0, k] = q[k] * power / choose
+            choose = choose * (degree - k) / (k + 1.0)
+        power *= end
+    for j in range(1, degree + 1):
+        for i in range(degree, j - 1, -1):
+            stack[0, i] += stack[0, i - 1]
+    top, looked = 1, 0
+    while top > 0:
+        top -= 1
+        looked += 1
+        right = stack[top]
+        lowest = right[0]
+        for i in range(1, degree + 1):
+            lowest = min(lowest, right[i])
+        if lowest > least + tail:
+            continue
+        if not min(right[0], right[degree]) > least + tail or top + 2 >= stack.shape[0] or looked > 4 * HALVINGS:
+            return False
+        left = stack[top + 1]
+        for i in range(degree + 1):  # de Casteljau in place
+            left[i] = right[0]
+            for j in range(degree - i):
+                right[j] = 0.5 * (right[j] + right[j + 1])
+        top += 2
+    return True
+
+
+call_clear = apart(A_CLEAR, stays_clear, boolean, ROW, float64, float64, ROWS)
+
+
+@inner()
+def decide(integers, q, q_low, zeros, size, start, work):  # type: ignore[no-untyped-def]
     """What a guard, q s^zeros, does on (0, 1] up to a doubtful point: the outcome, where, where its window begins."""
     g, b, stack = work[0], work[1], work[2:]
     s, s_low = start, 0.0
@@ -67,7 +114,7 @@ def decide(q, q_low, zeros, size, start, work):  # type: ignore[no-untyped-def]
     while width < WIDEST and width < s and not value(g, LOCAL, -width) > CLEAR * size:
         width *= 2.0
     width = min(width, s)
-    if width >= WIDEST or (width < s and not stays_clear(q, s - width, size, stack)):
+    if width >= WIDEST or (width < s and not call_clear(integers, q, s - width, size, stack)):
         return UNSURE, 0.0, 0.0, 0.0
     bound = _bound(q, s)
     touching = minimum and abs(g[0]) <= NOISE * size
@@ -218,44 +265,3 @@ def _sign_changes(g, width, size, bound, b, doubt):  # type: ignore[no-untyped-d
         changes += 1 if before * b[i] < 0.0 else 0
         before = b[i]
     return changes
-
-
-@inner()
-def stays_clear(q, end, size, stack):  # type: ignore[no-untyped-def]
-    """True if a polynomial is larger than COARSE of its size all over [0, end], by double precision."""
-    least = COARSE * size
-    degree, power, tail = 0, 1.0, 0.0
-    for k in range(q.size):
-        if abs(q[k]) * power > EPS * size:
-            degree = k
-        power *= end
-    power, choose = 1.0, 1.0
-    for k in range(q.size):
-        if k > degree:
-            tail += abs(q[k]) * power
-        else:
-            stack[0, k] = q[k] * power / choose
-            choose = choose * (degree - k) / (k + 1.0)
-        power *= end
-    for j in range(1, degree + 1):
-        for i in range(degree, j - 1, -1):
-            stack[0, i] += stack[0, i - 1]
-    top, looked = 1, 0
-    while top > 0:
-        top -= 1
-        looked += 1
-        right = stack[top]
-        lowest = right[0]
-        for i in range(1, degree + 1):
-            lowest = min(lowest, right[i])
-        if lowest > least + tail:
-            continue
-        if not min(right[0], right[degree]) > least + tail or top + 2 >= stack.shape[0] or looked > 4 * HALVINGS:
-            return False
-        left = stack[top + 1]
-        for i in range(degree + 1):  # de Casteljau in place
-            left[i] = right[0]
-            for j in range(degree - i):
-                right[j] = 0.5 * (right[j] + right[j + 1])
-        top += 2
-    return True
