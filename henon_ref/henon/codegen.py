@@ -21,14 +21,13 @@ from henon_ref.henon.rows import row_length, store_combination, store_integral, 
 from henon_ref.taylor.tape import Node, Tape
 
 
-def expansion_ir(tape: Tape, states: int, order: int, name: str) -> str:
+def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | None = None) -> str:
     """LLVM IR of ``void name(double t_hi, double t_lo, double sigma, double* x, double* K, double* C)``.
 
     ``K`` holds the constants rounded to double, then what that rounding lost. ``C`` receives the Taylor
-    coefficients in units of sigma, a row of :func:`row_length` a state, then one an output; and behind the
-    rows, for ``order`` >= 3, the largest last and last but one coefficient relative to the row's size on a
-    step of sigma, a sum that is not finite where any coefficient is not, and the longest step that the
-    exponentials allow.
+    coefficients in units of sigma, a row a state, then one an output; and behind the rows, for ``order`` >= 3, the
+    largest last and last but one coefficient relative to the row's size on a step of sigma, a sum that is not finite
+    where any coefficient is not, and the longest step that the exponentials allow.
 
     Parameters
     ----------
@@ -39,16 +38,19 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str) -> str:
         Highest coefficient; 0 gives the values of the outputs only.
     name : str
         Name of the function.
+    width : int, optional
+        Doubles from one row to the next where that is not the :func:`row_length` of the order (an order below 4).
     """
     w = Writer()
     expander = _Expander(w, tape, states, order)
     expander.run()
-    expander.store()
+    width = row_length(order) if width is None else width
+    expander.store(width)
     if order >= 3:
         rows = [*expander.solution, *expander.outputs]
         tails = [(n.op, expander.series(n.args[0])) for n in tape.nodes if n.op in ("exp", "sinh", "tanh")]
         for at, value in enumerate([*norms(w, rows, expander.sizes, order), longest(w, tails)]):
-            w.store(value, "%C", len(rows) * row_length(order) + at)
+            w.store(value, "%C", len(rows) * width + at)
     body = "\n".join(w.lines)
     return (
         f"define void @{name}(double %t_hi, double %t_lo, double %sigma, ptr noalias %x, ptr noalias %K, "
@@ -188,12 +190,12 @@ class _Expander:
                     sources.add(source)
         return found
 
-    def store(self) -> None:
+    def store(self, width: int) -> None:
         """Store all rows: of a state that follows another one and of an output from rows that are there already."""
         w, order = self.w, self.order
         for i, values in enumerate(self.solution):
             if i not in self.followed:
-                store_values(w, values, i, order)
+                store_values(w, values, i, width)
         for i, (source, rate) in self.followed.items():
             store_integral(w, self.solution[i], i, (source, rate), order)
         for r, form, values in zip(count(self.states), self.targets, self.outputs, strict=False):
@@ -201,7 +203,7 @@ class _Expander:
                 parts = {self._state(leaf): self.factor(factors) for leaf, factors in form.terms.items()}
                 store_combination(w, values[0], r, parts, order)
             else:
-                store_values(w, values, r, order)
+                store_values(w, values, r, width)
 
     def _output(self, form: Form) -> list[Value]:
         """Coefficients of an output; of one that is linear in the states only those that the norms read."""

@@ -31,6 +31,7 @@ from henon_ref.henon.registers import (
     T_WARY,
     VALID,
 )
+from henon_ref.henon.rows import row_length
 from henon_ref.model.attraction import EXHAUSTIVE
 from henon_ref.model.contacts import SwitchedEquations, switched_equations
 from henon_ref.model.equations import Guard
@@ -83,12 +84,14 @@ class _Shape:
     expansion: Tape
     probe: Tape
     code: MachineCode
+    wary: bool
+    """Whether the field has branch points."""
 
     @property
     def entries(self) -> list[int]:
-        """Addresses of expansion, closing and probe; whether steps have to be wary of branch points."""
-        wary = any(node.op in BRANCHING for node in self.expansion.nodes)
-        return [*(self.code.address(name) for name in ("expansion", "closing", "probe")), int(wary)]
+        """Addresses of expansion, closing and probe; of slopes where steps have to be wary of branch points, else 0."""
+        names = ["expansion", "closing", "probe", *(["slopes"] if self.wary else [])]
+        return [*map(self.code.address, names), *([] if self.wary else [0])]
 
 
 def _shape(
@@ -96,13 +99,15 @@ def _shape(
 ) -> _Shape:
     n = len(system.states)
     expansion, probe = build_tape(system.states, field, outputs), build_tape(system.states, (), sides)
+    wary = any(node.op in BRANCHING for node in expansion.nodes)
     code = MachineCode(
         declarations()
         + expansion_ir(expansion, n, order, "expansion")
         + closing_ir(n, len(outputs), order, "closing")
         + expansion_ir(probe, n, 0, "probe")
+        + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if wary else "")
     )
-    return _Shape(expansion, probe, code)
+    return _Shape(expansion, probe, code, wary)
 
 
 @dataclass

@@ -22,7 +22,9 @@ LEVEL = 1e-61
 PLACED = 1e-28
 """A step shorter than this of the whole step tells the order of the root."""
 REFINED = 4
-"""Steps towards the root, once its order is known."""
+"""Steps towards the root, once its order is known, at most."""
+EXACT = 1e-32
+"""After one shorter than this of the whole step the root is known to all digits."""
 HALVINGS = 40
 """The first term is looked at from the whole step down to as many halvings."""
 
@@ -65,6 +67,8 @@ def at_flat_root(integers, row, degree, start, work):  # type: ignore[no-untyped
         shift = -number(local, order - 1)[0] / (order * number(local, order)[0])
         place = qd.add(place, (shift, 0.0, 0.0, 0.0))
         _recentred(row, degree, place, local)
+        if abs(shift) <= EXACT:
+            break
     leading, s = number(local, order)[0], place[0]
     falls = order % 2 == 1
     if (leading > 0.0) == falls or not 0.0 < s < 1.0 or _lifting(local, degree, NOTHING * size) != order:

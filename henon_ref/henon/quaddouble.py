@@ -51,7 +51,13 @@ def multiply(a, b):  # type: ignore[no-untyped-def]
 @inner()
 def scale(a, factor):  # type: ignore[no-untyped-def]
     """a times a double."""
-    return multiply(a, (factor, 0.0, 0.0, 0.0))
+    p0, q0 = two_product(a[0], factor)
+    p1, q1 = two_product(a[1], factor)
+    p2, q2 = two_product(a[2], factor)
+    p1, t0 = two_sum(q0, p1)
+    p2, t0, t1 = _three_sum(t0, q1, p2)
+    s3, t0, _ = _three_sum(t0, q2, a[3] * factor)
+    return _renormalized(p0, p1, p2, s3, t0 + t1)
 
 
 @inner()

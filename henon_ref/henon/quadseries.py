@@ -74,9 +74,10 @@ def expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, least
     quiet = 0
     sizes[:] = 0.0
     for k in range((degree if finite else ORDER) + 1):
+        part = qd.scale(inverse(k), unit)
         for i in range(len(codes)):
             if codes[i, NEEDED] & bit != 0:
-                y = _coefficient(codes[i], k, constants, field, t, t_low, x, x_low, unit, rows)
+                y = _coefficient(codes[i], k, constants, field, t, t_low, x, x_low, unit, part, rows)
                 put(rows[codes[i, OWN]], k, y)
                 sizes[codes[i, OWN]] += abs(y[0])
         quiet += 1
@@ -92,15 +93,15 @@ def expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, least
 
 
 @inner()
-def _coefficient(code, k, constants, field, t, t_low, x, x_low, unit, rows):  # type: ignore[no-untyped-def]
-    """Coefficient k of what a code makes."""
+def _coefficient(code, k, constants, field, t, t_low, x, x_low, unit, part, rows):  # type: ignore[no-untyped-def]
+    """Coefficient k of what a code makes; ``part`` is unit / k."""
     op, own, a, b, c = code[OP], code[OWN], code[A], code[B], code[C]
     if k > code[DEGREE]:
         return 0.0, 0.0, 0.0, 0.0
     if op == STATE:
         if k == 0:
             return x[own], x_low[own], 0.0, 0.0
-        return qd.multiply(qd.scale(number(rows[field[own]], k - 1), unit), inverse(k))
+        return qd.multiply(number(rows[field[own]], k - 1), part)
     if op == CONSTANT:
         return number(constants[c], 0)
     if op == CLOCK:

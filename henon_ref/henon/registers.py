@@ -108,8 +108,8 @@ F_STATE = F_SIZE + REMEMBERED
 ALWAYS = (A_LAND, A_POLISH, A_SAMPLE)
 """Functions that are loaded with the loop."""
 
-# A mode's table: its own row, then a row a guard. T_WARY: whether its field has branch points. T_LOOK: address of what
-# a closer look works with (L_...), 0 where there is none yet.
+# A mode's table: its own row, then a row a guard. T_WARY: where its field has branch points, the code of its first
+# coefficients alone, else 0. T_LOOK: address of what a closer look works with (L_...), 0 where there is none yet.
 T_GUARDS, T_EXPANSION, T_CLOSING, T_PROBE, T_BERNSTEIN, T_WARY, T_LOOK = range(7)
 # Kind, index, whether only its rise counts, whether it has a hold zone, whether it acts on a sliding surface; row of
 # the mode after a crossing (or a release) and after a stick, -1 where not known yet. For a release the last is the

@@ -17,10 +17,10 @@ def row_length(order: int) -> int:
     return -(-(order + 1) // LANES) * LANES if order else 1
 
 
-def store_values(w: Writer, values: Sequence[Value], row: int, order: int) -> None:
-    """Store coefficients one by one."""
+def store_values(w: Writer, values: Sequence[Value], row: int, width: int) -> None:
+    """Store coefficients one by one; ``width``: doubles from one row to the next."""
     for k, value in enumerate(values):
-        w.store(value or ZERO, "%C", row * row_length(order) + k)
+        w.store(value or ZERO, "%C", row * width + k)
 
 
 def store_integral(w: Writer, values: Sequence[Value], row: int, rate: tuple[int, Value], order: int) -> None:
@@ -29,7 +29,7 @@ def store_integral(w: Writer, values: Sequence[Value], row: int, rate: tuple[int
     Coefficient k is factor / k times the other's coefficient k - 1; ``rate``: the other's row and the factor.
     """
     width, (source, factor) = row_length(order), rate
-    store_values(w, values[:LANES], row, order)
+    store_values(w, values[:LANES], row, width)
     scale = w.vector([factor or ZERO] * LANES)
     for k in range(LANES, width, LANES):
         parts = w.vector([literal(1.0 / j if j <= order else 0.0) for j in range(k, k + LANES)])

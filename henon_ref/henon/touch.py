@@ -22,16 +22,17 @@ def at_minimum(row, degree, s, s_low):  # type: ignore[no-untyped-def]
     """
     place = s, s_low, 0.0, 0.0
     size = 0.0
-    value = slope = half = 0.0, 0.0, 0.0, 0.0  # half the second derivative
+    value = slope = 0.0, 0.0, 0.0, 0.0
+    half = 0.0  # of the second derivative
     for k in range(degree, -1, -1):
         c = number(row, k)
         size += abs(c[0])
-        half = qd.add(qd.multiply(half, place), slope)
+        half = half * s + slope[0]
         slope = qd.add(qd.multiply(slope, place), value)
         value = qd.add(qd.multiply(value, place), c)
-    if not 2.0 * half[0] > CURVED * size:
+    if not 2.0 * half > CURVED * size:
         return UNSURE, place
-    shift = -0.5 * slope[0] / half[0]  # a double's digits do: the place has a double-double's
+    shift = -0.5 * slope[0] / half  # a double's digits do: the place has a double-double's
     depth = value[0] + 0.5 * slope[0] * shift
     place = qd.add(place, (shift, 0.0, 0.0, 0.0))
     if abs(depth) <= NOTHING * size:

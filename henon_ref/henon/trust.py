@@ -95,7 +95,8 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
             tail = _tail(c[r], order, theta, 0.0)
         all_told = all_told and tail == FALLS
     compared = n if all_told else n + guards
-    ask = not all_told or layout[0, T_WARY] > 0
+    slopes = layout[0, T_WARY] if all_told else 0  # the code that makes them alone
+    ask = not all_told or slopes > 0
     while ask:
         agreed, kept, shorter = True, True, theta
         for part in (0.37, 1.0):
@@ -104,9 +105,11 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
             for i in range(n):
                 point[i] = x[i] + change[i]
             end = floats[F_TIME] + at * sigma
-            call_expand(layout[0, T_EXPANSION], end, floats[F_LOW], sigma, point, constants, ahead)
+            code = slopes if slopes > 0 else layout[0, T_EXPANSION]
+            call_expand(code, end, floats[F_LOW], sigma, point, constants, ahead)
             integers[I_RHS] += 1
-            agreed = agreed and ahead[n + guards, 3] >= 0.25 * at  # the exponentials allow the way back, too
+            # The exponentials allow the way back, too.
+            agreed = agreed and (slopes > 0 or ahead[n + guards, 3] >= 0.25 * at)
             for r in range(compared):
                 first = 1 if r < n else 0  # slopes of states, values of guards
                 foretold, size, power = 0.0, abs(ahead[r, first]), 1.0
