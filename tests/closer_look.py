@@ -6,7 +6,7 @@ from typing import Any
 
 from henon_ref.henon import registers as k
 from henon_ref.henon.apart import load, table
-from henon_ref.henon.kernel import call_look
+from henon_ref.henon.near import look_near
 from henon_ref.henon.near_program import NearPrograms
 from henon_ref.jit import njit
 from henon_ref.model.modes import Mode
@@ -15,7 +15,7 @@ from henon_ref.model.system import FilippovSystem
 
 @njit()
 def _look(floats, integers, layout):  # type: ignore[no-untyped-def]
-    return call_look(integers, floats, integers, layout)
+    return look_near(floats, integers, layout)
 
 
 def look(system: FilippovSystem, mode: Mode, floats: Any, integers: Any, layout: Any) -> int:

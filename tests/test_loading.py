@@ -8,30 +8,38 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from henon_ref import jit
 
 SCRIPT = """
-import json
+import json, sys
 from henon_ref.henon.kernel import advance
-from henon_ref.henon.loading import CALLED
+from henon_ref.henon.loading import called
 from henon_ref.henon.solvers import HENON_SOLVER
 from problems import make_problem
-found = HENON_SOLVER.prepare(make_problem("x", ["t - s"], {"s": "x"}, [0], 3), rtol=1e-9)()
+found = HENON_SOLVER.prepare(make_problem(*json.loads(sys.argv[1])), rtol=1e-9)()
 made = sum(advance.stats.cache_misses.values())
-signatures = [function.signatures == [types] for function, types in CALLED]
+signatures = [function.signatures == [types] for function, types in called(advance.signatures[0][5])]
 print(json.dumps([found.transitions[0].time, made, signatures]))
 """
 
 
-def test_two_processes_share_the_work(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "problem",
+    [("x", ["t - s"], {"s": "x"}, [0], 3), ("x y", ["t - s", "-2 - u"], {"s": "x", "u": "y"}, [0, 9], 3)],
+    ids=["one surface", "two surfaces"],
+)
+def test_two_processes_share_the_work(problem: tuple[Any, ...], tmp_path: Path) -> None:
     """One compiles the loop and the other waits for it; what the other compiles is what the loop calls."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     folder = Path(__file__).parent
     both = [
-        subprocess.Popen([sys.executable, "-c", SCRIPT], env=environment, cwd=folder, stdout=subprocess.PIPE)
+        subprocess.Popen(
+            [sys.executable, "-c", SCRIPT, json.dumps(problem)], env=environment, cwd=folder, stdout=subprocess.PIPE
+        )
         for _ in range(2)
     ]
     printed = [process.communicate(timeout=120)[0] for process in both]

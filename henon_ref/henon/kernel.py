@@ -10,9 +10,9 @@ from numba import boolean, float64, int64, types
 
 from henon_ref.henon.apart import COUNTS, LAYOUT, ROW, ROWS, apart, missing
 from henon_ref.henon.calls import call_closing, call_expand
+from henon_ref.henon.doubt import look_closer
 from henon_ref.henon.events import at_zero, ends_at_zero, fails_at_once, first_event, zeros_at_release
 from henon_ref.henon.holding import held
-from henon_ref.henon.near import look_near
 from henon_ref.henon.polynomial import DEPTH
 from henon_ref.henon.primitives import bits, from_bits, smaller
 from henon_ref.henon.recording import crowded, record, sample, settle, start
@@ -41,7 +41,6 @@ from henon_ref.henon.registers import (
     F_TIME,
     F_UNTIL,
     F_UNTIL_LOW,
-    FOUND,
     FREE,
     FULL,
     G_ACTS,
@@ -51,7 +50,6 @@ from henon_ref.henon.registers import (
     G_KIND,
     G_RISING,
     G_STUCK,
-    GRAZE,
     HORIZON,
     I_ARRIVED,
     I_BLOCK,
@@ -93,7 +91,6 @@ from henon_ref.henon.registers import (
 from henon_ref.henon.settling import decided
 from henon_ref.henon.stepping import LEAP, add_time, glide, move, polish, remaining
 from henon_ref.henon.trust import swells, trusted
-from henon_ref.henon.window import OPEN, ROOT, TOUCH, UNSURE
 from henon_ref.henon.workspace import work_space
 from henon_ref.jit import inner, njit
 
@@ -102,7 +99,7 @@ BUDGET = 50_000
 
 
 _held = apart(A_HELD, held, int64, float64, float64, float64, ROW, int64, LAYOUT, ROW, ROWS, int64)
-call_look = apart(A_LOOK, look_near, int64, ROW, COUNTS, LAYOUT)
+call_look = apart(A_LOOK, look_closer, int64, ROW, COUNTS, ROWS, LAYOUT)
 _sample = apart(A_SAMPLE, sample, types.void, ROW, COUNTS, ROWS, int64, float64, int64, ROWS)
 _polish = apart(
     A_POLISH, polish, types.void,
@@ -160,7 +157,10 @@ def advance(floats, integers, work, tables, numbers, settling, samples):  # type
             if code == ON:
                 continue
         if code == DOUBTFUL:
-            code = _look_closer(floats, integers, records, tables)
+            layout = tables[integers[I_MODE]]
+            if layout[0, T_LOOK] == 0:
+                return UNREAD
+            code = MISSING if missing(integers, A_LOOK) else call_look(integers, floats, integers, records, layout)
         if code == EVENT:
             code = through_event(floats, integers, records, tables, numbers, settling, band, room)
         if integers[I_MISSING] > 0:
@@ -260,29 +260,6 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     if layout[1 + hit, G_KIND] == RELEASE:
         _polish(integers, floats, integers, x, x_low, layout, constants, ahead, change, n + hit, sigma, theta)
     return EVENT
-
-
-@inner()
-def _look_closer(floats, integers, records, tables):  # type: ignore[no-untyped-def]
-    """Go to a doubtful event with more digits: ON, EVENT, or why Python is needed."""
-    n, most, guard = (floats.size - F_STATE) // 2, tables.shape[1] - 1, integers[I_GUARD]
-    mode = integers[I_MODE]
-    layout = tables[mode]
-    integers[I_ARRIVED] = 0
-    if layout[0, T_LOOK] == 0:
-        return UNREAD
-    if missing(integers, A_LOOK):
-        return MISSING
-    outcome = call_look(integers, floats, integers, layout)
-    if outcome in (UNSURE, OPEN):
-        integers[I_WHAT] = outcome
-        return DOUBTFUL
-    if outcome == TOUCH:  # a stick whose own end is touched goes on, and nothing is told
-        x, index = floats[F_STATE : F_STATE + n], layout[1 + guard, G_INDEX]
-        record(floats, integers, x, records, GRAZE, index, mode, mode, integers[I_LANDING])
-    if outcome == ROOT and integers[I_SIZE + most + guard] == 1:
-        return FOUND
-    return EVENT if integers[I_ARRIVED] > 0 else ON
 
 
 @inner(forceinline=True)

@@ -7,6 +7,7 @@ that another process is compiling goes on to the next one, and takes that one fr
 from __future__ import annotations
 
 from collections.abc import Iterable
+from hashlib import sha256
 from typing import IO, Any
 
 from henon_ref.jit import cache_folder, compiling
@@ -33,15 +34,17 @@ def compile_all(needed: Iterable[Compiled], ahead: Iterable[Compiled] = ()) -> N
 
 def _compiled(function: Any, types: tuple[Any, ...], *, wait: bool) -> bool:
     """Compile a function, or read it from the disk; False where another process is compiling it, unless we wait."""
-    name = f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
-    if types in function.overloads or any(cache_folder().rglob(f"{name}-*.nbi")):
+    name = f"{function.__module__}.{function.__name__}"
+    turn = cache_folder() / f"{name}-{sha256(str(types).encode()).hexdigest()[:8]}.turn"
+    if types in function.overloads or (turn.exists() and turn.stat().st_size):
         function.compile(types)
         return True
-    cache_folder().mkdir(parents=True, exist_ok=True)
-    with (cache_folder() / f"{name}.compiling").open("w") as file:
+    turn.parent.mkdir(parents=True, exist_ok=True)
+    with turn.open("a") as file:
         if not _mine(file, wait=wait):
             return False
         function.compile(types)
+        file.write("compiled\n")
     return True
 
 
