@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from henon_ref.henon import quaddouble as qd
 from henon_ref.henon import quadseries
 from henon_ref.henon.compiled import quad_double
-from henon_ref.henon.program import ADD, DIV, EXP, MUL, SIN, SQRT, program
+from henon_ref.henon.program import ADD, DIV, EXP, MUL, SCALE, SIN, SQRT, program
 from henon_ref.henon.quadfunctions import exponential, sine_cosine
 from henon_ref.jit import njit
 from henon_ref.model.equations import TIME
@@ -40,6 +40,8 @@ def done(op, a, b, results):  # type: ignore[no-untyped-def]
             y = qd.multiply(p, q)
         elif op == DIV:
             y = qd.divide(p, q)
+        elif op == SCALE:
+            y = qd.scale(p, q[0])
         elif op == SQRT:
             y = qd.square_root(p)
         elif op == EXP:
@@ -72,16 +74,17 @@ def numbers(seed: int, largest: int = 10**10) -> NDArray[np.float64]:
     return np.array([quad_double(number) for number in rational])
 
 
-@pytest.mark.parametrize("op", [ADD, MUL, DIV])
+@pytest.mark.parametrize("op", [ADD, MUL, DIV, SCALE])
 def test_sums_products_and_quotients_have_sixty_digits(op: int) -> None:
-    a, b = numbers(1), numbers(2)
-    b[::3] = -a[::3]
-    b[::3, 2:] *= 1 + 1e-9  # sums that cancel down to their last parts
-    results = np.zeros_like(a)
-    done(op, a, b, results)
-    for p, q, y in zip(a, b, results, strict=True):
-        exact = {ADD: ball(p) + ball(q), MUL: ball(p) * ball(q), DIV: ball(p) / ball(q)}[op]
-        size = abs(ball(p)) + abs(ball(q)) if op == ADD else abs(exact)
+    first, second = numbers(1), numbers(2)
+    second[::3] = -first[::3]
+    second[::3, 2:] *= 1 + 1e-9  # sums that cancel down to their last parts
+    results = np.zeros_like(first)
+    done(op, first, second, results)
+    for p, q, y in zip(first, second, results, strict=True):
+        a, b = ball(p), ball(q)
+        exact = {ADD: a + b, MUL: a * b, DIV: a / b, SCALE: a * float(q[0])}[op]
+        size = abs(a) + abs(b) if op == ADD else abs(exact)
         assert abs(ball(y) - exact) <= BITS * size
         assert (np.abs(y[1:]) <= 2.0**-52 * np.abs(y[0])).all()
 

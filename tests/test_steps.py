@@ -66,11 +66,25 @@ def test_a_first_step_from_beside_a_branch_point_ends(near: int, rtol: float) ->
 
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-10, 1e-14])
-def test_a_high_power_is_not_leapt_over(rtol: float) -> None:
-    """x' = t^30 from t = -3 through where it is flat: on the far side terms grow after those a step is judged by."""
-    result = run(make_problem("x", ["t**30"], {"s": "x - 39*10**12"}, [0], "7/2", start=-3), rtol)
+@pytest.mark.parametrize("power", [8, 12, 20, 22, 24, 30])
+def test_a_high_power_is_not_leapt_over(power: int, rtol: float) -> None:
+    """x' = t^p from t = -3 through where it is flat: on the far side terms grow after those a step is judged by.
+
+    Up to the order the expansion is all there is of it, and one step leads over it (terms of both signs cost some digits).
+    """
+    height = (3 ** (power + 1) + 34 ** (power + 1) // 10 ** (power + 1)) // (power + 1)
+    result = run(make_problem("x", [f"t**{power}"], {"s": f"x - {height}"}, [0], "7/2", start=-3), rtol)
     assert kinds(result) == ["crossing"]
-    assert times(result)[0] == pytest.approx((31 * 39e12 - 3**31) ** (1 / 31), rel=max(rtol, 1e-14))
+    exact = ((power + 1) * height - 3 ** (power + 1)) ** (1 / (power + 1))
+    assert times(result)[0] == pytest.approx(exact, rel=max(rtol, 1e-12))
+
+
+def test_what_is_a_polynomial_by_its_form_is_expanded_once() -> None:
+    """However much longer than the last a step is; another function is expanded again to see where it leads."""
+    polynomial = run(make_problem("x v", ["v", "s - 2"], {"s": "x"}, [1, 0], 1000), 1e-9)
+    assert polynomial.counts.rhs_evaluations == polynomial.counts.steps + 1  # and the speeds at its crossing
+    decay = run(make_problem("x v", ["v", "s - 2 - v/10^9"], {"s": "x"}, [1, 0], 1000), 1e-9)
+    assert decay.counts.rhs_evaluations > decay.counts.steps + 2
 
 
 @pytest.mark.parametrize("power", [11, 21, 41])

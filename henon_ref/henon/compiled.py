@@ -24,6 +24,7 @@ from henon_ref.henon.registers import (
     SURFACE,
     T_BERNSTEIN,
     T_CLOSING,
+    T_EXACT,
     T_EXPANSION,
     T_GUARDS,
     T_PROBE,
@@ -84,14 +85,16 @@ class _Shape:
     expansion: Tape
     probe: Tape
     code: MachineCode
+    exact: bool
+    """Whether states and guards are polynomials in time by their form, which the expansion holds whole."""
     wary: bool
-    """Whether the field has branch points."""
+    """Whether there may be branch points."""
 
     @property
     def entries(self) -> list[int]:
-        """Addresses of expansion, closing and probe; of slopes where steps have to be wary of branch points, else 0."""
-        names = ["expansion", "closing", "probe", *(["slopes"] if self.wary else [])]
-        return [*map(self.code.address, names), *([] if self.wary else [0])]
+        """Addresses of expansion, closing and probe; whether exact; address of slopes for the wary, else 0."""
+        slopes = self.code.address("slopes") if self.wary else 0
+        return [*(self.code.address(name) for name in ("expansion", "closing", "probe")), int(self.exact), slopes]
 
 
 def _shape(
@@ -99,7 +102,10 @@ def _shape(
 ) -> _Shape:
     n = len(system.states)
     expansion, probe = build_tape(system.states, field, outputs), build_tape(system.states, (), sides)
-    wary = any(node.op in BRANCHING for node in expansion.nodes)
+    nodes = expansion.nodes
+    degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
+    exact = max(degrees) <= order
+    wary = not exact and any(node.op in BRANCHING for node in nodes)
     code = MachineCode(
         declarations()
         + expansion_ir(expansion, n, order, "expansion")
@@ -107,7 +113,7 @@ def _shape(
         + expansion_ir(probe, n, 0, "probe")
         + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if wary else "")
     )
-    return _Shape(expansion, probe, code, wary)
+    return _Shape(expansion, probe, code, exact, wary)
 
 
 @dataclass
@@ -228,7 +234,7 @@ class CompiledSystem:
         guards, system = self.guards(mode), self.system
         sliding = [i for i, s in enumerate(mode) if s == 0]
         layout[0, T_GUARDS] = len(guards)
-        layout[0, [T_EXPANSION, T_CLOSING, T_PROBE, T_WARY]] = entries
+        layout[0, [T_EXPANSION, T_CLOSING, T_PROBE, T_EXACT, T_WARY]] = entries
         layout[0, T_BERNSTEIN] = bernstein_code(self.order).address("bernstein")
         for g, guard in enumerate(guards):
             surface = guard.kind == "surface"

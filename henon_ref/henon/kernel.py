@@ -78,6 +78,7 @@ from henon_ref.henon.registers import (
     STICK,
     SURFACE,
     T_CLOSING,
+    T_EXACT,
     T_GUARDS,
     T_LOOK,
     T_PROBE,
@@ -209,7 +210,7 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     if final:
         theta = left / sigma
     leap = natural > LEAP * sigma
-    doubt = leap or swells(c, n + guards, order, theta)
+    doubt = layout[0, T_EXACT] == 0 and (leap or swells(c, n + guards, order, theta))
     if doubt or layout[0, T_WARY] > 0:
         if missing(integers, A_TRUSTED):
             return MISSING

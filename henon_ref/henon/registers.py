@@ -108,13 +108,14 @@ F_STATE = F_SIZE + REMEMBERED
 ALWAYS = (A_LAND, A_POLISH, A_SAMPLE)
 """Functions that are loaded with the loop."""
 
-# A mode's table: its own row, then a row a guard. T_WARY: where its field has branch points, the code of its first
-# coefficients alone, else 0. T_LOOK: address of what a closer look works with (L_...), 0 where there is none yet.
-T_GUARDS, T_EXPANSION, T_CLOSING, T_PROBE, T_BERNSTEIN, T_WARY, T_LOOK = range(7)
+# A mode's table: its own row, then a row a guard. T_EXACT: whether the expansion is the motion (a polynomial). T_WARY:
+# where its field has branch points, the code of its first coefficients alone, else 0. T_LOOK: address of what a closer
+# look works with (L_...), 0 where there is none yet.
+T_GUARDS, T_EXPANSION, T_CLOSING, T_PROBE, T_BERNSTEIN, T_EXACT, T_WARY, T_LOOK, T_SIZE = range(9)
 # Kind, index, whether only its rise counts, whether it has a hold zone, whether it acts on a sliding surface; row of
 # the mode after a crossing (or a release) and after a stick, -1 where not known yet. For a release the last is the
 # number of zeros that the surface is left with.
-G_KIND, G_INDEX, G_RISING, G_HOLD, G_ACTS, G_AFTER, G_STUCK, T_SIZE = range(8)
+G_KIND, G_INDEX, G_RISING, G_HOLD, G_ACTS, G_AFTER, G_STUCK = range(7)
 # What a closer look at a mode works with (see henon_ref.henon.near_program): addresses of arrays, then how many
 # operations, constants, places and rows there are.
 (
