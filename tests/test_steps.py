@@ -70,7 +70,7 @@ def test_a_first_step_from_beside_a_branch_point_ends(near: int, rtol: float) ->
 def test_a_high_power_is_not_leapt_over(power: int, rtol: float) -> None:
     """x' = t^p from t = -3 through where it is flat: on the far side terms grow after those a step is judged by.
 
-    Up to the order the expansion is all there is of it, and one step leads over it (terms of both signs cost some digits).
+    Up to the order the expansion is all there is of it: one step leads there, and terms of both signs cost digits.
     """
     height = (3 ** (power + 1) + 34 ** (power + 1) // 10 ** (power + 1)) // (power + 1)
     result = run(make_problem("x", [f"t**{power}"], {"s": f"x - {height}"}, [0], "7/2", start=-3), rtol)

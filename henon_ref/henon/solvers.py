@@ -25,8 +25,8 @@ class HenonSolver:
     the units of a model do not matter; ``atol`` is not used. Order and step follow from ``rtol``.
 
     ``steps`` counts Taylor steps (a step cut by an event counts once), ``rhs_evaluations`` Taylor
-    expansions and evaluations of the two normal velocities at an event, ``event_evaluations`` evaluations
-    of a guard's polynomial by the landing.
+    expansions, evaluations of the two normal velocities at an event, and of slopes where a step might have led over
+    a branch point; ``event_evaluations`` evaluations of a guard's polynomial by the landing.
     """
 
     name: str = "henon"
