@@ -68,15 +68,20 @@ def test_a_first_step_from_beside_a_branch_point_ends(near: int, rtol: float) ->
 @pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-10, 1e-14])
 @pytest.mark.parametrize("power", [8, 12, 20, 22, 24, 30])
 def test_a_high_power_is_not_leapt_over(power: int, rtol: float) -> None:
-    """x' = t^p from t = -3 through where it is flat: on the far side terms grow after those a step is judged by.
-
-    Up to the order the expansion is all there is of it: one step leads there, and terms of both signs cost digits.
-    """
+    """x' = t^p from t = -3 through where it is flat: on the far side terms grow after those a step is judged by."""
     height = (3 ** (power + 1) + 34 ** (power + 1) // 10 ** (power + 1)) // (power + 1)
     result = run(make_problem("x", [f"t**{power}"], {"s": f"x - {height}"}, [0], "7/2", start=-3), rtol)
     assert kinds(result) == ["crossing"]
     exact = ((power + 1) * height - 3 ** (power + 1)) ** (1 / (power + 1))
-    assert times(result)[0] == pytest.approx(exact, rel=max(rtol, 1e-12))
+    assert times(result)[0] == pytest.approx(exact, rel=max(rtol, 1e-14))
+
+
+@pytest.mark.parametrize("rtol", [1e-9, 1e-12, 1e-14])
+def test_terms_of_a_polynomial_do_not_cancel_more_digits_than_there_are_to_spare(rtol: float) -> None:
+    """x = (t - 47/7)^14: seen from t = 0 its terms at t = 94/7 are 5e6 times its size."""
+    top = (47 / 7) ** 14
+    result = run(make_problem("x", ["14*(t - 47/7)^13"], {"s": "x - 10^13"}, ["(47/7)^14"], "94/7"), rtol)
+    assert result.end_state[0] == pytest.approx(top, rel=max(rtol, 3e-13))
 
 
 def test_what_is_a_polynomial_by_its_form_is_expanded_once() -> None:

@@ -85,16 +85,16 @@ class _Shape:
     expansion: Tape
     probe: Tape
     code: MachineCode
-    exact: bool
-    """Whether states and guards are polynomials in time by their form, which the expansion holds whole."""
+    degree: int
+    """Degree of states and guards where by their form they are polynomials in time, up to the order; else 0."""
     wary: bool
     """Whether there may be branch points."""
 
     @property
     def entries(self) -> list[int]:
-        """Addresses of expansion, closing and probe; whether exact; address of slopes for the wary, else 0."""
+        """Addresses of expansion, closing and probe; degree; address of slopes for the wary, else 0."""
         slopes = self.code.address("slopes") if self.wary else 0
-        return [*(self.code.address(name) for name in ("expansion", "closing", "probe")), int(self.exact), slopes]
+        return [*(self.code.address(name) for name in ("expansion", "closing", "probe")), self.degree, slopes]
 
 
 def _shape(
@@ -104,8 +104,8 @@ def _shape(
     expansion, probe = build_tape(system.states, field, outputs), build_tape(system.states, (), sides)
     nodes = expansion.nodes
     degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
-    exact = max(degrees) <= order
-    wary = not exact and any(node.op in BRANCHING for node in nodes)
+    degree = max(degrees) if max(degrees) <= order else 0
+    wary = degree == 0 and any(node.op in BRANCHING for node in nodes)
     code = MachineCode(
         declarations()
         + expansion_ir(expansion, n, order, "expansion")
@@ -113,7 +113,7 @@ def _shape(
         + expansion_ir(probe, n, 0, "probe")
         + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if wary else "")
     )
-    return _Shape(expansion, probe, code, exact, wary)
+    return _Shape(expansion, probe, code, degree, wary)
 
 
 @dataclass

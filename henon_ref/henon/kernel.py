@@ -21,6 +21,7 @@ from henon_ref.henon.registers import (
     A_LOOK,
     A_POLISH,
     A_SAMPLE,
+    A_STEADY,
     A_TRUSTED,
     ACCUMULATED,
     BRACKET,
@@ -39,6 +40,7 @@ from henon_ref.henon.registers import (
     F_SIZE,
     F_STATE,
     F_TIME,
+    F_TOLERANCE,
     F_UNTIL,
     F_UNTIL_LOW,
     FREE,
@@ -91,7 +93,7 @@ from henon_ref.henon.registers import (
 )
 from henon_ref.henon.settling import decided
 from henon_ref.henon.stepping import LEAP, add_time, glide, move, polish, remaining
-from henon_ref.henon.trust import swells, trusted
+from henon_ref.henon.trust import steady, swells, trusted
 from henon_ref.henon.workspace import work_space
 from henon_ref.jit import inner, njit
 
@@ -110,6 +112,9 @@ _trusted = apart(
     A_TRUSTED, trusted, float64,
     ROW, COUNTS, ROW, LAYOUT, ROW, ROWS, ROWS, ROW, ROW, int64, float64, boolean, boolean,
 )  # fmt: skip
+
+
+_steady = apart(A_STEADY, steady, float64, ROWS, int64, int64, float64, float64)
 
 
 @njit()
@@ -209,6 +214,13 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     final = natural >= left
     if final:
         theta = left / sigma
+    if layout[0, T_EXACT] > 2:
+        if missing(integers, A_STEADY):
+            return MISSING
+        shorter = _steady(integers, c, n + guards, layout[0, T_EXACT], theta, floats[F_TOLERANCE])
+        if shorter < theta:
+            theta, final = shorter, False
+            natural = theta * sigma
     leap = natural > LEAP * sigma
     doubt = layout[0, T_EXACT] == 0 and (leap or swells(c, n + guards, order, theta))
     if doubt or layout[0, T_WARY] > 0:

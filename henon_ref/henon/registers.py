@@ -93,6 +93,7 @@ F_STATE = F_SIZE + REMEMBERED
     A_BRENT,
     A_FLAT,
     A_TRUSTED,
+    A_STEADY,
     A_HELD,
     A_BELOW,
     A_LOOK,
@@ -104,13 +105,13 @@ F_STATE = F_SIZE + REMEMBERED
     A_MINIMUM,
     A_FLAT_ROOT,
     A_SIZE,
-) = range(20)
+) = range(21)
 ALWAYS = (A_LAND, A_POLISH, A_SAMPLE)
 """Functions that are loaded with the loop."""
 
-# A mode's table: its own row, then a row a guard. T_EXACT: whether the expansion is the motion (a polynomial). T_WARY:
-# where its field has branch points, the code of its first coefficients alone, else 0. T_LOOK: address of what a closer
-# look works with (L_...), 0 where there is none yet.
+# A mode's table: its own row, then a row a guard. T_EXACT: degree of the motion where that is a polynomial which the
+# expansion holds whole, else 0. T_WARY: where the field has branch points, the code of its first coefficients alone,
+# else 0. T_LOOK: address of what a closer look works with (L_...), 0 where there is none yet.
 T_GUARDS, T_EXPANSION, T_CLOSING, T_PROBE, T_BERNSTEIN, T_EXACT, T_WARY, T_LOOK, T_SIZE = range(9)
 # Kind, index, whether only its rise counts, whether it has a hold zone, whether it acts on a sliding surface; row of
 # the mode after a crossing (or a release) and after a stick, -1 where not known yet. For a release the last is the

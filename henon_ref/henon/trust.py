@@ -29,6 +29,34 @@ LEAST = 1.0 / 64.0
 """A step this much shorter than the last one is believed though guards are not what was foretold."""
 SHORTEST = 1e-13
 """One this much shorter though slopes are not: steps end before a kink or a singularity, and the run with them."""
+ROUNDING = 1e3 * EPS
+"""What rounding may cost a row of a polynomial at least, of its size on a step."""
+POINTS = 4
+"""Where on a step the size of a row is looked for."""
+
+
+@inner()
+def steady(c, rows, degree, theta, tolerance):  # type: ignore[no-untyped-def]
+    """A step no longer than where terms of a polynomial cancel by more digits than there are to spare.
+
+    No coefficient limits a step where a motion is a polynomial by its form.
+    """
+    spare = larger(tolerance, ROUNDING) / EPS
+    for r in range(rows):
+        row = c[r]
+        while True:
+            terms, size = 0.0, 0.0
+            for k in range(degree, -1, -1):
+                terms = terms * theta + abs(row[k])
+            for point in range(1, POINTS + 1):
+                at, value = theta * point / POINTS, 0.0
+                for k in range(degree, -1, -1):
+                    value = value * at + row[k]
+                size = larger(size, abs(value))
+            if not terms > spare * size:
+                break
+            theta *= 0.5
+    return theta
 
 
 @inner(forceinline=True)
