@@ -84,6 +84,14 @@ def test_terms_of_a_polynomial_do_not_cancel_more_digits_than_there_are_to_spare
     assert result.end_state[0] == pytest.approx(top, rel=max(rtol, 3e-13))
 
 
+@pytest.mark.parametrize("rtol", [1e-9, 1e-12])
+def test_an_event_whose_terms_cancel_is_looked_at_closer(rtol: float) -> None:
+    """x = (t - 32/7)^12 falls from 8e7 to 38/13, and rises to it again: where is known to double precision."""
+    result = run(make_problem("x", ["12*(t - 32/7)^11"], {"s": "x - 38/13"}, ["(32/7)^12"], 6), rtol)
+    half = (38 / 13) ** (1 / 12)
+    assert times(result) == pytest.approx([32 / 7 - half, 32 / 7 + half], abs=1e-14)
+
+
 def test_what_is_a_polynomial_by_its_form_is_expanded_once() -> None:
     """However much longer than the last a step is; another function is expanded again to see where it leads."""
     polynomial = run(make_problem("x v", ["v", "s - 2"], {"s": "x"}, [1, 0], 1000), 1e-9)

@@ -214,13 +214,6 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     final = natural >= left
     if final:
         theta = left / sigma
-    if layout[0, T_EXACT] > 2:
-        if missing(integers, A_STEADY):
-            return MISSING
-        shorter = _steady(integers, c, n + guards, layout[0, T_EXACT], theta, floats[F_TOLERANCE])
-        if shorter < theta:
-            theta, final = shorter, False
-            natural = theta * sigma
     leap = natural > LEAP * sigma
     doubt = layout[0, T_EXACT] == 0 and (leap or swells(c, n + guards, order, theta))
     if doubt or layout[0, T_WARY] > 0:
@@ -241,6 +234,17 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     )
     if integers[I_MISSING] > 0:
         return MISSING
+    if not doubtful and layout[0, T_EXACT] > 2:
+        if missing(integers, A_STEADY):
+            return MISSING
+        reach = theta if hit < 0 else best * theta
+        shorter = _steady(integers, c, n + guards, layout[0, T_EXACT], reach, floats[F_TOLERANCE])
+        if shorter < reach and hit >= 0:  # a closer look has the digits
+            doubtful = True
+        elif shorter < reach:
+            theta, final = shorter, False
+            natural = theta * sigma
+            call_closing(layout[0, T_CLOSING], theta, c, change)
     if final and hit < 0:  # the horizon belongs to the run: an event at it counts
         for g in range(guards):
             if ends_at_zero(c[n + g], multiplicity[g], order, theta, layout[1 + g, G_RISING]):
