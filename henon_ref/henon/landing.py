@@ -117,7 +117,7 @@ def _reverted(u, inverse, g2, g3, g4):  # type: ignore[no-untyped-def]
     return step, second**4 + third**2 + fourth * larger(second, third)
 
 
-@inner(fastmath=POLY)
+@inner(forceinline=True, fastmath=POLY)
 def _bisect(q, degree, left, right):  # type: ignore[no-untyped-def]
     evaluations = 0
     while right - left > 2.0 * EPS * right and evaluations < 200:

@@ -89,7 +89,7 @@ def factored(c, zeros, degree, factor, quotient):  # type: ignore[no-untyped-def
     return True
 
 
-@inner(fastmath=POLY)
+@inner(forceinline=True, fastmath=POLY)
 def _cut(left, right, degree, part):  # type: ignore[no-untyped-def]
     """Bernstein coefficients of both parts of what ``right`` stands for (de Casteljau, in place)."""
     for i in range(degree + 1):
@@ -98,7 +98,7 @@ def _cut(left, right, degree, part):  # type: ignore[no-untyped-def]
             right[j] += part * (right[j + 1] - right[j])
 
 
-@inner(fastmath=POLY)
+@inner(forceinline=True, fastmath=POLY)
 def _around_minimum(a, degree, low, high, noise):  # type: ignore[no-untyped-def]
     """Two places on a piece, one on each side of a minimum, next to it and clear of it where possible; else its middle.
 

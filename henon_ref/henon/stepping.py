@@ -71,7 +71,7 @@ def _root(above, below, power):  # type: ignore[no-untyped-def]
     return from_bits((bits(shifted) + 1023) << 52) * (1.0 + part * (0.6931471805599453 + 0.24022650695910072 * part))
 
 
-@inner(fastmath={"contract", "nsz"})
+@inner(forceinline=True, fastmath={"contract", "nsz"})
 def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
     """Largest relative size of the last two coefficients over states and guards on a step of theta sigma."""
     last, before = 0.0, 0.0
