@@ -155,3 +155,15 @@ def test_no_step_leads_over_a_branch_point(
         assert result.end_time == pytest.approx(end, abs=3 * math.sqrt(rtol) + 0.02)
         events = [event for event in events if event < end]
     assert times(result) == pytest.approx(events, abs=10 * rtol)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize(("field", "end"), [("sqrt(x)", 2 / 3), ("x^(5/2)", 2 / 7)])
+def test_a_run_into_a_branch_point_ends_in_few_steps(field: str, end: float, rtol: float) -> None:
+    """A step goes half the way that is left, or more: one that is not to be believed is not cut to a quarter."""
+    result = run(make_problem("x y", ["-1", field], {"s": "x + 1"}, ["1", "0"], 2), rtol)
+    assert result.status == "failed"
+    assert "the field of y" in result.reason
+    assert result.end_time == pytest.approx(1, abs=rtol)
+    assert result.end_state == pytest.approx([0, end], abs=10 * rtol)
+    assert result.counts.steps < 70

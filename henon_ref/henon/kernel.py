@@ -65,6 +65,7 @@ from henon_ref.henon.registers import (
     I_RHS,
     I_SAMPLE,
     I_SIZE,
+    I_STALLED,
     I_STEPPED,
     I_STEPS,
     I_WHAT,
@@ -92,7 +93,7 @@ from henon_ref.henon.registers import (
     VALID,
 )
 from henon_ref.henon.settling import decided
-from henon_ref.henon.stepping import LEAP, add_time, glide, move, polish, remaining
+from henon_ref.henon.stepping import CUT, LEAP, add_time, glide, grows, move, polish, remaining
 from henon_ref.henon.trust import steady, swells, trusted
 from henon_ref.henon.workspace import work_space
 from henon_ref.jit import inner, njit
@@ -225,6 +226,8 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
         if believed < theta:
             theta, final = believed, False
             natural = theta * sigma
+            if integers[I_STALLED] > 0 and not grows(c, n, theta):
+                integers[I_STALLED] += CUT
     call_closing(layout[0, T_CLOSING], theta, c, change)
     if fails_at_once(integers, c, n, order, layout, multiplicity, hits):  # Python looks closer
         integers[I_GUARD] = NOWHERE

@@ -35,10 +35,14 @@ LEAP = 4.0
 """A step this many times longer than the last is checked at its end before it is believed."""
 FAR = 1e30
 """A step, in units of sigma, that no coefficient limits."""
+ABYSS = 1e-100
+"""How much shorter sigma becomes where even coefficients of low order are infinite."""
 STALL = 1000
 """Steps in a row too short to move a double's time before the run counts as stalled."""
 LOST = 100
 """So many of them is one that does not even move what rounding has lost of the time, nor makes a state grow."""
+CUT = 50
+"""And so many one that had to be cut short before a singularity, nor makes a state grow."""
 
 
 @inner(forceinline=True)
@@ -81,6 +85,18 @@ def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
         last = larger(last, abs(row[order]) / scale)
         before = larger(before, abs(row[order - 1]) / scale)
     return last, before
+
+
+@inner()
+def _endless(c, rows):  # type: ignore[no-untyped-def]
+    """True if a coefficient is infinite (or no number) that is of order 2 at most: sigma is too long by far, or all is.
+
+    States being below HUGE, sigma is 1 / ABYSS times as long at least as what these coefficients could be finite at.
+    """
+    found = False
+    for r in range(rows):
+        found = found or not (abs(c[r, 0]) + abs(c[r, 1]) + abs(c[r, 2]) < np.inf)
+    return found
 
 
 @inner(forceinline=True)
@@ -135,7 +151,7 @@ _flat_step_size = apart(A_FLAT, flat_step_size, float64, ROWS, int64, COUNTS, in
 
 
 @inner()
-def _grows(c, n, theta):  # type: ignore[no-untyped-def]
+def grows(c, n, theta):  # type: ignore[no-untyped-def]
     """True if some state grows by a hundredth at least on a step of theta sigma, as one does that blows up."""
     found = False
     for i in range(n):
@@ -187,7 +203,8 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
         if theta < 1e-6 or (theta > 1e6 and sigma < left and not shrunk):
             # sigma is far from the step: bring it there and expand again before anything is read off. Where it is
             # much too long even the step is not to be believed: it shrinks by degrees, and does not grow again here.
-            new = larger(sigma * larger(theta, 1e-4), 1e-290) if theta < 1.0 else smaller(sigma * theta, left)
+            least = ABYSS if theta == 0.0 and _endless(c, n + guards) else 1e-4
+            new = larger(sigma * larger(theta, least), 1e-290) if theta < 1.0 else smaller(sigma * theta, left)
             if sigma <= 1e-280 and new <= sigma:
                 return -1.0
             if new < 0.5 * sigma or new > 2.0 * sigma:
@@ -199,7 +216,7 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
             shrunk = False
         step = theta * sigma
         if step <= 0.25 * EPS * abs(floats[F_TIME]):
-            lost = step <= 0.25 * EPS * EPS * abs(floats[F_TIME]) and not _grows(c, n, theta)
+            lost = step <= 0.25 * EPS * EPS * abs(floats[F_TIME]) and not grows(c, n, theta)
             integers[I_STALLED] += LOST if lost else 1
         else:
             integers[I_STALLED] = 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from henon_ref.henon.calls import call_closing, call_expand
 from henon_ref.henon.primitives import larger, smaller
 from henon_ref.henon.registers import (
@@ -21,6 +23,8 @@ GAP = 1e-5
 """Terms this much smaller than those before them are no tail but a gap."""
 SHORTER = 0.7
 """What is left of a step at a time where terms grow."""
+QUARTER = 0.25
+"""And at least of one that is not to be believed: as much as would make up for what it is off, its terms falling."""
 SLOW = 0.5
 """Terms that fall by less than this over two orders have not converged."""
 FALLS, GROWS, HOLLOW = range(3)
@@ -126,8 +130,10 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
     slopes = layout[0, T_WARY] if all_told else 0  # the code that makes them alone
     ask = not all_told or slopes > 0
     while ask:
-        agreed, kept, shorter = True, True, theta
-        for part in (0.37, 1.0):
+        agreed, kept, shorter, worst = True, True, theta, 1.0
+        for part in (1.0, 0.37):
+            if not kept:
+                break
             at = part * theta
             call_closing(layout[0, T_CLOSING], at, c, change)
             for i in range(n):
@@ -148,7 +154,9 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
                     power *= at
                 # A slope that moves its state by no more than rounding over the step is none, whatever its digits.
                 dust = 4.0 * EPS * abs(x[r]) / at if first == 1 else 0.0
-                if not abs(foretold - ahead[r, first]) <= larger(1e-6 * size, dust):
+                off, allowed = abs(foretold - ahead[r, first]), larger(1e-6 * size, dust)
+                if not off <= allowed:
+                    worst = larger(worst, off / allowed) if off < np.inf else np.inf
                     agreed, kept = False, kept and first == 0
                     while shorter > LEAST * theta and _tail(c[r], order, shorter, 0.0) == GROWS:
                         shorter *= SHORTER
@@ -156,7 +164,7 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
             break
         ask = not LEAST * theta < shorter < theta
         if ask:  # terms that fall, or are none, are no better on a shorter step
-            theta *= 0.25
+            theta *= larger(QUARTER, 0.95 * worst ** (-1.0 / order)) if worst < np.inf else SHORTER
             ask = theta > (LEAST if kept else SHORTEST) or swells(c, n + guards, order, theta)
         else:
             theta = shorter
