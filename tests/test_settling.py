@@ -49,7 +49,7 @@ def runs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[Trajectory,
 def slow_engine(problem: Problem) -> Engine:
     """An engine whose every event of several surfaces is decided in Python."""
     engine = Engine(problem.system, 18)
-    engine.compiled.rows = np.zeros(0, dtype=np.int64)
+    engine.several = False
     return engine
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from henon_ref.henon.registers import ACCUMULATED, DIVERGED, I_GUARD, STALLED
 from henon_ref.model.decision import ended
@@ -18,7 +17,8 @@ if TYPE_CHECKING:
 def why_ended(run: Session, code: int) -> tuple[Status, str]:
     """Status and reason of a run that stands where the loop said DIVERGED, STALLED, ACCUMULATED or INVALID."""
     at = f"t = {run.time:.17g}"
-    grown = np.abs(run.x).max() > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
+    largest = max(map(abs, run.x.tolist()))
+    grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
     if code == DIVERGED or (code == STALLED and grown):
         return "diverged", f"the state leaves every bound at {at}"
     singular = _shrunk(run) if code == STALLED else None
@@ -40,25 +40,26 @@ def _fallen(run: Session, guard: Guard) -> tuple[Status, str]:
 
 def _shrunk(run: Session) -> Guard | None:
     """A guard that ends the run and has shrunk to nothing where it stalled (the field may be singular there)."""
+    next_to_nothing = 1e-14 * max(1.0, abs(run.start.time[0]), abs(run.time))
     for g, guard in enumerate(run.guards):
-        value = run.engine.scratch.band[run.x.size + g, 0]
-        if guard.ends and abs(value) <= 1e-14 * max(1.0, abs(run.start.time[0]), abs(run.time)):
+        if guard.ends and abs(run.engine.scratch.band.item(run.x.size + g, 0)) <= next_to_nothing:
             return guard
     return None
 
 
 def _singular(run: Session) -> str:
     """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
-    system, order = run.engine.system, run.engine.order
-    series = run.engine.scratch.band[: run.x.size + len(run.guards), : order + 1]
-    finite = np.isfinite(series)
-    at = int(np.argmin(finite.all(axis=1)))
-    if finite[at].all():
-        at = int(np.argmax(np.abs(series[:, order]) / (np.abs(series[:, :3]).sum(axis=1) + 1e-300)))
-    if at < run.x.size:
-        return f"the field of {system.state_names[at]} is {'singular' if finite[at, 1] else 'not finite'}"
-    guard = run.guards[at - run.x.size]
+    system, order, states = run.engine.system, run.engine.order, run.x.size
+    series = run.engine.scratch.band[: states + len(run.guards), : order + 1].tolist()
+    at = next((i for i, row in enumerate(series) if not all(map(math.isfinite, row))), None)
+    singular = at is None or math.isfinite(series[at][1 if at < states else 0])
+    if at is None:
+        steep = [abs(row[order]) / (abs(row[0]) + abs(row[1]) + abs(row[2]) + 1e-300) for row in series]
+        at = steep.index(max(steep))
+    what = "singular" if singular else "not finite"
+    if at < states:
+        return f"the field of {system.state_names[at]} is {what}"
+    guard = run.guards[at - states]
     of = str(system.valid[guard.index]) if guard.kind == "valid" else system.sign_names[guard.index]
     words = {"valid": "", "surface": "the surface of ", "attracts": "whether sliding attracts on "}
-    what = words.get(guard.kind, "the release of ") + of
-    return f"{what} is {'singular' if finite[at, 0] else 'not finite'}"
+    return f"{words.get(guard.kind, 'the release of ')}{of} is {what}"

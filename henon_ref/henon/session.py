@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from struct import Struct
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -67,6 +68,9 @@ if TYPE_CHECKING:
 PROVEN = 1e-15
 """Relative size below which a derivative counts as zero at a root that was found in multiprecision."""
 _tuple = tuple.__new__
+_head: Callable[..., tuple[int, ...]] = Struct(f"{I_GUARD}q").unpack_from
+_STATE = 8 * F_STATE
+_COUNTED = slice(I_STEPS, I_EVENTS + 1)
 _NO_SAMPLES = np.zeros((0, 2))
 CHUNK = 1024
 """Transitions kept in one block of memory."""
@@ -216,7 +220,7 @@ class Session:
             return refused if unasked else refused._replace(samples=self.samples[:, 1:-1], sample_modes=())
         code = advance(
             self.floats, self.integers, engine.scratch.work, engine.compiled.tables, engine.compiled.numbers,
-            engine.settling, self.samples,
+            engine.settling if engine.several else None, self.samples,
         )  # fmt: skip
         if code == HORIZON:
             return self._end("ok", "")
@@ -325,7 +329,7 @@ class Session:
         return None
 
     def _end(self, status: Status, reason: str) -> Trajectory:
-        integers, modes = self.integers[:I_GUARD].tolist(), self.engine.compiled.modes
+        integers, modes = _head(self.integers), self.engine.compiled.modes
         transitions: Sequence[Transition] = ()
         if integers[I_COUNT] or self.blocks:
             records = self.engine.scratch.records[: integers[I_COUNT]].copy()
@@ -335,8 +339,8 @@ class Session:
             samples = self.samples[:, 1:-1]
             sample_modes = tuple(modes[int(m)] for m in self.samples[: self.integers[I_SAMPLE], -1])
         # As the tuples they are, past Python's constructors: a tenth of a short run.
-        counts = _tuple(Counts, integers[I_STEPS : I_EVENTS + 1])
-        x = tuple(self.floats[F_STATE : F_STATE + len(self.start.x)].tolist())
-        end = self.floats.item(F_TIME), x, modes[integers[I_MODE]]
-        fields = status, transitions, *end, reason, counts, 0.0, samples, sample_modes
+        counts = _tuple(Counts, integers[_COUNTED])
+        end, mode = self.floats.item(F_TIME), modes[integers[I_MODE]]
+        x = self.start.unpacked(self.floats, _STATE)
+        fields = status, transitions, end, x, mode, reason, counts, 0.0, samples, sample_modes
         return _tuple(Trajectory, fields)

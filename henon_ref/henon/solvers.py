@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 
 import numpy as np
@@ -14,7 +15,7 @@ from henon_ref.henon.engine import Engine
 from henon_ref.henon.loading import load
 from henon_ref.henon.registers import BRENT, HENON, LANDINGS, NEWTON
 from henon_ref.solver import Run
-from henon_ref.trajectory import Problem, Trajectory
+from henon_ref.trajectory import Problem
 
 
 @dataclass(frozen=True)
@@ -58,11 +59,7 @@ class HenonSolver:
         engine = Engine(problem.system, order_for(tolerance))
         start = engine.start(problem, tolerance=tolerance, landing=self.method)
         load(engine.settling)
-
-        def run() -> Trajectory:
-            return engine.run(start, sample_times, deadline)
-
-        return run
+        return partial(engine.run, start, sample_times, deadline)
 
 
 def order_for(tolerance: float) -> int:
