@@ -7,10 +7,11 @@ double precision is clear of zero. What is open then is left to :mod:`henon_ref.
 
 from __future__ import annotations
 
+from henon_ref.henon import doubledouble as dd
 from henon_ref.henon import quaddouble as qd
 from henon_ref.henon.isolation import NOTHING
 from henon_ref.henon.quadseries import number, put
-from henon_ref.henon.window import ROOT, TOUCH, UNSURE, call_clear
+from henon_ref.henon.window import NOISE, ROOT, TOUCH, UNSURE, call_clear
 from henon_ref.jit import inner
 
 HIGHEST = 15
@@ -56,19 +57,20 @@ def at_flat_root(integers, row, degree, start, work):  # type: ignore[no-untyped
     size = 0.0
     for k in range(degree + 1):
         size += abs(number(row, k)[0])
-    place, found = _stationary(row, degree, start, size)
-    if not found:
-        return UNSURE, place, 0
+    place = start, 0.0, 0.0, 0.0
     _recentred(row, degree, place, local)
-    order = _lifting(local, degree, NOTHING * size)
-    if order < 2:
-        return UNSURE, place, 0
-    for _ in range(REFINED):
-        shift = -number(local, order - 1)[0] / (order * number(local, order)[0])
-        place = qd.add(place, (shift, 0.0, 0.0, 0.0))
+    order = _lifting(local, degree, NOISE * size)  # as double-double tells it, which has led here
+    if order > 2:
+        place = _refined(row, degree, place, order, local)
+    if order < 3 or _lifting(local, degree, NOTHING * size) != order:
+        place, found = _stationary(row, degree, start, size)
+        if not found:
+            return UNSURE, place, 0
         _recentred(row, degree, place, local)
-        if abs(shift) <= EXACT:
-            break
+        order = _lifting(local, degree, NOTHING * size)
+        if order < 2:
+            return UNSURE, place, 0
+        place = _refined(row, degree, place, order, local)
     leading, s = number(local, order)[0], place[0]
     falls = order % 2 == 1
     if (leading > 0.0) == falls or not 0.0 < s < 1.0 or _lifting(local, degree, NOTHING * size) != order:
@@ -109,6 +111,19 @@ def _stationary(row, degree, start, size):  # type: ignore[no-untyped-def]
         if abs(shift) <= PLACED:
             return place, True
     return place, False
+
+
+@inner()
+def _refined(row, degree, place, order, local):  # type: ignore[no-untyped-def]
+    """The root of derivative order - 1 next to a place, about which a polynomial is recentred already, and then is."""
+    for _ in range(REFINED):
+        above, below = number(local, order - 1), number(local, order)
+        shift, shift_low = dd.divide(-above[0], -above[1], order * below[0], order * below[1])
+        place = qd.add(place, (shift, shift_low, 0.0, 0.0))
+        if abs(shift) <= EXACT:
+            break
+        _recentred(row, degree, place, local)
+    return place
 
 
 @inner()

@@ -68,7 +68,7 @@ from henon_ref.henon.registers import (
     VALID,
 )
 from henon_ref.henon.stepping import remaining
-from henon_ref.henon.touch import along, at_minimum, value
+from henon_ref.henon.touch import at_minimum
 from henon_ref.henon.window import (
     ACROSS,
     BEYOND,
@@ -171,20 +171,13 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
     if zeros == 0 and outcome in (UNSURE, OPEN):
         sure = outcome == OPEN and clear == s
         quads = doubles_at(look[L_QUADS], count, WIDTH)
-        told, order = _told(
+        told, place, order = _told(
             floats, integers, codes, constants, field, places[guard], row, unit, s, s_low, sure, quads, sizes, work
         )
         if integers[I_MISSING] > 0:
             return UNSURE
-        outcome = outcome if told == UNSURE else told
-    if outcome == TOUCH:
-        outcome = settle_touch(floats, integers, layout)
-        if integers[I_SIZE + guard] > 0:
-            integers[I_SIZE + guard] = order
-        return outcome
-    if outcome == MISS or (order > 2 and outcome == ROOT):
-        arrive(floats, integers, outcome)
-        return outcome
+        if told != UNSURE:
+            outcome, (s, s_low) = told, place
     if outcome in (UNSURE, OPEN):
         return outcome
     if outcome == PASSED and not _others_clear(high, outputs, integers, layout, places, last, s, work):
@@ -193,6 +186,14 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
     floats[F_TIME], floats[F_LOW] = dd.add(floats[F_TIME], floats[F_LOW], tau, tau_low)
     for i in range(n):
         x[i], x_low[i] = _value(high[i, : last + 1], low[i, : last + 1], s, s_low)
+    if outcome == TOUCH:
+        outcome = settle_touch(floats, integers, layout)
+        if integers[I_SIZE + guard] > 0:
+            integers[I_SIZE + guard] = order
+        return outcome
+    if order > 2:  # a flat root
+        arrive(floats, integers, outcome)
+        return outcome
     if outcome in (ROOT, STEEP):
         own = layout[1 + guard]
         if _others_hit(high, outputs, integers, layout, places, last, s):
@@ -206,29 +207,24 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
 
 @inner()
 def _told(floats, integers, codes, constants, field, output, row, unit, s, s_low, sure, rows, sizes, work):  # type: ignore[no-untyped-def]
-    """Go to what is told in quad-double, a TOUCH, a MISS or a flat ROOT, of which the order is told, too; else UNSURE.
+    """What is told in quad-double, a TOUCH, a MISS or a flat ROOT, where it is on the step, and its order; else UNSURE.
 
     ``sure``: the place is a minimum, and nothing is open but the sign there.
     """
+    place, order = (s, s_low, 0.0, 0.0), 2
     if missing(integers, A_QUAD) or missing(integers, A_MINIMUM) or missing(integers, A_FLAT_ROOT):
-        return UNSURE, 2
+        return UNSURE, (s, s_low), order
     n, least = field.size, integers[I_ORDER]
     t, t_low, x, x_low = floats[F_TIME], floats[F_LOW], floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
     degree = _expand(integers, codes, constants, field, output, row, t, t_low, x, x_low, unit, least, rows, sizes)
-    if degree < 0:
-        return UNSURE, 2
-    outcome, place, order = UNSURE, (s, s_low, 0.0, 0.0), 2
-    if sure:
+    outcome = UNSURE
+    if sure and degree >= 0:
         outcome, place = _at_minimum(integers, rows[row], degree, s, s_low)
-    if outcome == UNSURE and degree <= HIGHEST:
+    if outcome == UNSURE and 0 <= degree <= HIGHEST:
         outcome, place, order = _at_flat_root(
             integers, integers, rows[row], degree, s if sure else floats[F_NEAR] / unit, work
         )
-    if outcome != UNSURE:
-        floats[F_TIME], floats[F_LOW] = along(t, t_low, unit, place)
-        for i in range(n):
-            x[i], x_low[i] = value(rows[i], degree, place)
-    return outcome, order
+    return outcome, (place[0], place[1]), order
 
 
 @inner()

@@ -62,7 +62,6 @@ class Program(NamedTuple):
 def program(tape: Tape, numbers: Sequence[Sequence[float]]) -> Program:
     """Lower a tape; ``numbers`` are its constants as four doubles each, largest first."""
     lowered = _Lowered(tape)
-    lowered.mark(range(len(tape.field)), tape.field, -1)
     for i, row in enumerate(tape.outputs):
         lowered.mark([row], tape.field, 1 << min(i, 62))
     return Program(

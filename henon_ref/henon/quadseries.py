@@ -75,24 +75,23 @@ def expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, least
     sizes[:] = 0.0
     for k in range((degree if finite else ORDER) + 1):
         part = qd.scale(inverse(k), unit)
+        quiet += 1
         for i in range(len(codes)):
             if codes[i, NEEDED] & bit != 0:
+                own = codes[i, OWN]
                 y = _coefficient(codes[i], k, constants, field, t, t_low, x, x_low, unit, part, rows)
-                put(rows[codes[i, OWN]], k, y)
-                sizes[codes[i, OWN]] += abs(y[0])
-        quiet += 1
-        for i in range(len(x) + 1):
-            own = i if i < len(x) else row
-            if not sizes[own] < math.inf:
-                return -1
-            if abs(number(rows[own], k)[0]) > NEGLIGIBLE * sizes[own]:
-                quiet = 0
+                put(rows[own], k, y)
+                sizes[own] += abs(y[0])
+                if not sizes[own] < math.inf:
+                    return -1
+                if (codes[i, OP] == STATE or own == row) and abs(y[0]) > NEGLIGIBLE * sizes[own]:
+                    quiet = 0
         if not finite and quiet >= QUIET and k >= least:
             return k
     return degree if finite else -1
 
 
-@inner()
+@inner(inline="always")
 def _coefficient(code, k, constants, field, t, t_low, x, x_low, unit, part, rows):  # type: ignore[no-untyped-def]
     """Coefficient k of what a code makes; ``part`` is unit / k."""
     op, own, a, b, c = code[OP], code[OWN], code[A], code[B], code[C]
@@ -121,7 +120,8 @@ def _coefficient(code, k, constants, field, t, t_low, x, x_low, unit, part, rows
     if op == SUB:
         return qd.add(y, qd.negative(number(rows[b], k)))
     if op == SCALE:
-        return qd.multiply(y, number(constants[c], 0))
+        factor = number(constants[c], 0)
+        return qd.multiply(y, factor) if factor[1] != 0.0 else qd.scale(y, factor[0])
     if op == SLOPE:
         return qd.scale(y, float(k))
     if op == RSUB:

@@ -6,8 +6,9 @@ What is open then is left to :mod:`henon_ref.henon.closer`, which tells touches 
 
 from __future__ import annotations
 
+from henon_ref.henon import doubledouble as dd
 from henon_ref.henon import quaddouble as qd
-from henon_ref.henon.closer import CURVED, LOST
+from henon_ref.henon.closer import CURVED
 from henon_ref.henon.isolation import NOTHING
 from henon_ref.henon.quadseries import number
 from henon_ref.henon.window import MISS, TOUCH, UNSURE
@@ -22,40 +23,20 @@ def at_minimum(row, degree, s, s_low):  # type: ignore[no-untyped-def]
     """
     place = s, s_low, 0.0, 0.0
     size = 0.0
-    value = slope = 0.0, 0.0, 0.0, 0.0
-    half = 0.0  # of the second derivative
+    value = 0.0, 0.0, 0.0, 0.0
+    slope = slope_low = half = 0.0  # half the second derivative
     for k in range(degree, -1, -1):
         c = number(row, k)
         size += abs(c[0])
-        half = half * s + slope[0]
-        slope = qd.add(qd.multiply(slope, place), value)
+        half = half * s + slope
+        slope, slope_low = dd.multiply(slope, slope_low, s, s_low)
+        slope, slope_low = dd.add(slope, slope_low, value[0], value[1])
         value = qd.add(qd.multiply(value, place), c)
     if not 2.0 * half > CURVED * size:
         return UNSURE, place
-    shift = -0.5 * slope[0] / half  # a double's digits do: the place has a double-double's
-    depth = value[0] + 0.5 * slope[0] * shift
+    shift = -0.5 * slope / half  # a double's digits do: the place has a double-double's
+    depth = value[0] + 0.5 * slope * shift
     place = qd.add(place, (shift, 0.0, 0.0, 0.0))
     if abs(depth) <= NOTHING * size:
         return TOUCH, place
     return MISS if depth > 0.0 else UNSURE, place
-
-
-@inner()
-def along(t, t_low, unit, place):  # type: ignore[no-untyped-def]
-    """A time on the step as two doubles."""
-    return _pair(qd.add((t, t_low, 0.0, 0.0), qd.scale(place, unit)))
-
-
-@inner()
-def value(row, degree, place):  # type: ignore[no-untyped-def]
-    """Value of a polynomial as two doubles."""
-    y = 0.0, 0.0, 0.0, 0.0
-    for k in range(degree, -1, -1):
-        y = qd.add(qd.multiply(y, place), number(row, k))
-    return _pair(y)
-
-
-@inner()
-def _pair(y):  # type: ignore[no-untyped-def]
-    """A number as two doubles; what is lost to the second, too, would only make it miss round numbers."""
-    return y[0], (y[1] if abs(y[1]) > LOST * abs(y[0]) else 0.0)

@@ -37,6 +37,8 @@ WIDEST = 0.1
 """Fraction of the step that a window may have."""
 SLOPE = 1e-11
 """Relative slope at a root from which on double precision has its sign right."""
+POLISHED = 4
+"""Steps towards a minimum in double precision, at most."""
 HALVINGS = 60
 """Pieces of the step that are kept at once."""
 BEYOND = 2.0**-46
@@ -91,9 +93,9 @@ call_clear = apart(A_CLEAR, stays_clear, boolean, ROW, float64, float64, ROWS)
 def decide(integers, q, q_low, zeros, size, start, work):  # type: ignore[no-untyped-def]
     """What a guard, q s^zeros, does on (0, 1] up to a doubtful point: the outcome, where, where its window begins."""
     g, b, stack = work[0], work[1], work[2:]
-    s, s_low = start, 0.0
+    s, s_low = _lowest(q, start), 0.0
     minimum, settled = False, False
-    for _ in range(4):  # the second time from next to it; the last to see that it stays there
+    for looked in range(4):  # again from next to it; the last time to see that it stays there
         _recentred(q, q_low, s, s_low, g)
         minimum, shift = _stationary(g, size)
         if not minimum:
@@ -101,9 +103,13 @@ def decide(integers, q, q_low, zeros, size, start, work):  # type: ignore[no-unt
         if not abs(shift) <= WIDEST:
             return UNSURE, 0.0, 0.0, 0.0
         settled = abs(g[1] * shift) <= SETTLED * size
-        if settled:
+        if settled and (looked > 0 or abs(shift) <= EPS):
             break
         s, s_low = dd.add(s, s_low, shift, 0.0)
+    if minimum and abs(shift) <= EPS:  # the coefficients of higher order are the same there
+        s, s_low = dd.add(s, s_low, shift, 0.0)
+        g[0] += 0.5 * g[1] * shift
+        g[1] = shift = 0.0
     if not settled or not s > 0.0 or (minimum and s >= 1.0 - 2.0 * BEYOND):  # at the very end another step may see more
         return UNSURE, 0.0, 0.0, 0.0
     if not minimum:
@@ -143,6 +149,35 @@ def decide(integers, q, q_low, zeros, size, start, work):  # type: ignore[no-unt
 
 
 @inner()
+def _lowest(q, start):  # type: ignore[no-untyped-def]
+    """The minimum next to a place by double precision; that place where none is found."""
+    s = start
+    for _ in range(POLISHED):
+        slope, bend, twist = 0.0, 0.0, 0.0
+        for k in range(q.size - 1, 0, -1):
+            twist = twist * s + bend
+            bend = bend * s + slope
+            slope = slope * s + k * q[k]
+        shift = _towards(slope, bend, twist)
+        s -= shift
+        if not (bend > 0.0 and abs(s - start) <= WIDEST):
+            return start
+        if abs(shift) <= 4.0 * EPS * s:
+            break
+    return s
+
+
+@inner(forceinline=True)
+def _towards(slope, bend, twist):  # type: ignore[no-untyped-def]
+    """How far behind a stationary point a place is: Newton's method on the slope over its derivative.
+
+    A flat minimum, too, is a simple root of that (Schroeder 1870). ``twist`` is half the third derivative.
+    """
+    below = bend * bend - 2.0 * slope * twist
+    return slope * bend / below if below > 0.0 else slope / bend
+
+
+@inner()
 def _recentred(q, q_low, s, s_low, g):  # type: ignore[no-untyped-def]
     """Coefficients g of q about s up to degree LOCAL; the first FINE are rounded at their end only."""
     a0, a1, a2, a3 = 0.0, 0.0, 0.0, 0.0
@@ -173,14 +208,10 @@ def _slope(g, v):  # type: ignore[no-untyped-def]
 
 @inner()
 def _stationary(g, size):  # type: ignore[no-untyped-def]
-    """Whether there is a minimum close by, and its distance.
-
-    Newton's method on the slope over its derivative, of which a flat minimum, too, is a simple root (Schroeder 1870),
-    in a bracket that is halved where that fails.
-    """
+    """Whether there is a minimum close by, and its distance: :func:`_towards` in a bracket, halved where that fails."""
     v, left, right = 0.0, -WIDEST, WIDEST
     for _ in range(60):
-        slope, bend, twist = LOCAL * g[LOCAL], 0.0, 0.0  # twist is half the third derivative
+        slope, bend, twist = LOCAL * g[LOCAL], 0.0, 0.0
         for i in range(LOCAL - 1, 0, -1):
             twist = twist * v + bend
             bend = bend * v + slope
@@ -193,8 +224,7 @@ def _stationary(g, size):  # type: ignore[no-untyped-def]
             left = v
         else:
             right = v
-        below = bend * bend - 2.0 * slope * twist
-        new = v - (slope * bend / below if below > 0.0 else slope / bend)
+        new = v - _towards(slope, bend, twist)
         if not left < new < right:
             new = 0.5 * (left + right)
         step = new - v
