@@ -108,6 +108,19 @@ def test_a_double_root_is_a_touch_and_a_near_miss_is_nothing() -> None:
     assert isolated(coefficients)[0] == p.NONE
 
 
+@pytest.mark.parametrize("depth", [-0.5, 0.0, 0.5])
+@pytest.mark.parametrize("place", [0.3, 0.5, 0.6770673077])
+def test_what_is_left_of_a_touch_ends_where_the_polynomial_is_clear_of_noise(place: float, depth: float) -> None:
+    """The pieces beside it hold nothing, and it is not cut again."""
+    noise = 4 * k.EPS * (1 + place) ** 2
+    coefficients = np.zeros(ORDER + 1)
+    coefficients[:3] = [place**2 + depth * noise, -2 * place, 1.0]
+    outcome, low, high = isolated(coefficients)
+    assert (outcome, low < place < high) == (p.TOUCH, True)
+    for end in (low, high):
+        assert 1.2 * noise < (end - place) ** 2 + depth * noise < p.DOUBTS * noise
+
+
 def test_a_rising_root_is_no_event_but_the_falling_one_after_it_is() -> None:
     outcome, tau, _ = first_root([0.3, 0.6], -1.0)
     assert outcome == p.ROOT

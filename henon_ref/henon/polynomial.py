@@ -8,6 +8,8 @@ minimum, which leaves little in doubt; another one is halved.
 
 from __future__ import annotations
 
+import math
+
 from henon_ref.henon.primitives import larger, smaller
 from henon_ref.henon.registers import EPS
 from henon_ref.jit import inner
@@ -114,6 +116,7 @@ def _around_minimum(a, degree, low, high, noise):  # type: ignore[no-untyped-def
             bend = bend * tau + slope
             slope = slope * tau + k * a[k]
         if abs(slope) <= noise:
+            shift = 0.0
             break
         below = bend * bend - 2.0 * slope * twist
         if not (bend > 0.0 and below > 0.0):
@@ -129,6 +132,11 @@ def _around_minimum(a, degree, low, high, noise):  # type: ignore[no-untyped-def
         return middle, middle
     if abs(value(a, degree, tau)) <= noise:
         least = DOUBTS * noise
+        if bend > 0.0:  # where a parabola is midway between noise and a touch: a touch is left between, nothing beside
+            near = math.sqrt((noise + least) / bend)
+            left, right = value(a, degree, tau - near), value(a, degree, tau + near)
+            if near < FAR * width and smaller(left, right) > noise and larger(left, right) < least:
+                return tau - near, tau + near
         while apart < FAR * width and smaller(value(a, degree, tau - apart), value(a, degree, tau + apart)) <= least:
             apart *= 4.0
         apart = smaller(apart, FAR * width)
