@@ -56,8 +56,10 @@ def done(op, a, b, results):  # type: ignore[no-untyped-def]
 
 
 @njit()
-def expanded(codes, constants, field, output, row, t, t_low, x, x_low, unit, least, rows, sizes):  # type: ignore[no-untyped-def]
-    return quadseries.expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, least, rows, sizes)
+def expanded(codes, constants, field, output, row, t, t_low, x, x_low, unit, unit_low, least, rows, sizes):  # type: ignore[no-untyped-def]
+    return quadseries.expand(
+        codes, constants, field, output, row, t, t_low, x, x_low, unit, unit_low, least, rows, sizes
+    )
 
 
 def ball(parts: Sequence[float]) -> arb:
@@ -146,14 +148,14 @@ def test_a_motion_is_expanded_as_in_balls(field: tuple[sp.Expr, ...], output: sp
     tape = build_tape((X, Y), field, (X, output))
     codes, constants, rates, outputs, rows = program(tape, [quad_double(c) for c in tape.constants])
     made, sizes = np.full((rows, quadseries.WIDTH), np.nan), np.zeros(rows)
-    start, unit = ((0.3, 1e-18), ((0.7, -2e-17), (-1.1, 1e-17))), 0.0625
+    start, unit = ((0.3, 1e-18), ((0.7, -2e-17), (-1.1, 1e-17))), (0.0625, 3e-18)
     x, low = np.array([s[0] for s in start[1]]), np.array([s[1] for s in start[1]])
-    last = expanded(codes, constants, rates, 1, outputs[1], *start[0], x, low, unit, 8, made, sizes)
+    last = expanded(codes, constants, rates, 1, outputs[1], *start[0], x, low, *unit, 8, made, sizes)
     assert 2 <= last <= quadseries.ORDER
     exact_constants = [arb(str(sp.N(c, 80))) for c in tape.constants]
     ring = Ring({name: getattr(arb, name) for name in ("sin", "cos", "exp", "sqrt")}, arb.__pow__)
     x_balls = [*map(ball, start[1])]
-    states, values = expand(tape, exact_constants, ball(start[0]), x_balls, last, ring, arb(unit), lambda *_: False)
+    states, values = expand(tape, exact_constants, ball(start[0]), x_balls, last, ring, ball(unit), lambda *_: False)
     needed = [i for i, state in enumerate((X, Y)) if any(state in e.free_symbols for e in (output, *field))]
     assert np.isnan(made[[i for i in (0, 1) if i not in needed]]).all()
     for row, exact in (*((i, states[i]) for i in needed), (outputs[1], values[1])):
@@ -171,7 +173,7 @@ def test_a_motion_that_cannot_be_expanded_is_left_alone(field: sp.Expr) -> None:
     codes, constants, rates, outputs, rows = program(tape, [quad_double(c) for c in tape.constants])
     made, sizes = np.zeros((rows, quadseries.WIDTH)), np.zeros(rows)
     ones = np.ones(1)
-    assert expanded(codes, constants, rates, 0, outputs[0], 0.0, 0.0, ones, 0 * ones, 1.0, 8, made, sizes) == -1
+    assert expanded(codes, constants, rates, 0, outputs[0], 0.0, 0.0, ones, 0 * ones, 1.0, 0.0, 8, made, sizes) == -1
 
 
 def test_what_the_function_asked_for_does_not_need_is_not_expanded() -> None:
@@ -180,7 +182,7 @@ def test_what_the_function_asked_for_does_not_need_is_not_expanded() -> None:
     made, sizes = np.zeros((rows, quadseries.WIDTH)), np.zeros(rows)
     x = np.array([0.5, 1.0])
     found = [
-        expanded(codes, constants, rates, i, row, 0.0, 0.0, x, 0 * x, 1.0, 8, made, sizes)
+        expanded(codes, constants, rates, i, row, 0.0, 0.0, x, 0 * x, 1.0, 0.0, 8, made, sizes)
         for i, row in enumerate(outputs)
     ]
     assert found == [2, -1, -1]

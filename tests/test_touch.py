@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from problems import make_problem
 
 from henon_ref.henon import registers as k
+from henon_ref.henon import touch
 from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.solvers import HENON_SOLVER
-from henon_ref.henon.window import MISS, OPEN, TOUCH
+from henon_ref.henon.window import MISS, OPEN, TOUCH, UNSURE
+from henon_ref.jit import njit
 from henon_ref.model.case import load_case
 from henon_ref.model.system import FilippovSystem
 
@@ -41,11 +43,11 @@ def test_a_touch_of_a_function_of_a_polynomial_motion_is_not_missed(shape: str) 
         assert (graze.kind, graze.time) == ("graze", pytest.approx(np.sqrt(3) - 1, abs=1e-15))
 
 
-def looked_at(surface: sp.Expr) -> tuple[int, NDArray[np.float64]]:
-    """(outcome, the run's floats) on a step of 2 from x = t = 0 on a surface's upper side."""
+def looked_at(surface: sp.Expr, reach: float = 2.0) -> tuple[int, NDArray[np.float64]]:
+    """(outcome, the run's floats) next to 1 on a step from x = t = 0 on a surface's upper side."""
     system = FilippovSystem((X,), (S,), (surface,), (sp.Integer(1),))
     floats, integers = np.zeros(k.F_STATE + 2), np.zeros(k.I_SIZE + 4, dtype=np.int64)
-    floats[k.F_NEAR], floats[k.F_REACH], floats[k.F_UNTIL] = 1 + 1e-10, 2.0, 4.0
+    floats[k.F_NEAR], floats[k.F_REACH], floats[k.F_UNTIL] = 1 + 1e-10, reach, 2 * reach
     integers[k.I_ORDER] = 20
     layout = np.zeros((3, k.T_SIZE), dtype=np.int64)
     layout[0, k.T_GUARDS] = 1
@@ -66,6 +68,26 @@ def test_a_minimum_is_what_the_closer_look_says_it_is(shape: sp.Expr, depth: str
         assert found.lowest
         for place in (floats[k.F_TIME : k.F_LOW + 1], floats[k.F_STATE :]):
             assert away(place, 1) < 2.0**-104
+
+
+@njit()
+def at_minimum(row, degree, size, s):  # type: ignore[no-untyped-def]
+    return touch.at_minimum(row, degree, size, s)
+
+
+@pytest.mark.parametrize(("s", "told"), [(1e-4, TOUCH), (1.0, UNSURE)])
+def test_what_is_flat_is_told_by_the_curvature_on_the_step(s: float, told: int) -> None:
+    """(t - s)^2, in units of s, on a step on which it is as large as 10^8 s^2."""
+    row = np.zeros(12)
+    row[::4] = 1.0, -2.0, 1.0
+    assert at_minimum(row, 2, 1e8, s) == (told, 0.0)
+
+
+@pytest.mark.parametrize("reach", [1.25, 8.0, 1e3])
+def test_a_touch_is_one_wherever_on_the_step_it_is(reach: float) -> None:
+    outcome, floats = looked_at((X - 1) ** 2, reach)
+    assert outcome == TOUCH
+    assert away(floats[k.F_TIME : k.F_LOW + 1], 1) < 2.0**-104
 
 
 def test_a_touch_at_a_round_time_is_at_that_time() -> None:

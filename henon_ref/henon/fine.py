@@ -279,6 +279,7 @@ def expand_fine(  # type: ignore[no-untyped-def]
             row = i if i < n else outputs[i - n]
             if abs(high[row, k]) > NEGLIGIBLE * sizes[row]:
                 quiet = 0
+                break
         if quiet >= QUIET and k >= least:
             return k
         if k < order:

@@ -26,6 +26,7 @@ from henon_ref.henon.registers import (
     A_FLAT_ROOT,
     A_MINIMUM,
     A_QUAD,
+    EPS,
     F_BEYOND,
     F_CLEAR,
     F_LOW,
@@ -100,9 +101,9 @@ _decide = apart(
 )
 _expand = apart(
     A_QUAD, expand, int64,
-    LAYOUT, ROWS, COUNTS, int64, int64, float64, float64, ROW, ROW, float64, int64, ROWS, ROW,
+    LAYOUT, ROWS, COUNTS, int64, int64, float64, float64, ROW, ROW, float64, float64, int64, ROWS, ROW,
 )  # fmt: skip
-_at_minimum = apart(A_MINIMUM, at_minimum, types.Tuple((int64, _QUAD)), ROW, int64, float64, float64)
+_at_minimum = apart(A_MINIMUM, at_minimum, types.Tuple((int64, float64)), ROW, int64, float64, float64)
 _at_flat_root = apart(A_FLAT_ROOT, at_flat_root, types.Tuple((int64, _QUAD, int64)), COUNTS, ROW, int64, float64, ROWS)
 
 
@@ -136,7 +137,8 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
     constants = doubles_at(look[L_CONSTANTS], look[L_NUMBERS], PARTS)
     rows = integers_at(look[L_PLACES], 1, look[L_PLACED])[0]
     high, low = doubles_at(look[L_HIGH], count, ORDER + 1), doubles_at(look[L_LOW], count, ORDER + 1)
-    sizes = doubles_at(look[L_SIZES], 1, count)[0]
+    both = doubles_at(look[L_SIZES], 2, count)
+    sizes, quad_sizes = both[0], both[1]
     work = doubles_at(look[L_WORK], 4 + HALVINGS, ORDER + 1)
     n = (floats.size - F_STATE) // 2
     x, x_low = floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
@@ -171,13 +173,14 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
     if zeros == 0 and outcome in (UNSURE, OPEN):
         sure = outcome == OPEN and clear == s
         quads = doubles_at(look[L_QUADS], count, WIDTH)
-        told, place, order = _told(
-            floats, integers, codes, constants, field, places[guard], row, unit, s, s_low, sure, quads, sizes, work
-        )
+        told, s, s_low, order = _told(
+            floats, integers, codes, constants, field, places[guard], row, unit, size, s, s_low, sure,
+            quads, quad_sizes, work,
+        )  # fmt: skip
         if integers[I_MISSING] > 0:
             return UNSURE
         if told != UNSURE:
-            outcome, (s, s_low) = told, place
+            outcome = told
     if outcome in (UNSURE, OPEN):
         return outcome
     if outcome == PASSED and not _others_clear(high, outputs, integers, layout, places, last, s, work):
@@ -185,7 +188,7 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
     tau, tau_low = dd.multiply(s, s_low, unit, 0.0)
     floats[F_TIME], floats[F_LOW] = dd.add(floats[F_TIME], floats[F_LOW], tau, tau_low)
     for i in range(n):
-        x[i], x_low[i] = _value(high[i, : last + 1], low[i, : last + 1], s, s_low)
+        x[i], x_low[i] = _value(high[i, : last + 1], low[i, : last + 1], sizes[i], s, s_low)
     if outcome == TOUCH:
         outcome = settle_touch(floats, integers, layout)
         if integers[I_SIZE + guard] > 0:
@@ -206,25 +209,34 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _told(floats, integers, codes, constants, field, output, row, unit, s, s_low, sure, rows, sizes, work):  # type: ignore[no-untyped-def]
+def _told(floats, integers, codes, constants, field, output, row, unit, size, s, s_low, sure, rows, sizes, work):  # type: ignore[no-untyped-def]
     """What is told in quad-double, a TOUCH, a MISS or a flat ROOT, where it is on the step, and its order; else UNSURE.
 
-    ``sure``: the place is a minimum, and nothing is open but the sign there.
+    ``sure``: the place is a minimum, and nothing is open but the sign there. ``size``: of the guard on the step.
     """
-    place, order = (s, s_low, 0.0, 0.0), 2
     if missing(integers, A_QUAD) or missing(integers, A_MINIMUM) or missing(integers, A_FLAT_ROOT):
-        return UNSURE, (s, s_low), order
+        return UNSURE, s, s_low, 2
     n, least = field.size, integers[I_ORDER]
     t, t_low, x, x_low = floats[F_TIME], floats[F_LOW], floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
-    degree = _expand(integers, codes, constants, field, output, row, t, t_low, x, x_low, unit, least, rows, sizes)
-    outcome = UNSURE
-    if sure and degree >= 0:
-        outcome, place = _at_minimum(integers, rows[row], degree, s, s_low)
-    if outcome == UNSURE and 0 <= degree <= HIGHEST:
-        outcome, place, order = _at_flat_root(
-            integers, integers, rows[row], degree, s if sure else floats[F_NEAR] / unit, work
+    if sure:
+        u, u_low = dd.multiply(s, s_low, unit, 0.0)
+        degree = _expand(
+            integers, codes, constants, field, output, row, t, t_low, x, x_low, u, u_low, least, rows, sizes
         )
-    return outcome, (place[0], place[1]), order
+        if degree >= 0:
+            outcome, shift = _at_minimum(integers, rows[row], degree, size, s)
+            if outcome != UNSURE:
+                s, s_low = dd.add(s, s_low, s * shift, 0.0)
+                return outcome, s, s_low, 2
+        if not 0 <= degree <= HIGHEST:
+            return UNSURE, s, s_low, 2
+    degree = _expand(integers, codes, constants, field, output, row, t, t_low, x, x_low, unit, 0.0, least, rows, sizes)
+    if not 0 <= degree <= HIGHEST:
+        return UNSURE, s, s_low, 2
+    outcome, place, order = _at_flat_root(
+        integers, integers, rows[row], degree, s if sure else floats[F_NEAR] / unit, work
+    )
+    return outcome, place[0], place[1], order
 
 
 @inner()
@@ -321,7 +333,7 @@ def _beyond(high, low, sizes, rows, last, s, s_low):  # type: ignore[no-untyped-
         for k in range(max(last - 3, 0), last + 1):
             if abs(high[row, k]) > 0.01 * NOISE * sizes[row]:
                 return 0.0
-        speed, _ = _value(high[row, : last + 1], low[row, : last + 1], s, s_low)
+        speed, _ = _value(high[row, : last + 1], low[row, : last + 1], sizes[row], s, s_low)
         if not abs(speed) > CERTAIN * sizes[row]:
             return 0.0
         if i == 0:
@@ -330,10 +342,14 @@ def _beyond(high, low, sizes, rows, last, s, s_low):  # type: ignore[no-untyped-
 
 
 @inner()
-def _value(a, a_low, s, s_low):  # type: ignore[no-untyped-def]
-    """Horner's rule."""
+def _value(a, a_low, size, s, s_low):  # type: ignore[no-untyped-def]
+    """Horner's rule; ``size`` is the sum of the sizes of the coefficients."""
     y, y_low = 0.0, 0.0
-    for k in range(a.size - 1, -1, -1):
+    top = a.size - 1
+    while top >= 0 and abs(a[top]) <= EPS * size:  # of these a double's digits do
+        y = y * s + a[top]
+        top -= 1
+    for k in range(top, -1, -1):
         y, y_low = dd.multiply(y, y_low, s, s_low)
         y, y_low = dd.add(y, y_low, a[k], a_low[k])
     return y, y_low

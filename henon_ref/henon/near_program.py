@@ -49,7 +49,7 @@ class NearPrograms:
         tape = build_tape(system.states, equations.field, [*(g.expression for g in equations.guards), *sides])
         codes, constants, field, outputs, rows = program(tape, [quad_double(system.numeric(c)) for c in tape.constants])
         places = np.concatenate([np.array(self._places(mode), dtype=np.int64), field, outputs])
-        shapes = [(rows, ORDER + 1), (rows, ORDER + 1), (rows, WIDTH), (rows,), (4 + HALVINGS, ORDER + 1)]
+        shapes = [(rows, ORDER + 1), (rows, ORDER + 1), (rows, WIDTH), (2, rows), (4 + HALVINGS, ORDER + 1)]
         return codes, constants, places, *(np.zeros(shape) for shape in shapes)
 
 

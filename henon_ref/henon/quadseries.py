@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from henon_ref.henon import doubledouble as dd
 from henon_ref.henon import quaddouble as qd
 from henon_ref.henon.program import (
     ADD,
@@ -49,13 +50,15 @@ WIDTH = PARTS * (ORDER + 1)
 """Doubles of a row."""
 NEGLIGIBLE = 1e-63
 """Size of a coefficient, relative to its series, that no longer counts."""
+SMALL = 1e-31
+"""Size of a coefficient, relative to its series, of which a double-double's digits do."""
 QUIET = 4
 """So many orders in a row without one that counts end an expansion."""
 
 
 @inner()
-def expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, least, rows, sizes):  # type: ignore[no-untyped-def]
-    """Coefficients of a motion, and of one function along it, in units of ``unit``.
+def expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, unit_low, least, rows, sizes):  # type: ignore[no-untyped-def]
+    """Coefficients of a motion, and of one function along it, in units of ``unit + unit_low``.
 
     Parameters as those of :func:`henon_ref.henon.fine.expand_fine`, but that ``constants`` hold four doubles each,
     ``output`` is the place of the function among the outputs and ``row`` its row, and coefficient k of row i is
@@ -71,19 +74,22 @@ def expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, least
             degree = max(degree, codes[i, DEGREE])
     if finite and degree > ORDER:
         return -1
-    quiet = 0
+    quiet, small = 0, False
+    whole = unit, unit_low, 0.0, 0.0
     sizes[:] = 0.0
     for k in range((degree if finite else ORDER) + 1):
-        part = qd.scale(inverse(k), unit)
+        part = _short_product(inverse(k), whole) if small else qd.multiply(inverse(k), whole)
         quiet += 1
+        small = k > 0
         for i in range(len(codes)):
             if codes[i, NEEDED] & bit != 0:
                 own = codes[i, OWN]
-                y = _coefficient(codes[i], k, constants, field, t, t_low, x, x_low, unit, part, rows)
+                y = _coefficient(codes[i], k, constants, field, t, t_low, x, x_low, part, rows, sizes[own])
                 put(rows[own], k, y)
                 sizes[own] += abs(y[0])
                 if not sizes[own] < math.inf:
                     return -1
+                small = small and abs(y[0]) <= SMALL * sizes[own]
                 if (codes[i, OP] == STATE or own == row) and abs(y[0]) > NEGLIGIBLE * sizes[own]:
                     quiet = 0
         if not finite and quiet >= QUIET and k >= least:
@@ -92,21 +98,24 @@ def expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, least
 
 
 @inner(inline="always")
-def _coefficient(code, k, constants, field, t, t_low, x, x_low, unit, part, rows):  # type: ignore[no-untyped-def]
-    """Coefficient k of what a code makes; ``part`` is unit / k."""
+def _coefficient(code, k, constants, field, t, t_low, x, x_low, part, rows, size):  # type: ignore[no-untyped-def]
+    """Coefficient k of what a code makes; ``part`` is the unit over k, ``size`` that of the coefficients before."""
     op, own, a, b, c = code[OP], code[OWN], code[A], code[B], code[C]
     if k > code[DEGREE]:
         return 0.0, 0.0, 0.0, 0.0
     if op == STATE:
         if k == 0:
             return x[own], x_low[own], 0.0, 0.0
-        return qd.multiply(number(rows[field[own]], k - 1), part)
+        slope = number(rows[field[own]], k - 1)
+        if abs(slope[0] * part[0]) <= SMALL * size:
+            return _short_product(slope, part)
+        return qd.multiply(slope, part)
     if op == CONSTANT:
         return number(constants[c], 0)
     if op == CLOCK:
         slope = number(constants[b], 0)
         if k == 1:
-            return qd.scale(slope, unit)
+            return qd.multiply(slope, part)
         return qd.add(qd.multiply(slope, (t, t_low, 0.0, 0.0)), number(constants[c], 0))
     if op >= SIN:
         return _integral(op, k, rows[a], rows[b])
@@ -121,12 +130,21 @@ def _coefficient(code, k, constants, field, t, t_low, x, x_low, unit, part, rows
         return qd.add(y, qd.negative(number(rows[b], k)))
     if op == SCALE:
         factor = number(constants[c], 0)
+        if abs(factor[0]) == 1.0 and factor[1] == 0.0:  # a sign
+            return y[0] * factor[0], y[1] * factor[0], y[2] * factor[0], y[3] * factor[0]
         return qd.multiply(y, factor) if factor[1] != 0.0 else qd.scale(y, factor[0])
     if op == SLOPE:
         return qd.scale(y, float(k))
     if op == RSUB:
         y = qd.negative(y)
     return qd.add(y, number(constants[c], 0)) if k == 0 else y
+
+
+@inner()
+def _short_product(a, b):  # type: ignore[no-untyped-def]
+    """a b to a double-double's digits."""
+    high, low = dd.multiply(a[0], a[1], b[0], b[1])
+    return high, low, 0.0, 0.0
 
 
 @inner()

@@ -10,33 +10,35 @@ from henon_ref.henon import doubledouble as dd
 from henon_ref.henon import quaddouble as qd
 from henon_ref.henon.closer import CURVED
 from henon_ref.henon.isolation import NOTHING
-from henon_ref.henon.quadseries import number
+from henon_ref.henon.quadseries import PARTS, SMALL, number
 from henon_ref.henon.window import MISS, TOUCH, UNSURE
 from henon_ref.jit import inner
 
 
 @inner()
-def at_minimum(row, degree, s, s_low):  # type: ignore[no-untyped-def]
-    """What a guard does at its minimum next to a place, and where that is: TOUCH, MISS or UNSURE.
+def at_minimum(row, degree, size, s):  # type: ignore[no-untyped-def]
+    """What a guard does at its minimum next to 1, and how far behind 1 that is: TOUCH, MISS or UNSURE.
 
-    UNSURE where the guard is negative there, or the minimum is none of second order.
+    UNSURE where the guard is negative there, or the minimum is none of second order. ``row`` are its
+    coefficients, four doubles each, in units of the place, which is at ``s`` on a step on which ``size`` is its size.
     """
-    place = s, s_low, 0.0, 0.0
-    size = 0.0
-    value = 0.0, 0.0, 0.0, 0.0
-    slope = slope_low = half = 0.0  # half the second derivative
-    for k in range(degree, -1, -1):
-        c = number(row, k)
-        size += abs(c[0])
-        half = half * s + slope
-        slope, slope_low = dd.multiply(slope, slope_low, s, s_low)
-        slope, slope_low = dd.add(slope, slope_low, value[0], value[1])
-        value = qd.add(qd.multiply(value, place), c)
-    if not 2.0 * half > CURVED * size:
-        return UNSURE, place
+    value = value_low = slope = slope_low = half = 0.0  # half the second derivative
+    k = degree
+    while k >= 0 and abs(row[PARTS * k]) <= SMALL * size:
+        half += slope
+        slope, slope_low = dd.add(slope, slope_low, value, value_low)
+        value, value_low = dd.add(value, value_low, row[PARTS * k], row[PARTS * k + 1])
+        k -= 1
+    total = value, value_low, 0.0, 0.0
+    while k >= 0:
+        half += slope
+        slope, slope_low = dd.add(slope, slope_low, total[0], total[1])
+        total = qd.add(total, number(row, k))
+        k -= 1
+    if not 2.0 * half > CURVED * size * s * s:
+        return UNSURE, 0.0
     shift = -0.5 * slope / half  # a double's digits do: the place has a double-double's
-    depth = value[0] + 0.5 * slope * shift
-    place = qd.add(place, (shift, 0.0, 0.0, 0.0))
+    depth = total[0] + 0.5 * slope * shift
     if abs(depth) <= NOTHING * size:
-        return TOUCH, place
-    return MISS if depth > 0.0 else UNSURE, place
+        return TOUCH, shift
+    return MISS if depth > 0.0 else UNSURE, shift

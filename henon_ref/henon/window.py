@@ -96,7 +96,7 @@ def decide(integers, q, q_low, zeros, size, start, work):  # type: ignore[no-unt
     s, s_low = _lowest(q, start), 0.0
     minimum, settled = False, False
     for looked in range(4):  # again from next to it; the last time to see that it stays there
-        _recentred(q, q_low, s, s_low, g)
+        _recentred(q, q_low, size, s, s_low, g)
         minimum, shift = _stationary(g, size)
         if not minimum:
             shift = _newton(g, -WIDEST, WIDEST)
@@ -140,7 +140,7 @@ def decide(integers, q, q_low, zeros, size, start, work):  # type: ignore[no-unt
             return PASSED, s, s_low, 0.0
     if g[0] < 0.0 and changes == 1:
         s, s_low = dd.add(s, s_low, _newton(g, -width, 0.0), 0.0)
-        _recentred(q, q_low, s, s_low, g)  # far from the minimum it is known there to a double's digits only
+        _recentred(q, q_low, size, s, s_low, g)  # far from the minimum it is known there to a double's digits only
         s, s_low = dd.add(s, s_low, -g[0] / g[1], 0.0)
         return (STEEP if -g[1] > SLOPE * size else ROOT), s, s_low, 0.0
     clear = s - width
@@ -178,12 +178,18 @@ def _towards(slope, bend, twist):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _recentred(q, q_low, s, s_low, g):  # type: ignore[no-untyped-def]
+def _recentred(q, q_low, size, s, s_low, g):  # type: ignore[no-untyped-def]
     """Coefficients g of q about s up to degree LOCAL; the first FINE are rounded at their end only."""
-    a0, a1, a2, a3 = 0.0, 0.0, 0.0, 0.0
-    e0, e1, e2, e3 = 0.0, 0.0, 0.0, 0.0
     g[:] = 0.0
-    for k in range(q.size - 1, -1, -1):
+    top = q.size - 1
+    while top >= 0 and abs(q[top]) <= EPS * size:  # of these a double's digits do
+        for i in range(LOCAL, 0, -1):
+            g[i] = g[i] * s + g[i - 1]
+        g[0] = g[0] * s + q[top]
+        top -= 1
+    a0, a1, a2, a3 = g[0], g[1], g[2], g[3]
+    e0, e1, e2, e3 = 0.0, 0.0, 0.0, 0.0
+    for k in range(top, -1, -1):
         for i in range(LOCAL, FINE, -1):
             g[i] = g[i] * s + g[i - 1]
         g[FINE] = g[FINE] * s + a3
