@@ -58,3 +58,7 @@ class UnsupportedError(HenonRefError):
 
 class UnavailableError(HenonRefError):
     """A solver's library is not installed (status ``unavailable``)."""
+
+
+class ContractError(HenonRefError):
+    """A solver does not keep the contract; the message says where (status ``failed``)."""

@@ -12,7 +12,6 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.errors import HenonRefError
 from henon_ref.trajectory import Problem, Trajectory
 
 MEMBERS = ("name", "fixed_step", "landing", "prepare")
@@ -77,10 +76,6 @@ class Solver(Protocol):
             Seconds a run may take; past it the run returns status ``timeout`` with what it has.
         """
         ...
-
-
-class ContractError(HenonRefError):
-    """A solver does not keep the contract; the message says where (status ``failed``)."""
 
 
 def fault(candidate: object) -> str:

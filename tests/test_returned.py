@@ -11,10 +11,10 @@ import pytest
 from fakes import case, found, trajectory
 
 from baselines.record import Transitions
+from henon_ref.errors import ContractError
 from henon_ref.score.plaintext import LONGEST, plain_text
 from henon_ref.score.returned import check_prepared, check_returned
 from henon_ref.score.worker import failure_of
-from henon_ref.solver import ContractError
 from henon_ref.trajectory import Counts, Trajectory, Transition
 
 PROBLEM = case().readings[0].problem

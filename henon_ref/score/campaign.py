@@ -25,6 +25,8 @@ from henon_ref.score.plan import (
     reading_is_drawn,
     sample_job,
 )
+from henon_ref.score.prelude import prepares
+from henon_ref.score.process import spare
 from henon_ref.score.results import CaseState
 from henon_ref.score.rows import Outcome, record, score_outcome
 from henon_ref.score.runjob import DRAWN, PREPARED, RAN, SAMPLED, TIMED, RunJob, SampleJob
@@ -86,6 +88,7 @@ class Campaign:
             state, new = case_lanes(case, statements, self.options, figures=self.draw is not None)
             states.append(state)
             lanes += new
+        _give_to_first(lanes)
         waiting = sum(isinstance(job, RunJob) for lane in lanes for job in lane.jobs)
         kept = sum(len(state.rows) for state in states)
         self.observer.runs(waiting + kept, kept)
@@ -204,7 +207,7 @@ class Campaign:
         result = state.results[reading]
         if state.pending[reading] == 0 and drawable and self.draw is not None and reading_is_drawn(state, result):
             job = self.draw(result, state.records(reading))
-            self._fence.add(CaseLane(state.case.name, deque([job]), "figures", state))
+            self._fence.add(CaseLane(state.case.name, deque([job]), "figures", state=state))
             state.pending[reading] += 1
         if not state.pending.total():
             self._deliver(state)
@@ -240,6 +243,16 @@ class _Truths:
     def tick(self) -> None:
         """Pass the time on to the observer."""
         self.observer.tick()
+
+
+def _give_to_first(lanes: list[CaseLane]) -> None:
+    """The worker that was begun ahead is for the first lane of what it has loaded, which then is the first to begin."""
+    first = next((lane for lane in lanes if prepares(lane.jobs[0])), None)
+    if first is None:
+        spare()
+    else:
+        first.ahead = True
+        lanes.sort(key=lambda lane: lane is not first)
 
 
 def _state(lane: Lane) -> CaseState:

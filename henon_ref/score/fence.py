@@ -4,42 +4,29 @@ A lane is a queue of jobs that share a worker (one solver's runs: its imports an
 one kin take over each other's workers. A worker that hangs, dies or outgrows its memory is killed with all it started,
 its job is reported as failed, and the lane goes on with a new worker. Leaving :meth:`Fence.run`, by whatever exception,
 leaves no process behind.
-
-Workers are forked on Linux while the caller has a single thread; elsewhere they are spawned, and a script that
-calls this needs the usual ``if __name__ == "__main__"`` guard.
 """
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import signal
-import sys
-import tempfile
-import threading
 import time
-import warnings
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
-from multiprocessing.context import BaseContext
-from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
-from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import Any, Protocol
 
 from henon_ref.errors import HenonRefError
 from henon_ref.score.plaintext import plain_text
-from henon_ref.score.worker import DONE, FAILURE, Failure, Job, failure_of, serve
+from henon_ref.score.process import Process, taken
+from henon_ref.score.worker import DONE, FAILURE, Failure, Job, failure_of
 
 POLL = 0.05
 """Seconds between two looks at the clock and at memory."""
 PASSED_ON = 0.25
 """Part of its memory by which a worker that is passed on may have grown: what one lane has left there is not held
 against the next."""
-LOG_TAIL = 4000
-"""Bytes of a dead worker's output that are searched for its last words."""
 
 
 @dataclass(eq=False)
@@ -50,6 +37,8 @@ class Lane:
     jobs: deque[Job] = field(default_factory=deque)
     kin: str | None = None
     """Lanes of the same kin may have the same worker, one after the other."""
+    ahead: bool = False
+    """Whether the worker that was begun ahead is meant for it."""
 
 
 @dataclass(frozen=True)
@@ -76,55 +65,12 @@ class Consumer(Protocol):
         ...
 
 
-class _Worker:
-    """One process and the parent's end of its connection."""
-
-    def __init__(self, context: BaseContext, memory: int) -> None:
-        self.log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in stop()
-        self.connection, theirs = multiprocessing.Pipe()
-        # A spawned process does not inherit the file: its last words are lost.
-        log = self.log.fileno() if context.get_start_method() == "fork" else None
-        self.process: BaseProcess = context.Process(  # type: ignore[attr-defined]
-            target=serve, args=(theirs, os.getpid(), memory, log), daemon=True
-        )
-        with warnings.catch_warnings():
-            # BLAS keeps threads of its own, which survive a fork by its own handlers.
-            warnings.simplefilter("ignore", DeprecationWarning)
-            self.process.start()
-        theirs.close()
-        self._began_with = resident_bytes(self.process.pid) or 0
-
-    @property
-    def grown(self) -> int:
-        """Bytes that it holds beyond those that it began with (a fork begins with its parent's)."""
-        return (resident_bytes(self.process.pid) or 0) - self._began_with
-
-    def stop(self) -> None:
-        """Kill the process and everything it started."""
-        pid = self.process.pid
-        try:
-            os.killpg(pid, signal.SIGKILL)  # type: ignore[arg-type]
-        except (ProcessLookupError, PermissionError):  # it is gone, or has not made its group yet
-            self.process.kill()
-        self.process.join()
-        self.process.close()
-        self.connection.close()
-        self.log.close()
-
-    def last_words(self) -> str:
-        """The last line that the process printed, for the reason of a crash."""
-        size = self.log.seek(0, os.SEEK_END)
-        self.log.seek(max(0, size - LOG_TAIL))
-        lines = map(plain_text, self.log.read().decode(errors="replace").split("\n"))
-        return next((line for line in reversed([*lines]) if line), "")
-
-
 @dataclass
 class _Slot:
     """A lane at work."""
 
     lane: Lane
-    worker: _Worker
+    worker: Process
     job: Job
     deadline: float
 
@@ -145,7 +91,6 @@ class Fence:
         self.memory = memory
         self._slots: list[_Slot] = []
         self._waiting: deque[Lane] = deque()
-        self._context = _context()
 
     def run(self, lanes: Iterable[Lane], consumer: Consumer) -> None:
         """Do all jobs of all lanes; see :class:`Consumer` for what comes back."""
@@ -167,14 +112,16 @@ class Fence:
         """A lane that came up while others are at work; it is the next to begin."""
         self._waiting.appendleft(lane)
 
-    def _begin(self, lane: Lane, worker: _Worker | None = None) -> None:
+    def _begin(self, lane: Lane, worker: Process | None = None) -> None:
         """Start the lane's next job, in its worker or a new one; a lane without jobs is over."""
         if not lane.jobs:
             if worker is not None:
                 self._pass_on(lane, worker)
             return
         job = lane.jobs.popleft()
-        slot = _Slot(lane, worker or _Worker(self._context, self.memory), job, time.monotonic() + job.seconds)
+        slot = _Slot(
+            lane, worker or (lane.ahead and taken()) or Process(self.memory), job, time.monotonic() + job.seconds
+        )
         self._slots.append(slot)
         try:
             message = ForkingPickler.dumps(job)
@@ -188,7 +135,7 @@ class Fence:
         except BrokenPipeError:  # it died at once: seen as a crash on the next look
             return
 
-    def _pass_on(self, lane: Lane, worker: _Worker) -> None:
+    def _pass_on(self, lane: Lane, worker: Process) -> None:
         """Give the worker of a lane that is over to the next one of its kin."""
         heir = next((other for other in self._waiting if lane.kin is not None and other.kin == lane.kin), None)
         if heir is None or worker.grown > PASSED_ON * self.memory:
@@ -226,7 +173,7 @@ class Fence:
         """End the jobs that are past their time or their memory."""
         now = time.monotonic()
         for slot in list(self._slots):
-            held = resident_bytes(slot.worker.process.pid)
+            held = slot.worker.resident
             if held is not None and held > self.memory:
                 reason = f"memory: {held / 2**30:.1f} GiB held, {self.memory / 2**30:.1f} GiB allowed"
                 self._end(slot, consumer, Failure("failed", reason), restart=True)
@@ -254,26 +201,11 @@ def _answer(connection: Connection, value: Any) -> None:
         return
 
 
-def _crash(worker: _Worker) -> Failure:
+def _crash(worker: Process) -> Failure:
     """What a worker died of."""
-    worker.process.join(timeout=5)
-    code = worker.process.exitcode
+    code = worker.ended()
     how = f"the worker ended with code {code}"
     if code is not None and code < 0:
         how = f"the library was ended by signal {signal.Signals(-code).name}"
     words = worker.last_words()
     return Failure("failed", f"{how}: {words}" if words else how)
-
-
-def resident_bytes(pid: int | None) -> int | None:
-    """Memory that a process holds; None where the system does not tell."""
-    try:
-        pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
-    except (OSError, IndexError):
-        return None
-    return pages * os.sysconf("SC_PAGE_SIZE")
-
-
-def _context() -> BaseContext:
-    single = sys.platform == "linux" and threading.active_count() == 1
-    return multiprocessing.get_context("fork" if single else "spawn")

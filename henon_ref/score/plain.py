@@ -12,10 +12,10 @@ from itertools import islice
 from numbers import Integral, Real
 from typing import TypeVar, get_args
 
+from henon_ref.errors import ContractError
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 from henon_ref.score.plaintext import plain_text
-from henon_ref.solver import ContractError
 from henon_ref.trajectory import Counts, Kind, Transition
 
 KINDS: tuple[Kind, ...] = get_args(Kind)

@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 import sys
 
+from henon_ref.errors import ContractError
 from henon_ref.score.plain import Plain, shown, wrong
 from henon_ref.score.plaintext import plain_text
-from henon_ref.solver import ContractError
 from henon_ref.trajectory import Problem, Status, Trajectory
 
 ENDS: tuple[Status, ...] = ("ok", "diverged", "nonunique", "invalid", "timeout", "failed")

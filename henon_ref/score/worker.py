@@ -7,22 +7,24 @@ message; only a signal ends the worker without one.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import faulthandler
 import gc
 import os
 import signal
 import sys
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from types import TracebackType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.score.plaintext import plain_text
-from henon_ref.solver import ContractError
-from henon_ref.trajectory import Status
+
+if TYPE_CHECKING:
+    from henon_ref.trajectory import Status
 
 Message = tuple[str, Any]
 """Stage and payload."""
@@ -55,7 +57,9 @@ class Failure:
     reason: str
 
 
-def serve(connection: Connection, parent: int, memory: int, log: int | None) -> None:
+def serve(
+    connection: Connection, parent: int, memory: int, log: int | None, prelude: Callable[[], None] | None = None
+) -> None:
     """Do jobs until the parent closes the connection.
 
     Parameters
@@ -68,8 +72,13 @@ def serve(connection: Connection, parent: int, memory: int, log: int | None) -> 
         Bytes of data that the worker may allocate.
     log : int, optional
         File descriptor that takes the place of standard output and standard error; None: they are thrown away.
+    prelude : callable, optional
+        What is done before the first job; what goes wrong there goes wrong again in a job that needs it.
     """
     _isolate(parent, memory, log)
+    if prelude is not None:
+        with contextlib.suppress(Exception):
+            prelude()
     gc.freeze()  # what a fork has brought along stays: it need not be looked through again and again
     while True:
         try:

@@ -1,0 +1,131 @@
+"""Worker processes: how they are begun and ended, and the one that is begun before its job is known.
+
+Workers are forked on Linux while the caller has a single thread; elsewhere they are spawned, and a script that
+begins one needs the usual ``if __name__ == "__main__"`` guard.
+
+Next to nothing is imported here: a command that takes a second to import what reads cases begins a worker first, which
+imports and compiles beside it (:func:`begun_ahead`).
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing.context import BaseContext
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import IO
+
+from henon_ref.score.plaintext import plain_text
+from henon_ref.score.worker import serve
+
+MEMORY = 4 * 2**30
+"""Bytes that a worker may hold."""
+LOG_TAIL = 4000
+"""Bytes of a dead worker's output that are searched for its last words."""
+_ahead: list[Process] = []
+
+
+class Process:
+    """A worker's process, and the parent's end of its connection.
+
+    Parameters
+    ----------
+    memory : int
+        Bytes that it may hold.
+    prelude : callable, optional
+        What it does before its first job.
+    """
+
+    def __init__(self, memory: int, prelude: Callable[[], None] | None = None) -> None:
+        context = _context()
+        self.log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in stop()
+        self.connection, theirs = multiprocessing.Pipe()
+        # A spawned process does not inherit the file: its last words are lost.
+        log = self.log.fileno() if context.get_start_method() == "fork" else None
+        self._process: BaseProcess = context.Process(  # type: ignore[attr-defined]
+            target=serve, args=(theirs, os.getpid(), memory, log, prelude), daemon=True
+        )
+        with warnings.catch_warnings():
+            # BLAS keeps threads of its own, which survive a fork by its own handlers.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self._process.start()
+        theirs.close()
+        self._began_with = self.resident or 0
+
+    @property
+    def resident(self) -> int | None:
+        """Bytes that it holds; None where the system does not tell."""
+        return resident_bytes(self._process.pid)
+
+    @property
+    def grown(self) -> int:
+        """Bytes that it holds beyond those that it began with (a fork begins with its parent's)."""
+        return (self.resident or 0) - self._began_with
+
+    def ended(self) -> int | None:
+        """Exit status of a process whose connection has broken; None where it has not ended."""
+        self._process.join(timeout=5)
+        return self._process.exitcode
+
+    def stop(self) -> None:
+        """Kill the process and everything it started."""
+        pid = self._process.pid
+        try:
+            os.killpg(pid, signal.SIGKILL)  # type: ignore[arg-type]
+        except (ProcessLookupError, PermissionError):  # it is gone, or has not made its group yet
+            self._process.kill()
+        self._process.join()
+        self._process.close()
+        self.connection.close()
+        self.log.close()
+
+    def last_words(self) -> str:
+        """The last line that the process printed, for the reason of a crash."""
+        size = self.log.seek(0, os.SEEK_END)
+        self.log.seek(max(0, size - LOG_TAIL))
+        lines = map(plain_text, self.log.read().decode(errors="replace").split("\n"))
+        return next((line for line in reversed([*lines]) if line), "")
+
+
+@contextmanager
+def begun_ahead(prelude: Callable[[], None]) -> Iterator[None]:
+    """A process that is at its prelude, for who asks first (:func:`taken`); if nobody does it ends with the block."""
+    _ahead.append(Process(MEMORY, prelude))
+    try:
+        yield
+    finally:
+        spare()
+
+
+def taken() -> Process | None:
+    """The process that was begun ahead; None where there is none (any more)."""
+    return _ahead.pop() if _ahead else None
+
+
+def spare() -> None:
+    """End the process that was begun ahead: nobody will ask for it."""
+    process = taken()
+    if process is not None:
+        process.stop()
+
+
+def resident_bytes(pid: int | None) -> int | None:
+    """Memory that a process holds; None where the system does not tell."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
+    except (OSError, IndexError):
+        return None
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def _context() -> BaseContext:
+    single = sys.platform == "linux" and threading.active_count() == 1
+    return multiprocessing.get_context("fork" if single else "spawn")

@@ -1,0 +1,36 @@
+"""What a worker that is begun ahead loads is all that a run of the reference asks numba for."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+SCRIPT = """
+import sys
+from henon_ref.score.prelude import prelude
+prelude()
+from numba.core import event
+from henon_ref.henon.solvers import HENON_SOLVER
+from problems import make_problem
+problem = make_problem("x", ["t - s"], {"s": "x"}, [0], 3)
+before = set(sys.modules)
+with event.install_recorder("numba:compile") as seen:
+    HENON_SOLVER.prepare(problem, rtol=1e-9)
+assert not seen.buffer, seen.buffer
+later = {name for name in set(sys.modules) - before if name.startswith("henon_ref")}
+assert not later, later
+"""
+
+
+def test_a_run_finds_everything_loaded() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT], cwd=Path(__file__).parent, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_command_begins_a_worker_before_it_imports_what_reads_cases() -> None:
+    code = "import sys, henon_ref.compare; print([m for m in ('numpy', 'sympy', 'numba') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
