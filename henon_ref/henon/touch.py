@@ -10,7 +10,7 @@ from henon_ref.henon import doubledouble as dd
 from henon_ref.henon import quaddouble as qd
 from henon_ref.henon.closer import CURVED
 from henon_ref.henon.isolation import NOTHING
-from henon_ref.henon.quadseries import PARTS, SMALL, number
+from henon_ref.henon.quadseries import number
 from henon_ref.henon.window import MISS, TOUCH, UNSURE
 from henon_ref.jit import inner
 
@@ -22,23 +22,20 @@ def at_minimum(row, degree, size, s):  # type: ignore[no-untyped-def]
     UNSURE where the guard is negative there, or the minimum is none of second order. ``row`` are its
     coefficients, four doubles each, in units of the place, which is at ``s`` on a step on which ``size`` is its size.
     """
-    value = value_low = slope = slope_low = half = 0.0  # half the second derivative
-    k = degree
-    while k >= 0 and abs(row[PARTS * k]) <= SMALL * size:
-        half += slope
-        slope, slope_low = dd.add(slope, slope_low, value, value_low)
-        value, value_low = dd.add(value, value_low, row[PARTS * k], row[PARTS * k + 1])
-        k -= 1
-    total = value, value_low, 0.0, 0.0
-    while k >= 0:
-        half += slope
-        slope, slope_low = dd.add(slope, slope_low, total[0], total[1])
-        total = qd.add(total, number(row, k))
-        k -= 1
+    total = 0.0, 0.0, 0.0, 0.0
+    slope = slope_low = half = 0.0  # half the second derivative
+    for k in range(degree, -1, -1):
+        c = number(row, k)
+        total = qd.accumulated(total, c)
+        part, rest = dd.two_product(c[0], k)
+        slope, lost = dd.two_sum(slope, part)
+        slope_low += lost + (rest + c[1] * k)
+        half += part * (0.5 * (k - 1))
     if not 2.0 * half > CURVED * size * s * s:
         return UNSURE, 0.0
+    slope += slope_low
     shift = -0.5 * slope / half  # a double's digits do: the place has a double-double's
-    depth = total[0] + 0.5 * slope * shift
+    depth = qd.rounded(total) + 0.5 * slope * shift
     if abs(depth) <= NOTHING * size:
         return TOUCH, shift
     return MISS if depth > 0.0 else UNSURE, shift
