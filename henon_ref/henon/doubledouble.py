@@ -86,6 +86,18 @@ def multiply(a, a_low, b, b_low):  # type: ignore[no-untyped-def]
     return quick_two_sum(p, rest + (a * b_low + a_low * b))
 
 
+@inner(forceinline=True)
+def compensated(y, lost, s, s_low, a, a_low):  # type: ignore[no-untyped-def]
+    """y s + a, and what is lost of it: a step of Horner's rule whose sum of both is nearly as good as a pair's.
+
+    Graillat, Langlois and Louvet, *Compensated Horner scheme* (2005). What waits for each other are a double's
+    operations: a fifth of the time.
+    """
+    p, rest = two_product(y, s)
+    total, left = two_sum(p, a)
+    return total, fma(lost, s, y * s_low + rest + (left + a_low))
+
+
 @inner()
 def divide(a, a_low, b, b_low):  # type: ignore[no-untyped-def]
     """a / b: the double quotient, and what its remainder, which has no rounding in its leading part, adds to it."""

@@ -344,12 +344,11 @@ def _beyond(high, low, sizes, rows, last, s, s_low):  # type: ignore[no-untyped-
 @inner()
 def _value(a, a_low, size, s, s_low):  # type: ignore[no-untyped-def]
     """Horner's rule; ``size`` is the sum of the sizes of the coefficients."""
-    y, y_low = 0.0, 0.0
+    y, lost = 0.0, 0.0
     top = a.size - 1
     while top >= 0 and abs(a[top]) <= EPS * size:  # of these a double's digits do
         y = y * s + a[top]
         top -= 1
     for k in range(top, -1, -1):
-        y, y_low = dd.multiply(y, y_low, s, s_low)
-        y, y_low = dd.add(y, y_low, a[k], a_low[k])
-    return y, y_low
+        y, lost = dd.compensated(y, lost, s, s_low, a[k], a_low[k])
+    return dd.two_sum(y, lost)

@@ -193,15 +193,11 @@ def _recentred(q, q_low, size, s, s_low, g):  # type: ignore[no-untyped-def]
         for i in range(LOCAL, FINE, -1):
             g[i] = g[i] * s + g[i - 1]
         g[FINE] = g[FINE] * s + a3
-        a3, e3 = dd.multiply(a3, e3, s, s_low)
-        a3, e3 = dd.add(a3, e3, a2, e2)
-        a2, e2 = dd.multiply(a2, e2, s, s_low)
-        a2, e2 = dd.add(a2, e2, a1, e1)
-        a1, e1 = dd.multiply(a1, e1, s, s_low)
-        a1, e1 = dd.add(a1, e1, a0, e0)
-        a0, e0 = dd.multiply(a0, e0, s, s_low)
-        a0, e0 = dd.add(a0, e0, q[k], q_low[k])
-    g[0], g[1], g[2], g[3] = a0, a1, a2, a3
+        a3, e3 = dd.compensated(a3, e3, s, s_low, a2, e2)
+        a2, e2 = dd.compensated(a2, e2, s, s_low, a1, e1)
+        a1, e1 = dd.compensated(a1, e1, s, s_low, a0, e0)
+        a0, e0 = dd.compensated(a0, e0, s, s_low, q[k], q_low[k])
+    g[0], g[1], g[2], g[3] = a0 + e0, a1 + e1, a2 + e2, a3 + e3
 
 
 @inner()
