@@ -22,7 +22,7 @@ from henon_ref.henon.solvers import HENON_SOLVER
 from problems import make_problem
 found = HENON_SOLVER.prepare(make_problem(*json.loads(sys.argv[1])), rtol=1e-9)()
 made = sum(advance.stats.cache_misses.values())
-signatures = [function.signatures == [types] for function, types in called(advance.signatures[0][5])]
+signatures = [function.signatures == [types] for function, types in called(advance.signatures[0][3])]
 print(json.dumps([found.transitions[0].time, made, signatures]))
 """
 

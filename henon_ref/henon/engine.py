@@ -49,6 +49,8 @@ class Start:
     """Local error of a step, relative to the size of each state and guard on the step."""
     landing: int
     """HENON, NEWTON or BRENT of :mod:`henon_ref.henon.registers`."""
+    work: int
+    """Address of the work space, the engine's own."""
 
     @cached_property
     def unpacked(self) -> Callable[..., tuple[float, ...]]:
@@ -56,8 +58,13 @@ class Start:
         return Struct(f"{len(self.x)}d").unpack_from
 
     @cached_property
-    def arrays(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Floats and integers that a run begins with (see :mod:`henon_ref.henon.registers`). Each run copies them."""
+    def behind(self) -> int:
+        """Bytes of the state that are doubles; integers follow."""
+        return 8 * (k.F_STATE + 2 * len(self.x))
+
+    @cached_property
+    def state(self) -> NDArray[np.float64]:
+        """What a run begins with (see :func:`henon_ref.henon.kernel.advance`). Each run copies it."""
         high, low = zip(*self.x, strict=True)
         floats = np.array([0.0] * k.F_STATE + [*high, *low])
         floats[k.F_TIME], floats[k.F_LOW] = self.time
@@ -67,8 +74,8 @@ class Start:
         integers = np.array([0] * k.I_SIZE + [*self.zeros] + [0] * len(self.zeros))
         integers[k.I_MODE], integers[k.I_BLOCK] = self.row, CHUNK
         integers[k.I_ORDER], integers[k.I_METHOD] = self.order, self.landing
-        integers[k.I_APART] = table()
-        return floats, integers
+        integers[k.I_APART], integers[k.I_WORK] = table(), self.work
+        return np.concatenate([floats, integers.view(np.float64)])
 
 
 class Scratch(NamedTuple):
@@ -82,6 +89,11 @@ class Scratch(NamedTuple):
     """A view: coefficients of the last expansion (see :func:`henon_ref.henon.workspace.work_space`)."""
     records: NDArray[np.float64]
     """A view: transitions."""
+
+    @property
+    def address(self) -> int:
+        """Where the work space is in memory."""
+        return int(self.work.ctypes.data)
 
 
 def _scratch(compiled: CompiledSystem) -> Scratch:
@@ -153,7 +165,7 @@ class Engine:
         else:
             row, own = compiled, self.known_zeros(time[0], point, decision.mode, active, edges)
             zeros = own + zeros[len(own) :]
-        return Start(time, until, tuple(x), refused, row, zeros, self.order, tolerance, landing)
+        return Start(time, until, tuple(x), refused, row, zeros, self.order, tolerance, landing, self.scratch.address)
 
     def known_zeros(
         self,

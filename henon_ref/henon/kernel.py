@@ -14,7 +14,7 @@ from henon_ref.henon.doubt import look_closer
 from henon_ref.henon.events import at_zero, ends_at_zero, fails_at_once, first_event, zeros_at_release
 from henon_ref.henon.holding import held
 from henon_ref.henon.polynomial import DEPTH
-from henon_ref.henon.primitives import bits, from_bits, smaller
+from henon_ref.henon.primitives import integers_of, smaller
 from henon_ref.henon.recording import crowded, record, sample, settle, start
 from henon_ref.henon.registers import (
     A_HELD,
@@ -69,6 +69,7 @@ from henon_ref.henon.registers import (
     I_STEPPED,
     I_STEPS,
     I_WHAT,
+    I_WORK,
     INVALID,
     MISSING,
     NOWHERE,
@@ -119,18 +120,15 @@ _steady = apart(A_STEADY, steady, float64, ROWS, int64, int64, float64, float64)
 
 
 @njit()
-def advance(floats, integers, work, tables, numbers, settling, samples):  # type: ignore[no-untyped-def]
+def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyped-def]
     """Run until the horizon, or until Python is needed.
 
     Parameters
     ----------
-    floats : ndarray, shape (F_STATE + 2 n,)
-        State of the run: F_..., then x, then what rounding it lost.
-    integers : ndarray of int, shape (I_SIZE + 2 G,)
-        I_..., then known zeros of each guard, then 1 for those at zero when the loop comes back with RESOLVE.
-    work : ndarray
-        What :func:`henon_ref.henon.workspace.work_space` takes apart. (One array: each that is passed from Python
-        costs 45 ns.)
+    state : ndarray, shape (F_STATE + 2 n + I_SIZE + 2 G,)
+        The run: as doubles F_..., then x, then what rounding it lost; behind them, as integers I_..., then known zeros
+        of each guard, then 1 for those at zero when the loop comes back with RESOLVE. (One array: each that is passed
+        from Python costs 45 ns.)
     tables : ndarray of int, shape (M, 1 + G, T_SIZE)
         Machine code, guards, and what follows them, of each mode (T_..., G_...).
     numbers : ndarray, shape (M, 2, K)
@@ -149,12 +147,13 @@ def advance(floats, integers, work, tables, numbers, settling, samples):  # type
         mode has nothing yet for it to look at; or MISSING, and the run is where it was, and I_MISSING says what has to
         be loaded.
     """
-    n, most = (floats.size - F_STATE) // 2, tables.shape[1] - 1
-    band, room, before, records = work_space(work, n, most, integers[I_ORDER], integers[I_BLOCK])
-    for i in range(floats.size):
-        before[i] = floats[i]
-    for i in range(integers.size):
-        before[floats.size + i] = from_bits(integers[i])
+    most = tables.shape[1] - 1
+    own = state.size - I_SIZE - 2 * most
+    floats, integers = state[:own], integers_of(state, own, I_SIZE + 2 * most)
+    n = (own - F_STATE) // 2
+    band, room, before, records = work_space(integers[I_WORK], n, most, integers[I_ORDER], integers[I_BLOCK])
+    for i in range(state.size):
+        before[i] = state[i]
     stop_at = integers[I_STEPS] + BUDGET
     arrived = integers[I_ARRIVED]
     code = DOUBTFUL if arrived == DOUBTED else EVENT if arrived > 0 else ON
@@ -171,11 +170,9 @@ def advance(floats, integers, work, tables, numbers, settling, samples):  # type
         if code == EVENT:
             code = through_event(floats, integers, records, tables, numbers, settling, band, room)
         if integers[I_MISSING] > 0:
-            for i in range(floats.size):
-                floats[i] = before[i]
             lacking = integers[I_MISSING]
-            for i in range(integers.size):
-                integers[i] = bits(before[floats.size + i])
+            for i in range(state.size):
+                state[i] = before[i]
             integers[I_MISSING] = lacking
             return MISSING
         if code != ON:

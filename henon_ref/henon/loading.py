@@ -31,4 +31,4 @@ def load(settling: tuple[Any, ...] | None) -> None:
     """Make the loop callable; ``settling``: what it will be called with."""
     kind = typeof(settling)
     ahead = [*called(kind), *(FUNCTIONS[place] for place in (*ALWAYS, A_TRUSTED))]
-    compile_all([(advance, (ROW, COUNTS, ROW, TABLES, NUMBERS, kind, ROWS))], ahead)
+    compile_all([(advance, (ROW, TABLES, NUMBERS, kind, ROWS))], ahead)

@@ -58,9 +58,21 @@ def rows_of(typing, array, first, count, width):  # type: ignore[no-untyped-def]
 
     def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
         source = context.make_array(sig.args[0])(context, builder, value=args[0])
-        return _rows(context, builder, sig.return_type, builder.gep(source.data, [args[1]]), args[2], args[3])
+        return _numbers(context, builder, sig.return_type, builder.gep(source.data, [args[1]]), args[2:])
 
     return types.float64[:, ::1](types.float64[::1], types.int64, types.int64, types.int64), codegen
+
+
+@intrinsic
+def integers_of(typing, array, first, count):  # type: ignore[no-untyped-def]
+    """A view of part of an array of doubles as integers: from place ``first`` on, ``count`` of them."""
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        source = context.make_array(sig.args[0])(context, builder, value=args[0])
+        data = builder.bitcast(builder.gep(source.data, [args[1]]), ir.IntType(64).as_pointer())
+        return _numbers(context, builder, sig.return_type, data, [args[2]])
+
+    return types.int64[::1](types.float64[::1], types.int64, types.int64), codegen
 
 
 @intrinsic
@@ -77,18 +89,21 @@ def integers_at(typing, address, count, width):  # type: ignore[no-untyped-def]
 
 def _view(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     pointer = context.get_data_type(sig.return_type.dtype).as_pointer()
-    return _rows(context, builder, sig.return_type, builder.inttoptr(args[0], pointer), args[1], args[2])
+    return _numbers(context, builder, sig.return_type, builder.inttoptr(args[0], pointer), args[1:])
 
 
-def _rows(context: Any, builder: Any, kind: Any, data: Any, count: Any, width: Any) -> Any:
+def _numbers(context: Any, builder: Any, kind: Any, data: Any, shape: Any) -> Any:
     """An array of numbers of eight bytes that are kept elsewhere."""
     made = context.make_array(kind)(context, builder)
     size = context.get_constant(types.intp, 8)
+    strides = [size]
+    for count in reversed(shape[1:]):
+        strides.insert(0, builder.mul(count, strides[0]))
     context.populate_array(
         made,
         data=data,
-        shape=cgutils.pack_array(builder, [count, width]),
-        strides=cgutils.pack_array(builder, [builder.mul(width, size), size]),
+        shape=cgutils.pack_array(builder, shape),
+        strides=cgutils.pack_array(builder, strides),
         itemsize=size,
         meminfo=None,
         parent=None,

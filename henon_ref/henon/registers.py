@@ -57,7 +57,8 @@ F_STATE = F_SIZE + REMEMBERED
 # cannot tell apart; next sample; mode of the last step; kind of the event that leads to a mode not known yet, or what a
 # closer look has left open; LANDED or TOLD where the run stands at an event that a closer look has decided, DOUBTED
 # where it stands before one that is to be looked at closer; order; method of landing; transitions that a
-# block of memory holds; a function that is not there yet (A_...); address of the table of those that stand apart.
+# block of memory holds; a function that is not there yet (A_...); address of the table of those that stand apart, and
+# of the work space.
 (
     I_MODE,
     I_STEPS,
@@ -77,8 +78,9 @@ F_STATE = F_SIZE + REMEMBERED
     I_BLOCK,
     I_MISSING,
     I_APART,
+    I_WORK,
     I_SIZE,
-) = range(19)
+) = range(20)
 # Behind them, an integer a guard each: known zeros at the present point (the surface just left), which are divided
 # out; 1 for a guard that is at zero.
 

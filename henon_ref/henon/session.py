@@ -100,7 +100,7 @@ class Session:
         How the run ended, once :meth:`stream` is through.
     """
 
-    __slots__ = ("blocks", "deadline", "ended", "engine", "floats", "integers", "samples", "start")
+    __slots__ = ("_parts", "blocks", "deadline", "ended", "engine", "samples", "start", "state")
 
     def __init__(
         self,
@@ -112,8 +112,8 @@ class Session:
     ) -> None:
         self.engine, self.start, self.deadline = engine, start, deadline
         engine.switching.forget()
-        floats, integers = start.arrays
-        self.floats, self.integers = floats.copy(), integers.copy()
+        self.state = start.state.copy()
+        self._parts: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None
         if block != CHUNK:
             self.integers[I_BLOCK] = block
         self.samples = _NO_SAMPLES
@@ -122,6 +122,23 @@ class Session:
             self.samples[:, 0] = sample_times
         self.blocks: list[NDArray[np.float64]] = []
         self.ended: Trajectory | None = None
+
+    def _views(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """The state's doubles and integers. (Made when they are asked for: the shortest runs do without.)"""
+        if self._parts is None:
+            count = self.start.behind // 8
+            self._parts = self.state[:count], self.state[count:].view(np.int64)
+        return self._parts
+
+    @property
+    def floats(self) -> NDArray[np.float64]:
+        """Doubles of the run (F_...), the present state and what rounding it lost: a view."""
+        return self._views()[0]
+
+    @property
+    def integers(self) -> NDArray[np.int64]:
+        """Integers of the run (I_...), known zeros of the guards, and which of them are at zero: a view."""
+        return self._views()[1]
 
     @property
     def until(self) -> tuple[float, float]:
@@ -219,8 +236,8 @@ class Session:
             unasked = self.samples is _NO_SAMPLES
             return refused if unasked else refused._replace(samples=self.samples[:, 1:-1], sample_modes=())
         code = advance(
-            self.floats, self.integers, engine.scratch.work, engine.compiled.tables, engine.compiled.numbers,
-            engine.settling if engine.several else None, self.samples,
+            self.state, engine.compiled.tables, engine.compiled.numbers, engine.settling if engine.several else None,
+            self.samples,
         )  # fmt: skip
         if code == HORIZON:
             return self._end("ok", "")
@@ -329,7 +346,8 @@ class Session:
         return None
 
     def _end(self, status: Status, reason: str) -> Trajectory:
-        integers, modes = _head(self.integers), self.engine.compiled.modes
+        state, start, modes = self.state, self.start, self.engine.compiled.modes
+        integers = _head(state, start.behind)
         transitions: Sequence[Transition] = ()
         if integers[I_COUNT] or self.blocks:
             records = self.engine.scratch.records[: integers[I_COUNT]].copy()
@@ -340,7 +358,7 @@ class Session:
             sample_modes = tuple(modes[int(m)] for m in self.samples[: self.integers[I_SAMPLE], -1])
         # As the tuples they are, past Python's constructors: a tenth of a short run.
         counts = _tuple(Counts, integers[_COUNTED])
-        end, mode = self.floats.item(F_TIME), modes[integers[I_MODE]]
-        x = self.start.unpacked(self.floats, _STATE)
+        end, mode = state.item(F_TIME), modes[integers[I_MODE]]
+        x = start.unpacked(state, _STATE)
         fields = status, transitions, end, x, mode, reason, counts, 0.0, samples, sample_modes
         return _tuple(Trajectory, fields)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from numba.extending import register_jitable
 
 from henon_ref.henon.polynomial import DEPTH
-from henon_ref.henon.primitives import rows_of
+from henon_ref.henon.primitives import doubles_at, rows_of
 from henon_ref.henon.registers import F_STATE, I_SIZE, R_STATE
 from henon_ref.henon.rows import row_length
 from henon_ref.jit import inner
@@ -25,13 +25,13 @@ def work_places(n, most, order, block):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def work_space(work, n, most, order, block):  # type: ignore[no-untyped-def]
+def work_space(address, n, most, order, block):  # type: ignore[no-untyped-def]
     """Parts of an array that the loop works on.
 
     Parameters
     ----------
-    work : ndarray
-        As long as :func:`work_places` says.
+    address : int
+        Where it is in memory; it is as long as :func:`work_places` says.
     n, most, order, block : int
         States; guards of the largest mode, G; order; transitions kept.
 
@@ -43,10 +43,11 @@ def work_space(work, n, most, order, block):  # type: ignore[no-untyped-def]
     room : ndarray, shape (3 n + 3 G,)
         Change of the states over a step and bounds of the guards from below; a state; normal velocities.
     before : ndarray, shape (F_STATE + 2 n + I_SIZE + 2 G,)
-        Floats and integers of the run as they were when the loop was called.
+        The run as it was when the loop was called.
     records : ndarray, shape (block, R_STATE + n)
         Transitions, a row each.
     """
-    width, room, before, records, _ = work_places(n, most, order, block)
+    width, room, before, records, end = work_places(n, most, order, block)
+    work = doubles_at(address, 1, end)[0]
     band = rows_of(work, 0, 2 * (n + most + 1) + BANDS, width)
     return band, work[room:before], work[before:records], rows_of(work, records, block, R_STATE + n)
