@@ -37,7 +37,10 @@ from henon_ref.score.settings import Setting
 ORIGIN = Provenance(
     "python -m henon_ref.compare made_up.yaml",
     "0123456789abcdef",
-    {"processor": "A processor", "cores": 2, "memory_bytes": 2**34, "system": "Linux", "python": "CPython 3.11"},
+    {
+        "processor": "A processor", "cores": 2, "memory_bytes": 2**34, "system": "Linux", "python": "CPython 3.11",
+        "linear_algebra": "openblas Zen",
+    },  # fmt: skip
     {"henon-ref": "1.0", "heyoka": "7.0", "scipy": "1.0"},
 )
 
@@ -93,7 +96,7 @@ def test_the_report_states_model_truth_and_provenance(comparison):
     assert "The largest radius of a transition time is 1e-30 s; no error is claimed below it." in text
     assert r"\dot{x} &= - F s + \cos{\left(t \right)}" in text
     assert "    python -m henon_ref.compare made_up.yaml" in text
-    assert "A processor (2 cores, 16 GiB)" in text
+    assert "A processor (2 cores, 16 GiB), Linux, CPython 3.11, openblas Zen" in text
     assert "from commit 0123456789ab." in text
     assert not re.search(r"\b(None|nan)\b|\{\{", text)
 

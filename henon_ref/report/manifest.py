@@ -33,7 +33,7 @@ class Provenance:
         size = f", {memory / 2**30:.0f} GiB" if isinstance(memory, int) else ""
         return (
             f"{self.machine['processor']} ({self.machine['cores']} cores{size}), {self.machine['system']}, "
-            f"{self.machine['python']}"
+            f"{self.machine['python']}, {self.machine['linear_algebra']}"
         )
 
     def packages(self, solvers: Mapping[str, str]) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""What the runs ran on: processor, memory, system, libraries, commit."""
+"""What the runs ran on: processor, memory, system, libraries and their kernels, commit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DISTRIBUTIONS = (
 
 
 def machine() -> dict[str, object]:
-    """Processor, cores, memory, operating system and Python of this machine."""
+    """Processor, cores, memory, operating system, Python and linear algebra of this machine."""
     return {
         "processor": _processor(),
         "architecture": platform.machine(),
@@ -24,6 +24,7 @@ def machine() -> dict[str, object]:
         "memory_bytes": _memory(),
         "system": f"{platform.system()} {platform.release()}",
         "python": f"{platform.python_implementation()} {platform.python_version()}",
+        "linear_algebra": _linear_algebra(),
     }
 
 
@@ -63,6 +64,17 @@ def _processor() -> str:
         return platform.processor()
     models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return models[0] if models else platform.processor()
+
+
+def _linear_algebra() -> str:
+    """Libraries of linear algebra that are loaded, with the kernels they have chosen by the processor or were told to.
+
+    The last digits of implicit methods depend on them, and with these, at a horizon, whether an event is before it.
+    """
+    from threadpoolctl import threadpool_info
+
+    loaded = [entry for entry in threadpool_info() if entry["user_api"] == "blas"]
+    return ", ".join(sorted({f"{e['internal_api']} {e.get('architecture') or ''}".strip() for e in loaded}))
 
 
 def _memory() -> int | None:
