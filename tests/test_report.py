@@ -38,9 +38,13 @@ ORIGIN = Provenance(
     "python -m henon_ref.compare made_up.yaml",
     "0123456789abcdef",
     {
-        "processor": "A processor", "cores": 2, "memory_bytes": 2**34, "system": "Linux", "python": "CPython 3.11",
+        "processor": "A processor",
+        "cores": 2,
+        "memory_bytes": 2**34,
+        "system": "Linux",
+        "python": "CPython 3.11",
         "linear_algebra": "openblas Zen",
-    },  # fmt: skip
+    },
     {"henon-ref": "1.0", "heyoka": "7.0", "scipy": "1.0"},
 )
 
