@@ -107,8 +107,6 @@ def _coefficient(code, k, constants, field, t, t_low, x, x_low, part, rows, size
         if k == 0:
             return x[own], x_low[own], 0.0, 0.0
         slope = number(rows[field[own]], k - 1)
-        if slope[0] == 0.0:
-            return 0.0, 0.0, 0.0, 0.0
         if abs(slope[0] * part[0]) <= SMALL * size:
             return _short_product(slope, part)
         return qd.multiply(slope, part)
