@@ -18,7 +18,7 @@ import pytest
 from henon_ref.errors import HenonRefError, UnavailableError, UnsupportedError
 from henon_ref.score import fence, process
 from henon_ref.score.fence import Answer, Fence, Lane
-from henon_ref.score.process import begun_ahead, resident_bytes, spare
+from henon_ref.score.process import begun_ahead, dismiss, resident_bytes, waits
 from henon_ref.score.worker import Failure
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
@@ -277,7 +277,7 @@ def test_a_worker_that_was_begun_ahead_is_for_the_lane_that_it_is_meant_for(tmp_
     with begun_ahead(told):
         lanes = [Lane(what, deque([Act(what)]), ahead=what == "b") for what in ("a", "b", "c")]
         Fence(processes=1, memory=memory()).run(lanes, seen)
-        assert spare() is None
+        assert not waits()
     assert set(seen.results) == {"a", "b", "c"}
     assert (tmp_path / "told").read_text() == str(seen.pids["b"])
     assert len(set(seen.pids.values())) == 3
@@ -303,6 +303,6 @@ def test_a_worker_begun_ahead_that_nobody_asks_for_ends():
     assert not gone(pid)
     with pytest.raises(KeyboardInterrupt), begun_ahead(interrupted):
         raise KeyboardInterrupt
-    spare()
+    dismiss()
     assert gone(pid)
-    assert not process._ahead
+    assert not waits()

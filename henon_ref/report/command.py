@@ -25,6 +25,8 @@ from henon_ref.report.request import Request
 from henon_ref.report.write import check_index, check_writable, write_report
 from henon_ref.restarts.experiment import run_restarts
 from henon_ref.restarts.page import FOLDER as RESTARTS
+from henon_ref.rivals.experiment import run_rivals
+from henon_ref.rivals.page import FOLDER as RIVALS
 from henon_ref.score.gate import Demand, Tally, demand, gate_tally
 from henon_ref.score.journal import FILE, read
 from henon_ref.score.options import Observer, Options, Silent
@@ -54,7 +56,7 @@ def run(request: Request) -> Unmet:
     """
     check_writable(request.out)
     if request.whole:
-        for page in (ATLAS, RESTARTS, CAUSES):
+        for page in (ATLAS, RESTARTS, CAUSES, RIVALS):
             check_index(request.out / page)
     cases = load_cases(request.cases)
     options = Options(
@@ -125,11 +127,12 @@ def gate_state(tally: Tally, failures: Sequence[str], *, wanted: bool) -> str:
 def experiments(
     cases: Sequence[Case], options: Options, origin: Provenance, out: Path, observer: Observer
 ) -> list[Path]:
-    """What a whole folder gets besides its reports: the atlas, the restart habits, the causes; the pages written."""
+    """What a whole folder gets besides its reports: atlas, restart habits, causes, rivals; the pages written."""
     pages = [
         run_atlas(cases, options, origin, out, observer),
         run_restarts(cases, options, origin, out, observer),
         write_causes(out),
+        run_rivals(cases, options, origin, out, observer),
     ]
     return [page for page in pages if page is not None]
 

@@ -19,8 +19,10 @@ from henon_ref.report.ratios import slower_table, spread_table
 from henon_ref.report.tables import Table
 from henon_ref.report.words import count
 from henon_ref.report.write import INDEX, MANIFEST, REPORT, RUNS, check_index, replace_file
+from henon_ref.rivals import page as rivals
+from henon_ref.rivals.page import read_ratios
 
-ATLAS, RESTARTS, CAUSES, PAPER, PRICE = "atlas", "restarts", "causes", "paper", "price"
+ATLAS, RESTARTS, CAUSES, RIVALS, PAPER, PRICE = "atlas", "restarts", "causes", "rivals", "paper", "price"
 """Folders of the further pages."""
 
 
@@ -51,7 +53,7 @@ def write_index(folder: Path) -> Path:
     """
     check_index(folder)
     path = folder / INDEX
-    replace_file(path, index_text(entries(folder), pages(folder)).encode())
+    replace_file(path, index_text(entries(folder), pages(folder), read_ratios(folder)).encode())
     return path
 
 
@@ -62,6 +64,7 @@ def pages(folder: Path) -> dict[str, list[str]]:
         ("atlas", ATLAS),
         ("restarts", RESTARTS),
         ("causes", CAUSES),
+        ("rivals", RIVALS),
         ("paper", PAPER),
         ("price", PRICE),
     ):
@@ -108,10 +111,24 @@ def _entries(manifest: Path) -> list[Entry]:
     return [Entry(manifest.parent.name, content["title"], reading, rows) for reading, rows in by_reading.items()]
 
 
-def index_text(found: Sequence[Entry], further: Mapping[str, Sequence[str]] | None = None) -> str:
-    """The index as markdown; ``further``: pages beside the reports, with their figures."""
+def index_text(
+    found: Sequence[Entry], further: Mapping[str, Sequence[str]] | None = None, ratios: Sequence[Row] = ()
+) -> str:
+    """The index as markdown.
+
+    Parameters
+    ----------
+    found : sequence of Entry
+    further : mapping, optional
+        Pages beside the reports, with their figures.
+    ratios : sequence of Row
+        Ratios of times taken in turn; where there are none the reports' own times are set against each other.
+    """
     rows = [row for entry in found for row in entry.rows]
-    spread, slower = spread_table(rows), slower_table(rows)
+    if ratios:
+        spread, slower = rivals.spread_table(ratios), rivals.slower_table(ratios, reports="")
+    else:
+        spread, slower = spread_table(rows), slower_table(rows)
     return (
         environment()
         .get_template("index.md.j2")
@@ -122,6 +139,7 @@ def index_text(found: Sequence[Entry], further: Mapping[str, Sequence[str]] | No
             cheapest=_cheapest(found).markdown,
             spread=spread.markdown if spread.rows else "",
             slower=slower.markdown if slower.rows else "",
+            in_turn=bool(ratios),
             pages=dict(further or {}),
             titles={f"[{entry.case}]({entry.case}/{REPORT})": entry.title for entry in found},
         )

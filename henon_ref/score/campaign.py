@@ -26,7 +26,7 @@ from henon_ref.score.plan import (
     sample_job,
 )
 from henon_ref.score.prelude import prepares
-from henon_ref.score.process import spare
+from henon_ref.score.process import dismiss, waits
 from henon_ref.score.results import CaseState
 from henon_ref.score.rows import Outcome, record, score_outcome
 from henon_ref.score.runjob import DRAWN, PREPARED, RAN, SAMPLED, TIMED, RunJob, SampleJob
@@ -88,7 +88,8 @@ class Campaign:
             state, new = case_lanes(case, statements, self.options, figures=self.draw is not None)
             states.append(state)
             lanes += new
-        _give_to_first(lanes)
+        if waits():
+            _give_to_first(lanes)
         waiting = sum(isinstance(job, RunJob) for lane in lanes for job in lane.jobs)
         kept = sum(len(state.rows) for state in states)
         self.observer.runs(waiting + kept, kept)
@@ -249,7 +250,7 @@ def _give_to_first(lanes: list[CaseLane]) -> None:
     """The worker that was begun ahead is for the first lane of what it has loaded, which then is the first to begin."""
     first = next((lane for lane in lanes if prepares(lane.jobs[0])), None)
     if first is None:
-        spare()
+        dismiss()
     else:
         first.ahead = True
         lanes.sort(key=lambda lane: lane is not first)

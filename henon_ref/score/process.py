@@ -102,7 +102,12 @@ def begun_ahead(prelude: Callable[[], None]) -> Iterator[None]:
     try:
         yield
     finally:
-        spare()
+        dismiss()
+
+
+def waits() -> bool:
+    """Whether there is a process that was begun ahead."""
+    return bool(_ahead)
 
 
 def taken() -> Process | None:
@@ -110,7 +115,7 @@ def taken() -> Process | None:
     return _ahead.pop() if _ahead else None
 
 
-def spare() -> None:
+def dismiss() -> None:
     """End the process that was begun ahead: nobody will ask for it."""
     process = taken()
     if process is not None:

@@ -1,0 +1,1 @@
+"""The reference against its rivals, timed in turn on every reading."""
