@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -54,19 +54,25 @@ def _ratio(rows: Sequence[Row], first: str, second: str) -> float | None:
     return None if math.isnan(least[0] / least[1]) else least[0] / least[1]
 
 
+SPREAD = ("worst error", "readings", "least", "lower quartile", "median", "upper quartile", "largest", "above 1")
+"""Headings of :func:`spread`."""
+
+
+def spread(error: float | None, found: Iterable[float]) -> tuple[str, ...]:
+    """How ratios spread, as cells of a table; ``error``: the bound [s], None where there is no transition to time."""
+    ordered = sorted(found)
+    least, *quartiles, largest = np.quantile(ordered, [0.0, 0.25, 0.5, 0.75, 1.0])
+    label = "no transition" if error is None else f"{error:.0e} s"
+    above = sum(ratio > 1 for ratio in ordered)
+    middle = (f"{quartile:.2g}" for quartile in quartiles)
+    return label, f"{len(ordered)}", f"{least:.2g}", *middle, f"{largest:.3g}", f"{above}"
+
+
 def spread_table(rows: Sequence[Row]) -> Table:
     """How the ratio spreads over the readings that both solve."""
-    lines: list[tuple[str, ...]] = []
-    bounded = [(f"{error:.0e} s", ratios(rows, error)) for error in ERRORS]
-    for label, by_reading in (*bounded, ("no transition", idle_ratios(rows))):
-        found = sorted(by_reading.values())
-        if found:
-            quartiles = np.quantile(found, [0.25, 0.5, 0.75])
-            above = sum(ratio > 1 for ratio in found)
-            cells = (f"{found[0]:.2g}", *(f"{q:.2g}" for q in quartiles), f"{found[-1]:.3g}", f"{above}")
-            lines.append((label, f"{len(found)}", *cells))
-    headings = ("worst error", "readings", "least", "lower quartile", "median", "upper quartile", "largest", "above 1")
-    return Table(headings, "r" * len(headings), lines)
+    by_bound = [*((error, ratios(rows, error)) for error in ERRORS), (None, idle_ratios(rows))]
+    lines = [spread(error, found.values()) for error, found in by_bound if found]
+    return Table(SPREAD, "r" * len(SPREAD), lines)
 
 
 def slower_table(rows: Sequence[Row]) -> Table:

@@ -9,13 +9,11 @@ from henon_ref import registry
 from henon_ref.columns import Row
 from henon_ref.price.timer import in_turn
 from henon_ref.report.ranking import name, number, right
+from henon_ref.report.ratios import ERRORS, FIRST, SECOND
 from henon_ref.score.settings import Setting
 from henon_ref.score.worker import Stages
 from henon_ref.trajectory import Problem
 
-FIRST, SECOND = "henon", "heyoka"
-ERRORS = (1e-6, 1e-9, 1e-12)
-"""Bounds on the worst error [s]."""
 SECONDS, FEWEST, MOST = 0.4, 5, 60
 """Time that the runs of a reading may take in all, and how often each is run."""
 TURN = 1e-3

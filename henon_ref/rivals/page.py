@@ -6,16 +6,14 @@ import csv
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from henon_ref.columns import Row
 from henon_ref.report.csvfiles import csv_text, read_rows
 from henon_ref.report.manifest import Provenance
 from henon_ref.report.markdown import environment
 from henon_ref.report.ranking import number
+from henon_ref.report.ratios import ERRORS, SECOND, SPREAD, spread
 from henon_ref.report.tables import Table
 from henon_ref.report.write import REPORT, replace_file
-from henon_ref.rivals.duel import ERRORS, SECOND
 
 FOLDER = "rivals"
 PAGE, RATIOS = "README.md", "ratios.csv"
@@ -86,18 +84,13 @@ def against(rows: Sequence[Row], rival: str, error: float | None) -> dict[tuple[
 
 def spread_table(rows: Sequence[Row]) -> Table:
     """How the ratios spread over the readings."""
-    lines: list[tuple[str, ...]] = []
-    for rival in (SECOND, OTHERS):
-        for error in (*ERRORS, None):
-            ratios = sorted(against(rows, rival, error).values())
-            if ratios:
-                quartiles = np.quantile(ratios, [0.25, 0.5, 0.75])
-                label = f"{error:.0e} s" if error else "no transition"
-                above = sum(ratio > 1 for ratio in ratios)
-                cells = (f"{ratios[0]:.2g}", *(f"{q:.2g}" for q in quartiles), f"{ratios[-1]:.3g}", f"{above}")
-                lines.append((f"`{rival}`" if rival == SECOND else rival, label, f"{len(ratios)}", *cells))
-    headings = ("worst error", "readings", "least", "lower quartile", "median", "upper quartile", "largest", "above 1")
-    return Table(("against", *headings), "l" + "r" * len(headings), lines)
+    lines = [
+        (label, *spread(error, ratios.values()))
+        for rival, label in ((SECOND, f"`{SECOND}`"), (OTHERS, OTHERS))
+        for error in (*ERRORS, None)
+        if (ratios := against(rows, rival, error))
+    ]
+    return Table(("against", *SPREAD), "l" + "r" * len(SPREAD), lines)
 
 
 def slower_table(rows: Sequence[Row], reports: str = "../") -> Table:
