@@ -11,7 +11,6 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
@@ -24,8 +23,6 @@ import typer  # noqa: E402
 
 from henon_ref.errors import HenonRefError  # noqa: E402
 from henon_ref.report.request import Request  # noqa: E402
-from henon_ref.score.prelude import prelude  # noqa: E402
-from henon_ref.score.process import begun_ahead  # noqa: E402
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -150,10 +147,9 @@ def command(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(request: Request) -> int:
-    with begun_ahead(prelude) if request.reference else nullcontext():
-        from henon_ref.report.command import run
+    from henon_ref.report.command import run
 
-        unmet = run(request)
+    unmet = run(request)
     for what, failures in unmet._asdict().items():
         for words in failures:
             print(f"{what}: {words}", file=sys.stderr)

@@ -22,10 +22,5 @@ class Drawing:
         yield "drawn", {f"{self.reading}_cost.svg": b"<svg/>"}
 
 
-def nothing() -> None:
-    """Takes the place of the prelude, which loads what made-up solvers do not need."""
-
-
 def run(*arguments: object) -> int:
-    compare.prelude = nothing
     return compare.command([str(argument) for argument in arguments])

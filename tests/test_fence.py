@@ -18,7 +18,7 @@ import pytest
 from henon_ref.errors import HenonRefError, UnavailableError, UnsupportedError
 from henon_ref.score import fence, process
 from henon_ref.score.fence import Answer, Fence, Lane
-from henon_ref.score.process import begun_ahead, dismiss, resident_bytes, waits
+from henon_ref.score.process import resident_bytes
 from henon_ref.score.worker import Failure
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
@@ -263,46 +263,3 @@ def test_spawned_workers_do_the_same(monkeypatch):
     seen = run(["a", "kill", "b"])
     assert seen.results == {"a": "aa", "b": "bb"}
     assert "SIGKILL" in seen.failures["kill"].reason
-
-
-def interrupted():
-    raise ValueError("in the prelude")
-
-
-def test_a_worker_that_was_begun_ahead_is_for_the_lane_that_it_is_meant_for(tmp_path):
-    def told():
-        (tmp_path / "told").write_text(str(os.getpid()))
-
-    seen = Collector()
-    with begun_ahead(told):
-        lanes = [Lane(what, deque([Act(what)]), ahead=what == "b") for what in ("a", "b", "c")]
-        Fence(processes=1, memory=memory()).run(lanes, seen)
-        assert not waits()
-    assert set(seen.results) == {"a", "b", "c"}
-    assert (tmp_path / "told").read_text() == str(seen.pids["b"])
-    assert len(set(seen.pids.values())) == 3
-
-
-def test_what_goes_wrong_ahead_of_a_job_is_no_part_of_it():
-    """And a lane that has lost this worker goes on with another."""
-    seen = Collector()
-    with begun_ahead(interrupted):
-        lane = Lane("a", deque(Act(what) for what in ("a", "kill", "b")), ahead=True)
-        Fence(processes=1, memory=memory()).run([lane], seen)
-    assert seen.results == {"a": "aa", "b": "bb"}
-    assert set(seen.failures) == {"kill"}
-    assert seen.pids["a"] != seen.pids["b"]
-
-
-def test_a_worker_begun_ahead_that_nobody_asks_for_ends():
-    begun = process.Process(memory())
-    process._ahead.append(begun)
-    pid = begun._process.pid
-    seen = run(["a"])
-    assert pid not in seen.pids.values()
-    assert not gone(pid)
-    with pytest.raises(KeyboardInterrupt), begun_ahead(interrupted):
-        raise KeyboardInterrupt
-    dismiss()
-    assert gone(pid)
-    assert not waits()

@@ -21,8 +21,8 @@ from henon_ref.price.operations import count
 from henon_ref.price.page import rival_table
 from henon_ref.price.pairs import pairs
 from henon_ref.price.states import Size, exponent, sizes
-from henon_ref.price.timer import MOST, Turns, in_turn
-from henon_ref.report.ratios import ratio_at, ratios, slower_table, spread_table
+from henon_ref.score.options import Options, Silent
+from henon_ref.score.turns import MOST, Turns, in_turn
 from henon_ref.trajectory import Problem
 
 CASES = Path(__file__).parents[1] / "cases"
@@ -113,30 +113,28 @@ def test_relative_costs_are_means_over_all_readings() -> None:
     assert relative_costs(rows, 6) == pytest.approx({"a": 1.0, "b": 2.0})
 
 
-def test_ratios_are_taken_at_the_same_worst_error() -> None:
-    rows = [row("a", 1.0, 3), row("a", 2.0, 12), row("b", 5.0, 13)]
-    assert ratio_at(rows, 1e-9, "a", "b") == pytest.approx(0.4)
-    assert ratio_at(rows, 1e-14, "a", "b") is None
-
-
-def test_pairs_run_in_turn_at_the_cheapest_settings_within_the_same_worst_error() -> None:
+def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> None:
     case = load_case(CASES / "free_coulomb.yaml")
     ladder = [
         {**row(solver, wall, digits, case=case.name), "rtol": rtol, "atol": rtol}
         for solver, rtol, wall, digits in [
-            ("henon", 1e-6, 1e-5, 7), ("henon", 1e-9, 3e-5, 10), ("henon", 1e-12, 2e-5, 13), ("henon", 1e-13, 4e-5, 14),
-            ("heyoka", 1e-9, 5e-5, 9.5), ("heyoka", 1e-12, 6e-5, 11),
+            ("henon", 1e-6, 1e-5, 5), ("henon", 1e-9, 3e-5, 10), ("henon", 1e-12, 2e-5, 13), ("henon", 1e-13, 4e-5, 14),
+            ("heyoka", 1e-9, 5e-5, 9.5), ("heyoka", 1e-12, 6e-5, 11), ("scipy-rk45", 1e-9, 1e-5, 12),
         ]
     ]  # fmt: skip
-    (pair,) = pairs([case], ladder, seconds=0.01)
-    assert (pair.rival, pair.worst_error_s) == ("heyoka", 1e-9)
-    assert pair.rtol in (1e-9, 1e-12, 1e-13)
-    assert pair.rival_rtol in (1e-9, 1e-12)
-    assert pair.rounds == 50
-    assert 0 < pair.wall_s not in (2e-5, 3e-5, 4e-5)
-    assert pair.ratio == pytest.approx(pair.wall_s / pair.rival_wall_s, rel=0.9)
-    table = rival_table([pair]).rows
-    assert [cells[:3] for cells in table] == [(case.name, "1e-09 s", f"{pair.ratio:.2g}")]
+    found, failed = pairs([case], ladder, Options(processes=1), Silent(), seconds=0.1)
+    assert (len(found), failed) == (2, [])
+    for pair, digits in zip(found, (6, 9), strict=True):
+        assert (pair["rival"], pair["digits"]) == ("heyoka", digits)
+        assert pair["rtol"] in (1e-9, 1e-12, 1e-13)
+        assert pair["rival_rtol"] in (1e-9, 1e-12)
+        assert pair["rounds"] == 20
+        assert 0 < pair["wall_s"] not in (2e-5, 3e-5, 4e-5)
+        assert pair["ratio"] == pytest.approx(pair["wall_s"] / pair["rival_wall_s"], rel=0.9)
+    table = rival_table(found).rows
+    assert [cells[:3] for cells in table] == [
+        (case.name, f"{pair['digits']}", f"{pair['ratio']:.2g}") for pair in found
+    ]
 
 
 def test_a_change_of_the_machines_pace_does_not_change_a_ratio() -> None:
@@ -156,35 +154,6 @@ def test_a_short_run_is_repeated_within_its_turn() -> None:
     in_turn({"short": lambda: run("short", 1e-4), "long": lambda: run("long", 4e-3)}, rounds=3, turn=4e-3)
     assert calls["long"] == 4
     assert 4 * 5 <= calls["short"] <= 4 * MOST
-
-
-def test_the_index_tells_how_ratios_spread_and_where_the_other_is_faster() -> None:
-    rows = [
-        row("henon", 1.0, 9.5), row("heyoka", 4.0, 9.5),
-        row("henon", 6.0, 9.5, case="d"), row("heyoka", 2.0, 9.5, case="d"),
-        row("henon", 1.0, 9.5, case="f"), row("heyoka", 1.0, 3),
-    ]  # fmt: skip
-    assert ratios(rows, 1e-9) == {("c", "default"): 0.25, ("d", "default"): 3.0}
-    assert [line[:2] + line[2:3] + line[-2:] for line in spread_table(rows).rows] == [
-        ("1e-06 s", "2", "0.25", "3", "1"),
-        ("1e-09 s", "2", "0.25", "3", "1"),
-    ]
-    assert slower_table(rows).rows == [("`d`", "3", "default")]
-
-
-def test_readings_without_a_transition_are_not_left_out_of_the_ratios() -> None:
-    """No transition, no error: they have a line of their own, at the cheapest right setting of each side."""
-    rows = [
-        {**row(solver, wall_s, 9), "digits": None, "max_time_error_s": None, "reference_transitions": 0, **more}
-        for solver, wall_s, more in (
-            ("henon", 5.0, {}),
-            ("henon", 1.0, {"verdict": "solver defect"}),
-            ("heyoka", 2.0, {}),
-            ("heyoka", 1.0, {"reference_transitions": 1, "reading": "other"}),
-        )
-    ]
-    assert spread_table(rows).rows == [("no transition", "1", *["2.5"] * 5, "1")]
-    assert slower_table(rows).rows == [("`c`", "2.5", "default")]
 
 
 def test_crossings_near_a_crest_are_found_by_every_landing() -> None:

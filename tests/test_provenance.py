@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-CODE = "import numpy; from henon_ref.score.machine import machine; print(machine()['linear_algebra'])"
+CODE = "from henon_ref.score.machine import machine; print(machine()['linear_algebra'])"
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="names kernels of this architecture")
@@ -18,5 +18,6 @@ def test_the_kernels_of_linear_algebra_are_those_that_run(kernels: str) -> None:
     environment = {**os.environ, "OPENBLAS_CORETYPE": kernels}
     done = subprocess.run([sys.executable, "-c", CODE], env=environment, capture_output=True, text=True, check=True)
     if "openblas" not in done.stdout:
-        pytest.skip(f"numpy runs on {done.stdout.strip()}")
-    assert done.stdout == f"openblas {kernels}\n"
+        pytest.skip(f"no OpenBLAS: {done.stdout.strip()}")
+    packages = done.stdout.strip().removeprefix(f"openblas {kernels} (").removesuffix(")").split(", ")
+    assert {"numpy", "scipy"} <= set(packages) <= {"numpy", "scipy", "scikit_sundae"}  # nobody runs on others

@@ -27,7 +27,7 @@ from henon_ref.model.system import FilippovSystem
 from henon_ref.trajectory import Problem, Trajectory
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Start:
     """A problem's start and horizon as the compiled loop takes them."""
 
@@ -49,8 +49,8 @@ class Start:
     """Local error of a step, relative to the size of each state and guard on the step."""
     landing: int
     """HENON, NEWTON or BRENT of :mod:`henon_ref.henon.registers`."""
-    work: int
-    """Address of the work space, the engine's own."""
+    work: NDArray[np.float64]
+    """Work space, the engine's own: the state holds its address only."""
 
     @cached_property
     def unpacked(self) -> Callable[..., tuple[float, ...]]:
@@ -74,7 +74,7 @@ class Start:
         integers = np.array([0] * k.I_SIZE + [*self.zeros] + [0] * len(self.zeros))
         integers[k.I_MODE], integers[k.I_BLOCK] = self.row, CHUNK
         integers[k.I_ORDER], integers[k.I_METHOD] = self.order, self.landing
-        integers[k.I_APART], integers[k.I_WORK] = table(), self.work
+        integers[k.I_APART], integers[k.I_WORK] = table(), self.work.ctypes.data
         return np.concatenate([floats, integers.view(np.float64)])
 
 
@@ -89,11 +89,6 @@ class Scratch(NamedTuple):
     """A view: coefficients of the last expansion (see :func:`henon_ref.henon.workspace.work_space`)."""
     records: NDArray[np.float64]
     """A view: transitions."""
-
-    @property
-    def address(self) -> int:
-        """Where the work space is in memory."""
-        return int(self.work.ctypes.data)
 
 
 def _scratch(compiled: CompiledSystem) -> Scratch:
@@ -165,7 +160,7 @@ class Engine:
         else:
             row, own = compiled, self.known_zeros(time[0], point, decision.mode, active, edges)
             zeros = own + zeros[len(own) :]
-        return Start(time, until, tuple(x), refused, row, zeros, self.order, tolerance, landing, self.scratch.address)
+        return Start(time, until, tuple(x), refused, row, zeros, self.order, tolerance, landing, self.scratch.work)
 
     def known_zeros(
         self,

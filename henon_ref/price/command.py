@@ -57,11 +57,13 @@ def run(paths: Sequence[Path], out: Path, *, jobs: int, resume: bool) -> int:
     options = Options(processes=jobs, folder=out, resume=resume, keep_journals=True)
     with Shown() as shown:
         rows = run_ladder(cases, options, shown)
+        timed, failed = pairs(cases, rows, options, shown)
     # What follows is timed in this process, with nothing else at work.
     orbit = orbit_problem()
     found = Prices(
         rows=rows,
-        pairs=pairs(cases, rows),
+        pairs=timed,
+        failed=failed,
         landings=[*landings(cases, truths_of(cases)), *near_grazing()],
         work=work(orbit),
         effects=effect_costs(),

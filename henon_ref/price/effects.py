@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.model.case import parse_case
 from henon_ref.model.system import FilippovSystem
-from henon_ref.price.timer import in_turn
+from henon_ref.score.turns import in_turn
 from henon_ref.taylor.tape import Tape, build_tape
 from henon_ref.trajectory import Problem
 

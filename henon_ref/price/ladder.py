@@ -10,8 +10,7 @@ from henon_ref import registry
 from henon_ref.columns import Row
 from henon_ref.comparison import Comparison, compare_all
 from henon_ref.model.case import Case
-from henon_ref.report.ranking import by_solver, number, prices, right
-from henon_ref.report.ratios import readings_of
+from henon_ref.report.ranking import by_solver, number, prices, readings_of, right
 from henon_ref.score.options import Observer, Options
 
 LADDER = tuple(10.0**-k for k in range(3, 16))

@@ -11,7 +11,7 @@ import sympy as sp
 from henon_ref.henon.solvers import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.model.case import Case, parse_case
 from henon_ref.model.modes import Mode
-from henon_ref.price.timer import in_turn
+from henon_ref.score.turns import in_turn
 from henon_ref.trajectory import Problem, Trajectory
 from henon_ref.truth.reference import Truth, split_double
 

@@ -12,7 +12,7 @@ from henon_ref.henon.codegen import expansion_ir
 from henon_ref.henon.engine import Engine
 from henon_ref.henon.registers import HENON
 from henon_ref.henon.solvers import order_for
-from henon_ref.price.timer import in_turn
+from henon_ref.score.turns import in_turn
 from henon_ref.taylor.tape import build_tape
 from henon_ref.trajectory import Problem
 

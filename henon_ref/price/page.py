@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 from henon_ref.columns import RUN_COLUMNS, Row
@@ -15,17 +15,17 @@ from henon_ref.price.growth import Horizon
 from henon_ref.price.ladder import paid_after, relative_costs
 from henon_ref.price.landings import Landed
 from henon_ref.price.operations import Work
-from henon_ref.price.pairs import RIVALS, Pair
+from henon_ref.price.pairs import RIVALS
 from henon_ref.price.states import Size
 from henon_ref.report import style
 from henon_ref.report.csvfiles import csv_text
 from henon_ref.report.manifest import Provenance
 from henon_ref.report.markdown import environment
-from henon_ref.report.ranking import LEVELS, name, number, prices
-from henon_ref.report.ratios import readings_of
+from henon_ref.report.ranking import LEVELS, name, number, prices, readings_of
 from henon_ref.report.tables import Table, wall
 from henon_ref.report.words import duration, setting
 from henon_ref.report.write import replace_file
+from henon_ref.rivals.duel import COLUMNS
 
 PAGE = "README.md"
 RUNS = "price.csv"
@@ -39,7 +39,9 @@ class Prices:
     """Everything that was measured."""
 
     rows: Sequence[Row]
-    pairs: Sequence[Pair]
+    pairs: Sequence[Row]
+    failed: Sequence[str]
+    """Pairs that could not be timed, and why."""
     landings: Sequence[Landed]
     work: Work
     effects: Sequence[Step]
@@ -57,8 +59,7 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
     """
     folder.mkdir(parents=True, exist_ok=True)
     replace_file(folder / RUNS, csv_text(RUN_COLUMNS, found.rows).encode())
-    columns = [column.name for column in fields(Pair)]
-    replace_file(folder / PAIRS, csv_text(columns, map(asdict, found.pairs)).encode())
+    replace_file(folder / PAIRS, csv_text(COLUMNS, found.pairs).encode())
     sections = []
     for (case, reading), rows in readings_of(found.rows).items():
         figures = []
@@ -77,6 +78,7 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
             whole=whole_table(found.rows).markdown,
             rivals=rival_table(found.pairs).markdown,
             pairs=PAIRS,
+            failed=found.failed,
             sections=sections,
             landings=landing_table(found.landings).markdown,
             effects=effect_table(found.effects).markdown,
@@ -108,16 +110,18 @@ def whole_table(rows: Sequence[Row]) -> Table:
     return Table(("solver", *(f"{level} digits" for level in LEVELS)), "l" + "r" * len(LEVELS), lines)
 
 
-def rival_table(found: Sequence[Pair]) -> Table:
-    """`henon`'s time over that of others, at the same bound on the worst error, reading by reading."""
-    ratios: dict[tuple[str, str, float], dict[str, float]] = {}
-    for pair in found:
-        ratios.setdefault((pair.case, pair.reading, pair.worst_error_s), {})[pair.rival] = pair.ratio
+def rival_table(found: Sequence[Row]) -> Table:
+    """`henon`'s time over that of others, for the same digits of the worst transition, reading by reading."""
+    ratios: dict[tuple[str, str, str], dict[str, float]] = {}
+    for row in found:
+        digits = "" if row["digits"] is None else f"{row['digits']:g}"
+        own = ratios.setdefault((str(row["case"]), str(row["reading"]), digits), {})
+        own[str(row["rival"])] = number(row, "ratio")
     lines = []
-    for (case, reading, error), own in ratios.items():
+    for (case, reading, digits), own in ratios.items():
         cells = [f"{own[rival]:.2g}" if rival in own else "" for rival in RIVALS]
-        lines.append((case if reading == "default" else f"{case}, {reading}", f"{error:.0e} s", *cells))
-    return Table(("reading", "worst error", *(f"`{rival}`" for rival in RIVALS)), "lr" + "r" * len(RIVALS), lines)
+        lines.append((case if reading == "default" else f"{case}, {reading}", digits, *cells))
+    return Table(("reading", "digits", *(f"`{rival}`" for rival in RIVALS)), "lr" + "r" * len(RIVALS), lines)
 
 
 def size_table(found: Sequence[Size]) -> Table:

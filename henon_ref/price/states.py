@@ -11,7 +11,7 @@ import numpy as np
 
 from henon_ref import registry
 from henon_ref.model.case import parse_case
-from henon_ref.price.timer import in_turn
+from henon_ref.score.turns import in_turn
 from henon_ref.solver import Run
 from henon_ref.trajectory import Problem, Trajectory
 

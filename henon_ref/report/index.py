@@ -15,7 +15,6 @@ from henon_ref.report.csvfiles import read_rows
 from henon_ref.report.markdown import environment
 from henon_ref.report.matrix import KEY, matrix, solvers_of
 from henon_ref.report.ranking import LEVELS, by_solver, name, prices, right
-from henon_ref.report.ratios import slower_table, spread_table
 from henon_ref.report.tables import Table
 from henon_ref.report.words import count
 from henon_ref.report.write import INDEX, MANIFEST, REPORT, RUNS, check_index, replace_file
@@ -122,13 +121,9 @@ def index_text(
     further : mapping, optional
         Pages beside the reports, with their figures.
     ratios : sequence of Row
-        Ratios of times taken in turn; where there are none the reports' own times are set against each other.
+        Ratios of times taken in turn, if there are any.
     """
-    rows = [row for entry in found for row in entry.rows]
-    if ratios:
-        spread, slower = rivals.spread_table(ratios), rivals.slower_table(ratios, reports="")
-    else:
-        spread, slower = spread_table(rows), slower_table(rows)
+    spread, slower = rivals.spread_table(ratios), rivals.slower_table(ratios, reports="")
     return (
         environment()
         .get_template("index.md.j2")
@@ -136,10 +131,9 @@ def index_text(
             answer=_answer(found),
             key=KEY,
             matrix=matrix(("case",), [((entry.label,), entry.rows) for entry in found]).markdown,
-            cheapest=_cheapest(found).markdown,
+            cheapest=_cheapest(found, rivals.cheapest(ratios)).markdown,
             spread=spread.markdown if spread.rows else "",
             slower=slower.markdown if slower.rows else "",
-            in_turn=bool(ratios),
             pages=dict(further or {}),
             titles={f"[{entry.case}]({entry.case}/{REPORT})": entry.title for entry in found},
         )
@@ -163,8 +157,11 @@ def _answer(found: Sequence[Entry]) -> list[str]:
     return sentences
 
 
-def _cheapest(found: Sequence[Entry]) -> Table:
-    """How often each solver is the cheapest for so many digits, over all readings that two solvers get right."""
+def _cheapest(found: Sequence[Entry], in_turn: Mapping[tuple[str, str, int], str]) -> Table:
+    """How often each solver is the cheapest for so many digits, over all readings that two solvers get right.
+
+    Where they were timed in turn that decides, by case, reading and digits; elsewhere the reports' own times do.
+    """
     wins: dict[str, dict[int, int]] = {}
     reached = dict.fromkeys(LEVELS, 0)
     for entry in found:
@@ -173,8 +170,8 @@ def _cheapest(found: Sequence[Entry]) -> Table:
         for price in prices(entry.rows):
             if price.row is not None:
                 reached[price.digits] += 1
-                own = wins.setdefault(name(price.row), dict.fromkeys(LEVELS, 0))
-                own[price.digits] += 1
+                first = in_turn.get((entry.case, entry.reading, price.digits), name(price.row))
+                wins.setdefault(first, dict.fromkeys(LEVELS, 0))[price.digits] += 1
     order = sorted(wins, key=lambda solver: -sum(wins[solver].values()))
     lines = [(f"`{solver}`", *(f"{wins[solver][level] or ''}" for level in LEVELS)) for solver in order]
     lines.append(("readings that somebody gets to so many digits", *(f"{reached[level]}" for level in LEVELS)))

@@ -25,6 +25,14 @@ def name(row: Row) -> str:
     return str(row["solver"])
 
 
+def readings_of(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
+    """Rows by case and reading."""
+    found: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        found.setdefault((str(row["case"]), str(row["reading"])), []).append(row)
+    return found
+
+
 def by_solver(rows: Sequence[Row]) -> dict[str, list[Row]]:
     """Rows of each solver, in order."""
     found: dict[str, list[Row]] = {}

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from henon_ref.score.prelude import REFERENCE
-
 
 @dataclass(frozen=True)
 class Request:
@@ -31,8 +29,3 @@ class Request:
     def whole(self) -> bool:
         """A folder is run with the settings of its cases: it gets the atlas and the experiments, too."""
         return any(path.is_dir() for path in self.cases) and self.tolerances is None and not self.restarts
-
-    @property
-    def reference(self) -> bool:
-        """Whether the reference runs, be it for the figures."""
-        return self.figures or self.solvers is None or REFERENCE in self.solvers

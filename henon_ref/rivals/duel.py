@@ -1,131 +1,139 @@
-"""What is timed on one reading: the reference, heyoka and the cheapest of all others, by what the reports say."""
+"""A reading's matches, timed in turn behind the fence."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import logging
+from collections import deque
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from henon_ref import registry
 from henon_ref.columns import Row
-from henon_ref.price.timer import in_turn
-from henon_ref.report.ranking import name, number, right
-from henon_ref.report.ratios import ERRORS, FIRST, SECOND
-from henon_ref.score.settings import Setting
-from henon_ref.score.worker import Stages
+from henon_ref.rivals.match import Entry, Match
+from henon_ref.score.fence import Answer, Fence, Lane
+from henon_ref.score.options import Observer, Options
+from henon_ref.score.turns import Turns, in_turn
+from henon_ref.score.worker import Failure, Job, Stages
+from henon_ref.solver import Run
 from henon_ref.trajectory import Problem
 
-SECONDS, FEWEST, MOST = 0.4, 5, 60
-"""Time that the runs of a reading may take in all, and how often each is run."""
+COLUMNS = (
+    "case", "reading", "digits", "against", "rtol", "rival", "rival_rtol", "rival_step_s", "wall_s", "rival_wall_s",
+    "ratio", "rounds",
+)  # fmt: skip
+"""Columns of a match's row: digits (none where there is no transition), settings, medians, their ratio."""
+FEWEST, MOST = 5, 200
+"""How often each setting is run."""
 TURN = 1e-3
 """Seconds for which a short run is repeated when it is its turn."""
 PREPARE_SECONDS = 300.0
-"""Time that their preparation may take [s]."""
+"""Time that a duel's preparation may take [s]."""
+KIN = "duels"
 TIMED = "timed"
-"""Stage of the message with the ratios."""
+"""Stage of the message with the rows."""
 
-Entry = tuple[str, Setting]
-"""A solver at a setting."""
-
-
-@dataclass(frozen=True)
-class Ratio:
-    """The reference against another solver on one reading, each at its cheapest setting within a bound."""
-
-    error_s: float | None
-    """Bound on the worst error [s]; None where there is no transition to time."""
-    rival: str
-    setting: Setting
-    """The reference's setting, and the rival's."""
-    rival_setting: Setting
-    wall_s: float
-    """Median of the reference's times, and of the rival's [s]."""
-    rival_wall_s: float
-    ratio: float
-    """The reference's time over the rival's, median over the rounds."""
-    rounds: int
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Duel:
-    """Time a reading's rivals in turn."""
+    """Time the settings of matches on one reading in turn, and set them against each other."""
 
+    case: str
     reading: str
     problem: Problem
-    pairs: tuple[tuple[float | None, Entry, Entry], ...]
-    """Bound, the reference, a rival."""
-    wall_s: float
-    """Time that one round takes, by the reports [s]."""
+    matches: tuple[Match, ...]
+    spend: float
+    """Seconds that the runs may take in all; each is made FEWEST times at least."""
     deadline: float
     """Seconds that one run may take."""
 
     @property
+    def entries(self) -> tuple[Entry, ...]:
+        """All that run."""
+        return tuple(dict.fromkeys(entry for match in self.matches for entry in (*match.own, *match.rival)))
+
+    @property
+    def round_s(self) -> float:
+        """Time of one round, by the rows [s]."""
+        return sum(max(entry.wall_s, TURN) for entry in self.entries)
+
+    @property
     def rounds(self) -> int:
-        """How often each is run."""
-        return min(max(int(SECONDS / self.wall_s), FEWEST), MOST)
+        """How often each setting is run."""
+        return min(max(int(self.spend / self.round_s), FEWEST), MOST)
 
     @property
     def seconds(self) -> float:
-        return PREPARE_SECONDS + 10.0 * (self.rounds + 1) * self.wall_s
+        """Time until the message [s]."""
+        return PREPARE_SECONDS + 10.0 * (self.rounds + 1) * self.round_s
 
     def stages(self) -> Stages:
-        entries = dict.fromkeys(entry for _, *pair in self.pairs for entry in pair)
-        runs = {
-            (solver, setting): registry.solver(solver).prepare(
-                self.problem, rtol=setting.rtol, atol=setting.atol, step=setting.step, deadline=self.deadline
-            )
-            for solver, setting in entries
-        }
-        times = in_turn(runs, rounds=self.rounds, turn=TURN)
-        yield (
-            TIMED,
-            [
-                Ratio(
-                    error,
-                    rival[0],
-                    own[1],
-                    rival[1],
-                    times.median(own),
-                    times.median(rival),
-                    times.ratio(own, rival),
-                    self.rounds,
-                )
-                for error, own, rival in self.pairs
-            ],
+        """Rows of all matches at once."""
+        times = in_turn({entry: self._prepared(entry) for entry in self.entries}, rounds=self.rounds, turn=TURN)
+        yield TIMED, [self._row(match, times) for match in self.matches]
+
+    def _prepared(self, entry: Entry) -> Run:
+        own = entry.setting
+        return registry.solver(entry.solver).prepare(
+            self.problem, rtol=own.rtol, atol=own.atol, step=own.step, deadline=self.deadline
         )
 
-
-def duel(rows: Sequence[Row], reading: str, problem: Problem, deadline: float) -> Duel | None:
-    """What is to be timed on a reading with these rows; None where nobody but the reference has it right, or not it."""
-    pairs = list(_pairs(rows))
-    if not pairs:
-        return None
-    walls = {_entry(row): number(row, "wall_s") for _, *pair in pairs for row in pair}
-    return Duel(
-        reading,
-        problem,
-        tuple((error, _entry(own), _entry(rival)) for error, own, rival in pairs),
-        sum(walls.values()),
-        deadline,
-    )
-
-
-def _pairs(rows: Sequence[Row]) -> Iterator[tuple[float | None, Row, Row]]:
-    """Bound, the reference's cheapest row within it, and a rival's: heyoka's, and that of the cheapest other."""
-    idle = [row for row in rows if row["verdict"] == "right" and row["reference_transitions"] == 0]
-    for error in (None,) if idle else ERRORS:
-        able = idle if error is None else [row for row in right(rows) if number(row, "max_time_error_s") <= error]
-        own = _cheapest([row for row in able if name(row) == FIRST])
-        others = [row for row in able if name(row) != FIRST]
-        if own is None:
-            continue
-        rivals = (_cheapest([row for row in others if name(row) == SECOND]), _cheapest(others))
-        for rival in {name(row): row for row in rivals if row is not None}.values():
-            yield error, own, rival
+    def _row(self, match: Match, times: Turns[Entry]) -> Row:
+        own, rival = (min(entries, key=times.median) for entries in (match.own, match.rival))
+        return {
+            "case": self.case,
+            "reading": self.reading,
+            "digits": match.digits,
+            "against": match.against,
+            "rtol": own.setting.rtol,
+            "rival": rival.solver,
+            "rival_rtol": rival.setting.rtol,
+            "rival_step_s": rival.setting.step,
+            "wall_s": times.median(own),
+            "rival_wall_s": times.median(rival),
+            "ratio": times.ratio(own, rival),
+            "rounds": self.rounds,
+        }
 
 
-def _cheapest(rows: Sequence[Row]) -> Row | None:
-    return min((row for row in rows if row["wall_s"]), key=lambda row: number(row, "wall_s"), default=None)
+def fight(duels: Mapping[str, Sequence[Duel]], options: Options, observer: Observer) -> tuple[list[Row], list[str]]:
+    """Time duels, those of one case by one worker; their rows, and what could not be timed, a sentence each.
+
+    Parameters
+    ----------
+    duels : mapping of sequences of Duel
+        By case.
+    options : Options
+        Processes and memory are taken from it.
+    observer : Observer
+    """
+    heard = _Heard(observer)
+    lanes = [Lane(case, deque(jobs), kin=KIN) for case, jobs in duels.items() if jobs]
+    Fence(processes=options.processes, memory=options.memory).run(lanes, heard)
+    return [row for case in duels for row in heard.rows if row["case"] == case], heard.failed
 
 
-def _entry(row: Row) -> Entry:
-    return name(row), Setting(*(row[column] for column in ("rtol", "atol", "step_s")))  # type: ignore[arg-type]
+class _Heard:
+    """Collects the rows."""
+
+    def __init__(self, observer: Observer) -> None:
+        self.observer = observer
+        self.rows: list[Row] = []
+        self.failed: list[str] = []
+
+    def receive(self, lane: Lane, job: Job, stage: str, payload: Any) -> Answer:
+        """A duel's rows are in."""
+        self.rows += payload
+        return Answer(None, job.seconds)
+
+    def finished(self, lane: Lane, job: Job, failure: Failure | None) -> None:
+        """A duel is over."""
+        if failure is not None and isinstance(job, Duel):
+            self.failed.append(f"{job.case}, {job.reading}: {failure.reason}")
+            _LOG.info("cannot be timed in turn: %s", self.failed[-1])
+
+    def tick(self) -> None:
+        """Some time has passed."""
+        self.observer.tick()

@@ -1,4 +1,4 @@
-"""The experiment's page: how the ratios spread, and where a rival is faster."""
+"""The experiment's page: how the ratios spread, where a rival is faster, and who is the cheapest how often."""
 
 from __future__ import annotations
 
@@ -6,23 +6,22 @@ import csv
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from henon_ref.columns import Row
 from henon_ref.report.csvfiles import csv_text, read_rows
 from henon_ref.report.manifest import Provenance
 from henon_ref.report.markdown import environment
-from henon_ref.report.ranking import number
-from henon_ref.report.ratios import ERRORS, SECOND, SPREAD, spread
+from henon_ref.report.ranking import LEVELS, number
 from henon_ref.report.tables import Table
 from henon_ref.report.write import REPORT, replace_file
+from henon_ref.rivals.duel import COLUMNS
+from henon_ref.rivals.match import FIRST
 
 FOLDER = "rivals"
 PAGE, RATIOS = "README.md", "ratios.csv"
-COLUMNS = (
-    "case", "reading", "worst_error_s", "rtol", "rival", "rival_rtol", "rival_step_s", "wall_s", "rival_wall_s",
-    "ratio", "rounds",
-)  # fmt: skip
-"""Columns of ``ratios.csv``: the bound (none where there is no transition to time), settings, medians, their ratio."""
-OTHERS = "the cheapest other"
+SECOND, OTHERS = "heyoka", "the cheapest other"
+"""What the reference is set against on every reading: the next best, and whichever of all others is the cheapest."""
 
 
 def write_page(rows: Sequence[Row], failed: Sequence[str], origin: Provenance, folder: Path) -> Path:
@@ -31,7 +30,7 @@ def write_page(rows: Sequence[Row], failed: Sequence[str], origin: Provenance, f
     Parameters
     ----------
     rows : sequence of Row
-        A ratio a reading, bound and rival.
+        A row a match, with COLUMNS.
     failed : sequence of str
         Readings that could not be timed, and why.
     origin : Provenance
@@ -44,7 +43,6 @@ def write_page(rows: Sequence[Row], failed: Sequence[str], origin: Provenance, f
         Where it cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    rows = sorted(rows, key=lambda row: (str(row["case"]), str(row["reading"]), -number(row, "worst_error_s")))
     replace_file(folder / RATIOS, csv_text(COLUMNS, rows).encode())
     text = (
         environment()
@@ -72,36 +70,49 @@ def read_ratios(folder: Path) -> list[Row]:
     return rows if all(set(COLUMNS) <= set(row) for row in rows) else []
 
 
-def against(rows: Sequence[Row], rival: str, error: float | None) -> dict[tuple[str, str], float]:
-    """Ratio by case and reading against a rival, or (OTHERS) whoever is the quickest of all others."""
-    found: dict[tuple[str, str], float] = {}
-    for row in rows:
-        if row["worst_error_s"] == error and rival in (OTHERS, row["rival"]):
-            key = str(row["case"]), str(row["reading"])
-            found[key] = max(found.get(key, 0.0), number(row, "ratio"))
-    return found
+def cheapest(rows: Sequence[Row]) -> dict[tuple[str, str, int], str]:
+    """The solver that takes the least time in turn, by case, reading and digits."""
+    return {
+        (str(row["case"]), str(row["reading"]), int(number(row, "digits"))): FIRST
+        if number(row, "ratio") <= 1
+        else str(row["rival"])
+        for row in rows
+        if row["against"] == OTHERS and row["digits"] is not None
+    }
 
 
 def spread_table(rows: Sequence[Row]) -> Table:
     """How the ratios spread over the readings."""
-    lines = [
-        (label, *spread(error, ratios.values()))
-        for rival, label in ((SECOND, f"`{SECOND}`"), (OTHERS, OTHERS))
-        for error in (*ERRORS, None)
-        if (ratios := against(rows, rival, error))
-    ]
-    return Table(("against", *SPREAD), "l" + "r" * len(SPREAD), lines)
+    lines = []
+    for against, label in ((SECOND, f"`{SECOND}`"), (OTHERS, OTHERS)):
+        for digits in (*LEVELS, None):
+            found = [number(row, "ratio") for row in rows if (row["against"], row["digits"]) == (against, digits)]
+            if found:
+                least, *quartiles, largest = np.quantile(found, [0.0, 0.25, 0.5, 0.75, 1.0])
+                middle = (f"{quartile:.2g}" for quartile in quartiles)
+                above = sum(ratio > 1 for ratio in found)
+                lines.append(
+                    (label, _bound(digits), f"{len(found)}", f"{least:.2g}", *middle, f"{largest:.3g}", f"{above}")
+                )
+    headings = (
+        "against", "digits", "readings", "least", "lower quartile", "median", "upper quartile", "largest", "above 1",
+    )  # fmt: skip
+    return Table(headings, "l" + "r" * (len(headings) - 1), lines)
 
 
 def slower_table(rows: Sequence[Row], reports: str = "../") -> Table:
     """Where a rival is faster; ``reports``: the folder of the reports, as links have it."""
     lines = []
     for row in rows:
-        if number(row, "ratio") > 1:
+        if row["against"] == OTHERS and number(row, "ratio") > 1:
             case, reading = str(row["case"]), str(row["reading"])
             text, anchor = (case, "") if reading == "default" else (f"{case}, {reading}", f"#{reading}")
-            bound = f"{number(row, 'worst_error_s'):.0e} s" if row["worst_error_s"] else "no transition"
             times = (f"{1e6 * number(row, column):.3g} us" for column in ("wall_s", "rival_wall_s"))
             link = f"[{text}]({reports}{case}/{REPORT}{anchor})"
+            bound = _bound(row["digits"])
             lines.append((link, bound, f"`{row['rival']}`", *times, f"{number(row, 'ratio'):.3g}"))
-    return Table(("reading", "worst error", "rival", "`henon`", "rival's time", "ratio"), "lrlrrr", lines)
+    return Table(("reading", "digits", "rival", "`henon`", "rival's time", "ratio"), "lrlrrr", lines)
+
+
+def _bound(digits: object) -> str:
+    return "no transition" if digits is None else f"{digits:g}"

@@ -19,7 +19,7 @@ from typing import Any, Protocol
 
 from henon_ref.errors import HenonRefError
 from henon_ref.score.plaintext import plain_text
-from henon_ref.score.process import Process, taken
+from henon_ref.score.process import Process
 from henon_ref.score.worker import DONE, FAILURE, Failure, Job, failure_of
 
 POLL = 0.05
@@ -37,8 +37,6 @@ class Lane:
     jobs: deque[Job] = field(default_factory=deque)
     kin: str | None = None
     """Lanes of the same kin may have the same worker, one after the other."""
-    ahead: bool = False
-    """Whether the worker that was begun ahead is meant for it."""
 
 
 @dataclass(frozen=True)
@@ -119,9 +117,7 @@ class Fence:
                 self._pass_on(lane, worker)
             return
         job = lane.jobs.popleft()
-        slot = _Slot(
-            lane, worker or (lane.ahead and taken()) or Process(self.memory), job, time.monotonic() + job.seconds
-        )
+        slot = _Slot(lane, worker or Process(self.memory), job, time.monotonic() + job.seconds)
         self._slots.append(slot)
         try:
             message = ForkingPickler.dumps(job)

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import os
 import platform
 import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import numpy as np
+
 DISTRIBUTIONS = (
     "henon-ref", "numpy", "scipy", "sympy", "numba", "llvmlite", "heyoka", "scikit-sundae", "python-flint",
     "pandas", "matplotlib", "jinja2", "pydantic", "ruamel.yaml",
 )  # fmt: skip
 """Packages whose versions a result depends on."""
+BUILDS = ("numpy", "scipy", "scikit_sundae")
+"""Packages whose wheels bring linear algebra."""
 
 
 def machine() -> dict[str, object]:
@@ -67,14 +73,25 @@ def _processor() -> str:
 
 
 def _linear_algebra() -> str:
-    """Libraries of linear algebra that are loaded, with the kernels they have chosen by the processor or were told to.
+    """Libraries of linear algebra, the kernels they chose by the processor or were told to take, and whose they are.
 
     The last digits of implicit methods depend on them, and with these, at a horizon, whether an event is before it.
+    Wheels bring builds of their own, which need not choose alike: those of packages that this process has not loaded
+    are loaded to be asked (a hundredth of what the packages would take).
     """
     from threadpoolctl import threadpool_info
 
-    loaded = [entry for entry in threadpool_info() if entry["user_api"] == "blas"]
-    return ", ".join(sorted({f"{e['internal_api']} {e.get('architecture') or ''}".strip() for e in loaded}))
+    for package in BUILDS:
+        for library in Path(np.__file__).parents[1].glob(f"{package}.libs/*openblas*"):
+            with contextlib.suppress(OSError):
+                ctypes.CDLL(str(library))
+    owners: dict[str, list[str]] = {}
+    for entry in threadpool_info():
+        if entry["user_api"] == "blas":
+            kernels = f"{entry['internal_api']} {entry.get('architecture') or ''}".strip()
+            folder = Path(entry["filepath"]).parent.name
+            owners.setdefault(kernels, []).append(folder.removesuffix(".libs"))
+    return ", ".join(f"{kernels} ({', '.join(sorted(own))})" for kernels, own in sorted(owners.items()))
 
 
 def _memory() -> int | None:

@@ -10,7 +10,6 @@ from typing import Protocol
 
 from henon_ref.errors import CaseError
 from henon_ref.model.case import Case
-from henon_ref.score.process import MEMORY
 from henon_ref.score.results import ReadingResult
 from henon_ref.score.rows import Record
 from henon_ref.score.worker import Job
@@ -42,7 +41,7 @@ class Options:
     """Seconds one run may take."""
     processes: int = 2
     """Runs at work at once."""
-    memory: int = MEMORY
+    memory: int = 4 * 2**30
     """Bytes one worker may hold."""
     folder: Path | None = None
     """Where journals are kept, a folder a case; None: no journal."""

@@ -1,10 +1,7 @@
-"""Worker processes: how they are begun and ended, and the one that is begun before its job is known.
+"""Worker processes: how they are begun and ended, and what they hold.
 
 Workers are forked on Linux while the caller has a single thread; elsewhere they are spawned, and a script that
 begins one needs the usual ``if __name__ == "__main__"`` guard.
-
-Next to nothing is imported here: a command that takes a second to import what reads cases begins a worker first, which
-imports and compiles beside it (:func:`begun_ahead`).
 """
 
 from __future__ import annotations
@@ -16,8 +13,6 @@ import sys
 import tempfile
 import threading
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -26,11 +21,8 @@ from typing import IO
 from henon_ref.score.plaintext import plain_text
 from henon_ref.score.worker import serve
 
-MEMORY = 4 * 2**30
-"""Bytes that a worker may hold."""
 LOG_TAIL = 4000
 """Bytes of a dead worker's output that are searched for its last words."""
-_ahead: list[Process] = []
 
 
 class Process:
@@ -40,18 +32,16 @@ class Process:
     ----------
     memory : int
         Bytes that it may hold.
-    prelude : callable, optional
-        What it does before its first job.
     """
 
-    def __init__(self, memory: int, prelude: Callable[[], None] | None = None) -> None:
+    def __init__(self, memory: int) -> None:
         context = _context()
         self.log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in stop()
         self.connection, theirs = multiprocessing.Pipe()
         # A spawned process does not inherit the file: its last words are lost.
         log = self.log.fileno() if context.get_start_method() == "fork" else None
         self._process: BaseProcess = context.Process(  # type: ignore[attr-defined]
-            target=serve, args=(theirs, os.getpid(), memory, log, prelude), daemon=True
+            target=serve, args=(theirs, os.getpid(), memory, log), daemon=True
         )
         with warnings.catch_warnings():
             # BLAS keeps threads of its own, which survive a fork by its own handlers.
@@ -93,33 +83,6 @@ class Process:
         self.log.seek(max(0, size - LOG_TAIL))
         lines = map(plain_text, self.log.read().decode(errors="replace").split("\n"))
         return next((line for line in reversed([*lines]) if line), "")
-
-
-@contextmanager
-def begun_ahead(prelude: Callable[[], None]) -> Iterator[None]:
-    """A process that is at its prelude, for who asks first (:func:`taken`); if nobody does it ends with the block."""
-    _ahead.append(Process(MEMORY, prelude))
-    try:
-        yield
-    finally:
-        dismiss()
-
-
-def waits() -> bool:
-    """Whether there is a process that was begun ahead."""
-    return bool(_ahead)
-
-
-def taken() -> Process | None:
-    """The process that was begun ahead; None where there is none (any more)."""
-    return _ahead.pop() if _ahead else None
-
-
-def dismiss() -> None:
-    """End the process that was begun ahead: nobody will ask for it."""
-    process = taken()
-    if process is not None:
-        process.stop()
 
 
 def resident_bytes(pid: int | None) -> int | None:

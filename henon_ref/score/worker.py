@@ -7,24 +7,21 @@ message; only a signal ends the worker without one.
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import faulthandler
 import gc
 import os
 import signal
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.score.plaintext import plain_text
-
-if TYPE_CHECKING:
-    from henon_ref.trajectory import Status
+from henon_ref.trajectory import Status
 
 Message = tuple[str, Any]
 """Stage and payload."""
@@ -57,9 +54,7 @@ class Failure:
     reason: str
 
 
-def serve(
-    connection: Connection, parent: int, memory: int, log: int | None, prelude: Callable[[], None] | None = None
-) -> None:
+def serve(connection: Connection, parent: int, memory: int, log: int | None) -> None:
     """Do jobs until the parent closes the connection.
 
     Parameters
@@ -72,13 +67,8 @@ def serve(
         Bytes of data that the worker may allocate.
     log : int, optional
         File descriptor that takes the place of standard output and standard error; None: they are thrown away.
-    prelude : callable, optional
-        What is done before the first job; what goes wrong there goes wrong again in a job that needs it.
     """
     _isolate(parent, memory, log)
-    if prelude is not None:
-        with contextlib.suppress(Exception):
-            prelude()
     gc.freeze()  # what a fork has brought along stays: it need not be looked through again and again
     while True:
         try:

@@ -1,0 +1,70 @@
+"""Who is timed against whom on one reading: by the rows of a report, the cheapest settings for the same digits."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from henon_ref.columns import Row
+from henon_ref.report.ranking import name, number, right
+from henon_ref.score.settings import Setting
+
+FIRST = "henon"
+"""The solver that all others are set against."""
+CANDIDATES = 3
+"""Settings of a side that are timed: the cheapest by the rows. The cheapest in turn is among them, or next to it."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A solver at a setting."""
+
+    solver: str
+    setting: Setting
+    wall_s: float
+    """Time of a run, by the rows [s]."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """The reference against a rival, for the same digits."""
+
+    digits: int | None
+    """Digits that every setting of both reaches; None where there is no transition to time."""
+    against: str
+    """What the rival is: a solver, or whichever of several is the cheapest."""
+    own: tuple[Entry, ...]
+    """Candidates for the reference's cheapest setting, and for the rival's."""
+    rival: tuple[Entry, ...]
+
+
+def matches(rows: Sequence[Row], rivals: Mapping[str, Collection[str]], levels: Sequence[int]) -> Iterator[Match]:
+    """The matches of one reading.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        The reading's.
+    rivals : mapping of collections of str
+        What each rival is, and the solvers that it is the cheapest of.
+    levels : sequence of int
+        Digits to be reached. Where there is no transition to time, right rows are set against each other once.
+    """
+    idle = [row for row in rows if row["verdict"] == "right" and row["reference_transitions"] == 0]
+    for level in (None,) if idle else levels:
+        able = idle if level is None else [row for row in right(rows) if number(row, "digits") >= level]
+        own = _cheapest(able, (FIRST,))
+        for against, solvers in rivals.items():
+            rival = _cheapest(able, solvers)
+            if own and rival:
+                yield Match(level, against, own, rival)
+
+
+def _cheapest(rows: Sequence[Row], solvers: Collection[str]) -> tuple[Entry, ...]:
+    timed = [_entry(row) for row in rows if name(row) in solvers and row["wall_s"]]
+    return tuple(sorted(timed, key=lambda entry: entry.wall_s)[:CANDIDATES])
+
+
+def _entry(row: Row) -> Entry:
+    setting = Setting(*(row[column] for column in ("rtol", "atol", "step_s")))  # type: ignore[arg-type]
+    return Entry(name(row), setting, number(row, "wall_s"))
