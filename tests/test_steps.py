@@ -167,3 +167,17 @@ def test_a_run_into_a_branch_point_ends_in_few_steps(field: str, end: float, rto
     assert result.end_time == pytest.approx(1, abs=rtol)
     assert result.end_state == pytest.approx([0, end], abs=10 * rtol)
     assert result.counts.steps < 70
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize(
+    ("start", "level", "until"), [(0, "1", 3), (0, "1", 10), (1, "1", 4), (2, "1e-27", 3), (0, "1e-27", 1)]
+)
+def test_a_tank_that_runs_dry_is_dry_in_few_steps(start: int, level: str, until: int, rtol: float) -> None:
+    """h' = -sqrt(h): each step's series is a parabola to the last bit, whose far side is never to be believed."""
+    result = run(make_problem("h", ["-sqrt(h)"], {"s": "h + 1"}, [level], until, start=start), rtol)
+    assert result.status == "failed"
+    assert "the field of h is singular" in result.reason
+    assert result.end_time == pytest.approx(start + 2 * math.sqrt(float(level)), rel=rtol)
+    assert result.end_state[0] < 1e-20
+    assert result.counts.steps < 100

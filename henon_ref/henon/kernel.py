@@ -10,6 +10,7 @@ from numba import boolean, float64, int64, types
 
 from henon_ref.henon.apart import COUNTS, LAYOUT, ROW, ROWS, apart, missing
 from henon_ref.henon.calls import call_closing, call_expand
+from henon_ref.henon.clock import add_time, remaining, stands
 from henon_ref.henon.doubt import look_closer
 from henon_ref.henon.events import at_zero, ends_at_zero, fails_at_once, first_event, zeros_at_release
 from henon_ref.henon.holding import held
@@ -94,7 +95,7 @@ from henon_ref.henon.registers import (
     VALID,
 )
 from henon_ref.henon.settling import decided
-from henon_ref.henon.stepping import CUT, LEAP, add_time, glide, grows, move, polish, remaining
+from henon_ref.henon.stepping import CUT, LEAP, glide, grows, move, polish
 from henon_ref.henon.trust import steady, swells, trusted
 from henon_ref.henon.workspace import work_space
 from henon_ref.jit import inner, njit
@@ -207,6 +208,8 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     if theta < 0.0:
         return STALLED if theta > -1.5 else DIVERGED
     sigma = floats[F_SIGMA]
+    if layout[0, T_WARY] > 0 and 0.0 < floats[F_CAP] < theta * sigma:  # the last step ended before a branch point
+        theta = floats[F_CAP] / sigma
     natural = theta * sigma
     left = remaining(floats)
     final = natural >= left
@@ -223,7 +226,7 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
         if believed < theta:
             theta, final = believed, False
             natural = theta * sigma
-            if integers[I_STALLED] > 0 and not grows(c, n, theta):
+            if stands(floats, natural) and not grows(c, n, theta):
                 integers[I_STALLED] += CUT
     call_closing(layout[0, T_CLOSING], theta, c, change)
     if fails_at_once(integers, c, n, order, layout, multiplicity, hits):  # Python looks closer
@@ -261,6 +264,8 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
             hits[g] = 1 if g == hit or at_zero(c[n + g], multiplicity[g], order, part, layout[1 + g, G_RISING]) else 0
         call_closing(layout[0, T_CLOSING], part, c, change)
     bounded = move(x, x_low, change)
+    if not stands(floats, part * sigma):
+        integers[I_STALLED] = 0
     add_time(floats, part * sigma)
     integers[I_STEPS] += 1
     floats[F_CAP] = 1e3 * part * sigma if part > 0.0 else sigma

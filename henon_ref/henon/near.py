@@ -12,6 +12,7 @@ from numba import float64, int64, types
 
 from henon_ref.henon import doubledouble as dd
 from henon_ref.henon.apart import COUNTS, LAYOUT, ROW, ROWS, apart, missing
+from henon_ref.henon.clock import remaining
 from henon_ref.henon.events import at_zero, call_factored
 from henon_ref.henon.fine import expand_fine
 from henon_ref.henon.flat import HIGHEST, at_flat_root
@@ -68,7 +69,6 @@ from henon_ref.henon.registers import (
     TOLD,
     VALID,
 )
-from henon_ref.henon.stepping import remaining
 from henon_ref.henon.touch import at_minimum
 from henon_ref.henon.window import (
     ACROSS,

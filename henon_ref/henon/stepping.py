@@ -7,6 +7,7 @@ from numba import float64, int64
 
 from henon_ref.henon.apart import COUNTS, ROWS, apart, missing
 from henon_ref.henon.calls import call_closing, call_expand
+from henon_ref.henon.clock import add_time, remaining, stands
 from henon_ref.henon.primitives import bits, from_bits, larger, smaller
 from henon_ref.henon.registers import (
     A_FLAT,
@@ -16,7 +17,6 @@ from henon_ref.henon.registers import (
     F_TIME,
     F_TOLERANCE,
     F_UNTIL,
-    F_UNTIL_LOW,
     I_ORDER,
     I_RHS,
     I_STALLED,
@@ -43,24 +43,6 @@ LOST = 100
 """So many of them is one that does not even move what rounding has lost of the time, nor makes a state grow."""
 CUT = 50
 """And so many one that had to be cut short before a singularity, nor makes a state grow."""
-
-
-@inner(forceinline=True)
-def add_time(floats, step):  # type: ignore[no-untyped-def]
-    """t += step as a compensated sum (Neumaier), so that late times lose no digits of a duration."""
-    t = floats[F_TIME]
-    total = t + step
-    part = total - t
-    lost = (t - (total - part)) + (step - part)
-    low = floats[F_LOW] + lost
-    floats[F_TIME] = total + low
-    floats[F_LOW] = low - (floats[F_TIME] - total)
-
-
-@inner(forceinline=True)
-def remaining(floats):  # type: ignore[no-untyped-def]
-    """Time left up to the horizon."""
-    return (floats[F_UNTIL] - floats[F_TIME]) + (floats[F_UNTIL_LOW] - floats[F_LOW])
 
 
 @inner(forceinline=True)
@@ -215,11 +197,9 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
             theta = smaller(theta, 1e6)
             shrunk = False
         step = theta * sigma
-        if step <= 0.25 * EPS * abs(floats[F_TIME]):
+        if stands(floats, step):
             lost = step <= 0.25 * EPS * EPS * abs(floats[F_TIME]) and not grows(c, n, theta)
             integers[I_STALLED] += LOST if lost else 1
-        else:
-            integers[I_STALLED] = 0
         if integers[I_STALLED] > STALL:
             return -1.0
         if alone or step >= left or theta > LEAP or swells(c, n + guards, integers[I_ORDER], theta):
@@ -230,6 +210,8 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
                 return theta
         if not move(x, x_low, change):
             return -2.0
+        if not stands(floats, step):
+            integers[I_STALLED] = 0
         add_time(floats, step)
         integers[I_STEPS] += 1
         floats[F_SIGMA] = smaller(step, 1e3 * sigma)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from henon_ref.henon.calls import call_closing, call_expand
+from henon_ref.henon.clock import stands
 from henon_ref.henon.primitives import larger, smaller
 from henon_ref.henon.registers import (
     EPS,
@@ -31,8 +32,9 @@ FALLS, GROWS, HOLLOW = range(3)
 """What the last terms of a step do (see :func:`_tail`)."""
 LEAST = 1.0 / 64.0
 """A step this much shorter than the last one is believed though guards are not what was foretold."""
-SHORTEST = 1e-13
-"""One this much shorter though slopes are not: steps end before a kink or a singularity, and the run with them."""
+SHORTEST = 1e-60
+"""One this much shorter, or too short to move a double's time, though slopes are not: steps end before a kink or a
+singularity, and the run with them."""
 ROUNDING = 1e3 * EPS
 """What rounding may cost a row of a polynomial at least, of its size on a step."""
 POINTS = 4
@@ -165,7 +167,8 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
         ask = not LEAST * theta < shorter < theta
         if ask:  # terms that fall, or are none, are no better on a shorter step
             theta *= larger(QUARTER, 0.95 * worst ** (-1.0 / order)) if worst < np.inf else SHORTER
-            ask = theta > (LEAST if kept else SHORTEST) or swells(c, n + guards, order, theta)
+            enough = theta <= LEAST if kept else theta <= SHORTEST or stands(floats, theta * sigma)
+            ask = not enough or swells(c, n + guards, order, theta)
         else:
             theta = shorter
     return theta
