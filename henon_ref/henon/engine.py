@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from struct import Struct
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.henon import registers as k
-from henon_ref.henon.apart import table
 from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.compiled import CompiledSystem, double_double
 from henon_ref.henon.near_program import NearPrograms
-from henon_ref.henon.session import CHUNK, Session
+from henon_ref.henon.session import Session
 from henon_ref.henon.settling import settling_space
+from henon_ref.henon.state import CHUNK, Start
 from henon_ref.henon.workspace import work_places
 from henon_ref.model.equations import TIME
 from henon_ref.model.exact import exact_sign
@@ -25,57 +21,6 @@ from henon_ref.model.modes import Mode
 from henon_ref.model.switching import ZERO, Switching
 from henon_ref.model.system import FilippovSystem
 from henon_ref.trajectory import Problem, Trajectory
-
-
-@dataclass(frozen=True, eq=False)
-class Start:
-    """A problem's start and horizon as the compiled loop takes them."""
-
-    time: tuple[float, float]
-    """Initial time and what rounding it lost."""
-    until: tuple[float, float]
-    """Horizon and what rounding it lost."""
-    x: tuple[tuple[float, float], ...]
-    """Initial state and what rounding it lost."""
-    refused: Trajectory | None
-    """What every run comes to where there is no mode to begin with; None where there is one."""
-    row: int
-    """Row of the mode at the start in the compiled tables."""
-    zeros: tuple[int, ...]
-    """Known zeros of the guards, as many as the largest mode has: surfaces that the start lies on."""
-    order: int
-    """Order of the Taylor method."""
-    tolerance: float
-    """Local error of a step, relative to the size of each state and guard on the step."""
-    landing: int
-    """HENON, NEWTON or BRENT of :mod:`henon_ref.henon.registers`."""
-    work: NDArray[np.float64]
-    """Work space, the engine's own: the state holds its address only."""
-
-    @cached_property
-    def unpacked(self) -> Callable[..., tuple[float, ...]]:
-        """Doubles of a state from their place in an array: half the time of a slice and its list."""
-        return Struct(f"{len(self.x)}d").unpack_from
-
-    @cached_property
-    def behind(self) -> int:
-        """Bytes of the state that are doubles; integers follow."""
-        return 8 * (k.F_STATE + 2 * len(self.x))
-
-    @cached_property
-    def state(self) -> NDArray[np.float64]:
-        """What a run begins with (see :func:`henon_ref.henon.kernel.advance`). Each run copies it."""
-        high, low = zip(*self.x, strict=True)
-        floats = np.array([0.0] * k.F_STATE + [*high, *low])
-        floats[k.F_TIME], floats[k.F_LOW] = self.time
-        floats[k.F_UNTIL], floats[k.F_UNTIL_LOW] = self.until
-        floats[k.F_LAST], floats[k.F_TOLERANCE] = -np.inf, self.tolerance
-        floats[k.F_SIGMA] = max((self.until[0] - self.time[0]) + (self.until[1] - self.time[1]), 1e-280)
-        integers = np.array([0] * k.I_SIZE + [*self.zeros] + [0] * len(self.zeros))
-        integers[k.I_MODE], integers[k.I_BLOCK] = self.row, CHUNK
-        integers[k.I_ORDER], integers[k.I_METHOD] = self.order, self.landing
-        integers[k.I_APART], integers[k.I_WORK] = table(), self.work.ctypes.data
-        return np.concatenate([floats, integers.view(np.float64)])
 
 
 class Scratch(NamedTuple):

@@ -25,8 +25,6 @@ from henon_ref.henon.registers import (
     F_REACH,
     F_STATE,
     F_TIME,
-    F_UNTIL,
-    F_UNTIL_LOW,
     FOUND,
     FREE,
     FULL,
@@ -44,7 +42,6 @@ from henon_ref.henon.registers import (
     I_MISSING,
     I_MODE,
     I_SAMPLE,
-    I_SIZE,
     I_STEPS,
     I_WHAT,
     MISSING,
@@ -56,6 +53,7 @@ from henon_ref.henon.registers import (
     UNKNOWN,
     UNREAD,
 )
+from henon_ref.henon.state import CHUNK, Start, State
 from henon_ref.henon.window import MISS, OPEN, PASSED, ROOT, TOUCH
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
@@ -63,7 +61,7 @@ from henon_ref.model.switching import ZERO
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 if TYPE_CHECKING:
-    from henon_ref.henon.engine import Engine, Start
+    from henon_ref.henon.engine import Engine
 
 PROVEN = 1e-15
 """Relative size below which a derivative counts as zero at a root that was found in multiprecision."""
@@ -72,12 +70,10 @@ _head: Callable[..., tuple[int, ...]] = Struct(f"{I_GUARD}q").unpack_from
 _STATE = 8 * F_STATE
 _COUNTED = slice(I_STEPS, I_EVENTS + 1)
 _NO_SAMPLES = np.zeros((0, 2))
-CHUNK = 1024
-"""Transitions kept in one block of memory."""
 
 
-class Session:
-    """One run: the arrays the compiled loop works on, and the conversation with it.
+class Session(State):
+    """One run: the conversation with the compiled loop.
 
     :meth:`run` goes to the horizon; :meth:`next_event` stops after each transition, so that whoever asks may
     read and change :attr:`x` there (saltation of variational equations, say) before going on.
@@ -100,7 +96,7 @@ class Session:
         How the run ended, once :meth:`stream` is through.
     """
 
-    __slots__ = ("_parts", "blocks", "deadline", "ended", "engine", "samples", "start", "state")
+    __slots__ = ("blocks", "deadline", "ended", "engine", "samples")
 
     def __init__(
         self,
@@ -110,10 +106,9 @@ class Session:
         deadline: float | None = None,
         block: int = CHUNK,
     ) -> None:
-        self.engine, self.start, self.deadline = engine, start, deadline
+        super().__init__(start)
+        self.engine, self.deadline = engine, deadline
         engine.switching.forget()
-        self.state = start.state.copy()
-        self._parts: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None
         if block != CHUNK:
             self.integers[I_BLOCK] = block
         self.samples = _NO_SAMPLES
@@ -122,52 +117,6 @@ class Session:
             self.samples[:, 0] = sample_times
         self.blocks: list[NDArray[np.float64]] = []
         self.ended: Trajectory | None = None
-
-    def _views(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """The state's doubles and integers. (Made when they are asked for: the shortest runs do without.)"""
-        if self._parts is None:
-            count = self.start.behind // 8
-            self._parts = self.state[:count], self.state[count:].view(np.int64)
-        return self._parts
-
-    @property
-    def floats(self) -> NDArray[np.float64]:
-        """Doubles of the run (F_...), the present state and what rounding it lost: a view."""
-        return self._views()[0]
-
-    @property
-    def integers(self) -> NDArray[np.int64]:
-        """Integers of the run (I_...), known zeros of the guards, and which of them are at zero: a view."""
-        return self._views()[1]
-
-    @property
-    def until(self) -> tuple[float, float]:
-        """Horizon [s] and what rounding it lost; a later one may be set to go on from where the run stands."""
-        return self.floats.item(F_UNTIL), self.floats.item(F_UNTIL_LOW)
-
-    @until.setter
-    def until(self, until: tuple[float, float]) -> None:
-        self.floats[F_UNTIL], self.floats[F_UNTIL_LOW] = until
-
-    @property
-    def x(self) -> NDArray[np.float64]:
-        """Present state, shape (n,): a view."""
-        return self.floats[F_STATE : F_STATE + len(self.start.x)]
-
-    @property
-    def x_low(self) -> NDArray[np.float64]:
-        """What rounding it lost: a view; whoever changes ``x`` sets it to 0 there."""
-        return self.floats[F_STATE + len(self.start.x) :]
-
-    @property
-    def multiplicity(self) -> NDArray[np.int64]:
-        """Known zeros of each guard at the present point: a view."""
-        return self.integers[I_SIZE : I_SIZE + len(self.start.zeros)]
-
-    @property
-    def hits(self) -> NDArray[np.int64]:
-        """1 for each guard that is at zero: a view."""
-        return self.integers[I_SIZE + len(self.start.zeros) :]
 
     def _close_block(self) -> None:
         self.blocks.append(self.engine.scratch.records[: self.integers[I_COUNT]].copy())
@@ -217,11 +166,6 @@ class Session:
     def guards(self) -> tuple[Guard, ...]:
         """Guards of the present mode, in the order of its row."""
         return self.engine.compiled.guards(self.mode)
-
-    @property
-    def time(self) -> float:
-        """Present time [s], rounded to double."""
-        return self.floats.item(F_TIME)
 
     @property
     def mode(self) -> Mode:

@@ -41,7 +41,7 @@ STALL = 1000
 """Steps in a row too short to move a double's time before the run counts as stalled."""
 LOST = 100
 """So many of them is one that does not even move what rounding has lost of the time, nor makes a state grow."""
-CUT = 50
+CUT = 200
 """And so many one that had to be cut short before a singularity, nor makes a state grow."""
 
 
