@@ -130,7 +130,7 @@ def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> Non
         assert pair["rival_rtol"] in (1e-9, 1e-12)
         assert pair["rounds"] == 20
         assert 0 < pair["wall_s"] not in (2e-5, 3e-5, 4e-5)
-        assert pair["ratio"] == pytest.approx(pair["wall_s"] / pair["rival_wall_s"], rel=0.9)
+        assert pair["ratio"] == pytest.approx(pair["wall_s"] / pair["rival_wall_s"], rel=0.5)
     table = rival_table(found).rows
     assert [cells[:3] for cells in table] == [
         (case.name, f"{pair['digits']}", f"{pair['ratio']:.2g}") for pair in found

@@ -156,7 +156,10 @@ def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: py
     reported(tmp_path, ROWS)
     page = run_rivals([CASE], Options(), provenance("again"), tmp_path, Silent())
     assert page is not None
-    assert f"- {CASE.name}, {READING.name}: the library was ended by signal SIGABRT" in page.read_text()
+    assert (
+        f"- {CASE.name}, {READING.name}, against heyoka, {OTHERS}: the library was ended by signal SIGABRT"
+        in page.read_text()
+    )
     assert read_ratios(tmp_path) == []
     assert "against its rivals" not in index.write_index(tmp_path).read_text()
 

@@ -171,13 +171,26 @@ def test_a_run_into_a_branch_point_ends_in_few_steps(field: str, end: float, rto
 
 @pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize(
-    ("start", "level", "until"), [(0, "1", 3), (0, "1", 10), (1, "1", 4), (2, "1e-27", 3), (0, "1e-27", 1)]
+    ("start", "level", "until"),
+    [(0, "1", 3), (0, "1", 10), (1, "1", 4), (2, "1e-27", 3), (0, "1e-27", 1), (-2, "1", 3)],
 )
 def test_a_tank_that_runs_dry_is_dry_in_few_steps(start: int, level: str, until: int, rtol: float) -> None:
     """h' = -sqrt(h): each step's series is a parabola to the last bit, whose far side is never to be believed."""
     result = run(make_problem("h", ["-sqrt(h)"], {"s": "h + 1"}, [level], until, start=start), rtol)
     assert result.status == "failed"
     assert "the field of h is singular" in result.reason
-    assert result.end_time == pytest.approx(start + 2 * math.sqrt(float(level)), rel=rtol)
+    lasts = 2 * math.sqrt(float(level))
+    assert result.end_time == pytest.approx(start + lasts, abs=rtol * lasts + 5e-16 * abs(start))
     assert result.end_state[0] < 1e-20
     assert result.counts.steps < 100
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_late_is_no_excuse_to_step_over_a_branch_point(rtol: float) -> None:
+    """At t = 1e9 doubles are 1e-7 s apart; a tank that runs dry within 2e-9 s does not fill again all the same."""
+    late = make_problem("h", ["-sqrt(h)"], {"s": "h - 1e-18/4"}, ["1e-18"], "10**9 + 10**(-8)", start=10**9)
+    result = run(late, rtol)
+    assert (result.status, len(result.transitions)) == ("failed", 1)
+    event = result.transitions[0]
+    assert (event.time - 1e9) + event.time_low == pytest.approx(1e-9, rel=10 * rtol)
+    assert result.end_state[0] < 1e-20

@@ -25,6 +25,12 @@ def stands(floats, step):  # type: ignore[no-untyped-def]
 
 
 @inner(forceinline=True)
+def lost(floats, step):  # type: ignore[no-untyped-def]
+    """Whether it is too short even for what rounding has lost of the time."""
+    return step <= 0.25 * EPS * EPS * abs(floats[F_TIME])
+
+
+@inner(forceinline=True)
 def remaining(floats):  # type: ignore[no-untyped-def]
     """Time left up to the horizon."""
     return (floats[F_UNTIL] - floats[F_TIME]) + (floats[F_UNTIL_LOW] - floats[F_LOW])

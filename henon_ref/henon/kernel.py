@@ -208,7 +208,7 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     if theta < 0.0:
         return STALLED if theta > -1.5 else DIVERGED
     sigma = floats[F_SIGMA]
-    if layout[0, T_WARY] > 0 and 0.0 < floats[F_CAP] < theta * sigma:  # the last step ended before a branch point
+    if layout[0, T_WARY] > 0 and 0.0 < floats[F_CAP] < theta * sigma:  # it may have been cut before a branch point
         theta = floats[F_CAP] / sigma
     natural = theta * sigma
     left = remaining(floats)
@@ -258,6 +258,8 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     integers[I_GUARD], integers[I_LANDING] = hit, BRACKET if doubtful else used
     if doubtful:
         floats[F_NEAR], floats[F_NEAR_LOW], floats[F_REACH] = part * sigma, 0.0, theta * sigma
+        if layout[0, T_WARY] > 0:
+            floats[F_CAP] = 1e3 * theta * sigma
         return DOUBTFUL
     if hit >= 0:
         for g in range(guards):

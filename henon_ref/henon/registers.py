@@ -29,9 +29,9 @@ HENON, NEWTON, BRENT, BRACKET = range(4)
 LANDINGS = ("henon", "newton", "brent", "bracket")
 # Floats of a run: t and what rounding it lost, sigma, time of the last event and what it lost; where on the step a
 # doubtful event is, what rounding that lost, up to where there is no doubt, and the step's end, all counted from its
-# start; the speed away from a surface beyond it, where a
-# closer look has told it, in units of that towards it; the largest sigma that a mode just entered may begin with;
-# horizon and what rounding it lost; tolerance.
+# start; the speed away from a surface beyond it, where a closer look has told it, in units of that towards it; the
+# longest step that a mode just entered, or one with branch points, may begin with; horizon and what rounding it lost;
+# tolerance.
 (
     F_TIME,
     F_LOW,

@@ -7,7 +7,7 @@ from numba import float64, int64
 
 from henon_ref.henon.apart import COUNTS, ROWS, apart, missing
 from henon_ref.henon.calls import call_closing, call_expand
-from henon_ref.henon.clock import add_time, remaining, stands
+from henon_ref.henon.clock import add_time, lost, remaining, stands
 from henon_ref.henon.primitives import bits, from_bits, larger, smaller
 from henon_ref.henon.registers import (
     A_FLAT,
@@ -198,8 +198,7 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
             shrunk = False
         step = theta * sigma
         if stands(floats, step):
-            lost = step <= 0.25 * EPS * EPS * abs(floats[F_TIME]) and not grows(c, n, theta)
-            integers[I_STALLED] += LOST if lost else 1
+            integers[I_STALLED] += LOST if lost(floats, step) and not grows(c, n, theta) else 1
         if integers[I_STALLED] > STALL:
             return -1.0
         if alone or step >= left or theta > LEAP or swells(c, n + guards, integers[I_ORDER], theta):

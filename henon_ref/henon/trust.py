@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from henon_ref.henon.calls import call_closing, call_expand
-from henon_ref.henon.clock import stands
+from henon_ref.henon.clock import lost
 from henon_ref.henon.primitives import larger, smaller
 from henon_ref.henon.registers import (
     EPS,
@@ -33,8 +33,8 @@ FALLS, GROWS, HOLLOW = range(3)
 LEAST = 1.0 / 64.0
 """A step this much shorter than the last one is believed though guards are not what was foretold."""
 SHORTEST = 1e-60
-"""One this much shorter, or too short to move a double's time, though slopes are not (but numbers): steps end before
-a kink or a singularity, and the run with them."""
+"""One this much shorter, or too short to move the time, though slopes are not (but numbers): steps end before a kink
+or a singularity, and the run with them."""
 ROUNDING = 1e3 * EPS
 """What rounding may cost a row of a polynomial at least, of its size on a step."""
 POINTS = 4
@@ -167,7 +167,7 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
         ask = not LEAST * theta < shorter < theta
         if ask:  # terms that fall, or are none, are no better on a shorter step
             theta *= larger(QUARTER, 0.95 * worst ** (-1.0 / order)) if worst < np.inf else SHORTER
-            nowhere = theta <= SHORTEST or (worst < np.inf and stands(floats, theta * sigma))
+            nowhere = theta <= SHORTEST or (worst < np.inf and lost(floats, theta * sigma))
             enough = theta <= LEAST if kept else nowhere
             ask = not enough or swells(c, n + guards, order, theta)
         else:

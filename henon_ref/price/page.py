@@ -26,6 +26,7 @@ from henon_ref.report.tables import Table, wall
 from henon_ref.report.words import duration, setting
 from henon_ref.report.write import replace_file
 from henon_ref.rivals.duel import COLUMNS
+from henon_ref.rivals.page import bound
 
 PAGE = "README.md"
 RUNS = "price.csv"
@@ -114,8 +115,7 @@ def rival_table(found: Sequence[Row]) -> Table:
     """`henon`'s time over that of others, for the same digits of the worst transition, reading by reading."""
     ratios: dict[tuple[str, str, str], dict[str, float]] = {}
     for row in found:
-        digits = "" if row["digits"] is None else f"{row['digits']:g}"
-        own = ratios.setdefault((str(row["case"]), str(row["reading"]), digits), {})
+        own = ratios.setdefault((str(row["case"]), str(row["reading"]), bound(row["digits"])), {})
         own[str(row["rival"])] = number(row, "ratio")
     lines = []
     for (case, reading, digits), own in ratios.items():

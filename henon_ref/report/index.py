@@ -14,7 +14,7 @@ from henon_ref.errors import CaseError
 from henon_ref.report.csvfiles import read_rows
 from henon_ref.report.markdown import environment
 from henon_ref.report.matrix import KEY, matrix, solvers_of
-from henon_ref.report.ranking import LEVELS, by_solver, name, prices, right
+from henon_ref.report.ranking import LEVELS, by_solver, name, prices, reaching, right
 from henon_ref.report.tables import Table
 from henon_ref.report.words import count
 from henon_ref.report.write import INDEX, MANIFEST, REPORT, RUNS, check_index, replace_file
@@ -170,7 +170,9 @@ def _cheapest(found: Sequence[Entry], in_turn: Mapping[tuple[str, str, int], str
         for price in prices(entry.rows):
             if price.row is not None:
                 reached[price.digits] += 1
-                first = in_turn.get((entry.case, entry.reading, price.digits), name(price.row))
+                first = in_turn.get((entry.case, entry.reading, price.digits), "")
+                if first not in by_solver(reaching(entry.rows, price.digits)):  # or the reports are newer than that
+                    first = name(price.row)
                 wins.setdefault(first, dict.fromkeys(LEVELS, 0))[price.digits] += 1
     order = sorted(wins, key=lambda solver: -sum(wins[solver].values()))
     lines = [(f"`{solver}`", *(f"{wins[solver][level] or ''}" for level in LEVELS)) for solver in order]

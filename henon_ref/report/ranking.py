@@ -46,6 +46,11 @@ def right(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if row["verdict"] == "right" and row["digits"] is not None]
 
 
+def reaching(rows: Sequence[Row], digits: int) -> list[Row]:
+    """Right rows that reach so many digits, and were timed."""
+    return [row for row in right(rows) if number(row, "digits") >= digits and row["wall_s"] is not None]
+
+
 def most_accurate(rows: Sequence[Row]) -> Row | None:
     """The right row with the most digits; among those as good, the cheapest."""
     candidates = right(rows)
@@ -100,7 +105,7 @@ def prices(rows: Sequence[Row], levels: Sequence[int] = LEVELS) -> list[Price]:
     """For each level, the cheapest right row that reaches it, and the cheapest of any other solver."""
     found = []
     for level in levels:
-        able = sorted((r for r in right(rows) if number(r, "digits") >= level and r["wall_s"] is not None), key=_price)
+        able = sorted(reaching(rows, level), key=_price)
         first = able[0] if able else None
         others = [row for row in able if first is not None and row["solver"] != first["solver"]]
         found.append(Price(level, first, others[0] if others else None))

@@ -131,7 +131,8 @@ class _Heard:
     def finished(self, lane: Lane, job: Job, failure: Failure | None) -> None:
         """A duel is over."""
         if failure is not None and isinstance(job, Duel):
-            self.failed.append(f"{job.case}, {job.reading}: {failure.reason}")
+            whom = ", ".join(dict.fromkeys(match.against for match in job.matches))
+            self.failed.append(f"{job.case}, {job.reading}, against {whom}: {failure.reason}")
             _LOG.info("cannot be timed in turn: %s", self.failed[-1])
 
     def tick(self) -> None:

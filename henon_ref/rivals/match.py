@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from henon_ref.columns import Row
-from henon_ref.report.ranking import name, number, right
+from henon_ref.report.ranking import name, number, reaching
 from henon_ref.score.settings import Setting
 
 FIRST = "henon"
@@ -52,7 +52,7 @@ def matches(rows: Sequence[Row], rivals: Mapping[str, Collection[str]], levels: 
     """
     idle = [row for row in rows if row["verdict"] == "right" and row["reference_transitions"] == 0]
     for level in (None,) if idle else levels:
-        able = idle if level is None else [row for row in right(rows) if number(row, "digits") >= level]
+        able = idle if level is None else reaching(rows, level)
         own = _cheapest(able, (FIRST,))
         for against, solvers in rivals.items():
             rival = _cheapest(able, solvers)

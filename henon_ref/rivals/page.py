@@ -92,7 +92,7 @@ def spread_table(rows: Sequence[Row]) -> Table:
                 middle = (f"{quartile:.2g}" for quartile in quartiles)
                 above = sum(ratio > 1 for ratio in found)
                 lines.append(
-                    (label, _bound(digits), f"{len(found)}", f"{least:.2g}", *middle, f"{largest:.3g}", f"{above}")
+                    (label, bound(digits), f"{len(found)}", f"{least:.2g}", *middle, f"{largest:.3g}", f"{above}")
                 )
     headings = (
         "against", "digits", "readings", "least", "lower quartile", "median", "upper quartile", "largest", "above 1",
@@ -109,10 +109,10 @@ def slower_table(rows: Sequence[Row], reports: str = "../") -> Table:
             text, anchor = (case, "") if reading == "default" else (f"{case}, {reading}", f"#{reading}")
             times = (f"{1e6 * number(row, column):.3g} us" for column in ("wall_s", "rival_wall_s"))
             link = f"[{text}]({reports}{case}/{REPORT}{anchor})"
-            bound = _bound(row["digits"])
-            lines.append((link, bound, f"`{row['rival']}`", *times, f"{number(row, 'ratio'):.3g}"))
+            lines.append((link, bound(row["digits"]), f"`{row['rival']}`", *times, f"{number(row, 'ratio'):.3g}"))
     return Table(("reading", "digits", "rival", "`henon`", "rival's time", "ratio"), "lrlrrr", lines)
 
 
-def _bound(digits: object) -> str:
+def bound(digits: object) -> str:
+    """Digits to be reached, as the cell of a table."""
     return "no transition" if digits is None else f"{digits:g}"
