@@ -106,8 +106,8 @@ class Session(State):
         deadline: float | None = None,
         block: int = CHUNK,
     ) -> None:
-        super().__init__(start)
-        self.engine, self.deadline = engine, deadline
+        self.engine, self.start, self.deadline = engine, start, deadline
+        self.state, self._parts = start.state.copy(), None
         engine.switching.forget()
         if block != CHUNK:
             self.integers[I_BLOCK] = block

@@ -70,14 +70,15 @@ class Start:
 
 
 class State:
-    """A run's array, and views of its parts."""
+    """A run's array, and views of its parts. (A session sets these itself: a call costs a tenth of a short run.)"""
 
     __slots__ = ("_parts", "start", "state")
 
-    def __init__(self, start: Start) -> None:
-        self.start = start
-        self.state = start.state.copy()
-        self._parts: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None
+    start: Start
+    state: NDArray[np.float64]
+    """A copy of the start's, the run's own."""
+    _parts: tuple[NDArray[np.float64], NDArray[np.int64]] | None
+    """Its doubles and integers; None where nobody has asked for them."""
 
     def _views(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """The state's doubles and integers. (Made when they are asked for: the shortest runs do without.)"""
