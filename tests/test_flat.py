@@ -15,7 +15,7 @@ import sympy as sp
 from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.solvers import HENON_SOLVER
-from henon_ref.henon.window import OPEN, ROOT, TOUCH, UNSURE
+from henon_ref.henon.window import ROOT, TOUCH
 from henon_ref.model.case import load_case
 from henon_ref.model.system import FilippovSystem
 
@@ -87,9 +87,11 @@ def test_what_is_not_one_flat_root_alone_is_left_open(surface: sp.Expr) -> None:
     assert abs(floats[k.F_TIME] - 1.4) > 1e-7
 
 
-def test_a_guard_that_has_just_left_zero_is_left_open() -> None:
-    outcome, *_ = looked_at(X * (PLACE - X) ** 3, 1.4 - 1e-5, zeros=1)
-    assert outcome in (UNSURE, OPEN)
+@pytest.mark.parametrize("zeros", [1, 2])
+def test_the_flat_root_of_a_guard_that_has_just_left_zero_is_told(zeros: int) -> None:
+    outcome, floats, _ = looked_at(X**zeros * (PLACE - X) ** 3, 1.4 - 1e-5, zeros=zeros)
+    assert outcome == ROOT
+    assert off(floats[k.F_TIME : k.F_LOW + 1]) < 2.0**-103
 
 
 @pytest.mark.parametrize(

@@ -147,7 +147,9 @@ MOTIONS = [
 def test_a_motion_is_expanded_as_in_balls(field: tuple[sp.Expr, ...], output: sp.Expr) -> None:
     tape = build_tape((X, Y), field, (X, output))
     codes, constants, rates, outputs, rows = program(tape, [quad_double(c) for c in tape.constants])
-    made, sizes = np.full((rows, quadseries.WIDTH), np.nan), np.zeros(rows)
+    made, sizes = np.zeros((rows, quadseries.WIDTH)), np.zeros(rows)
+    needed = [i for i, state in enumerate((X, Y)) if any(state in e.free_symbols for e in (output, *field))]
+    made[[i for i in (0, 1) if i not in needed]] = np.nan
     start, unit = ((0.3, 1e-18), ((0.7, -2e-17), (-1.1, 1e-17))), (0.0625, 3e-18)
     x, low = np.array([s[0] for s in start[1]]), np.array([s[1] for s in start[1]])
     last = expanded(codes, constants, rates, 1, outputs[1], *start[0], x, low, *unit, 8, made, sizes)
@@ -156,7 +158,6 @@ def test_a_motion_is_expanded_as_in_balls(field: tuple[sp.Expr, ...], output: sp
     ring = Ring({name: getattr(arb, name) for name in ("sin", "cos", "exp", "sqrt")}, arb.__pow__)
     x_balls = [*map(ball, start[1])]
     states, values = expand(tape, exact_constants, ball(start[0]), x_balls, last, ring, ball(unit), lambda *_: False)
-    needed = [i for i, state in enumerate((X, Y)) if any(state in e.free_symbols for e in (output, *field))]
     assert np.isnan(made[[i for i in (0, 1) if i not in needed]]).all()
     for row, exact in (*((i, states[i]) for i in needed), (outputs[1], values[1])):
         size = sum((abs(c) for c in exact), arb(0))

@@ -20,6 +20,7 @@ from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 from henon_ref.henon.registers import (
+    A_ABOUT,
     A_CLEAR,
     A_DECIDE,
     A_FINE,
@@ -35,10 +36,11 @@ from henon_ref.henon.registers import (
 from henon_ref.henon.sharing import Compiled, compile_all
 
 ROW, ROWS, COUNTS, LAYOUT = float64[::1], float64[:, ::1], int64[::1], int64[:, ::1]
+TABLES, NUMBERS = int64[:, :, ::1], float64[:, :, ::1]
 """Types of the arrays that the loop works with."""
 FUNCTIONS: dict[int, Compiled] = {}
 """By its place, each such function and the types that it is called with."""
-TOGETHER = (A_LOOK, A_FINE, A_DECIDE, A_CLEAR), (A_QUAD, A_FLAT_ROOT, A_MINIMUM)
+TOGETHER = (A_LOOK, A_FINE, A_DECIDE, A_CLEAR), (A_QUAD, A_FLAT_ROOT, A_MINIMUM, A_ABOUT)
 """Places of functions that are needed together: who needs one of them loads them all."""
 _table = np.zeros(A_SIZE, dtype=np.int64)
 

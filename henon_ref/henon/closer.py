@@ -14,6 +14,7 @@ from itertools import pairwise
 
 from flint import arb, arb_poly, ctx
 
+from henon_ref.henon.doubledouble import LOST
 from henon_ref.henon.isolation import (
     BITS,
     CLOSE,
@@ -47,8 +48,6 @@ SECOND = 1e-10
 """And one above this makes it one whose next derivatives need not be looked at."""
 HEAD = 26
 """Coefficients that tell zeros next to 0 apart from the rest, to all digits."""
-LOST = 2.0**-106
-"""A second double below this of the first is none."""
 UNCOUNTED = NOTHING * 2.0**-20
 """Terms below this of the size do not count."""
 UNSEEN = 1e-20

@@ -48,6 +48,10 @@ def fma(typing, a, b, c):  # type: ignore[no-untyped-def]
     return signature, codegen
 
 
+LOST = 2.0**-106
+"""A second double below this of the first is none."""
+
+
 @inner()
 def quick_two_sum(a, b):  # type: ignore[no-untyped-def]
     """a + b and what rounding loses of it, for \\|a\\| >= \\|b\\|."""
@@ -96,6 +100,12 @@ def compensated(y, lost, s, s_low, a, a_low):  # type: ignore[no-untyped-def]
     p, rest = two_product(y, s)
     total, left = two_sum(p, a)
     return total, fma(lost, s, y * s_low + rest + (left + a_low))
+
+
+@inner()
+def kept(high, low):  # type: ignore[no-untyped-def]
+    """A number in two doubles; what is lost to the second, too, would only make it miss round numbers."""
+    return high, (low if abs(low) > LOST * abs(high) else 0.0)
 
 
 @inner()

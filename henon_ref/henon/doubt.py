@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from henon_ref.henon.beyond import zeros_beyond
 from henon_ref.henon.near import look_near
-from henon_ref.henon.recording import record
+from henon_ref.henon.recording import crowded, record, start
 from henon_ref.henon.registers import (
+    ACCUMULATED,
+    CROSS,
     DOUBTFUL,
     EVENT,
     F_STATE,
     FOUND,
+    FREE,
+    G_ACTS,
+    G_AFTER,
+    G_HOLD,
     G_INDEX,
+    G_KIND,
+    G_STUCK,
     GRAZE,
     I_ARRIVED,
     I_GUARD,
@@ -18,27 +27,48 @@ from henon_ref.henon.registers import (
     I_SIZE,
     I_WHAT,
     ON,
+    RELEASE,
+    SURFACE,
 )
 from henon_ref.henon.window import OPEN, ROOT, TOUCH, UNSURE
 from henon_ref.jit import inner
 
 
 @inner()
-def look_closer(floats, integers, records, layout):  # type: ignore[no-untyped-def]
-    """Go to a doubtful event with more digits: ON, EVENT, or why Python is needed (DOUBTFUL, FOUND).
+def look_closer(floats, integers, records, tables, numbers):  # type: ignore[no-untyped-def]
+    """Go to a doubtful event with more digits: ON, EVENT, or why Python is needed (DOUBTFUL, FOUND, ACCUMULATED).
 
     What it comes to counts for nothing where a function turns out to be missing.
     """
     n, most = (floats.size - F_STATE) // 2, (integers.size - I_SIZE) // 2
     mode, guard = integers[I_MODE], integers[I_GUARD]
+    layout = tables[mode]
     integers[I_ARRIVED] = 0
     outcome = look_near(floats, integers, layout)
     if outcome in (UNSURE, OPEN):
         integers[I_WHAT] = outcome
         return DOUBTFUL
+    x, index = floats[F_STATE : F_STATE + n], layout[1 + guard, G_INDEX]
     if outcome == TOUCH:  # a stick whose own end is touched goes on, and nothing is told
-        x, index = floats[F_STATE : F_STATE + n], layout[1 + guard, G_INDEX]
         record(floats, integers, x, records, GRAZE, index, mode, mode, integers[I_LANDING])
     if outcome == ROOT and integers[I_SIZE + most + guard] == 1:
-        return FOUND
+        hits, target = integers[I_SIZE + most :], layout[1 + guard, G_AFTER]
+        if not (_goes_through(layout[1 + guard]) and target >= 0 and hits.sum() == 1):
+            return FOUND
+        zeros = zeros_beyond(floats, integers, target, tables[target], numbers[target, 0], index)
+        if zeros == 0:
+            return FOUND
+        what = CROSS if layout[1 + guard, G_KIND] == SURFACE else FREE
+        record(floats, integers, x, records, what, index, mode, target, integers[I_LANDING])
+        integers[I_MODE] = target
+        start(integers[I_SIZE : I_SIZE + most], tables[target], index, zeros)
+        return ACCUMULATED if crowded(floats, integers) else ON
     return EVENT if integers[I_ARRIVED] > 0 else ON
+
+
+@inner()
+def _goes_through(guard):  # type: ignore[no-untyped-def]
+    """True if nothing but the field beyond decides what becomes of a guard's root."""
+    if guard[G_KIND] == SURFACE:
+        return guard[G_HOLD] == 0 and guard[G_ACTS] == 0
+    return guard[G_KIND] == RELEASE and guard[G_STUCK] > 0  # Filippov's: where it is overridden zeros are measured

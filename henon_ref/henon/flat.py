@@ -31,7 +31,7 @@ HALVINGS = 40
 
 
 @inner()
-def at_flat_root(integers, row, degree, start, work):  # type: ignore[no-untyped-def]
+def at_flat_root(integers, row, degree, start, q, work):  # type: ignore[no-untyped-def]
     """What a guard does at a flat root next to a place, before which it has none.
 
     Parameters
@@ -39,10 +39,12 @@ def at_flat_root(integers, row, degree, start, work):  # type: ignore[no-untyped
     integers : ndarray of int
         Of the run: where functions that stand apart are.
     row : ndarray
-        The guard, as :func:`henon_ref.henon.touch.expand` makes it.
+        The guard, as :func:`henon_ref.henon.quadseries.expand` makes it.
     degree : int
     start : float
         Next to the root, on (0, 1).
+    q : ndarray
+        The guard without the zeros it is known to have where the step begins, in double precision.
     work : ndarray, shape (4 or more, whole fours above four times the degree)
         Work space.
 
@@ -78,10 +80,7 @@ def at_flat_root(integers, row, degree, start, work):  # type: ignore[no-untyped
     if not abs(number(local, 0)[0]) <= NOTHING * size:
         return UNSURE, place, 0
     near = _outweighed(local, degree, order, s)
-    double = work[1]
-    for k in range(degree + 1):
-        double[k] = number(row, k)[0]
-    if near == 0.0 or (near < s and not call_clear(integers, double[: degree + 1], s - near, size, work[2:])):
+    if near == 0.0 or (near < s and not call_clear(integers, q, s - near, size, work[2:])):
         return UNSURE, place, 0
     return (ROOT if falls else TOUCH), place, order
 

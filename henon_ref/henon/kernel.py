@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from numba import boolean, float64, int64, types
 
-from henon_ref.henon.apart import COUNTS, LAYOUT, ROW, ROWS, apart, missing
+from henon_ref.henon.apart import COUNTS, LAYOUT, NUMBERS, ROW, ROWS, TABLES, apart, missing
 from henon_ref.henon.calls import call_closing, call_expand
 from henon_ref.henon.clock import add_time, remaining, stands
 from henon_ref.henon.doubt import look_closer
@@ -105,7 +105,7 @@ BUDGET = 50_000
 
 
 _held = apart(A_HELD, held, int64, float64, float64, float64, ROW, int64, LAYOUT, ROW, ROWS, int64)
-call_look = apart(A_LOOK, look_closer, int64, ROW, COUNTS, ROWS, LAYOUT)
+call_look = apart(A_LOOK, look_closer, int64, ROW, COUNTS, ROWS, TABLES, NUMBERS)
 _sample = apart(A_SAMPLE, sample, types.void, ROW, COUNTS, ROWS, int64, float64, int64, ROWS)
 _polish = apart(
     A_POLISH, polish, types.void,
@@ -164,10 +164,13 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
             if code == ON:
                 continue
         if code == DOUBTFUL:
-            layout = tables[integers[I_MODE]]
-            if layout[0, T_LOOK] == 0:
+            if tables[integers[I_MODE], 0, T_LOOK] == 0:
                 return UNREAD
-            code = MISSING if missing(integers, A_LOOK) else call_look(integers, floats, integers, records, layout)
+            code = (
+                MISSING
+                if missing(integers, A_LOOK)
+                else call_look(integers, floats, integers, records, tables, numbers)
+            )
         if code == EVENT:
             code = through_event(floats, integers, records, tables, numbers, settling, band, room)
         if integers[I_MISSING] > 0:

@@ -1,32 +1,27 @@
 """A closer look in double-double, in compiled code, at an event that double precision leaves in doubt.
 
 The mode is expanded again (:mod:`henon_ref.henon.fine`), and the doubtful guard's polynomial looked at
-(:mod:`henon_ref.henon.window`). Whether a minimum touches zero is told in quad-double (:mod:`henon_ref.henon.touch`),
-and what a polynomial does at a flat root (:mod:`henon_ref.henon.flat`). What is not clear then is left to
-:mod:`henon_ref.henon.closer`.
+(:mod:`henon_ref.henon.window`). What is not clear then is looked at in quad-double (:mod:`henon_ref.henon.nearer`).
 """
 
 from __future__ import annotations
 
-from numba import float64, int64, types
+from numba import float64, int64
 
 from henon_ref.henon import doubledouble as dd
 from henon_ref.henon.apart import COUNTS, LAYOUT, ROW, ROWS, apart, missing
 from henon_ref.henon.clock import remaining
 from henon_ref.henon.events import at_zero, call_factored
 from henon_ref.henon.fine import expand_fine
-from henon_ref.henon.flat import HIGHEST, at_flat_root
+from henon_ref.henon.nearer import look_nearer
 from henon_ref.henon.primitives import doubles_at, integers_at
 from henon_ref.henon.program import COLUMNS
-from henon_ref.henon.quadseries import PARTS, WIDTH, expand
+from henon_ref.henon.quadseries import PARTS
 from henon_ref.henon.registers import (
     A_CLEAR,
     A_DECIDE,
     A_FACTORED,
     A_FINE,
-    A_FLAT_ROOT,
-    A_MINIMUM,
-    A_QUAD,
     EPS,
     F_BEYOND,
     F_CLEAR,
@@ -56,7 +51,6 @@ from henon_ref.henon.registers import (
     L_OPERATIONS,
     L_PLACED,
     L_PLACES,
-    L_QUADS,
     L_ROWS,
     L_SIZE,
     L_SIZES,
@@ -69,7 +63,6 @@ from henon_ref.henon.registers import (
     TOLD,
     VALID,
 )
-from henon_ref.henon.touch import at_minimum
 from henon_ref.henon.window import (
     ACROSS,
     BEYOND,
@@ -83,28 +76,20 @@ from henon_ref.henon.window import (
     TOUCH,
     UNSURE,
     call_clear,
-    decide,
+    call_decide,
 )
 from henon_ref.jit import inner, njit
 
 ORDER = 64
 """Highest order of the expansion; it ends before where its terms have become negligible."""
+AHEAD, LEAST = 1.1, 0.5
+"""The expansion reaches so many times as far as the doubtful event, but at least over this part of the step."""
 CERTAIN = 1e3 * NOISE
 """What a speed has to exceed of its size for its sign to be certain."""
-_QUAD = types.UniTuple(float64, 4)
 _expand_fine = apart(
     A_FINE, expand_fine, int64,
     COUNTS, LAYOUT, ROWS, COUNTS, COUNTS, float64, float64, ROW, ROW, float64, float64, int64, int64, ROWS, ROWS, ROW,
 )  # fmt: skip
-_decide = apart(
-    A_DECIDE, decide, types.Tuple((int64, float64, float64, float64)), COUNTS, ROW, ROW, int64, float64, float64, ROWS
-)
-_expand = apart(
-    A_QUAD, expand, int64,
-    LAYOUT, ROWS, COUNTS, int64, int64, float64, float64, ROW, ROW, float64, float64, int64, ROWS, ROW,
-)  # fmt: skip
-_at_minimum = apart(A_MINIMUM, at_minimum, types.Tuple((int64, float64)), ROW, int64, float64, float64)
-_at_flat_root = apart(A_FLAT_ROOT, at_flat_root, types.Tuple((int64, _QUAD, int64)), COUNTS, ROW, int64, float64, ROWS)
 
 
 @inner()
@@ -137,8 +122,7 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
     constants = doubles_at(look[L_CONSTANTS], look[L_NUMBERS], PARTS)
     rows = integers_at(look[L_PLACES], 1, look[L_PLACED])[0]
     high, low = doubles_at(look[L_HIGH], count, ORDER + 1), doubles_at(look[L_LOW], count, ORDER + 1)
-    both = doubles_at(look[L_SIZES], 2, count)
-    sizes, quad_sizes = both[0], both[1]
+    sizes = doubles_at(look[L_SIZES], 2, count)[0]
     work = doubles_at(look[L_WORK], 4 + HALVINGS, ORDER + 1)
     n = (floats.size - F_STATE) // 2
     x, x_low = floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
@@ -146,7 +130,8 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
     first = known + n
     behind = first + (rows.size - first) // 3
     places, field, outputs, sides = rows[:known], rows[known:first], rows[first:behind], rows[behind:]
-    unit = floats[F_REACH] * (1.0 + BEYOND)
+    part = min(max(AHEAD * floats[F_NEAR] / floats[F_REACH], LEAST), 1.0)
+    unit = part * floats[F_REACH] * (1.0 + BEYOND)
     guard = integers[I_GUARD]
     zeros = integers[I_SIZE + guard]
     last = _expand_fine(
@@ -161,22 +146,22 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
             return UNSURE
         _divide_out(integers, high[row, : last + 1], low[row, : last + 1], zeros, work)
     q, q_low = high[row, zeros : last + 1], low[row, zeros : last + 1]
-    size = 0.0
-    for k in range(q.size):
-        size += abs(q[k])
+    size = 0.0  # on the whole step
+    for k in range(q.size - 1, -1, -1):
+        size = size / part + abs(q[k])
     start = floats[F_NEAR] / unit
-    outcome, s, s_low, clear = _decide(integers, integers, q, q_low, zeros, size, start, work)
+    outcome, s, s_low, clear = call_decide(integers, integers, q, q_low, q[:0], zeros, size, start, 0.0, work)
     if outcome == OPEN:
         floats[F_NEAR], floats[F_NEAR_LOW] = dd.multiply(s, s_low, unit, 0.0)
         floats[F_CLEAR] = min(clear * unit, floats[F_NEAR])
     order = 2
-    if zeros == 0 and outcome in (UNSURE, OPEN):
+    if outcome in (UNSURE, OPEN):
         sure = outcome == OPEN and clear == s
-        quads = doubles_at(look[L_QUADS], count, WIDTH)
-        told, s, s_low, order = _told(
-            floats, integers, codes, constants, field, places[guard], row, unit, size, s, s_low, sure,
-            quads, quad_sizes, work,
-        )  # fmt: skip
+        if outcome == UNSURE:
+            s, s_low = start, 0.0
+        told, s, s_low, order = look_nearer(
+            floats, integers, look, field, places[guard], row, unit, part, (q, q_low, zeros, size), s, s_low, sure, work
+        )
         if integers[I_MISSING] > 0:
             return UNSURE
         if told != UNSURE:
@@ -186,57 +171,23 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
     if outcome == PASSED and not _others_clear(high, outputs, integers, layout, places, last, s, work):
         return UNSURE
     tau, tau_low = dd.multiply(s, s_low, unit, 0.0)
-    floats[F_TIME], floats[F_LOW] = dd.add(floats[F_TIME], floats[F_LOW], tau, tau_low)
+    floats[F_TIME], floats[F_LOW] = dd.kept(*dd.add(floats[F_TIME], floats[F_LOW], tau, tau_low))
     for i in range(n):
-        x[i], x_low[i] = _value(high[i, : last + 1], low[i, : last + 1], sizes[i], s, s_low)
+        x[i], x_low[i] = dd.kept(*_value(high[i, : last + 1], low[i, : last + 1], sizes[i], s, s_low))
     if outcome == TOUCH:
         outcome = settle_touch(floats, integers, layout)
         if integers[I_SIZE + guard] > 0:
             integers[I_SIZE + guard] = order
         return outcome
-    if order > 2:  # a flat root
-        arrive(floats, integers, outcome)
-        return outcome
     if outcome in (ROOT, STEEP):
         own = layout[1 + guard]
         if _others_hit(high, outputs, integers, layout, places, last, s):
             outcome = ROOT
-        elif outcome == ROOT and own[G_KIND] == SURFACE and own[G_HOLD] == 0 and own[G_ACTS] == 0:
+        elif outcome == ROOT and order == 2 and own[G_KIND] == SURFACE and own[G_HOLD] == 0 and own[G_ACTS] == 0:
             floats[F_BEYOND] = _beyond(high, low, sizes, sides[2 * places[guard] :], last, s, s_low)
             outcome = ROOT if floats[F_BEYOND] == 0.0 else ACROSS
     arrive(floats, integers, outcome)
     return outcome
-
-
-@inner()
-def _told(floats, integers, codes, constants, field, output, row, unit, size, s, s_low, sure, rows, sizes, work):  # type: ignore[no-untyped-def]
-    """What is told in quad-double, a TOUCH, a MISS or a flat ROOT, where it is on the step, and its order; else UNSURE.
-
-    ``sure``: the place is a minimum, and nothing is open but the sign there. ``size``: of the guard on the step.
-    """
-    if missing(integers, A_QUAD) or missing(integers, A_MINIMUM) or missing(integers, A_FLAT_ROOT):
-        return UNSURE, s, s_low, 2
-    n, least = field.size, integers[I_ORDER]
-    t, t_low, x, x_low = floats[F_TIME], floats[F_LOW], floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
-    if sure:
-        u, u_low = dd.multiply(s, s_low, unit, 0.0)
-        degree = _expand(
-            integers, codes, constants, field, output, row, t, t_low, x, x_low, u, u_low, least, rows, sizes
-        )
-        if degree >= 0:
-            outcome, shift = _at_minimum(integers, rows[row], degree, size, s)
-            if outcome != UNSURE:
-                s, s_low = dd.add(s, s_low, s * shift, 0.0)
-                return outcome, s, s_low, 2
-        if not 0 <= degree <= HIGHEST:
-            return UNSURE, s, s_low, 2
-    degree = _expand(integers, codes, constants, field, output, row, t, t_low, x, x_low, unit, 0.0, least, rows, sizes)
-    if not 0 <= degree <= HIGHEST:
-        return UNSURE, s, s_low, 2
-    outcome, place, order = _at_flat_root(
-        integers, integers, rows[row], degree, s if sure else floats[F_NEAR] / unit, work
-    )
-    return outcome, place[0], place[1], order
 
 
 @inner()

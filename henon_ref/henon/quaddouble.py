@@ -49,6 +49,19 @@ def rounded(s):  # type: ignore[no-untyped-def]
 @inner()
 def multiply(a, b):  # type: ignore[no-untyped-def]
     """a b."""
+    return _renormalized(*_product(a, b))
+
+
+@inner(forceinline=True)
+def accumulated_product(s, a, b):  # type: ignore[no-untyped-def]
+    """s + a b, for a sum of many (see :func:`accumulated`): the product need not be put in order."""
+    p0, p1, p2, p3, p4 = _product(a, b)
+    return accumulated(s, (p0, p1, p2, p3 + p4))
+
+
+@inner(forceinline=True)
+def _product(a, b):  # type: ignore[no-untyped-def]
+    """a b as five parts that may overlap."""
     a0, a1, a2, a3 = a
     b0, b1, b2, b3 = b
     p0, q0 = two_product(a0, b0)
@@ -65,7 +78,7 @@ def multiply(a, b):  # type: ignore[no-untyped-def]
     s1, t0 = two_sum(s1, t0)
     s2 = q2 + p5 + (t0 + t1)
     s1, t0 = two_sum(s1, a0 * b3 + a1 * b2 + a2 * b1 + a3 * b0 + (q0 + q3 + q4 + q5))
-    return _renormalized(p0, p1, s0, s1, s2 + t0)
+    return p0, p1, s0, s1, s2 + t0
 
 
 @inner()

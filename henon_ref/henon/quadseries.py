@@ -51,7 +51,9 @@ WIDTH = PARTS * (ORDER + 1)
 NEGLIGIBLE = 1e-63
 """Size of a coefficient, relative to its series, that no longer counts."""
 SMALL = 1e-31
-"""Size of a coefficient, relative to its series, of which a double-double's digits do."""
+"""Size of a coefficient, or of a term of it, relative to its series, of which a double-double's digits do."""
+TINY = 1e-47
+"""And of a term of which a double's do."""
 QUIET = 4
 """So many orders in a row without one that counts end an expansion."""
 
@@ -62,7 +64,8 @@ def expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, unit_
 
     Parameters as those of :func:`henon_ref.henon.fine.expand_fine`, but that ``constants`` hold four doubles each,
     ``output`` is the place of the function among the outputs and ``row`` its row, and coefficient k of row i is
-    ``rows[i, 4 k : 4 k + 4]``. Returns the highest order; -1 where that is not enough, or a function is not here.
+    ``rows[i, 4 k : 4 k + 4]``; zero as long as no coefficient of that order has been made. Returns the highest order;
+    -1 where that is not enough, or a function is not here.
     """
     bit, degree, finite = 1 << min(output, 62), 0, True
     for i in range(len(codes)):
@@ -82,7 +85,7 @@ def expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, unit_
         quiet += 1
         small = k > 0
         for i in range(len(codes)):
-            if codes[i, NEEDED] & bit != 0:
+            if codes[i, NEEDED] & bit != 0 and k <= codes[i, DEGREE]:  # coefficients behind are zero as they are
                 own = codes[i, OWN]
                 y = _coefficient(codes[i], k, constants, field, t, t_low, x, x_low, part, rows, sizes[own])
                 put(rows[own], k, y)
@@ -101,8 +104,6 @@ def expand(codes, constants, field, output, row, t, t_low, x, x_low, unit, unit_
 def _coefficient(code, k, constants, field, t, t_low, x, x_low, part, rows, size):  # type: ignore[no-untyped-def]
     """Coefficient k of what a code makes; ``part`` is the unit over k, ``size`` that of the coefficients before."""
     op, own, a, b, c = code[OP], code[OWN], code[A], code[B], code[C]
-    if k > code[DEGREE]:
-        return 0.0, 0.0, 0.0, 0.0
     if op == STATE:
         if k == 0:
             return x[own], x_low[own], 0.0, 0.0
@@ -120,9 +121,9 @@ def _coefficient(code, k, constants, field, t, t_low, x, x_low, part, rows, size
     if op >= SIN:
         return _integral(op, k, rows[a], rows[b])
     if op in (MUL, SQUARE):
-        return _dot(rows[a], rows[b], max(code[FIRST], k - code[DEGREE_B]), min(k, code[DEGREE_A]), k)
+        return _dot(rows[a], rows[b], max(code[FIRST], k - code[DEGREE_B]), min(k, code[DEGREE_A]), k, size)
     if op in (DIV, RECIP, SQRT):
-        return _quotient(op, k, rows[own], rows[a], rows[b], number(constants[c], 0))
+        return _quotient(op, k, rows[own], rows[a], rows[b], number(constants[c], 0), size)
     y = number(rows[a], k)
     if op == ADD:
         return qd.add(y, number(rows[b], k))
@@ -148,16 +149,26 @@ def _short_product(a, b):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _dot(a, b, first, last, k):  # type: ignore[no-untyped-def]
-    """Sum of a[j] b[k - j] over first <= j <= last."""
+def _dot(a, b, first, last, k, size):  # type: ignore[no-untyped-def]
+    """Sum of a[j] b[k - j] over first <= j <= last, each with the digits that count in a series of some size."""
     y = 0.0, 0.0, 0.0, 0.0
+    s, rest = 0.0, 0.0
     for j in range(first, last + 1):
-        y = qd.add(y, qd.multiply(number(a, j), number(b, k - j)))
-    return y
+        i = k - j
+        term = a[PARTS * j] * b[PARTS * i]
+        if abs(term) > SMALL * size:
+            y = qd.accumulated_product(y, number(a, j), number(b, i))
+        elif abs(term) > TINY * size:
+            high, low = dd.multiply(a[PARTS * j], a[PARTS * j + 1], b[PARTS * i], b[PARTS * i + 1])
+            s, lost = dd.two_sum(s, high)
+            rest += lost + low
+        else:
+            rest += term
+    return qd.add(y, (s, rest, 0.0, 0.0))
 
 
 @inner()
-def _quotient(op, k, own, a, b, constant):  # type: ignore[no-untyped-def]
+def _quotient(op, k, own, a, b, constant, size):  # type: ignore[no-untyped-def]
     """Coefficient k of a / b, of a constant over b, or of the root of a, which is a over itself."""
     if op == SQRT and k == 0:
         return qd.square_root(number(a, 0))
@@ -165,9 +176,9 @@ def _quotient(op, k, own, a, b, constant):  # type: ignore[no-untyped-def]
     if op == RECIP:
         y = constant if k == 0 else (0.0, 0.0, 0.0, 0.0)
     if op == SQRT:
-        y = qd.scale(qd.add(y, qd.negative(_dot(own, own, 1, k - 1, k))), 0.5)
+        y = qd.scale(qd.add(y, qd.negative(_dot(own, own, 1, k - 1, k, size * own[0]))), 0.5)
         return qd.divide(y, number(own, 0))
-    return qd.divide(qd.add(y, qd.negative(_dot(own, b, 0, k - 1, k))), number(b, 0))
+    return qd.divide(qd.add(y, qd.negative(_dot(own, b, 0, k - 1, k, size * abs(b[0])))), number(b, 0))
 
 
 @inner()

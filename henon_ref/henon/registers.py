@@ -106,8 +106,9 @@ F_STATE = F_SIZE + REMEMBERED
     A_QUAD,
     A_MINIMUM,
     A_FLAT_ROOT,
+    A_ABOUT,
     A_SIZE,
-) = range(21)
+) = range(22)
 ALWAYS = (A_LAND, A_POLISH, A_SAMPLE)
 """Functions that are loaded with the loop."""
 
