@@ -13,9 +13,10 @@ import pytest
 import sympy as sp
 from problems import make_problem
 
-from henon_ref.henon import beyond
+from henon_ref.henon import about, beyond
 from henon_ref.henon import registers as k
 from henon_ref.henon.closer import CloserLook, Finding
+from henon_ref.henon.compiled import quad_double
 from henon_ref.henon.session import Session
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.henon.window import ACROSS, MISS, OPEN, PASSED, ROOT, STEEP, TOUCH, UNSURE
@@ -158,6 +159,26 @@ def test_the_zeros_with_which_a_surface_is_left_are_known(below: str) -> None:
     assert (first.kind, first.time) == ("crossing", 0.25)
     assert second.kind == "stick"
     assert second.time == pytest.approx(0.375, abs=1e-15) if "exp" not in below else 0.35 < second.time < 0.375
+
+
+@njit()
+def valued(row, degree, zeros, size, s, s_low):  # type: ignore[no-untyped-def]
+    return about.about(row, degree, zeros, size, s, s_low)
+
+
+@pytest.mark.parametrize("zeros", [0, 1, 3])
+@pytest.mark.parametrize("s_low", [0.0, 3e-17])
+def test_value_and_slope_are_those_of_what_is_left_without_the_zeros(zeros: int, s_low: float) -> None:
+    """Terms of 1e-30 and 1e-50 are summed with fewer digits; of the value 40 digits cancel."""
+    place = sp.Rational(0.625) + sp.Rational(s_low)
+    q = sp.Poly((X - place) * (2 - X) + 10 ** sp.Integer(-40) + X**9 / 10**30 + X**12 / 10**50, X)
+    row = np.array([quad_double(c) for c in reversed((q * sp.Poly(X**zeros, X)).all_coeffs())]).ravel()
+    value, slope = valued(row, 12 + zeros, zeros, 4.0, 0.625, s_low)
+    assert value == pytest.approx(float(q.eval(place)), abs=1e-58, rel=1e-14)
+    assert slope == pytest.approx(float(q.diff().eval(place)), rel=1e-14)
+    value, slope = valued(row, 12 + zeros, zeros, 4.0, 0.5, s_low)
+    near = sp.Rational(0.5) + sp.Rational(s_low)
+    assert (value, slope) == pytest.approx((float(q.eval(near)), float(q.diff().eval(near))), rel=1e-14)
 
 
 @njit()
