@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from numba import int64
+
+from henon_ref.henon.apart import COUNTS, LAYOUT, ROW, apart, missing
 from henon_ref.henon.beyond import zeros_beyond
 from henon_ref.henon.near import look_near
 from henon_ref.henon.recording import crowded, record, start
 from henon_ref.henon.registers import (
+    A_BEYOND,
     ACCUMULATED,
     CROSS,
     DOUBTFUL,
@@ -33,6 +37,8 @@ from henon_ref.henon.registers import (
 from henon_ref.henon.window import OPEN, ROOT, TOUCH, UNSURE
 from henon_ref.jit import inner
 
+_zeros_beyond = apart(A_BEYOND, zeros_beyond, int64, ROW, COUNTS, int64, LAYOUT, ROW, int64)
+
 
 @inner()
 def look_closer(floats, integers, records, tables, numbers):  # type: ignore[no-untyped-def]
@@ -52,10 +58,12 @@ def look_closer(floats, integers, records, tables, numbers):  # type: ignore[no-
     if outcome == TOUCH:  # a stick whose own end is touched goes on, and nothing is told
         record(floats, integers, x, records, GRAZE, index, mode, mode, integers[I_LANDING])
     if outcome == ROOT and integers[I_SIZE + most + guard] == 1:
-        hits, target = integers[I_SIZE + most :], layout[1 + guard, G_AFTER]
-        if not (_goes_through(layout[1 + guard]) and target >= 0 and hits.sum() == 1):
+        target, alone = layout[1 + guard, G_AFTER], True
+        for g in range(most):
+            alone = alone and (g == guard or integers[I_SIZE + most + g] == 0)
+        if not alone or target < 0 or not _goes_through(layout[1 + guard]) or missing(integers, A_BEYOND):
             return FOUND
-        zeros = zeros_beyond(floats, integers, target, tables[target], numbers[target, 0], index)
+        zeros = _zeros_beyond(integers, floats, integers, target, tables[target], numbers[target, 0], index)
         if zeros == 0:
             return FOUND
         what = CROSS if layout[1 + guard, G_KIND] == SURFACE else FREE

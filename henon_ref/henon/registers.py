@@ -107,8 +107,9 @@ F_STATE = F_SIZE + REMEMBERED
     A_MINIMUM,
     A_FLAT_ROOT,
     A_ABOUT,
+    A_BEYOND,
     A_SIZE,
-) = range(22)
+) = range(23)
 ALWAYS = (A_LAND, A_POLISH, A_SAMPLE)
 """Functions that are loaded with the loop."""
 
