@@ -33,6 +33,7 @@ NEEDED = {
     "a doubtful event": (k.A_LOOK, "hard/grazing.yaml", "inside1e10", HENON_SOLVER),
     "a doubtful event of an exponential": (k.A_START, "hard/two_roots.yaml", "beside_a_touch", HENON_SOLVER),
     "a sign that is open in double-double": (k.A_QUAD, "hard/grazing_ballistic.yaml", "exact", HENON_SOLVER),
+    "what lies beyond a flat root": (k.A_BEYOND, "hard/odd_orders.yaml", "third", HENON_SOLVER),
     "a polynomial of a higher degree": (k.A_STEADY, "hard/grazing_fourth_order.yaml", "outside1e2", HENON_SOLVER),
     "Brent's landing": (k.A_BRENT, "free_coulomb.yaml", "default", HENON_BRENT),
 }

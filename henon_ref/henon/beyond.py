@@ -39,8 +39,8 @@ def zeros_beyond(floats, integers, target, layout, constants, surface):  # type:
     """With how many zeros a mode leaves a surface that the run stands on; 0 where it does not, or that is not clear.
 
     Its own field decides, by the first derivative that does not vanish: the surface has been reached with a speed of
-    zero. No slide is possible where that leaves: of two fields that point the same way at
-    a surface no mean is tangent to it (Filippov 1988, Sec. 4).
+    zero. No slide is possible where that leaves: of two fields that point the same way at a surface no mean is
+    tangent to it (Filippov 1988, Sec. 4).
     """
     n, most = (floats.size - F_STATE) // 2, (integers.size - I_SIZE) // 2
     order = integers[I_ORDER]

@@ -9,29 +9,25 @@ from __future__ import annotations
 from numba import boolean, float64, int64, types
 
 from henon_ref.henon.apart import COUNTS, LAYOUT, NUMBERS, ROW, ROWS, TABLES, apart, missing
-from henon_ref.henon.calls import call_closing, call_expand
+from henon_ref.henon.calls import call_closing
 from henon_ref.henon.clock import add_time, remaining, stands
 from henon_ref.henon.doubt import look_closer
-from henon_ref.henon.events import at_zero, ends_at_zero, fails_at_once, first_event, zeros_at_release
-from henon_ref.henon.holding import held
+from henon_ref.henon.events import at_zero, ends_at_zero, fails_at_once, first_event
+from henon_ref.henon.passage import through_event
 from henon_ref.henon.polynomial import DEPTH
 from henon_ref.henon.primitives import integers_of, smaller
-from henon_ref.henon.recording import crowded, record, sample, settle, start
+from henon_ref.henon.recording import sample
 from henon_ref.henon.registers import (
-    A_HELD,
     A_LOOK,
     A_POLISH,
     A_SAMPLE,
     A_STEADY,
     A_TRUSTED,
-    ACCUMULATED,
     BRACKET,
-    CROSS,
     DIVERGED,
     DOUBTED,
     DOUBTFUL,
     EVENT,
-    F_BEYOND,
     F_CAP,
     F_LOW,
     F_NEAR,
@@ -44,15 +40,9 @@ from henon_ref.henon.registers import (
     F_TOLERANCE,
     F_UNTIL,
     F_UNTIL_LOW,
-    FREE,
     FULL,
-    G_ACTS,
-    G_AFTER,
-    G_HOLD,
-    G_INDEX,
     G_KIND,
     G_RISING,
-    G_STUCK,
     HORIZON,
     I_ARRIVED,
     I_BLOCK,
@@ -63,15 +53,12 @@ from henon_ref.henon.registers import (
     I_MISSING,
     I_MODE,
     I_ORDER,
-    I_RHS,
     I_SAMPLE,
     I_SIZE,
     I_STALLED,
     I_STEPPED,
     I_STEPS,
-    I_WHAT,
     I_WORK,
-    INVALID,
     MISSING,
     NOWHERE,
     ON,
@@ -80,21 +67,13 @@ from henon_ref.henon.registers import (
     REMEMBERED,
     RESOLVE,
     STALLED,
-    STICK,
-    SURFACE,
     T_CLOSING,
     T_EXACT,
     T_GUARDS,
     T_LOOK,
-    T_PROBE,
     T_WARY,
-    TANGENT,
-    TOLD,
-    UNKNOWN,
     UNREAD,
-    VALID,
 )
-from henon_ref.henon.settling import decided
 from henon_ref.henon.stepping import CUT, LEAP, glide, grows, move, polish
 from henon_ref.henon.trust import steady, swells, trusted
 from henon_ref.henon.workspace import work_space
@@ -104,7 +83,6 @@ BUDGET = 50_000
 """Steps between two looks at the clock, in Python."""
 
 
-_held = apart(A_HELD, held, int64, float64, float64, float64, ROW, int64, LAYOUT, ROW, ROWS, int64)
 call_look = apart(A_LOOK, look_closer, int64, ROW, COUNTS, ROWS, TABLES, NUMBERS)
 _sample = apart(A_SAMPLE, sample, types.void, ROW, COUNTS, ROWS, int64, float64, int64, ROWS)
 _polish = apart(
@@ -287,71 +265,3 @@ def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at): 
     if layout[1 + hit, G_KIND] == RELEASE:
         _polish(integers, floats, integers, x, x_low, layout, constants, ahead, change, n + hit, sigma, theta)
     return EVENT
-
-
-@inner(forceinline=True)
-def through_event(floats, integers, records, tables, numbers, settling, band, room):  # type: ignore[no-untyped-def]
-    """Change the mode at the event the run stands at; ON, or why Python is needed."""
-    n, most = (floats.size - F_STATE) // 2, tables.shape[1] - 1
-    x = floats[F_STATE : F_STATE + n]
-    multiplicity, hits = integers[I_SIZE : I_SIZE + most], integers[I_SIZE + most :]
-    speeds = room[2 * n + most :]
-    told = integers[I_ARRIVED] == TOLD
-    integers[I_ARRIVED] = 0
-    mode, hit, used = integers[I_MODE], integers[I_GUARD], integers[I_LANDING]
-    layout = tables[mode]
-    kind, index = layout[1 + hit, G_KIND], layout[1 + hit, G_INDEX]
-    together = False
-    for g in range(layout[0, T_GUARDS]):
-        together = together or (hits[g] == 1 and g != hit)
-    if kind == VALID:
-        return INVALID
-    zeros, what, target = 1, CROSS, layout[1 + hit, G_AFTER]
-    if kind == SURFACE:
-        if together or layout[1 + hit, G_ACTS] == 1:
-            if settling is None:
-                return RESOLVE
-            target = decided(floats[F_TIME], floats[F_LOW], x, mode, layout, hits, settling)
-            if target < 0 or not settle(
-                floats, integers, x, records, multiplicity, target, layout, tables[target], hits, settling[2]
-            ):
-                return RESOLVE
-            return ACCUMULATED if crowded(floats, integers) else ON
-        inside, beyond = 1.0, floats[F_BEYOND]
-        if not told:
-            call_expand(layout[0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, numbers[mode, 1], speeds)
-            integers[I_RHS] += 1
-            inside, beyond = speeds[n + 2 * hit], speeds[n + 2 * hit + 1]
-        if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
-            return RESOLVE
-        stuck = beyond < 0.0
-        if layout[1 + hit, G_HOLD] == 1:
-            stick = layout[1 + hit, G_STUCK]
-            if missing(integers, A_HELD):
-                return MISSING
-            zone = 0 if stick < 0 else _held(
-                integers, floats[F_TIME], floats[F_LOW], floats[F_SIGMA], x, index, tables[stick], numbers[stick, 0],
-                band[n + most + 1 :], integers[I_ORDER],
-            )  # fmt: skip
-            if zone == 0 or (stuck and zone < 0):
-                return RESOLVE
-            stuck = zone > 0
-        if stuck:
-            zeros, what, target = 0, STICK, layout[1 + hit, G_STUCK]
-    else:
-        zeros, what = layout[1 + hit, G_STUCK], FREE
-    if together:
-        return RESOLVE
-    if target < 0:
-        integers[I_WHAT] = what
-        return UNKNOWN
-    if zeros == 0 and what == FREE:
-        call_expand(tables[target, 0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, numbers[target, 1], speeds)
-        integers[I_RHS] += 1
-        zeros = zeros_at_release(tables[target], index, speeds[n:])
-        if zeros == 0:
-            return RESOLVE
-    record(floats, integers, x, records, what, index, mode, target, used)
-    integers[I_MODE] = target
-    start(multiplicity, tables[target], index, zeros)
-    return ACCUMULATED if crowded(floats, integers) else ON

@@ -6,13 +6,12 @@ from typing import Any
 
 from numba import float64, int64, typeof
 
-from henon_ref.henon.apart import COUNTS, FUNCTIONS, LAYOUT, ROW, ROWS
+from henon_ref.henon.apart import COUNTS, FUNCTIONS, LAYOUT, NUMBERS, ROW, ROWS, TABLES
 from henon_ref.henon.events import ends_at_zero, first_event
-from henon_ref.henon.kernel import advance, through_event
+from henon_ref.henon.kernel import advance
+from henon_ref.henon.passage import through_event
 from henon_ref.henon.registers import A_TRUSTED, ALWAYS
 from henon_ref.henon.sharing import Compiled, compile_all
-
-TABLES, NUMBERS = int64[:, :, ::1], float64[:, :, ::1]
 
 
 def called(settling: Any) -> tuple[Compiled, ...]:

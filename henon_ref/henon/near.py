@@ -82,8 +82,8 @@ from henon_ref.jit import inner, njit
 
 ORDER = 64
 """Highest order of the expansion; it ends before where its terms have become negligible."""
-AHEAD, LEAST = 1.1, 0.5
-"""The expansion reaches so many times as far as the doubtful event, but at least over this part of the step."""
+AHEAD, PART = 1.1, 0.5
+"""Where so many times as far as the doubtful event lies within this part of the step, that is what is expanded."""
 CERTAIN = 1e3 * NOISE
 """What a speed has to exceed of its size for its sign to be certain."""
 _expand_fine = apart(
@@ -130,7 +130,7 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
     first = known + n
     behind = first + (rows.size - first) // 3
     places, field, outputs, sides = rows[:known], rows[known:first], rows[first:behind], rows[behind:]
-    part = min(max(AHEAD * floats[F_NEAR] / floats[F_REACH], LEAST), 1.0)
+    part = PART if AHEAD * floats[F_NEAR] <= PART * floats[F_REACH] else 1.0
     unit = part * floats[F_REACH] * (1.0 + BEYOND)
     guard = integers[I_GUARD]
     zeros = integers[I_SIZE + guard]
