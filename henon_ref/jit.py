@@ -9,6 +9,7 @@ from __future__ import annotations
 import gc
 import hashlib
 import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -18,6 +19,25 @@ from typing import Any
 import numba
 from numba.core import config
 from platformdirs import user_cache_path
+
+
+@contextmanager
+def _hidden(module: str) -> Iterator[None]:
+    """Whoever imports a module finds that it is not installed."""
+    if module in sys.modules:
+        yield
+        return
+    sys.modules[module] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        del sys.modules[module]
+
+
+# numba tries whether there is a BLAS by importing all of scipy.linalg, a third of the time until compiled code is
+# loaded. What it takes from the answer is whether np.correlate may use it; what needs a BLAS looks for it again.
+with _hidden("scipy.linalg"):
+    import numba.np.arraymath
 
 
 @cache

@@ -10,8 +10,8 @@ import systems
 from flint import arb, ctx
 
 from henon_ref.trajectory import Problem
+from henon_ref.truth.balls import enclose
 from henon_ref.truth.certified import Guess, OrbitError, find_periodic_orbit, orbit, settled_guess
-from henon_ref.truth.certified.exact import enclose
 
 PERIOD = 2 * sp.pi / (3 * sp.pi / 2 / sp.Rational(12364, 10000))
 

@@ -11,8 +11,8 @@ import systems
 from flint import arb, ctx
 
 from henon_ref.trajectory import Problem
+from henon_ref.truth.balls import enclose
 from henon_ref.truth.certified import CertifiedRun, certify
-from henon_ref.truth.certified.exact import enclose
 
 RADIUS = 1e-30
 

@@ -8,8 +8,8 @@ from flint import arb, ctx
 
 from henon_ref.model.equations import TIME
 from henon_ref.taylor.tape import build_tape
+from henon_ref.truth.balls import enclose, proves_zero
 from henon_ref.truth.certified.enclosure import Curve, Tail, UndecidedError, expand
-from henon_ref.truth.certified.exact import enclose, proves_zero
 from henon_ref.truth.certified.norms import Tails, magnitudes
 from henon_ref.truth.certified.program import Program
 

@@ -28,6 +28,25 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     assert fresh(f"import sys, henon_ref; print([m for m in {HEAVY} if m in sys.modules])") == "[]"
 
 
+def test_compiling_does_without_the_library_of_linear_algebra() -> None:
+    """numba looks for a BLAS by importing all of scipy.linalg, which nothing here needs; who does still finds it."""
+    code = """
+import sys
+import numpy as np
+from henon_ref.henon import loading
+loading.load(None)
+before = "scipy.linalg" in sys.modules
+import numba
+print(before, numba.njit(lambda a: a @ a)(np.eye(2)).trace(), "scipy.linalg" in sys.modules)
+"""
+    assert fresh(code) == "False 2.0 True"
+
+
+def test_reading_a_truth_does_not_load_what_proves_it() -> None:
+    code = "import sys, henon_ref.truth; print([m for m in sys.modules if m.startswith('henon_ref.truth.certified')])"
+    assert fresh(code) == "[]"
+
+
 @pytest.mark.parametrize("name", henon_ref.__all__)
 def test_every_public_name_is_there(name: str) -> None:
     assert callable(getattr(henon_ref, name))

@@ -22,8 +22,8 @@ from henon_ref.model.switching import Switching
 from henon_ref.model.system import FilippovSystem, Release, SlidingOverride
 from henon_ref.registry import solver
 from henon_ref.trajectory import Problem
+from henon_ref.truth.balls import enclose
 from henon_ref.truth.certified import certify
-from henon_ref.truth.certified.exact import enclose
 from henon_ref.truth.decide import Decider
 from henon_ref.truth.numbers import exact_ball
 from henon_ref.truth.simulate import simulate

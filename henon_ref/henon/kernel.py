@@ -77,7 +77,7 @@ from henon_ref.henon.registers import (
 from henon_ref.henon.stepping import CUT, LEAP, glide, grows, move, polish
 from henon_ref.henon.trust import steady, swells, trusted
 from henon_ref.henon.workspace import work_space
-from henon_ref.jit import inner, njit
+from henon_ref.jit import njit
 
 BUDGET = 50_000
 """Steps between two looks at the clock, in Python."""
@@ -130,138 +130,136 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
     own = state.size - I_SIZE - 2 * most
     floats, integers = state[:own], integers_of(state, own, I_SIZE + 2 * most)
     n = (own - F_STATE) // 2
-    band, room, before, records = work_space(integers[I_WORK], n, most, integers[I_ORDER], integers[I_BLOCK])
+    order = integers[I_ORDER]
+    band, room, before, records = work_space(integers[I_WORK], n, most, order, integers[I_BLOCK])
+    x, x_low = floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
+    multiplicity, hits = integers[I_SIZE : I_SIZE + most], integers[I_SIZE + most :]
+    rows = n + most + 1
+    c, ahead, work, bounds = band[:rows], band[rows : 2 * rows], band[2 * rows :], band[2 * rows + 4 + DEPTH :]
+    change, point = room[: n + most], room[n + most : 2 * n + most]
     for i in range(state.size):
         before[i] = state[i]
     stop_at = integers[I_STEPS] + BUDGET
     arrived = integers[I_ARRIVED]
     code = DOUBTFUL if arrived == DOUBTED else EVENT if arrived > 0 else ON
     while True:
-        if code == ON:
-            code = _to_event(floats, integers, tables, numbers, band, room, samples, stop_at)
-            if code == ON:
-                continue
         if code == DOUBTFUL:
             if tables[integers[I_MODE], 0, T_LOOK] == 0:
                 return UNREAD
-            code = (
-                MISSING
-                if missing(integers, A_LOOK)
-                else call_look(integers, floats, integers, records, tables, numbers)
-            )
+            if missing(integers, A_LOOK):
+                break
+            code = call_look(integers, floats, integers, records, tables, numbers)
         if code == EVENT:
             code = through_event(floats, integers, records, tables, numbers, settling, band, room)
         if integers[I_MISSING] > 0:
-            lacking = integers[I_MISSING]
-            for i in range(state.size):
-                state[i] = before[i]
-            integers[I_MISSING] = lacking
-            return MISSING
+            break
         if code != ON:
             return code
 
-
-@inner(inline="always")
-def _to_event(floats, integers, tables, numbers, band, room, samples, stop_at):  # type: ignore[no-untyped-def]
-    """One look ahead: steps that no guard can end, then one that is looked at; ON, EVENT, or why Python is needed."""
-    n, most = (floats.size - F_STATE) // 2, tables.shape[1] - 1
-    x, x_low = floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
-    multiplicity, hits = integers[I_SIZE : I_SIZE + most], integers[I_SIZE + most :]
-    rows = n + most + 1
-    c, ahead, work, bounds = band[:rows], band[rows : 2 * rows], band[2 * rows :], band[2 * rows + 4 + DEPTH :]
-    change, point = room[: n + most], room[n + most : 2 * n + most]
-    order = integers[I_ORDER]
-    mode = integers[I_MODE]
-    slot = F_SIZE + (mode if mode < REMEMBERED else REMEMBERED - 1)
-    if mode != integers[I_STEPPED] and floats[slot] > 0.0:
-        floats[F_SIGMA] = smaller(floats[slot], floats[F_CAP])
-    integers[I_STEPPED] = mode
-    layout, constants = tables[mode], numbers[mode, 0]
-    guards = layout[0, T_GUARDS]
-    if integers[I_COUNT] + 1 > integers[I_BLOCK]:
-        return FULL
-    if remaining(floats) <= 0.0:
-        return HORIZON
-    sampled = integers[I_SAMPLE] < samples.shape[0]
-    theta = glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, sampled, stop_at)
-    if theta == 0.0:
-        return PAUSE
-    if theta < 0.0:
-        return STALLED if theta > -1.5 else DIVERGED
-    sigma = floats[F_SIGMA]
-    if layout[0, T_WARY] > 0 and 0.0 < floats[F_CAP] < theta * sigma:  # it may have been cut before a branch point
-        theta = floats[F_CAP] / sigma
-    natural = theta * sigma
-    left = remaining(floats)
-    final = natural >= left
-    if final:
-        theta = left / sigma
-    leap = natural > LEAP * sigma
-    doubt = layout[0, T_EXACT] == 0 and (leap or swells(c, n + guards, order, theta))
-    if doubt or layout[0, T_WARY] > 0:
-        if missing(integers, A_TRUSTED):
-            return MISSING
-        believed = _trusted(
-            integers, floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap, doubt
+        # One look ahead: steps that no guard can end, then one that is looked at.
+        mode = integers[I_MODE]
+        slot = F_SIZE + (mode if mode < REMEMBERED else REMEMBERED - 1)
+        if mode != integers[I_STEPPED] and floats[slot] > 0.0:
+            floats[F_SIGMA] = smaller(floats[slot], floats[F_CAP])
+        integers[I_STEPPED] = mode
+        layout, constants = tables[mode], numbers[mode, 0]
+        guards = layout[0, T_GUARDS]
+        if integers[I_COUNT] + 1 > integers[I_BLOCK]:
+            return FULL
+        if remaining(floats) <= 0.0:
+            return HORIZON
+        sampled = integers[I_SAMPLE] < samples.shape[0]
+        theta = glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, sampled, stop_at)
+        if theta == 0.0:
+            if integers[I_MISSING] > 0:
+                break
+            return PAUSE
+        if theta < 0.0:
+            return STALLED if theta > -1.5 else DIVERGED
+        sigma = floats[F_SIGMA]
+        if layout[0, T_WARY] > 0 and 0.0 < floats[F_CAP] < theta * sigma:  # it may have been cut before a branch point
+            theta = floats[F_CAP] / sigma
+        natural = theta * sigma
+        left = remaining(floats)
+        final = natural >= left
+        if final:
+            theta = left / sigma
+        leap = natural > LEAP * sigma
+        doubt = layout[0, T_EXACT] == 0 and (leap or swells(c, n + guards, order, theta))
+        if doubt or layout[0, T_WARY] > 0:
+            if missing(integers, A_TRUSTED):
+                break
+            believed = _trusted(
+                integers, floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap, doubt
+            )
+            if believed < theta:
+                theta, final = believed, False
+                natural = theta * sigma
+                if stands(floats, natural) and not grows(c, n, theta):
+                    integers[I_STALLED] += CUT
+        call_closing(layout[0, T_CLOSING], theta, c, change)
+        if fails_at_once(integers, c, n, order, layout, multiplicity, hits):  # Python looks closer
+            if integers[I_MISSING] > 0:
+                break
+            integers[I_GUARD] = NOWHERE
+            return RESOLVE
+        best, hit, doubtful, used = first_event(
+            integers, c, n, order, layout, multiplicity, change[n:], theta, integers[I_METHOD], work, bounds
         )
-        if believed < theta:
-            theta, final = believed, False
-            natural = theta * sigma
-            if stands(floats, natural) and not grows(c, n, theta):
-                integers[I_STALLED] += CUT
-    call_closing(layout[0, T_CLOSING], theta, c, change)
-    if fails_at_once(integers, c, n, order, layout, multiplicity, hits):  # Python looks closer
-        integers[I_GUARD] = NOWHERE
-        return RESOLVE
-    best, hit, doubtful, used = first_event(
-        integers, c, n, order, layout, multiplicity, change[n:], theta, integers[I_METHOD], work, bounds
-    )
-    if integers[I_MISSING] > 0:
-        return MISSING
-    if not doubtful and layout[0, T_EXACT] > 2:
-        if missing(integers, A_STEADY):
-            return MISSING
-        reach = theta if hit < 0 else best * theta
-        shorter = _steady(integers, c, n + guards, layout[0, T_EXACT], reach, floats[F_TOLERANCE])
-        if shorter < reach and hit >= 0:  # a closer look has the digits
-            doubtful = True
-        elif shorter < reach:
-            theta, final = shorter, False
-            natural = theta * sigma
-            call_closing(layout[0, T_CLOSING], theta, c, change)
-    if final and hit < 0:  # the horizon belongs to the run: an event at it counts
-        for g in range(guards):
-            if ends_at_zero(c[n + g], multiplicity[g], order, theta, layout[1 + g, G_RISING]):
-                best, hit, doubtful = 1.0, g, True
-    part = theta if hit < 0 else best * theta
-    if integers[I_SAMPLE] < samples.shape[0]:
-        _sample(integers, floats, integers, c, order, part, mode, samples)
-    integers[I_GUARD], integers[I_LANDING] = hit, BRACKET if doubtful else used
-    if doubtful:
-        floats[F_NEAR], floats[F_NEAR_LOW], floats[F_REACH] = part * sigma, 0.0, theta * sigma
-        if layout[0, T_WARY] > 0:
-            floats[F_CAP] = 1e3 * theta * sigma
-        return DOUBTFUL
-    if hit >= 0:
-        for g in range(guards):
-            hits[g] = 1 if g == hit or at_zero(c[n + g], multiplicity[g], order, part, layout[1 + g, G_RISING]) else 0
-        call_closing(layout[0, T_CLOSING], part, c, change)
-    bounded = move(x, x_low, change)
-    if not stands(floats, part * sigma):
-        integers[I_STALLED] = 0
-    add_time(floats, part * sigma)
-    integers[I_STEPS] += 1
-    floats[F_CAP] = 1e3 * part * sigma if part > 0.0 else sigma
-    floats[F_SIGMA] = smaller(natural, floats[F_CAP]) if part > 0.0 else sigma
-    floats[slot] = natural
-    if not bounded:
-        return DIVERGED
-    if hit < 0:
+        if integers[I_MISSING] > 0:
+            break
+        if not doubtful and layout[0, T_EXACT] > 2:
+            if missing(integers, A_STEADY):
+                break
+            reach = theta if hit < 0 else best * theta
+            shorter = _steady(integers, c, n + guards, layout[0, T_EXACT], reach, floats[F_TOLERANCE])
+            if shorter < reach and hit >= 0:  # a closer look has the digits
+                doubtful = True
+            elif shorter < reach:
+                theta, final = shorter, False
+                natural = theta * sigma
+                call_closing(layout[0, T_CLOSING], theta, c, change)
+        if final and hit < 0:  # the horizon belongs to the run: an event at it counts
+            for g in range(guards):
+                if ends_at_zero(c[n + g], multiplicity[g], order, theta, layout[1 + g, G_RISING]):
+                    best, hit, doubtful = 1.0, g, True
+        part = theta if hit < 0 else best * theta
+        if sampled:
+            _sample(integers, floats, integers, c, order, part, mode, samples)
+        integers[I_GUARD], integers[I_LANDING] = hit, BRACKET if doubtful else used
+        if doubtful:
+            floats[F_NEAR], floats[F_NEAR_LOW], floats[F_REACH] = part * sigma, 0.0, theta * sigma
+            if layout[0, T_WARY] > 0:
+                floats[F_CAP] = 1e3 * theta * sigma
+            code = DOUBTFUL
+            continue
+        if hit >= 0:
+            for g in range(guards):
+                at_once = g == hit or at_zero(c[n + g], multiplicity[g], order, part, layout[1 + g, G_RISING])
+                hits[g] = 1 if at_once else 0
+            call_closing(layout[0, T_CLOSING], part, c, change)
+        bounded = move(x, x_low, change)
+        if not stands(floats, part * sigma):
+            integers[I_STALLED] = 0
+        add_time(floats, part * sigma)
+        integers[I_STEPS] += 1
+        floats[F_CAP] = 1e3 * part * sigma if part > 0.0 else sigma
+        floats[F_SIGMA] = smaller(natural, floats[F_CAP]) if part > 0.0 else sigma
+        floats[slot] = natural
+        if not bounded:
+            return DIVERGED
+        if hit >= 0:
+            code = EVENT
+            if layout[1 + hit, G_KIND] == RELEASE:
+                _polish(integers, floats, integers, x, x_low, layout, constants, ahead, change, n + hit, sigma, theta)
+            continue
         multiplicity[:guards] = 0
         if final:
             floats[F_TIME], floats[F_LOW] = floats[F_UNTIL], floats[F_UNTIL_LOW]
             return HORIZON
-        return ON
-    if layout[1 + hit, G_KIND] == RELEASE:
-        _polish(integers, floats, integers, x, x_low, layout, constants, ahead, change, n + hit, sigma, theta)
-    return EVENT
+
+    lacking = integers[I_MISSING]
+    for i in range(state.size):
+        state[i] = before[i]
+    integers[I_MISSING] = lacking
+    return MISSING

@@ -86,3 +86,6 @@ def preload() -> None:
     import matplotlib.backends.backend_svg
     import matplotlib.figure
     import matplotlib.lines  # noqa: F401
+    from matplotlib.mathtext import MathTextParser
+
+    MathTextParser("path").parse("$x$")  # makes the grammar, and finds the fonts

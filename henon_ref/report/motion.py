@@ -198,7 +198,7 @@ def _draw_boundary(axes: Axes, system: FilippovSystem, plane: _Plane) -> list[tu
     for k, surface in enumerate(system.surfaces):
         if not _states_in(system, k) or not _states_in(system, k) <= set(pair):
             continue
-        values = sp.lambdify(pair, system.numeric(surface), "numpy")(*grid)
+        values = sp.lambdify(pair, system.numeric(surface), np)(*grid)
         values = np.broadcast_to(np.asarray(values, dtype=float), grid[0].shape)
         if not (np.nanmin(values) < 0 < np.nanmax(values)):
             continue
@@ -226,7 +226,7 @@ def draw_modes(reading: Reading, motion: Motion) -> Figure:
 
 
 def _draw_surface(axes: Axes, system: FilippovSystem, motion: Motion, k: int) -> None:
-    h = sp.lambdify([TIME, *system.states], system.numeric(system.surfaces[k]), "numpy")
+    h = sp.lambdify([TIME, *system.states], system.numeric(system.surfaces[k]), np)
     values = np.broadcast_to(np.asarray(h(motion.times, *motion.states.T), dtype=float), motion.times.shape)
     entries = [_entry(mode, k) for mode in motion.modes]
     shades = {0: style.STICK_SHADE, 1: style.PLUS_SHADE}

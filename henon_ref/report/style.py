@@ -30,6 +30,7 @@ _RC: dict[Any, Any] = {
     "axes.labelsize": 9.0,
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # where it is anyway: to look for ticks above it lays out every tick label once more
     "xtick.labelsize": 8.0,
     "ytick.labelsize": 8.0,
     "legend.fontsize": 8.0,

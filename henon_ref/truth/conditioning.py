@@ -171,7 +171,7 @@ class _Variations:
         if key not in self._functions:
             system = self.system
             rows = [[sp.diff(system.numeric(h), x) for x in system.states] for h in system.surfaces]
-            self._functions[key] = sp.lambdify([TIME, *system.states], rows, "numpy", cse=True)
+            self._functions[key] = sp.lambdify([TIME, *system.states], rows, np, cse=True)
         with np.errstate(all="ignore"):
             return np.array(self._functions[key](np.float64(time), *state), dtype=float)
 
@@ -186,7 +186,7 @@ class _Variations:
                 [[sp.diff(g, x) for x in system.states] for g in guards],
                 [sp.diff(g, TIME) for g in guards],
             ]
-            self._functions[mode] = sp.lambdify([TIME, *system.states], entries, "numpy", cse=True)
+            self._functions[mode] = sp.lambdify([TIME, *system.states], entries, np, cse=True)
         with np.errstate(all="ignore"):
             found = self._functions[mode](np.float64(time), *state)
         field, values, gradients, drift = (np.array(part, dtype=float) for part in found)

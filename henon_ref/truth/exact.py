@@ -9,7 +9,7 @@ import sympy as sp
 from flint import arb, ctx
 
 from henon_ref.model.modes import Mode
-from henon_ref.truth.certified.exact import enclose
+from henon_ref.truth.balls import enclose
 from henon_ref.truth.numbers import ball_text
 from henon_ref.truth.reference import ReferenceTransition, TruthError
 

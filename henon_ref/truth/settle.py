@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from flint import arb, ctx
 
 from henon_ref.truth import store
-from henon_ref.truth.certified.exact import enclose
+from henon_ref.truth.balls import enclose
 from henon_ref.truth.reference import ReferenceTransition, Route, Truth, TruthError
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from henon_ref.model.equations import TIME
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
 from henon_ref.taylor.tape import build_tape
+from henon_ref.truth.balls import enclose, proves_zero
 from henon_ref.truth.certified.enclosure import UndecidedError
-from henon_ref.truth.certified.exact import enclose, proves_zero
 from henon_ref.truth.certified.program import Program
 
 

@@ -20,8 +20,8 @@ from henon_ref.model.decision import ended
 from henon_ref.model.equations import Guard, Refusal
 from henon_ref.model.modes import Mode, mode_text, replaced
 from henon_ref.trajectory import Problem
+from henon_ref.truth.balls import enclose, proves_zero
 from henon_ref.truth.certified.enclosure import UndecidedError
-from henon_ref.truth.certified.exact import enclose, proves_zero
 from henon_ref.truth.certified.model import ModeModel, SystemModel, solve_for_states
 
 ORDER = 6

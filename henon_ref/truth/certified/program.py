@@ -15,7 +15,7 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.taylor.tape import INFINITE, Tape
-from henon_ref.truth.certified.exact import enclose
+from henon_ref.truth.balls import enclose
 
 Step = Callable[[int], None]
 Series = list[arb]

@@ -20,7 +20,7 @@ from henon_ref.errors import HenonRefError
 from henon_ref.model.equations import TIME
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
-from henon_ref.truth.certified.exact import enclose, proves_zero
+from henon_ref.truth.balls import enclose, proves_zero
 from henon_ref.truth.certified.model import SystemModel
 from henon_ref.truth.certified.modes import Entry
 from henon_ref.truth.certified.sets import PointSet

@@ -12,8 +12,8 @@ from flint import arb, ctx
 
 from henon_ref.model.modes import Mode, transition_kind
 from henon_ref.trajectory import Kind, Problem
+from henon_ref.truth.balls import enclose
 from henon_ref.truth.certified.enclosure import UndecidedError
-from henon_ref.truth.certified.exact import enclose
 from henon_ref.truth.certified.model import SystemModel
 from henon_ref.truth.certified.modes import EndedError, initial_entry
 from henon_ref.truth.certified.sets import PointSet

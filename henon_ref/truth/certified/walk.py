@@ -10,9 +10,9 @@ from flint import arb, arb_mat, ctx
 
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode
+from henon_ref.truth.balls import enclose
 from henon_ref.truth.certified.enclosure import Curve, Expansion, Tail, UndecidedError, expand
 from henon_ref.truth.certified.event import first_root, guard_curve
-from henon_ref.truth.certified.exact import enclose
 from henon_ref.truth.certified.model import ModeModel, SystemModel
 from henon_ref.truth.certified.modes import Entry, entry_after
 from henon_ref.truth.certified.sets import PointSet
