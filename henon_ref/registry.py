@@ -26,6 +26,8 @@ RESTARTS = ("event-free-step", "offset", "direction", "none")
 """Habits of restarting a library on the surface it has just left; told in :mod:`baselines.restart`."""
 AT = "@"
 """Between a solver's name and the habit it is restarted by."""
+COMPILED = "+numba"
+"""Mark of a library whose callbacks are compiled; without it, the same with plain Python."""
 
 
 @dataclass(frozen=True)

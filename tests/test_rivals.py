@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from fakes import Fake, case, trajectory
+from fakes import Fake, case, expected, statement, trajectory
 
 from henon_ref import registry
 from henon_ref.columns import RUN_COLUMNS
@@ -17,9 +17,11 @@ from henon_ref.report import index
 from henon_ref.report.csvfiles import csv_text
 from henon_ref.report.manifest import provenance
 from henon_ref.report.write import RUNS
+from henon_ref.rivals import experiment
 from henon_ref.rivals.duel import COLUMNS, TURN, Duel
 from henon_ref.rivals.experiment import duels_of, run_rivals
-from henon_ref.rivals.page import OTHERS, cheapest, read_ratios, slower_table, spread_table
+from henon_ref.rivals.match import Entry, Match, compiled_matches
+from henon_ref.rivals.page import COMPILED, OTHERS, cheapest, read_ratios, slower_table, spread_table
 from henon_ref.score.options import Options, Silent
 from henon_ref.score.settings import Setting
 
@@ -94,6 +96,65 @@ def test_where_there_is_no_transition_the_cheapest_right_settings_count() -> Non
 
 def test_without_a_rival_or_without_the_reference_nothing_is_timed() -> None:
     assert chosen(ROWS[:3]) == chosen(ROWS[3:]) == []
+
+
+LIBRARIES = [
+    row("henon", 1e-6, 9.5, 1e-5),
+    row("scipy-dop853", 1e-6, 6.5, 4e-3),
+    row("scipy-dop853", 1e-9, 9.5, 5e-3),
+    row("scipy-rk45", 1e-9, 7.0, 6e-3),
+    row("scipy-lsoda", 1e-9, 8.0, 7e-3),
+    row("cvode-adams", 1e-9, 8.0, 8e-3),
+    row("heyoka", 1e-9, 9.5, 1e-5),
+    row("scipy-sign", 1e-6, 9.5, 1e-5),
+]
+
+
+def compiled(rows: list[dict[str, object]]) -> list[tuple[int | None, list[tuple[str, float | None]]]]:
+    found = compiled_matches(rows, COMPILED, (6, 9))
+    assert all(match.against == COMPILED and [own.solver for own in match.own] == ["henon"] for match in found)
+    return [
+        (match.digits, [(entry.solver, entry.setting.rtol) for entry in match.rival])
+        for match in compiled_matches(rows, COMPILED, (6, 9))
+    ]
+
+
+def test_the_cheapest_libraries_are_timed_with_compiled_callbacks() -> None:
+    """Three, each at the setting that is its cheapest one with plain callbacks; not those without any to compile."""
+    assert compiled(LIBRARIES) == [
+        (6, [("scipy-dop853+numba", 1e-6), ("scipy-rk45+numba", 1e-9), ("scipy-lsoda+numba", 1e-9)]),
+        (9, [("scipy-dop853+numba", 1e-9)]),
+    ]
+    assert compiled(LIBRARIES[1:]) == compiled([LIBRARIES[0], *LIBRARIES[6:]]) == []
+    idle = [entry | {"reference_transitions": 0, "digits": None} for entry in LIBRARIES[:3]]
+    assert compiled(idle) == [(None, [("scipy-dop853+numba", 1e-6)])]
+
+
+def test_answers_that_nobody_has_checked_are_checked_before_they_are_timed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fakes are off by their tolerance: one is right to 6 digits, one to 8, and one misses a transition."""
+    fakes = {"henon": Fake("henon"), "a+numba": Fake("a"), "b+numba": Fake("b"), "c+numba": Fake("c", "misses")}
+    monkeypatch.setattr(registry, "solver", fakes.__getitem__)
+    own = (Entry("henon", Setting(1e-10, 1e-10), 1e-3),)
+    loose, tight, wrong = (
+        Entry(name, Setting(rtol, rtol), 1e-3)
+        for name, rtol in (("a+numba", 1e-7), ("b+numba", 1e-9), ("c+numba", 1e-10))
+    )
+    matches = (
+        Match(6, COMPILED, own, (loose, wrong)),
+        Match(7, COMPILED, own, (loose, tight, wrong)),
+        Match(8, COMPILED, own, (loose,)),
+        Match(9, COMPILED, own, (wrong,)),
+    )
+    duel = Duel("c", "r", READING.problem, matches, 0.01, 1.0, expected())
+    ((_, rows),) = duel.stages()
+    assert [(row["digits"], row["rival"]) for row in rows] == [(6, "a+numba"), (7, "b+numba")]
+    assert all(row["against"] == COMPILED for row in rows)
+
+
+def test_what_reads_a_truth_is_timed_with_compiled_callbacks(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert [duel.expected for duel in duels_of(CASE, LIBRARIES, 1.0)] == [None]
+    monkeypatch.setattr(experiment, "stored_statement", statement)
+    assert [duel.expected for duel in duels_of(CASE, LIBRARIES, 1.0)] == [None, expected()]
 
 
 @dataclass(frozen=True)
@@ -186,6 +247,7 @@ def test_ratios_are_told_by_rival_and_digits() -> None:
         ratio("b", "idle", None, "heyoka", "heyoka", 2.0),
         ratio("b", "idle", None, "heyoka", OTHERS, 2.0),
         ratio("c", "default", 12.0, "scipy-rk45", OTHERS, 1.5),
+        ratio("c", "default", 9.0, "ida+numba", COMPILED, 0.5),
     ]
     assert [line[:4] + line[-2:] for line in spread_table(rows).rows] == [
         ("`heyoka`", "6", "2", "0.25", "0.75", "0"),
@@ -193,6 +255,7 @@ def test_ratios_are_told_by_rival_and_digits() -> None:
         (OTHERS, "6", "2", "0.5", "0.75", "0"),
         (OTHERS, "12", "1", "1.5", "1.5", "1"),
         (OTHERS, "no transition", "1", "2", "2", "1"),
+        (COMPILED, "9", "1", "0.5", "0.5", "0"),
     ]
     assert slower_table(rows).rows == [
         ("[b, idle](../b/report.md#idle)", "no transition", "`heyoka`", "2 us", "1 us", "2"),

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from henon_ref.columns import Row
 from henon_ref.price.growth import Horizon
-from henon_ref.price.ladder import FAIR
 from henon_ref.price.states import Size, exponent
+from henon_ref.registry import COMPILED
 from henon_ref.report import style
 from henon_ref.report.ranking import by_solver, number, right
 
@@ -43,7 +43,7 @@ def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
             if points:
                 _draw_line(axes, solver, points)
                 x, y = min(points, key=lambda point: point[1])
-                if not solver.endswith(FAIR):
+                if not solver.endswith(COMPILED):
                     tips.append((solver, x, y, style.line_of(solver).colour))
         style.decades(axes.xaxis)
         style.decades(axes.yaxis)
@@ -55,8 +55,8 @@ def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
 
 
 def _draw_line(axes: Axes, solver: str, points: Sequence[tuple[float, float]]) -> None:
-    look = style.line_of(solver.removesuffix(FAIR))
-    fair = solver.endswith(FAIR)
+    look = style.line_of(solver.removesuffix(COMPILED))
+    fair = solver.endswith(COMPILED)
     x, y = np.array(points).T
     axes.plot(
         x, y, ":" if fair else look.dashes, marker=look.marker, color=look.colour, lw=look.width, ms=3.5,

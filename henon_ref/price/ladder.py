@@ -15,8 +15,6 @@ from henon_ref.score.options import Observer, Options
 
 LADDER = tuple(10.0**-k for k in range(3, 16))
 """Relative tolerances. A library that refuses one says so, and the row with it."""
-FAIR = "+numba"
-"""Mark of a baseline whose callbacks are compiled."""
 TIMEOUT = 4.0
 """Seconds that one run may take: what takes longer is no bargain."""
 
@@ -25,7 +23,7 @@ def solvers() -> tuple[str, ...]:
     """What stands on the list: all that is run by default and has a tolerance, and each with compiled callbacks."""
     known = registry.names()
     plain = [n for n in registry.default_names() if not registry.fixed_step(n) and n not in ("scipy-sign",)]
-    return tuple(n for own in plain for n in (own, own + FAIR) if n in known)
+    return tuple(n for own in plain for n in (own, own + registry.COMPILED) if n in known)
 
 
 def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> list[Row]:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from henon_ref import registry
 from henon_ref.columns import Row
 from henon_ref.rivals.match import Entry, Match
 from henon_ref.score.fence import Answer, Fence, Lane
+from henon_ref.score.metrics import Expected, score
 from henon_ref.score.options import Observer, Options
 from henon_ref.score.turns import Turns, in_turn
+from henon_ref.score.verdict import RIGHT
 from henon_ref.score.worker import Failure, Job, Stages
 from henon_ref.solver import Run
 from henon_ref.trajectory import Problem
@@ -48,6 +50,8 @@ class Duel:
     """Seconds that the runs may take in all; each is made FEWEST times at least."""
     deadline: float
     """Seconds that one run may take."""
+    expected: Expected | None = None
+    """What the rivals' answers are held against before they are timed; None where the rows have told."""
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -71,8 +75,11 @@ class Duel:
 
     def stages(self) -> Stages:
         """Rows of all matches at once."""
-        times = in_turn({entry: self._prepared(entry) for entry in self.entries}, rounds=self.rounds, turn=TURN)
-        yield TIMED, [self._row(match, times) for match in self.matches]
+        runs = {entry: self._prepared(entry) for entry in self.entries}
+        matches = self.matches if self.expected is None else list(_checked(self.matches, runs, self.expected))
+        timed = dict.fromkeys(entry for match in matches for entry in (*match.own, *match.rival))
+        times = in_turn({entry: runs[entry] for entry in timed}, rounds=self.rounds, turn=TURN)
+        yield TIMED, [self._row(match, times) for match in matches]
 
     def _prepared(self, entry: Entry) -> Run:
         own = entry.setting
@@ -96,6 +103,17 @@ class Duel:
             "ratio": times.ratio(own, rival),
             "rounds": self.rounds,
         }
+
+
+def _checked(matches: Sequence[Match], runs: Mapping[Entry, Run], expected: Expected) -> Iterator[Match]:
+    """The matches with those rivals alone that are right to so many digits; none where there is no such rival."""
+    rivals = dict.fromkeys(entry for match in matches for entry in match.rival)
+    scores = {entry: score(runs[entry](), expected, tolerance=entry.setting.rtol) for entry in rivals}
+    good = {entry: scored for entry, scored in scores.items() if scored.verdict == RIGHT}
+    for match in matches:
+        able = tuple(e for e in match.rival if e in good and (good[e].digits or 0.0) >= (match.digits or 0))
+        if able:
+            yield replace(match, rival=able)
 
 
 def fight(duels: Mapping[str, Sequence[Duel]], options: Options, observer: Observer) -> tuple[list[Row], list[str]]:

@@ -12,12 +12,15 @@ from henon_ref.report.manifest import Provenance
 from henon_ref.report.ranking import LEVELS, name, readings_of
 from henon_ref.report.write import RUNS
 from henon_ref.rivals.duel import Duel, fight
-from henon_ref.rivals.match import FIRST, matches
-from henon_ref.rivals.page import FOLDER, OTHERS, SECOND, write_page
+from henon_ref.rivals.match import FIRST, compiled_matches, matches
+from henon_ref.rivals.page import COMPILED, FOLDER, OTHERS, SECOND, write_page
 from henon_ref.score.options import Observer, Options
+from henon_ref.score.truthjob import stored_statement
 
 SECONDS = 0.4
 """Time that the runs of a reading may take in all."""
+COMPILED_LEVELS = (6, 9)
+"""Digits at which libraries with compiled callbacks are timed, too: each has to be compiled at each setting."""
 
 
 def run_rivals(
@@ -56,3 +59,7 @@ def duels_of(case: Case, rows: Sequence[Row], deadline: float) -> Iterator[Duel]
         found = tuple(matches(own, rivals, LEVELS))
         if found:
             yield Duel(case.name, reading.name, reading.problem, found, SECONDS, deadline)
+        truth = stored_statement(case, reading)
+        found = tuple(compiled_matches(own, COMPILED, COMPILED_LEVELS))
+        if found and truth is not None and truth.expected is not None:
+            yield Duel(case.name, reading.name, reading.problem, found, SECONDS, deadline, truth.expected)

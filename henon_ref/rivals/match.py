@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from henon_ref import registry
 from henon_ref.columns import Row
-from henon_ref.report.ranking import name, number, reaching
+from henon_ref.report.ranking import by_solver, name, number, reaching
 from henon_ref.score.settings import Setting
 
 FIRST = "henon"
@@ -50,9 +51,7 @@ def matches(rows: Sequence[Row], rivals: Mapping[str, Collection[str]], levels: 
     levels : sequence of int
         Digits to be reached. Where there is no transition to time, right rows are set against each other once.
     """
-    idle = [row for row in rows if row["verdict"] == "right" and row["reference_transitions"] == 0]
-    for level in (None,) if idle else levels:
-        able = idle if level is None else reaching(rows, level)
+    for level, able in _able(rows, levels):
         own = _cheapest(able, (FIRST,))
         for against, solvers in rivals.items():
             rival = _cheapest(able, solvers)
@@ -60,9 +59,44 @@ def matches(rows: Sequence[Row], rivals: Mapping[str, Collection[str]], levels: 
                 yield Match(level, against, own, rival)
 
 
+def compiled_matches(rows: Sequence[Row], against: str, levels: Sequence[int]) -> Iterator[Match]:
+    """The same against libraries with compiled callbacks, of which the rows tell nothing: nobody has checked these.
+
+    They are those that are the cheapest with plain callbacks, each at its cheapest setting.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        The reading's, of plain callbacks.
+    against : str
+        What the rival is called.
+    levels : sequence of int
+        Digits to be reached.
+    """
+    for level, able in _able(rows, levels):
+        plain = [rows for solver, rows in by_solver(able).items() if solver + registry.COMPILED in registry.names()]
+        best = sorted((_cheapest(rows, [name(rows[0])])[0] for rows in plain), key=_wall)[:CANDIDATES]
+        own, rival = _cheapest(able, (FIRST,)), tuple(replace(e, solver=e.solver + registry.COMPILED) for e in best)
+        if own and rival:
+            yield Match(level, against, own, rival)
+
+
+def _able(rows: Sequence[Row], levels: Sequence[int]) -> Iterator[tuple[int | None, list[Row]]]:
+    """Rows that reach so many digits; once, and with None, those that are right where there is no transition."""
+    idle = [row for row in rows if row["verdict"] == "right" and row["reference_transitions"] == 0 and row["wall_s"]]
+    if idle:
+        yield None, idle
+    else:
+        yield from ((level, reaching(rows, level)) for level in levels)
+
+
+def _wall(entry: Entry) -> float:
+    return entry.wall_s
+
+
 def _cheapest(rows: Sequence[Row], solvers: Collection[str]) -> tuple[Entry, ...]:
     timed = [_entry(row) for row in rows if name(row) in solvers and row["wall_s"]]
-    return tuple(sorted(timed, key=lambda entry: entry.wall_s)[:CANDIDATES])
+    return tuple(sorted(timed, key=_wall)[:CANDIDATES])
 
 
 def _entry(row: Row) -> Entry:
