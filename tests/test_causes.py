@@ -61,6 +61,26 @@ def test_heyoka_loses_a_pair_only_where_rounding_makes_it_one_root() -> None:
     assert cause_of(run_row(solver="heyoka"), shallow) == "heyoka-double-root"
 
 
+def test_lsoda_alone_goes_on_with_what_is_no_number() -> None:
+    lost = {"status": "failed", "status_reason": "the state is not finite after t = 0.9; 1 missed", "missed": 1}
+    assert cause_of(run_row(solver="scipy-lsoda", **lost), []) == "scipy-lsoda-nan"
+    assert cause_of(run_row(solver="scipy-smoothed", **lost), []) == "scipy-lsoda-nan"
+    assert cause_of(run_row(solver="scipy-dop853", **lost), []) is None
+    assert cause_of(run_row(solver="scipy-lsoda", **lost | {"spurious": 1}), []) is None
+
+
+def test_a_polynomial_goes_past_the_end_of_what_it_stands_for() -> None:
+    past = {
+        "expected_status": "failed",
+        "status_reason": "went on past t = 2, where the exact run is failed",
+        "missed": 0,
+    }
+    assert cause_of(run_row(solver="heyoka", **past), []) == "heyoka-past-end"
+    assert cause_of(run_row(solver="scipy-rk45", **past), []) is None
+    assert cause_of(run_row(solver="heyoka", **past | {"missed": 1}), []) is None
+    assert cause_of(run_row(solver="heyoka", **past | {"expected_status": "diverged"}), []) is None
+
+
 def test_the_page_says_so_where_a_claim_does_not_hold(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
     def fails() -> str:
         raise ClaimError("it found both")

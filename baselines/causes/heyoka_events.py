@@ -84,6 +84,18 @@ def start_on_the_surface() -> str:
     )
 
 
+def end_of_a_square_root() -> str:
+    """h' = -sqrt(h) from 1: h is a parabola up to t = 2, where it is zero and stays so."""
+    import heyoka
+
+    h = heyoka.make_vars("h")
+    integrator = heyoka.taylor_adaptive([(h, -heyoka.sqrt(h))], [1.0], tol=1e-15)
+    outcome, *_, steps, _, _ = integrator.propagate_until(4.0)
+    end = float(integrator.state[0])
+    holds(outcome == heyoka.taylor_outcome.time_limit and abs(end - 1.0) < 1e-9, f"{outcome}, h(4) = {end}")
+    return f"h' = -sqrt(h) from h(0) = 1 to t = 4: {steps} step, outcome time_limit, and h(4) = {end:g}"
+
+
 HEYOKA = (
     Cause(
         "heyoka-double-root",
@@ -119,6 +131,15 @@ HEYOKA = (
         "An event that is exactly zero where a run starts stops it at once; with a direction it does not, and the next "
         "true root of the step is lost.",
         start_on_the_surface,
+        (DOCS,),
+    ),
+    Cause(
+        "heyoka-past-end",
+        "heyoka",
+        "A Taylor polynomial goes on where the function ends",
+        "A step is chosen by its last coefficients. Where the motion is a polynomial up to the point at which the "
+        "field, or the event function, has no value any more, the step leads past it, and nothing is said.",
+        end_of_a_square_root,
         (DOCS,),
     ),
 )

@@ -137,6 +137,24 @@ def bdf_at_a_tight_tolerance() -> str:
     return f"from 1e-6 to 1e-12 the steps of one period of an oscillator grow from {steps[0]} to {steps[1]}"
 
 
+def number_that_is_none() -> str:
+    """h' = -sqrt(h) from 1, Torricelli's law: h = (1 - t/2)^2, and nothing is left at t = 2."""
+    import numpy as np
+
+    words = []
+    for method in ("LSODA", "DOP853"):
+        found = quiet(lambda t, h: -np.sqrt(h), (0, 4), [1.0], method=method, rtol=1e-9, atol=1e-9)
+        numbers = np.isfinite(found.y[0])
+        last = found.t[numbers][-1]
+        words.append(f"{method}: status {found.status}, h({found.t[-1]:.3g}) = {found.y[0, -1]:.1g}")
+        if method == "LSODA":
+            words[-1] += f", no number after t = {last:.3f}, where h = {found.y[0, numbers][-1]:.2f}"
+            holds(found.status == 0 and last < 2.0 and not numbers[-1], words[-1])
+        else:
+            holds(found.status < 0 and numbers.all(), words[-1])
+    return "; ".join(words)
+
+
 SCIPY = (
     Cause(
         "scipy-pair",
@@ -200,5 +218,13 @@ SCIPY = (
         "BDF is of order 5 at most",
         "At tight tolerances its steps are short, and each one is plain Python with a linear solve.",
         bdf_at_a_tight_tolerance,
+    ),
+    Cause(
+        "scipy-lsoda-nan",
+        "scipy",
+        "LSODA takes a NaN for a state",
+        "Where the field has no value at a trial point LSODA does not make the step shorter, as the other methods do, "
+        "but goes on with a state that is no number, to the horizon, and reports success.",
+        number_that_is_none,
     ),
 )

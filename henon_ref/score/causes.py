@@ -18,6 +18,7 @@ PAIR_BY_PACKAGE = {"cvode-adams": "cvode-pair", "cvode-bdf": "cvode-pair", "ida"
 SCIPY = ("scipy-rk45", "scipy-dop853", "scipy-radau", "scipy-bdf", "scipy-lsoda")
 PAIR_BY_PACKAGE |= dict.fromkeys(SCIPY, "scipy-pair")
 TOO_SMALL = "Required step size is less than spacing between numbers"
+NOT_FINITE = "the state is not finite"
 LATE = 1e8
 """Times [s] from which ten roundings are 1e-7 and more."""
 LOST = 1e-15
@@ -149,6 +150,19 @@ def _slow(seen: Seen) -> str | None:
     return {"scipy-radau": "scipy-radau-order", "scipy-bdf": "scipy-bdf-order"}.get(seen.solver)
 
 
+def _no_number(seen: Seen) -> str | None:
+    """LSODA alone, which ``scipy-smoothed`` uses, too, accepts a step to a state that is no number."""
+    lsoda = seen.solver in ("scipy-lsoda", "scipy-smoothed")
+    return "scipy-lsoda-nan" if lsoda and seen.reason.startswith(NOT_FINITE) and seen.right_so_far else None
+
+
+def _past_the_end(seen: Seen) -> str | None:
+    """The exact run ends because a function has no value any more; heyoka goes on, all before that being right."""
+    ended = seen.run["expected_status"] == "failed" and "went on past" in seen.reason
+    right = seen.right_so_far and seen.number("missed") == 0
+    return "heyoka-past-end" if seen.solver == "heyoka" and ended and right else None
+
+
 def _naive(seen: Seen) -> str | None:
     if seen.solver == "scipy-sign" and "the budget of" in seen.reason and seen.run["status"] == "failed":
         return "sign-chatter"
@@ -164,11 +178,13 @@ RULES: tuple[Callable[[Seen], str | None], ...] = (
     _bracket,
     _small_step,
     _slow,
+    _no_number,
+    _past_the_end,
     _naive,
 )
 NAMES = (
     "scipy-pair", "cvode-pair", "ida-pair", "scipy-fires-at-start", "scipy-bracket", "scipy-late", "scipy-blow-up",
-    "scipy-radau-order", "scipy-bdf-order", "heyoka-start", "heyoka-double-root", "heyoka-hidden-drive",
-    "heyoka-event-polynomial", "sign-chatter", "smoothed-creep",
+    "scipy-radau-order", "scipy-bdf-order", "scipy-lsoda-nan", "heyoka-start", "heyoka-double-root",
+    "heyoka-hidden-drive", "heyoka-event-polynomial", "heyoka-past-end", "sign-chatter", "smoothed-creep",
 )  # fmt: skip
 """Every name that a rule may give."""
