@@ -26,6 +26,8 @@ Callbacks = Literal["python", "numba"]
 Scalar = Callable[..., tuple[float, ...]]
 """``f(t, *x)`` -> one float an expression."""
 
+LONGEST = 2**53
+"""Integers up to this one are doubles, too."""
 ARITHMETIC = (ZeroDivisionError, ValueError, OverflowError)
 """What ``math`` raises where an expression has no (finite) value."""
 
@@ -33,7 +35,7 @@ ARITHMETIC = (ZeroDivisionError, ValueError, OverflowError)
 def rounded(expression: sp.Expr) -> sp.Expr:
     """The expression with every constant part folded to one double.
 
-    Integers stay as they are (exponents, unit factors); exponents stay exact.
+    Integers that a double holds stay as they are (exponents, unit factors); exponents stay exact.
 
     Raises
     ------
@@ -46,10 +48,8 @@ def rounded(expression: sp.Expr) -> sp.Expr:
     >>> rounded(sp.sqrt(3) / 9 * x)
     0.19245008972987526*x
     """
-    if expression.is_Integer or expression.is_Float:
-        return expression
     if expression.is_number:
-        return _float(expression)
+        return expression if expression.is_Float else _constant(expression)
     if expression.is_Pow:
         exponent = expression.exp if expression.exp.is_Rational else rounded(expression.exp)
         return sp.Pow(rounded(expression.base), exponent)
@@ -57,8 +57,13 @@ def rounded(expression: sp.Expr) -> sp.Expr:
         numbers = [a for a in expression.args if a.is_number]
         others = [rounded(a) for a in expression.args if not a.is_number]
         constant = expression.func(*numbers)
-        return expression.func(constant if constant.is_Integer else _float(constant), *others)
+        return expression.func(_constant(constant), *others)
     return expression.func(*(rounded(a) for a in expression.args)) if expression.args else expression
+
+
+def _constant(number: sp.Expr) -> sp.Expr:
+    """An integer as it is unless it is too long (numba knows none of more than 64 bits); else the nearest double."""
+    return number if number.is_Integer and abs(number) <= LONGEST else _float(number)
 
 
 def _float(number: sp.Expr) -> sp.Float:

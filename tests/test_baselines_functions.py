@@ -43,6 +43,16 @@ def test_scalar_and_compiled_agree_with_exact_values() -> None:
     assert out == pytest.approx(want, rel=4e-16)
 
 
+def test_long_integers_are_doubles() -> None:
+    """In units far from one: numba takes no integer of more than 64 bits."""
+    field = (10**27 * X + 10**18, 10**27 / (Y + 2**60), sp.Integer(10**30))
+    expected = [10**27 * 0.5 + 10**18, 10**27 / (1.25 + 2**60), 1e30]
+    assert scalar((X, Y), field)(0.0, 0.5, 1.25) == tuple(expected)
+    out = np.empty(3)
+    compiled((X, Y), field)(0.0, np.array([0.5, 1.25]), out)
+    assert out.tolist() == expected
+
+
 def test_a_root_of_a_negative_number_raises_in_python_and_is_nan_compiled() -> None:
     power = [(X + Y) ** sp.Rational(1, 3)]
     with pytest.raises(ValueError, match="domain"):
