@@ -40,7 +40,7 @@ TABLES, NUMBERS = int64[:, :, ::1], float64[:, :, ::1]
 """Types of the arrays that the loop works with."""
 FUNCTIONS: dict[int, Compiled] = {}
 """By its place, each such function and the types that it is called with."""
-TOGETHER = (A_LOOK, A_FINE, A_DECIDE, A_CLEAR), (A_QUAD, A_FLAT_ROOT, A_MINIMUM, A_ABOUT)
+TOGETHER = ALWAYS, (A_LOOK, A_FINE, A_DECIDE, A_CLEAR), (A_QUAD, A_FLAT_ROOT, A_MINIMUM, A_ABOUT)
 """Places of functions that are needed together: who needs one of them loads them all."""
 _table = np.zeros(A_SIZE, dtype=np.int64)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from hashlib import sha256
+from pathlib import Path
 from typing import IO, Any
 
 from henon_ref.jit import cache_folder, compiling
@@ -21,31 +22,61 @@ Compiled = tuple[Any, tuple[Any, ...]]
 """A function and the types that it is to be compiled for."""
 
 
-def compile_all(needed: Iterable[Compiled], ahead: Iterable[Compiled] = ()) -> None:
-    """Make functions callable; ``ahead`` is compiled, too, where there is nothing to do but to wait for another."""
+def compile_all(needed: Iterable[Compiled], parts: Iterable[Compiled] = (), ahead: Iterable[Compiled] = ()) -> None:
+    """Make functions callable.
+
+    Parameters
+    ----------
+    needed : iterable of Compiled
+    parts : iterable of Compiled
+        What those contain: compiled first, so that several processes can share even in one function. Long ones first.
+    ahead : iterable of Compiled
+        What is compiled, too, where there is nothing to do but to wait for another process.
+    """
+    needed, parts, ahead = list(needed), list(parts), list(ahead)
     with compiling():
-        waiting = [each for each in needed if not _compiled(*each, wait=False)]
-        if waiting:
-            for function, types in ahead:
-                function.compile(types)
-        for each in waiting:
-            _compiled(*each, wait=True)
+        if not all(_is_made(*each) for each in needed):
+            _share(parts, ahead)
+            _share(needed, ahead)
+        for function, types in needed:
+            function.compile(types)
 
 
-def _compiled(function: Any, types: tuple[Any, ...], *, wait: bool) -> bool:
-    """Compile a function, or read it from the disk; False where another process is compiling it, unless we wait."""
-    name = f"{function.__module__}.{function.__name__}"
-    turn = cache_folder() / f"{name}-{sha256(str(types).encode()).hexdigest()[:8]}.turn"
-    if types in function.overloads or (turn.exists() and turn.stat().st_size):
-        function.compile(types)
+def _share(functions: list[Compiled], ahead: list[Compiled]) -> None:
+    """See to it that functions are on the disk: compile what nobody else is compiling, wait for the others."""
+    waiting = [each for each in functions if not _made(*each, wait=False)]
+    for each in ahead:
+        if all(_is_made(*other) for other in waiting):
+            break
+        _made(*each, wait=False)
+    for each in waiting:
+        _made(*each, wait=True)
+
+
+def _made(function: Any, types: tuple[Any, ...], *, wait: bool) -> bool:
+    """Compile a function unless it is on the disk; False where another process is at it, unless we wait."""
+    if _is_made(function, types):
         return True
+    turn = _turn(function, types)
     turn.parent.mkdir(parents=True, exist_ok=True)
     with turn.open("a") as file:
         if not _mine(file, wait=wait):
             return False
-        function.compile(types)
-        file.write("compiled\n")
+        if not _is_made(function, types):
+            function.compile(types)
+            file.write("compiled\n")
     return True
+
+
+def _is_made(function: Any, types: tuple[Any, ...]) -> bool:
+    turn = _turn(function, types)
+    return types in function.overloads or (turn.exists() and turn.stat().st_size > 0)
+
+
+def _turn(function: Any, types: tuple[Any, ...]) -> Path:
+    """File that is locked by whoever compiles a function, and has a word in it afterwards."""
+    name = f"{function.__module__}.{function.__name__}"
+    return cache_folder() / f"{name}-{sha256(str(types).encode()).hexdigest()[:8]}.turn"
 
 
 def _mine(file: IO[str], *, wait: bool) -> bool:
