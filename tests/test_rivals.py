@@ -83,7 +83,7 @@ def test_the_cheapest_settings_for_the_same_digits_are_timed() -> None:
     assert duel.matches[1].rival[0].setting == Setting(None, None, 1e-3)
     assert [entry.wall_s for entry in duel.entries] == [1e-5, 2e-5, 3e-5, 4e-5, 2.5e-5, 1e-3]
     assert duel.round_s == pytest.approx(6 * TURN)
-    assert duel.rounds == 66
+    assert duel.rounds == 166
 
 
 def test_where_there_is_no_transition_the_cheapest_right_settings_count() -> None:
@@ -187,6 +187,7 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
     log = tmp_path / "log"
     speeds = {"henon": 0.004, "heyoka": 0.002, "henon-rk4": 0.008}
     sleepers = {name: Sleeper(name, log=str(log), seconds=seconds) for name, seconds in speeds.items()}
+    monkeypatch.setattr(experiment, "SECONDS", 0.4)
     monkeypatch.setattr(registry, "solver", sleepers.__getitem__)
     rows = [entry for entry in ROWS if entry["solver"] != "scipy-dop853"]
     reported(tmp_path, rows)

@@ -25,7 +25,7 @@ COLUMNS = (
     "ratio", "rounds",
 )  # fmt: skip
 """Columns of a match's row: digits (none where there is no transition), settings, medians, their ratio."""
-FEWEST, MOST = 5, 200
+FEWEST, MOST = 9, 200
 """How often each setting is run."""
 TURN = 1e-3
 """Seconds for which a short run is repeated when it is its turn."""

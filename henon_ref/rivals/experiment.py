@@ -17,7 +17,7 @@ from henon_ref.rivals.page import COMPILED, FOLDER, OTHERS, SECOND, write_page
 from henon_ref.score.options import Observer, Options
 from henon_ref.score.truthjob import stored_statement
 
-SECONDS = 0.4
+SECONDS = 1.0
 """Time that the runs of a reading may take in all."""
 COMPILED_LEVELS = (6, 9)
 """Digits at which libraries with compiled callbacks are timed, too: each has to be compiled at each setting."""
