@@ -68,7 +68,7 @@ def _constant(number: sp.Expr) -> sp.Expr:
 
 def _float(number: sp.Expr) -> sp.Float:
     value = number.evalf(40)
-    if not value.is_comparable or not value.is_finite:
+    if not value.is_comparable or not math.isfinite(float(value)):
         raise ModelError(f"the constant {number} is no finite number")
     # 17 decimal digits name a double; sp.Float(float) keeps its 53 bits.
     return sp.Float(float(value), 17)

@@ -21,7 +21,7 @@ from henon_ref.rivals import experiment
 from henon_ref.rivals.duel import COLUMNS, TURN, Duel
 from henon_ref.rivals.experiment import duels_of, run_rivals
 from henon_ref.rivals.match import Entry, Match, compiled_matches
-from henon_ref.rivals.page import COMPILED, OTHERS, cheapest, read_ratios, slower_table, spread_table
+from henon_ref.rivals.page import LIBRARIES, OTHERS, cheapest, read_ratios, slower_table, spread_table
 from henon_ref.score.options import Options, Silent
 from henon_ref.score.settings import Setting
 
@@ -98,7 +98,7 @@ def test_without_a_rival_or_without_the_reference_nothing_is_timed() -> None:
     assert chosen(ROWS[:3]) == chosen(ROWS[3:]) == []
 
 
-LIBRARIES = [
+PLAIN = [
     row("henon", 1e-6, 9.5, 1e-5),
     row("scipy-dop853", 1e-6, 6.5, 4e-3),
     row("scipy-dop853", 1e-9, 9.5, 5e-3),
@@ -111,22 +111,22 @@ LIBRARIES = [
 
 
 def compiled(rows: list[dict[str, object]]) -> list[tuple[int | None, list[tuple[str, float | None]]]]:
-    found = compiled_matches(rows, COMPILED, (6, 9))
-    assert all(match.against == COMPILED and [own.solver for own in match.own] == ["henon"] for match in found)
+    found = compiled_matches(rows, LIBRARIES, (6, 9))
+    assert all(match.against == LIBRARIES and [own.solver for own in match.own] == ["henon"] for match in found)
     return [
         (match.digits, [(entry.solver, entry.setting.rtol) for entry in match.rival])
-        for match in compiled_matches(rows, COMPILED, (6, 9))
+        for match in compiled_matches(rows, LIBRARIES, (6, 9))
     ]
 
 
 def test_the_cheapest_libraries_are_timed_with_compiled_callbacks() -> None:
     """Three, each at the setting that is its cheapest one with plain callbacks; not those without any to compile."""
-    assert compiled(LIBRARIES) == [
+    assert compiled(PLAIN) == [
         (6, [("scipy-dop853+numba", 1e-6), ("scipy-rk45+numba", 1e-9), ("scipy-lsoda+numba", 1e-9)]),
         (9, [("scipy-dop853+numba", 1e-9)]),
     ]
-    assert compiled(LIBRARIES[1:]) == compiled([LIBRARIES[0], *LIBRARIES[6:]]) == []
-    idle = [entry | {"reference_transitions": 0, "digits": None} for entry in LIBRARIES[:3]]
+    assert compiled(PLAIN[1:]) == compiled([PLAIN[0], *PLAIN[6:]]) == []
+    idle = [entry | {"reference_transitions": 0, "digits": None} for entry in PLAIN[:3]]
     assert compiled(idle) == [(None, [("scipy-dop853+numba", 1e-6)])]
 
 
@@ -140,21 +140,28 @@ def test_answers_that_nobody_has_checked_are_checked_before_they_are_timed(monke
         for name, rtol in (("a+numba", 1e-7), ("b+numba", 1e-9), ("c+numba", 1e-10))
     )
     matches = (
-        Match(6, COMPILED, own, (loose, wrong)),
-        Match(7, COMPILED, own, (loose, tight, wrong)),
-        Match(8, COMPILED, own, (loose,)),
-        Match(9, COMPILED, own, (wrong,)),
+        Match(6, LIBRARIES, own, (loose, wrong)),
+        Match(7, LIBRARIES, own, (loose, tight, wrong)),
+        Match(8, LIBRARIES, own, (loose,)),
+        Match(9, LIBRARIES, own, (wrong,)),
     )
     duel = Duel("c", "r", READING.problem, matches, 0.01, 1.0, expected())
-    ((_, rows),) = duel.stages()
+    ((_, (rows, refused)),) = duel.stages()
+    assert refused == [
+        "c, r, c+numba at rtol 1e-10 for 6 digits: it is not right",
+        "c, r, a+numba at rtol 1e-07 for 7 digits: it gets 6.9",
+        "c, r, c+numba at rtol 1e-10 for 7 digits: it is not right",
+        "c, r, a+numba at rtol 1e-07 for 8 digits: it gets 6.9",
+        "c, r, c+numba at rtol 1e-10 for 9 digits: it is not right",
+    ]
     assert [(row["digits"], row["rival"]) for row in rows] == [(6, "a+numba"), (7, "b+numba")]
-    assert all(row["against"] == COMPILED for row in rows)
+    assert all(row["against"] == LIBRARIES for row in rows)
 
 
 def test_what_reads_a_truth_is_timed_with_compiled_callbacks(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert [duel.expected for duel in duels_of(CASE, LIBRARIES, 1.0)] == [None]
+    assert [duel.expected for duel in duels_of(CASE, PLAIN, 1.0)] == [None]
     monkeypatch.setattr(experiment, "stored_statement", statement)
-    assert [duel.expected for duel in duels_of(CASE, LIBRARIES, 1.0)] == [None, expected()]
+    assert [duel.expected for duel in duels_of(CASE, PLAIN, 1.0)] == [None, expected()]
 
 
 @dataclass(frozen=True)
@@ -248,7 +255,7 @@ def test_ratios_are_told_by_rival_and_digits() -> None:
         ratio("b", "idle", None, "heyoka", "heyoka", 2.0),
         ratio("b", "idle", None, "heyoka", OTHERS, 2.0),
         ratio("c", "default", 12.0, "scipy-rk45", OTHERS, 1.5),
-        ratio("c", "default", 9.0, "ida+numba", COMPILED, 0.5),
+        ratio("c", "default", 9.0, "ida+numba", LIBRARIES, 0.5),
     ]
     assert [line[:4] + line[-2:] for line in spread_table(rows).rows] == [
         ("`heyoka`", "6", "2", "0.25", "0.75", "0"),
@@ -256,7 +263,7 @@ def test_ratios_are_told_by_rival_and_digits() -> None:
         (OTHERS, "6", "2", "0.5", "0.75", "0"),
         (OTHERS, "12", "1", "1.5", "1.5", "1"),
         (OTHERS, "no transition", "1", "2", "2", "1"),
-        (COMPILED, "9", "1", "0.5", "0.5", "0"),
+        (LIBRARIES, "9", "1", "0.5", "0.5", "0"),
     ]
     assert slower_table(rows).rows == [
         ("[b, idle](../b/report.md#idle)", "no transition", "`heyoka`", "2 us", "1 us", "2"),

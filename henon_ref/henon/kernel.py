@@ -102,6 +102,9 @@ _steady = apart(A_STEADY, steady, float64, ROWS, int64, int64, float64, float64)
 def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyped-def]
     """Run until the horizon, or until Python is needed.
 
+    A round decides what the last one has left open and looks one step ahead. It is one function because a call hands on
+    an array as seven words, and compiling a function to be inlined takes as long again.
+
     Parameters
     ----------
     state : ndarray, shape (F_STATE + 2 n + I_SIZE + 2 G,)

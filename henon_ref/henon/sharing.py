@@ -1,7 +1,8 @@
 """Compiling what is not on the disk yet: processes that need the same functions share the work.
 
 numba looks on the disk before it compiles a function, one that another function contains, too. Who comes to a function
-that another process is compiling goes on to the next one, and takes that one from the disk afterwards.
+that another process is compiling goes on to the next one, and takes that one from the disk afterwards. A function that
+takes long is shared, too: by the parts that it contains.
 """
 
 from __future__ import annotations

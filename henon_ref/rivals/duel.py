@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -74,12 +75,16 @@ class Duel:
         return PREPARE_SECONDS + 10.0 * (self.rounds + 1) * self.round_s
 
     def stages(self) -> Stages:
-        """Rows of all matches at once."""
+        """Rows of all matches at once, and which rivals have not been timed, a sentence each."""
         runs = {entry: self._prepared(entry) for entry in self.entries}
-        matches = self.matches if self.expected is None else list(_checked(self.matches, runs, self.expected))
+        matches, refused = self.matches, []
+        if self.expected is not None:
+            digits = {entry: _digits(runs[entry], entry, self.expected) for match in matches for entry in match.rival}
+            refused = [f"{self.case}, {self.reading}, {words}" for words in _refused(matches, digits)]
+            matches = _able(matches, digits)
         timed = dict.fromkeys(entry for match in matches for entry in (*match.own, *match.rival))
         times = in_turn({entry: runs[entry] for entry in timed}, rounds=self.rounds, turn=TURN)
-        yield TIMED, [self._row(match, times) for match in matches]
+        yield TIMED, ([self._row(match, times) for match in matches], refused)
 
     def _prepared(self, entry: Entry) -> Run:
         own = entry.setting
@@ -105,15 +110,28 @@ class Duel:
         }
 
 
-def _checked(matches: Sequence[Match], runs: Mapping[Entry, Run], expected: Expected) -> Iterator[Match]:
-    """The matches with those rivals alone that are right to so many digits; none where there is no such rival."""
-    rivals = dict.fromkeys(entry for match in matches for entry in match.rival)
-    scores = {entry: score(runs[entry](), expected, tolerance=entry.setting.rtol) for entry in rivals}
-    good = {entry: scored for entry, scored in scores.items() if scored.verdict == RIGHT}
+def _digits(run: Run, entry: Entry, expected: Expected) -> float:
+    """Digits that a run gets; infinite where it is right and there is nothing to time, -1 where it is not right."""
+    scored = score(run(), expected, tolerance=entry.setting.rtol)
+    if scored.verdict != RIGHT:
+        return -1.0
+    return math.inf if scored.digits is None else scored.digits
+
+
+def _able(matches: Sequence[Match], digits: Mapping[Entry, float]) -> tuple[Match, ...]:
+    """The matches with those rivals alone that get so many digits, where there are any."""
+    found = (replace(m, rival=tuple(e for e in m.rival if digits[e] >= (m.digits or 0))) for m in matches)
+    return tuple(match for match in found if match.rival)
+
+
+def _refused(matches: Sequence[Match], digits: Mapping[Entry, float]) -> Iterator[str]:
+    """What is said of each rival that does not."""
     for match in matches:
-        able = tuple(e for e in match.rival if e in good and (good[e].digits or 0.0) >= (match.digits or 0))
-        if able:
-            yield replace(match, rival=able)
+        for entry in match.rival:
+            if digits[entry] < (match.digits or 0):
+                what = "it is not right" if digits[entry] < 0 else f"it gets {math.floor(10 * digits[entry]) / 10}"
+                wanted = "" if match.digits is None else f" for {match.digits} digits"
+                yield f"{entry.solver} at rtol {entry.setting.rtol:g}{wanted}: {what}"
 
 
 def fight(duels: Mapping[str, Sequence[Duel]], options: Options, observer: Observer) -> tuple[list[Row], list[str]]:
@@ -143,7 +161,9 @@ class _Heard:
 
     def receive(self, lane: Lane, job: Job, stage: str, payload: Any) -> Answer:
         """A duel's rows are in."""
-        self.rows += payload
+        rows, refused = payload
+        self.rows += rows
+        self.failed += refused
         return Answer(None, job.seconds)
 
     def finished(self, lane: Lane, job: Job, failure: Failure | None) -> None:

@@ -13,7 +13,7 @@ from henon_ref.report.ranking import LEVELS, name, readings_of
 from henon_ref.report.write import RUNS
 from henon_ref.rivals.duel import Duel, fight
 from henon_ref.rivals.match import FIRST, compiled_matches, matches
-from henon_ref.rivals.page import COMPILED, FOLDER, OTHERS, SECOND, write_page
+from henon_ref.rivals.page import FOLDER, LIBRARIES, OTHERS, SECOND, write_page
 from henon_ref.score.options import Observer, Options
 from henon_ref.score.truthjob import stored_statement
 
@@ -60,6 +60,6 @@ def duels_of(case: Case, rows: Sequence[Row], deadline: float) -> Iterator[Duel]
         if found:
             yield Duel(case.name, reading.name, reading.problem, found, SECONDS, deadline)
         truth = stored_statement(case, reading)
-        found = tuple(compiled_matches(own, COMPILED, COMPILED_LEVELS))
+        found = tuple(compiled_matches(own, LIBRARIES, COMPILED_LEVELS))
         if found and truth is not None and truth.expected is not None:
             yield Duel(case.name, reading.name, reading.problem, found, SECONDS, deadline, truth.expected)

@@ -74,11 +74,12 @@ def compiled_matches(rows: Sequence[Row], against: str, levels: Sequence[int]) -
         Digits to be reached.
     """
     for level, able in _able(rows, levels):
-        plain = [rows for solver, rows in by_solver(able).items() if solver + registry.COMPILED in registry.names()]
-        best = sorted((_cheapest(rows, [name(rows[0])])[0] for rows in plain), key=_wall)[:CANDIDATES]
-        own, rival = _cheapest(able, (FIRST,)), tuple(replace(e, solver=e.solver + registry.COMPILED) for e in best)
+        own, rival = _cheapest(able, (FIRST,)), []
+        for solver in by_solver(able):
+            if solver + registry.COMPILED in registry.names():
+                rival += [replace(e, solver=e.solver + registry.COMPILED) for e in _cheapest(able, (solver,))[:1]]
         if own and rival:
-            yield Match(level, against, own, rival)
+            yield Match(level, against, own, tuple(sorted(rival, key=_wall)[:CANDIDATES]))
 
 
 def _able(rows: Sequence[Row], levels: Sequence[int]) -> Iterator[tuple[int | None, list[Row]]]:

@@ -20,7 +20,7 @@ from henon_ref.rivals.match import FIRST
 
 FOLDER = "rivals"
 PAGE, RATIOS = "README.md", "ratios.csv"
-SECOND, OTHERS, COMPILED = "heyoka", "the cheapest other", "compiled callbacks"
+SECOND, OTHERS, LIBRARIES = "heyoka", "the cheapest other", "compiled callbacks"
 """What the reference is set against on every reading: the next best, whichever of all others is the cheapest, and
 whichever of the libraries with compiled callbacks is."""
 
@@ -85,7 +85,7 @@ def cheapest(rows: Sequence[Row]) -> dict[tuple[str, str, int], str]:
 def spread_table(rows: Sequence[Row]) -> Table:
     """How the ratios spread over the readings."""
     lines = []
-    for against, label in ((SECOND, f"`{SECOND}`"), (OTHERS, OTHERS), (COMPILED, COMPILED)):
+    for against, label in ((SECOND, f"`{SECOND}`"), (OTHERS, OTHERS), (LIBRARIES, LIBRARIES)):
         for digits in (*LEVELS, None):
             found = [number(row, "ratio") for row in rows if (row["against"], row["digits"]) == (against, digits)]
             if found:
@@ -105,7 +105,7 @@ def slower_table(rows: Sequence[Row], reports: str = "../") -> Table:
     """Where a rival is faster; ``reports``: the folder of the reports, as links have it."""
     lines = []
     for row in rows:
-        if row["against"] in (OTHERS, COMPILED) and number(row, "ratio") > 1:
+        if row["against"] in (OTHERS, LIBRARIES) and number(row, "ratio") > 1:
             case, reading = str(row["case"]), str(row["reading"])
             text, anchor = (case, "") if reading == "default" else (f"{case}, {reading}", f"#{reading}")
             times = (f"{1e6 * number(row, column):.3g} us" for column in ("wall_s", "rival_wall_s"))
