@@ -155,7 +155,6 @@ def compare_all(
     deliver: Callable[[Comparison], None],
     *,
     draw: Draw | None = None,
-    meanwhile: Callable[[], None] | None = None,
     observer: Observer | None = None,
 ) -> None:
     """Compare several cases; each one's comparison is delivered as soon as its last run is in.
@@ -167,8 +166,6 @@ def compare_all(
     deliver : callable
     draw : callable, optional
         Makes the job that draws a reading's figures; None: no figures.
-    meanwhile : callable, optional
-        Called once, while the first runs are at work.
     observer : Observer, optional
         Is told how it gets on.
     """
@@ -176,7 +173,7 @@ def compare_all(
     def hand_over(case: Case, readings: list[ReadingResult], records: list[Record]) -> None:
         deliver(Comparison(case, readings, records, options))
 
-    Campaign(cases, options, hand_over, draw=draw, meanwhile=meanwhile, observer=observer).run()
+    Campaign(cases, options, hand_over, draw=draw, observer=observer).run()
 
 
 def _frame(columns: Sequence[str], rows: Sequence[Row]) -> pd.DataFrame:

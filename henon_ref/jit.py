@@ -18,6 +18,7 @@ from typing import Any
 
 import numba
 from numba.core import config
+from numba.core.registry import cpu_target
 from platformdirs import user_cache_path
 
 
@@ -56,6 +57,12 @@ def cache_root() -> Path:
     """Folder of everything that is compiled: ``NUMBA_CACHE_DIR``, or the user's cache."""
     root = os.environ.get("NUMBA_CACHE_DIR")
     return Path(root) if root else user_cache_path("henon_ref")
+
+
+def warm_up() -> None:
+    """Have numba list what it can compile, as it does anyway before the first function that it compiles or loads."""
+    cpu_target.typing_context.refresh()
+    cpu_target.target_context.refresh()
 
 
 def inner(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

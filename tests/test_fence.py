@@ -3,127 +3,21 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
-import signal
 import subprocess
 import sys
 import textwrap
 import time
 from collections import deque
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from jobs import Act, Collector, Stuck, memory, run
 
-from henon_ref.errors import HenonRefError, UnavailableError, UnsupportedError
+from henon_ref.errors import HenonRefError
 from henon_ref.score import fence, process
-from henon_ref.score.fence import Answer, Fence, Lane
-from henon_ref.score.process import resident_bytes
-from henon_ref.score.worker import Failure
+from henon_ref.score.fence import Fence, Lane
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
-
-
-def memory() -> int:
-    """Bytes that a worker may hold: it begins with what this process holds, which depends on the tests before."""
-    return (resident_bytes(os.getpid()) or 0) + 600 * 2**20
-
-
-@dataclass(frozen=True)
-class Act:
-    """A job that does what its name says."""
-
-    what: str
-    seconds: float = 20.0
-
-    def stages(self):
-        doubled = yield "begun", (self.what, os.getpid())
-        if self.what == "hang":
-            while True:
-                time.sleep(1)
-        elif self.what == "spin":
-            sum(iter(int, 1))  # endless in C: no byte code, so no Python signal handler ever runs
-        elif self.what == "gulp":
-            bytearray(2**50)
-        elif self.what == "kill":
-            os.kill(os.getpid(), signal.SIGKILL)
-        elif self.what == "abort":
-            os.write(2, b"LLVM ERROR: out of registers\n")
-            os.abort()
-        elif self.what == "eat":
-            self.eat()
-        elif self.what == "raise":
-            raise ValueError("bad\n  value")
-        elif self.what == "unsupported":
-            raise UnsupportedError("no events")
-        elif self.what == "unavailable":
-            raise UnavailableError("not installed")
-        elif self.what == "trap":
-            yield "begun", Trap()
-        elif self.what == "children":
-            yield "begun", ("child", subprocess.Popen(["sleep", "60"]).pid)
-            time.sleep(60)
-        yield "result", doubled
-
-    def eat(self):
-        held = []
-        while True:
-            held.append(bytearray(os.urandom(1) * (20 * 2**20)))
-            time.sleep(0.01)
-
-
-def spring():
-    raise RuntimeError("out of\nthe pickle")
-
-
-class Trap:
-    """Fails where it is taken out of a pickle."""
-
-    def __reduce__(self):
-        return spring, ()
-
-
-@dataclass(frozen=True)
-class Stuck:
-    """A job that does not go into a pickle."""
-
-    what: str = "stuck"
-    seconds: float = 20.0
-
-    def __getstate__(self):
-        raise ValueError("no state")
-
-
-class Collector:
-    def __init__(self, seconds: float = 20.0):
-        self.results: dict[str, object] = {}
-        self.failures: dict[str, Failure] = {}
-        self.pids: dict[str, int] = {}
-        self.done: list[str] = []
-        self.seconds = seconds
-
-    def receive(self, lane, job, stage, payload):
-        if stage == "begun":
-            self.pids[payload[0]] = payload[1]
-            return Answer(payload[0] * 2, self.seconds)
-        self.results[job.what] = payload
-        return Answer(None, self.seconds)
-
-    def finished(self, lane, job, failure):
-        self.done.append(job.what)
-        if failure is not None:
-            self.failures[job.what] = failure
-
-    def tick(self):
-        pass
-
-
-def run(*lanes: list[str], collector: Collector | None = None, processes: int = 2) -> Collector:
-    collector = collector or Collector()
-    Fence(processes=processes, memory=memory()).run(
-        [Lane(str(k), deque(Act(what) for what in jobs)) for k, jobs in enumerate(lanes)], collector
-    )
-    return collector
 
 
 def gone(pid: int) -> bool:
@@ -233,33 +127,100 @@ def test_an_interrupt_leaves_no_process_behind():
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the parent-death signal is Linux's")
-def test_workers_die_with_a_killed_parent(tmp_path):
-    script = tmp_path / "parent.py"
-    script.write_text(
-        textwrap.dedent(f"""
-        import sys
-        sys.path.insert(0, {str(Path(__file__).parent)!r})
-        from test_fence import Collector, run
-        class Tell(Collector):
-            def receive(self, lane, job, stage, payload):
-                print(payload[1], flush=True)
-                return super().receive(lane, job, stage, payload)
-        run(["hang"], collector=Tell(60))
-        """)
+@pytest.mark.parametrize("begin", ["", "from henon_ref.score.nursery import begin_nursery; begin_nursery()"])
+def test_workers_die_with_a_killed_parent(tmp_path, begin):
+    parent = subprocess.Popen(
+        [sys.executable, str(script(tmp_path, begin, 'run(["hang"], collector=Tell(60))'))],
+        stdout=subprocess.PIPE,
+        text=True,
     )
-    parent = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
     worker = int(parent.stdout.readline())
+    family = {worker, *begun_by(parent.pid)}  # a fork server and its helper, too
+    assert len(family) == (3 if begin else 1)
     parent.kill()
     parent.wait()
     parent.stdout.close()
-    deadline = time.monotonic() + 5
-    while not gone(worker) and time.monotonic() < deadline:
+    wait_until(lambda: all(gone(pid) for pid in family))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="there is a nursery on Linux only")
+def test_a_nursery_has_imported_what_workers_need_and_does_all_that_a_fence_does(tmp_path):
+    """The command has imported nothing of it; who wants what the command has imported is forked from there."""
+    code = """
+        seen, here = Collector(), Collector()
+        run(["a", "abort", "imported", "kill"], ["b"], collector=seen)
+        Fence(processes=1, memory=memory()).run([Lane("here", deque([Act("imported")]), here=True)], here)
+        words = [seen.failures[what].reason for what in ("abort", "kill")]
+        print(sorted(seen.results.items()), *words, here.results, sep="; ")
+        """
+    begin = "from henon_ref.score.nursery import begin_nursery; begin_nursery()"
+    done = subprocess.run(
+        [sys.executable, str(script(tmp_path, begin, code))], capture_output=True, text=True, check=True, timeout=120
+    )
+    results, abort, kill, here = done.stdout.strip().split("; ")
+    assert results == "[('a', 'aa'), ('b', 'bb'), ('imported', True)]"
+    assert abort.endswith("SIGABRT: LLVM ERROR: out of registers")
+    assert "SIGKILL" in kill
+    assert here == "{'imported': False}"
+    assert done.stderr == ""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="there is a nursery on Linux only")
+def test_an_interrupt_while_the_nursery_imports_says_nothing_of_it(tmp_path):
+    code = "import os, signal, time; time.sleep(0.3); os.killpg(0, signal.SIGINT)"
+    path = tmp_path / "short.py"
+    path.write_text(f"from henon_ref.score.nursery import begin_nursery\nbegin_nursery()\n{code}\n")
+    done = subprocess.run(
+        [sys.executable, str(path)], capture_output=True, text=True, start_new_session=True, timeout=60
+    )
+    assert done.stderr.count("Traceback") == 1
+    assert done.stderr.strip().endswith("KeyboardInterrupt")
+    assert "preloaded" not in done.stderr
+
+
+def test_where_no_nursery_can_be_begun_workers_are_forked(tmp_path):
+    begin = """
+        from multiprocessing import forkserver
+        from henon_ref.score.nursery import begin_nursery
+        def refuse(): raise OSError("no socket")
+        forkserver.ensure_running = refuse
+        begin_nursery()"""
+    done = subprocess.run(
+        [sys.executable, str(script(tmp_path, begin, 'print(run(["a"]).results)'))],
+        capture_output=True, text=True, check=True, timeout=60,
+    )  # fmt: skip
+    assert done.stdout == "{'a': 'aa'}\n"
+
+
+def begun_by(parent: int) -> list[int]:
+    """Processes that a process has begun."""
+    return [int(word) for word in Path(f"/proc/{parent}/task/{parent}/children").read_text().split()]
+
+
+def script(folder: Path, begin: str, code: str) -> Path:
+    """A program that has these tests' jobs."""
+    path = folder / "parent.py"
+    head = textwrap.dedent(f"""
+        import os, sys
+        from collections import deque
+        sys.path.insert(0, {str(Path(__file__).parent)!r})
+        from jobs import Act, Collector, Fence, Lane, Tell, memory, run
+        """)
+    inside = textwrap.indent(textwrap.dedent(begin) + "\n" + textwrap.dedent(code), "    ")
+    path.write_text(f'{head}\nif __name__ == "__main__":\n{inside}\n')
+    return path
+
+
+def wait_until(true, seconds: float = 5.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not true() and time.monotonic() < deadline:
         time.sleep(0.02)
-    assert gone(worker)
+    assert true()
 
 
 def test_spawned_workers_do_the_same(monkeypatch):
-    monkeypatch.setattr(process, "_context", lambda: multiprocessing.get_context("spawn"))
-    seen = run(["a", "kill", "b"])
+    monkeypatch.setattr(process, "_context", lambda *, here: multiprocessing.get_context("spawn"))
+    seen = run(["a", "kill", "b", "abort"])
     assert seen.results == {"a": "aa", "b": "bb"}
     assert "SIGKILL" in seen.failures["kill"].reason
+    assert seen.failures["abort"].reason.endswith("SIGABRT: LLVM ERROR: out of registers")

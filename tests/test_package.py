@@ -58,7 +58,7 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
         _ = henon_ref.no_such_name
 
 
-@pytest.mark.parametrize("before", ["", "from henon_ref.compare import app; "])
+@pytest.mark.parametrize("before", ["", "from henon_ref.report.arguments import app; import henon_ref.compare; "])
 def test_compare_is_the_function_whoever_imported_the_command_first(before: str) -> None:
     """``henon_ref.compare(case)`` works although the command's module has the same name."""
     code = f"{before}import henon_ref\ntry: henon_ref.compare()\nexcept TypeError as e: print(e)"

@@ -77,16 +77,13 @@ def run(request: Request) -> Unmet:
     failures: list[str] = []
     tallies: list[Tally] = []
     demands = dict.fromkeys(request.required, Demand())
-    origin: list[Provenance] = []
-
-    def meanwhile() -> None:
-        if request.figures:
-            preload()
-        environment()
-        origin.append(provenance(rerun_command(request)))
+    if request.figures:
+        preload()
+    environment()
+    origin = provenance(rerun_command(request))
 
     def deliver(comparison: Comparison) -> None:
-        written.append(write_report(comparison, (origin or [provenance(rerun_command(request))])[0], request.out))
+        written.append(write_report(comparison, origin, request.out))
         failures.extend(f"{comparison.case.name}: {words}" for words in comparison.gate_failures())
         tallies.append(gate_tally(comparison.case.readings, comparison.run_rows))
         for solver in demands:
@@ -94,9 +91,9 @@ def run(request: Request) -> Unmet:
 
     with Shown() as shown:
         draw = figure_job if request.figures else None
-        compare_all(cases, options, deliver, draw=draw, meanwhile=meanwhile, observer=shown)
+        compare_all(cases, options, deliver, draw=draw, observer=shown)
         if request.whole:
-            written += experiments(cases, options, origin[0], request.out, shown)
+            written += experiments(cases, options, origin, request.out, shown)
     index = write_index(request.out)
     discard(request.out, cases)
     where = written[0] if len(written) == 1 else index

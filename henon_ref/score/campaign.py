@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -46,8 +46,6 @@ class Campaign:
         Called with the case, its readings' results and its rows.
     draw : callable, optional
         Makes the job that draws a reading's figures, once its rows are in; None: no figures, and no samples.
-    meanwhile : callable, optional
-        Called once, while the first runs are at work.
     observer : Observer, optional
     """
 
@@ -58,14 +56,12 @@ class Campaign:
         deliver: Deliver,
         *,
         draw: Draw | None = None,
-        meanwhile: Callable[[], None] | None = None,
         observer: Observer | None = None,
     ) -> None:
         self.cases = cases
         self.options = options
         self.deliver = deliver
         self.draw = draw
-        self.meanwhile = meanwhile
         self.observer: Observer = observer or Silent()
         self._fence = Fence(processes=options.processes, memory=options.memory)
         self._outcomes: dict[int, Outcome] = {}
@@ -161,9 +157,6 @@ class Campaign:
 
     def tick(self) -> None:
         """Some time has passed."""
-        if self.meanwhile is not None:
-            self.meanwhile()
-            self.meanwhile = None
         self.observer.tick()
 
     def _outcome(self, state: CaseState, job: RunJob) -> Outcome:
@@ -204,7 +197,7 @@ class Campaign:
         result = state.results[reading]
         if state.pending[reading] == 0 and drawable and self.draw is not None and reading_is_drawn(state, result):
             job = self.draw(result, state.records(reading))
-            self._fence.add(CaseLane(state.case.name, deque([job]), "figures", state))
+            self._fence.add(CaseLane(state.case.name, deque([job]), "figures", here=True, state=state))
             state.pending[reading] += 1
         if not state.pending.total():
             self._deliver(state)

@@ -37,6 +37,8 @@ class Lane:
     jobs: deque[Job] = field(default_factory=deque)
     kin: str | None = None
     """Lanes of the same kin may have the same worker, one after the other."""
+    here: bool = False
+    """Whether its worker wants what this process has imported by then."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ class Fence:
                 self._pass_on(lane, worker)
             return
         job = lane.jobs.popleft()
-        slot = _Slot(lane, worker or Process(self.memory), job, time.monotonic() + job.seconds)
+        slot = _Slot(lane, worker or Process(self.memory, here=lane.here), job, time.monotonic() + job.seconds)
         self._slots.append(slot)
         try:
             message = ForkingPickler.dumps(job)

@@ -118,7 +118,7 @@ def case_lanes(
     queues = [(name, queue) for name, queue in reversed(jobs.items()) if queue]
     if len(queues) < options.processes:
         queues = [(name, deque(own)) for name, queue in queues for _, own in groupby(queue, lambda job: job.reading)]
-    return state, [CaseLane(case.name, deque(queue), f"{case.name} {name}", state) for name, queue in queues]
+    return state, [CaseLane(case.name, deque(queue), f"{case.name} {name}", state=state) for name, queue in queues]
 
 
 def reading_is_drawn(state: CaseState, result: ReadingResult) -> bool:

@@ -1,7 +1,8 @@
 """Worker processes: how they are begun and ended, and what they hold.
 
-Workers are forked on Linux while the caller has a single thread; elsewhere they are spawned, and a script that
-begins one needs the usual ``if __name__ == "__main__"`` guard.
+A program that has chosen multiprocessing's fork server, as the command has (:mod:`henon_ref.score.nursery`), has its
+workers from there. Else they are forked on Linux while the caller has a single thread; elsewhere they are spawned, and
+a script that begins one needs the usual ``if __name__ == "__main__"`` guard.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pathlib import Path
 from typing import IO
 
 from henon_ref.score.plaintext import plain_text
-from henon_ref.score.worker import serve
+from henon_ref.score.worker import Descriptor, serve
 
 LOG_TAIL = 4000
 """Bytes of a dead worker's output that are searched for its last words."""
@@ -32,16 +33,17 @@ class Process:
     ----------
     memory : int
         Bytes that it may hold.
+    here : bool
+        Whether to fork it from this process where that can be, so that it has all that this has imported.
     """
 
-    def __init__(self, memory: int) -> None:
-        context = _context()
+    def __init__(self, memory: int, *, here: bool = False) -> None:
+        context = _context(here=here)
         self.log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in stop()
         self.connection, theirs = multiprocessing.Pipe()
-        # A spawned process does not inherit the file: its last words are lost.
-        log = self.log.fileno() if context.get_start_method() == "fork" else None
+        log = None if sys.platform == "win32" else Descriptor(self.log.fileno())
         self._process: BaseProcess = context.Process(  # type: ignore[attr-defined]
-            target=serve, args=(theirs, os.getpid(), memory, log), daemon=True
+            target=serve, args=(theirs, memory, log), daemon=True
         )
         with warnings.catch_warnings():
             # BLAS keeps threads of its own, which survive a fork by its own handlers.
@@ -94,6 +96,9 @@ def resident_bytes(pid: int | None) -> int | None:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-def _context() -> BaseContext:
-    single = sys.platform == "linux" and threading.active_count() == 1
-    return multiprocessing.get_context("fork" if single else "spawn")
+def _context(*, here: bool) -> BaseContext:
+    served = multiprocessing.get_start_method(allow_none=True) == "forkserver"
+    forkable = sys.platform == "linux" and threading.active_count() == 1
+    if served and not (here and forkable):
+        return multiprocessing.get_context("forkserver")
+    return multiprocessing.get_context("fork" if forkable else "spawn")

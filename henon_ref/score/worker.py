@@ -7,20 +7,22 @@ message; only a signal ends the worker without one.
 
 from __future__ import annotations
 
-import ctypes
 import faulthandler
 import gc
+import multiprocessing
 import os
 import signal
 import sys
 from collections.abc import Generator
 from dataclasses import dataclass
+from multiprocessing import reduction
 from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any, Protocol
 
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.score.plaintext import plain_text
+from henon_ref.score.upkeep import die_with_parent
 from henon_ref.trajectory import Status
 
 Message = tuple[str, Any]
@@ -54,21 +56,33 @@ class Failure:
     reason: str
 
 
-def serve(connection: Connection, parent: int, memory: int, log: int | None) -> None:
+class Descriptor:
+    """A file descriptor on its way to another process, however that is begun."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _arrived, (reduction.DupFd(self.number),)
+
+
+def _arrived(descriptor: Any) -> Descriptor:
+    return Descriptor(descriptor.detach())
+
+
+def serve(connection: Connection, memory: int, log: Descriptor | None) -> None:
     """Do jobs until the parent closes the connection.
 
     Parameters
     ----------
     connection : Connection
         Brings jobs and answers, takes messages.
-    parent : int
-        Process id of the parent; the worker dies with it.
     memory : int
         Bytes of data that the worker may allocate.
-    log : int, optional
-        File descriptor that takes the place of standard output and standard error; None: they are thrown away.
+    log : Descriptor, optional
+        What takes the place of standard output and standard error; None: they are thrown away.
     """
-    _isolate(parent, memory, log)
+    _isolate(memory, log)
     gc.freeze()  # what a fork has brought along stays: it need not be looked through again and again
     while True:
         try:
@@ -132,7 +146,7 @@ def _said(error: BaseException) -> str:
         return ""
 
 
-def _isolate(parent: int, memory: int, log: int | None) -> None:
+def _isolate(memory: int, log: Descriptor | None) -> None:
     """A session and a process group of its own, quiet, bounded, and never outliving the parent."""
     faulthandler.disable()  # a crash is told by its signal; the parent's handler would write to its terminal
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -140,11 +154,11 @@ def _isolate(parent: int, memory: int, log: int | None) -> None:
     if hasattr(os, "setsid"):
         os.setsid()
     if sys.platform == "linux":
-        _die_with(parent)
+        _die_with_parent()
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:  # as where the shell has closed it
             stream.flush()
-    target = os.open(os.devnull, os.O_WRONLY) if log is None else log
+    target = os.open(os.devnull, os.O_WRONLY) if log is None else log.number
     os.dup2(target, 1)
     os.dup2(target, 2)
     if sys.platform != "win32":
@@ -157,9 +171,9 @@ def _isolate(parent: int, memory: int, log: int | None) -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
 
 
-def _die_with(parent: int) -> None:
-    """Ask the kernel for SIGKILL when the parent ends, however it ends."""
-    set_parent_death_signal = 1
-    ctypes.CDLL(None, use_errno=True).prctl(set_parent_death_signal, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() != parent:  # it ended before the request was in force
+def _die_with_parent() -> None:
+    """Make sure that this process ends when the one that wants its work does, however that ends."""
+    die_with_parent()
+    parent = multiprocessing.parent_process()
+    if parent is not None and not parent.is_alive():  # it ended before the request was in force
         os._exit(1)

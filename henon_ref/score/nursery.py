@@ -1,0 +1,25 @@
+"""A nursery: a process that imports what workers need while the command reads its cases, and that they are forked from.
+
+It is the fork server of :mod:`multiprocessing`. On one core after the other, a worker would begin half a second later.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import sys
+from multiprocessing import forkserver
+
+PRELOADED = "henon_ref.score.preloaded"
+"""The module that it imports."""
+
+
+def begin_nursery() -> None:
+    """From here on workers are forked from a process that is begun now (on Linux, and where it can be begun)."""
+    if sys.platform != "linux":
+        return
+    multiprocessing.set_start_method("forkserver")
+    multiprocessing.set_forkserver_preload([PRELOADED])
+    try:
+        forkserver.ensure_running()
+    except OSError:  # such as where no socket can be made: workers are begun as they are elsewhere
+        multiprocessing.set_start_method(None, force=True)
