@@ -68,11 +68,17 @@ def warm_up() -> None:
 def inner(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """:func:`njit` for functions that only compiled code calls: no wrappers for Python, a third less to compile.
 
-    What every step passes through is asked to be inlined (``forceinline=True``): a call hands on an array as seven
-    words. So is what the compiler may fuse or reorder (``fastmath``), unless it stands apart
+    What every step passes through is asked to be inlined (``forceinline=True``): calls would take some percent of a
+    run. So is what the compiler may fuse or reorder (``fastmath``), unless it stands apart
     (:mod:`henon_ref.henon.apart`): a process that compiles has such a function twice, with other last digits.
     """
     return njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
+
+
+def in_python(compiled: Callable[..., Any]) -> Callable[..., Any]:
+    """The Python function that a compiled one was made from, for callers that are in Python."""
+    function: Callable[..., Any] = compiled.py_func  # type: ignore[attr-defined]
+    return function
 
 
 def njit(*, allocates: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

@@ -8,6 +8,7 @@ from henon_ref.henon import registers as k
 from henon_ref.henon.apart import load, table
 from henon_ref.henon.near import look_near
 from henon_ref.henon.near_program import NearPrograms
+from henon_ref.henon.views import row_of
 from henon_ref.jit import njit
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
@@ -15,7 +16,7 @@ from henon_ref.model.system import FilippovSystem
 
 @njit()
 def _look(floats, integers, layout):  # type: ignore[no-untyped-def]
-    return look_near(floats, integers, layout)
+    return look_near(row_of(floats), row_of(integers), layout)
 
 
 def look(system: FilippovSystem, mode: Mode, floats: Any, integers: Any, layout: Any) -> int:
@@ -25,4 +26,5 @@ def look(system: FilippovSystem, mode: Mode, floats: Any, integers: Any, layout:
     for place in (k.A_LOOK, k.A_QUAD, k.A_FACTORED, k.A_START):
         load(place)
     integers[k.I_APART] = table()
+    integers[k.I_STATES], integers[k.I_GUARDS] = (len(floats) - k.F_STATE) // 2, (len(integers) - k.I_SIZE) // 2
     return int(_look(floats, integers, layout))

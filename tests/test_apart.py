@@ -18,6 +18,7 @@ from henon_ref.henon import apart, polynomial
 from henon_ref.henon import registers as k
 from henon_ref.henon import session as sessions
 from henon_ref.henon.solvers import HENON_BRENT, HENON_SOLVER
+from henon_ref.henon.views import row_of
 from henon_ref.model.case import load_case
 
 CASES = Path(__file__).parent.parent / "cases"
@@ -103,7 +104,7 @@ def test_the_loop_does_not_compile_with_other_types_than_a_function_takes(monkey
 
     @numba.njit
     def wrong(integers, q, degree):  # type: ignore[no-untyped-def]
-        return value(integers, q, degree, 1)
+        return value(row_of(integers), q, degree, 1)
 
     with pytest.raises(numba.TypingError, match="value takes"):
         wrong(np.zeros(k.I_SIZE, dtype=np.int64), np.zeros(3), 2)

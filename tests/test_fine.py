@@ -19,6 +19,7 @@ from henon_ref.henon import program as lowered
 from henon_ref.henon.apart import load, table
 from henon_ref.henon.compiled import quad_double
 from henon_ref.henon.registers import A_START, I_APART, I_SIZE
+from henon_ref.henon.views import row_of
 from henon_ref.jit import njit
 from henon_ref.model.equations import TIME
 from henon_ref.taylor.expand import Ring, expand
@@ -53,8 +54,9 @@ def expanded(  # type: ignore[no-untyped-def]
 ):
     """The interpreter, for Python."""
     return fine.expand_fine(
-        integers, codes, constants, field, outputs, t, t_low, x, x_low, unit, unit_low, order, least, high, low, sizes
-    )
+        row_of(integers), codes, constants, field, outputs, t, t_low, x, x_low, unit, unit_low, order, least, high, low,
+        sizes,
+    )  # fmt: skip
 
 
 @njit()

@@ -34,10 +34,11 @@ from henon_ref.henon.registers import (
     I_MISSING,
 )
 from henon_ref.henon.sharing import Compiled, compile_all
+from henon_ref.henon.views import INTEGERS
 
 ROW, ROWS, COUNTS, LAYOUT = float64[::1], float64[:, ::1], int64[::1], int64[:, ::1]
 TABLES, NUMBERS = int64[:, :, ::1], float64[:, :, ::1]
-"""Types of the arrays that the loop works with."""
+"""Types of arrays; what the loop itself works with are views of them (:mod:`henon_ref.henon.views`)."""
 FUNCTIONS: dict[int, Compiled] = {}
 """By its place, each such function and the types that it is called with."""
 TOGETHER = ALWAYS, (A_LOOK, A_FINE, A_DECIDE, A_CLEAR), (A_QUAD, A_FLAT_ROOT, A_MINIMUM, A_ABOUT)
@@ -63,7 +64,7 @@ def apart(place: int, function: Any, result: Any, *given: Any) -> Callable[..., 
 
     @intrinsic
     def call(typing, integers, *arguments):  # type: ignore[no-untyped-def]
-        if integers != COUNTS or arguments != given:
+        if integers != INTEGERS or arguments != given:
             raise TypingError(f"{function.__name__} takes {given}, not {arguments}")
 
         def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
@@ -87,13 +88,12 @@ def missing(typing, integers, place):  # type: ignore[no-untyped-def]
         builder.store(builder.select(absent, values[1], builder.load(note)), note)
         return absent
 
-    return boolean(COUNTS, int64), codegen
+    return boolean(INTEGERS, int64), codegen
 
 
 def _register(context: Any, builder: Any, integers: Any, register: int) -> Any:
     """Where a register of a run is in memory."""
-    data = context.make_array(COUNTS)(context, builder, value=integers).data
-    return builder.gep(data, [context.get_constant(int64, register)])
+    return builder.gep(integers, [context.get_constant(int64, register)])
 
 
 def _entry(context: Any, builder: Any, integers: Any, place: Any) -> Any:

@@ -11,16 +11,17 @@ from henon_ref.henon.registers import (
     F_TIME,
     G_INDEX,
     G_KIND,
-    I_BLOCK,
+    I_GUARDS,
     I_ORDER,
     I_RHS,
-    I_SIZE,
+    I_STATES,
     I_WORK,
     REMEMBERED,
     SURFACE,
     T_EXPANSION,
     T_GUARDS,
 )
+from henon_ref.henon.views import rest_of
 from henon_ref.henon.workspace import work_space
 from henon_ref.jit import inner
 
@@ -42,12 +43,12 @@ def zeros_beyond(floats, integers, target, layout, constants, surface):  # type:
     zero. No slide is possible where that leaves: of two fields that point the same way at a surface no mean is
     tangent to it (Filippov 1988, Sec. 4).
     """
-    n, most = (floats.size - F_STATE) // 2, (integers.size - I_SIZE) // 2
+    n, most = integers[I_STATES], integers[I_GUARDS]
     order = integers[I_ORDER]
-    band = work_space(integers[I_WORK], n, most, order, integers[I_BLOCK])[0]
+    band = work_space(integers[I_WORK], n, most, order)[0]
     remembered = floats[F_SIZE + (target if target < REMEMBERED else REMEMBERED - 1)]
     sigma = remembered if remembered > 0.0 else floats[F_SIGMA]
-    x = floats[F_STATE : F_STATE + n]
+    x = rest_of(floats, F_STATE)
     for g in range(layout[0, T_GUARDS]):
         if layout[1 + g, G_KIND] == SURFACE and layout[1 + g, G_INDEX] == surface:
             for _ in range(TIMES):

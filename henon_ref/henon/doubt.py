@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import int64
 
-from henon_ref.henon.apart import COUNTS, LAYOUT, ROW, apart, missing
+from henon_ref.henon.apart import apart, missing
 from henon_ref.henon.beyond import zeros_beyond
 from henon_ref.henon.near import look_near
 from henon_ref.henon.recording import crowded, record, start
@@ -26,6 +26,7 @@ from henon_ref.henon.registers import (
     GRAZE,
     I_ARRIVED,
     I_GUARD,
+    I_GUARDS,
     I_LANDING,
     I_MODE,
     I_SIZE,
@@ -34,10 +35,11 @@ from henon_ref.henon.registers import (
     RELEASE,
     SURFACE,
 )
+from henon_ref.henon.views import DOUBLES, INTEGERS, TABLE, rest_of, rows_in
 from henon_ref.henon.window import OPEN, ROOT, TOUCH, UNSURE
 from henon_ref.jit import inner
 
-_zeros_beyond = apart(A_BEYOND, zeros_beyond, int64, ROW, COUNTS, int64, LAYOUT, ROW, int64)
+_zeros_beyond = apart(A_BEYOND, zeros_beyond, int64, DOUBLES, INTEGERS, int64, TABLE, DOUBLES, int64)
 
 
 @inner()
@@ -46,15 +48,15 @@ def look_closer(floats, integers, records, tables, numbers):  # type: ignore[no-
 
     What it comes to counts for nothing where a function turns out to be missing.
     """
-    n, most = (floats.size - F_STATE) // 2, (integers.size - I_SIZE) // 2
+    most = integers[I_GUARDS]
     mode, guard = integers[I_MODE], integers[I_GUARD]
-    layout = tables[mode]
+    layout = rows_in(tables, mode)
     integers[I_ARRIVED] = 0
     outcome = look_near(floats, integers, layout)
     if outcome in (UNSURE, OPEN):
         integers[I_WHAT] = outcome
         return DOUBTFUL
-    x, index = floats[F_STATE : F_STATE + n], layout[1 + guard, G_INDEX]
+    x, index = rest_of(floats, F_STATE), layout[1 + guard, G_INDEX]
     if outcome == TOUCH:  # a stick whose own end is touched goes on, and nothing is told
         record(floats, integers, x, records, GRAZE, index, mode, mode, integers[I_LANDING])
     if outcome == ROOT and integers[I_SIZE + most + guard] == 1:
@@ -63,13 +65,15 @@ def look_closer(floats, integers, records, tables, numbers):  # type: ignore[no-
             alone = alone and (g == guard or integers[I_SIZE + most + g] == 0)
         if not alone or target < 0 or not _goes_through(layout[1 + guard]) or missing(integers, A_BEYOND):
             return FOUND
-        zeros = _zeros_beyond(integers, floats, integers, target, tables[target], numbers[target, 0], index)
+        zeros = _zeros_beyond(
+            integers, floats, integers, target, rows_in(tables, target), rows_in(numbers, target)[0], index
+        )
         if zeros == 0:
             return FOUND
         what = CROSS if layout[1 + guard, G_KIND] == SURFACE else FREE
         record(floats, integers, x, records, what, index, mode, target, integers[I_LANDING])
         integers[I_MODE] = target
-        start(integers[I_SIZE : I_SIZE + most], tables[target], index, zeros)
+        start(rest_of(integers, I_SIZE), rows_in(tables, target), index, zeros)
         return ACCUMULATED if crowded(floats, integers) else ON
     return EVENT if integers[I_ARRIVED] > 0 else ON
 

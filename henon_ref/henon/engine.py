@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.compiled import CompiledSystem, double_double
 from henon_ref.henon.near_program import NearPrograms
+from henon_ref.henon.registers import R_STATE
 from henon_ref.henon.session import Session
 from henon_ref.henon.settling import settling_space
 from henon_ref.henon.state import CHUNK, Start
@@ -38,8 +39,8 @@ class Scratch(NamedTuple):
 
 def _scratch(compiled: CompiledSystem) -> Scratch:
     n, most = len(compiled.system.states), compiled.most_guards
-    width, room, _, records, end = work_places(n, most, compiled.order, CHUNK)
-    work = np.zeros(end)
+    width, room, _, records = work_places(n, most, compiled.order)
+    work = np.zeros(records + CHUNK * (R_STATE + n))
     return Scratch(work, work[:room].reshape(-1, width), work[records:].reshape(CHUNK, -1))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import boolean, float64, int64, types
 
-from henon_ref.henon.apart import ROW, ROWS, apart, missing
+from henon_ref.henon.apart import apart, missing
 from henon_ref.henon.calls import call_bernstein
 from henon_ref.henon.landing import brent, land
 from henon_ref.henon.polynomial import (
@@ -36,16 +36,17 @@ from henon_ref.henon.registers import (
     T_GUARDS,
     TANGENT,
 )
+from henon_ref.henon.views import DOUBLES, GRID, rest_of
 from henon_ref.jit import inner
 
 FLAT = 1e-5
 """Relative steepness of a guard at its root below which the root is left to a closer look in multiprecision."""
 _isolate = apart(
-    A_ISOLATE, first_falling_root, types.Tuple((int64, float64, float64)), ROW, int64, ROWS, ROWS
+    A_ISOLATE, first_falling_root, types.Tuple((int64, float64, float64)), DOUBLES, int64, GRID, GRID
 )  # fmt: skip
-call_factored = apart(A_FACTORED, factored, boolean, ROW, int64, int64, ROW, ROW)
-_land = apart(A_LAND, land, types.Tuple((float64, int64, int64)), ROW, int64, float64, float64, int64)
-_brent = apart(A_BRENT, brent, types.Tuple((float64, int64)), ROW, int64, float64, float64)
+call_factored = apart(A_FACTORED, factored, boolean, DOUBLES, int64, int64, DOUBLES, DOUBLES)
+_land = apart(A_LAND, land, types.Tuple((float64, int64, int64)), DOUBLES, int64, float64, float64, int64)
+_brent = apart(A_BRENT, brent, types.Tuple((float64, int64)), DOUBLES, int64, float64, float64)
 
 
 @inner(forceinline=True)
@@ -54,7 +55,7 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, metho
 
     Whatever it is, it counts for nothing where a function turns out to be missing.
     """
-    powers, scaled, stack = work[0], work[1], work[2:]
+    powers, scaled, stack = work[0], work[1], rest_of(work, 2)
     best, hit, doubtful, used = 2.0, -1, False, 0
     powers[0] = 0.0
     for g in range(layout[0, T_GUARDS]):
@@ -63,7 +64,7 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, metho
             continue
         if powers[0] == 0.0:
             powers_of(theta, powers, order)
-        q = c[n + g, zeros:]
+        q = rest_of(c[n + g], zeros)
         degree = order - zeros
         if zeros > 0:
             if q[0] > 0.0 and excluded(q, powers, degree):
@@ -114,7 +115,7 @@ def below_zero(row, order, surface):  # type: ignore[no-untyped-def]
     return 0, abs(row[0]) + size != 0.0
 
 
-_below_zero = apart(A_BELOW, below_zero, types.Tuple((int64, boolean)), ROW, int64, boolean)
+_below_zero = apart(A_BELOW, below_zero, types.Tuple((int64, boolean)), DOUBLES, int64, boolean)
 
 
 @inner(forceinline=True)
@@ -153,7 +154,7 @@ def ends_at_zero(row, zeros, order, theta, rising_only):  # type: ignore[no-unty
 @inner(forceinline=True)
 def at_zero(row, zeros, order, tau, rising_only):  # type: ignore[no-untyped-def]
     """True if a guard is at zero at the event of another one, as far as rounding can tell."""
-    q = row[zeros:]
+    q = rest_of(row, zeros)
     degree = order - zeros
     if rising_only and q[0] < 0.0:
         return False

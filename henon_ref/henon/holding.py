@@ -12,13 +12,13 @@ EDGE = 1e-9
 
 
 @inner()
-def held(t, low, sigma, x, index, layout, constants, ahead, order):  # type: ignore[no-untyped-def]
+def held(t, low, sigma, n, x, index, layout, constants, ahead, order):  # type: ignore[no-untyped-def]
     """+1 inside the hold zone of a surface, -1 outside, 0 where that is not clear.
 
     Parameters
     ----------
-    t, low, sigma, x
-        Time, what rounding it lost, a unit of time, and the state of shape (n,).
+    t, low, sigma, n, x
+        Time, what rounding it lost, a unit of time, states, and the state.
     index : int
         The surface.
     layout : ndarray of int
@@ -28,7 +28,6 @@ def held(t, low, sigma, x, index, layout, constants, ahead, order):  # type: ign
     ahead : ndarray
         Work space of its expansion.
     """
-    n = x.size
     call_expand(layout[0, T_EXPANSION], t, low, sigma, x, constants, ahead)
     least, size = 1e300, 0.0
     for g in range(layout[0, T_GUARDS]):

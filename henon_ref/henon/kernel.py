@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from numba import boolean, float64, int64, types
 
-from henon_ref.henon.apart import COUNTS, LAYOUT, NUMBERS, ROW, ROWS, TABLES, apart, missing
+from henon_ref.henon.apart import NUMBERS, ROWS, TABLES, apart, missing
 from henon_ref.henon.calls import call_closing
 from henon_ref.henon.clock import add_time, remaining, stands
 from henon_ref.henon.doubt import look_closer
 from henon_ref.henon.events import at_zero, ends_at_zero, fails_at_once, first_event
 from henon_ref.henon.passage import through_event
 from henon_ref.henon.polynomial import DEPTH
-from henon_ref.henon.primitives import integers_of, smaller
+from henon_ref.henon.primitives import smaller
 from henon_ref.henon.recording import sample
 from henon_ref.henon.registers import (
     A_LOOK,
@@ -76,6 +76,7 @@ from henon_ref.henon.registers import (
 )
 from henon_ref.henon.stepping import CUT, LEAP, glide, grows, move, polish
 from henon_ref.henon.trust import steady, swells, trusted
+from henon_ref.henon.views import DOUBLES, GRID, INTEGERS, TABLE, integers_in, rest_of, row_of, rows_in
 from henon_ref.henon.workspace import work_space
 from henon_ref.jit import njit
 
@@ -83,27 +84,27 @@ BUDGET = 50_000
 """Steps between two looks at the clock, in Python."""
 
 
-call_look = apart(A_LOOK, look_closer, int64, ROW, COUNTS, ROWS, TABLES, NUMBERS)
-_sample = apart(A_SAMPLE, sample, types.void, ROW, COUNTS, ROWS, int64, float64, int64, ROWS)
+call_look = apart(A_LOOK, look_closer, int64, DOUBLES, INTEGERS, GRID, TABLES, NUMBERS)
+_sample = apart(A_SAMPLE, sample, types.void, DOUBLES, INTEGERS, GRID, int64, float64, int64, ROWS)
 _polish = apart(
     A_POLISH, polish, types.void,
-    ROW, COUNTS, ROW, ROW, LAYOUT, ROW, ROWS, ROW, int64, float64, float64,
+    DOUBLES, INTEGERS, DOUBLES, DOUBLES, TABLE, DOUBLES, GRID, DOUBLES, int64, float64, float64,
 )  # fmt: skip
 _trusted = apart(
     A_TRUSTED, trusted, float64,
-    ROW, COUNTS, ROW, LAYOUT, ROW, ROWS, ROWS, ROW, ROW, int64, float64, boolean, boolean,
+    DOUBLES, INTEGERS, DOUBLES, TABLE, DOUBLES, GRID, GRID, DOUBLES, DOUBLES, int64, float64, boolean, boolean,
 )  # fmt: skip
 
 
-_steady = apart(A_STEADY, steady, float64, ROWS, int64, int64, float64, float64)
+_steady = apart(A_STEADY, steady, float64, GRID, int64, int64, float64, float64)
 
 
 @njit()
 def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyped-def]
     """Run until the horizon, or until Python is needed.
 
-    A round decides what the last one has left open and looks one step ahead. It is one function because a call hands on
-    an array as seven words, and compiling a function to be inlined takes as long again.
+    A round decides what the last one has left open and looks one step ahead. It is one function because compiling one
+    to be inlined takes as long again, and a call costs some percent of a run.
 
     Parameters
     ----------
@@ -130,16 +131,17 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
         be loaded.
     """
     most = tables.shape[1] - 1
-    own = state.size - I_SIZE - 2 * most
-    floats, integers = state[:own], integers_of(state, own, I_SIZE + 2 * most)
-    n = (own - F_STATE) // 2
+    n = (state.size - F_STATE - I_SIZE - 2 * most) // 2
+    floats = row_of(state)
+    integers = integers_in(rest_of(floats, F_STATE + 2 * n))
     order = integers[I_ORDER]
-    band, room, before, records = work_space(integers[I_WORK], n, most, order, integers[I_BLOCK])
-    x, x_low = floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
-    multiplicity, hits = integers[I_SIZE : I_SIZE + most], integers[I_SIZE + most :]
+    band, room, before, records = work_space(integers[I_WORK], n, most, order)
+    x, x_low = rest_of(floats, F_STATE), rest_of(floats, F_STATE + n)
+    multiplicity, hits = rest_of(integers, I_SIZE), rest_of(integers, I_SIZE + most)
     rows = n + most + 1
-    c, ahead, work, bounds = band[:rows], band[rows : 2 * rows], band[2 * rows :], band[2 * rows + 4 + DEPTH :]
-    change, point = room[: n + most], room[n + most : 2 * n + most]
+    c, ahead, work = band, rest_of(band, rows), rest_of(band, 2 * rows)
+    bounds = rest_of(work, 4 + DEPTH)
+    change, lower, point = room, rest_of(room, n), rest_of(room, n + most)
     for i in range(state.size):
         before[i] = state[i]
     stop_at = integers[I_STEPS] + BUDGET
@@ -165,7 +167,7 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
         if mode != integers[I_STEPPED] and floats[slot] > 0.0:
             floats[F_SIGMA] = smaller(floats[slot], floats[F_CAP])
         integers[I_STEPPED] = mode
-        layout, constants = tables[mode], numbers[mode, 0]
+        layout, constants = rows_in(tables, mode), rows_in(numbers, mode)[0]
         guards = layout[0, T_GUARDS]
         if integers[I_COUNT] + 1 > integers[I_BLOCK]:
             return FULL
@@ -207,7 +209,7 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
             integers[I_GUARD] = NOWHERE
             return RESOLVE
         best, hit, doubtful, used = first_event(
-            integers, c, n, order, layout, multiplicity, change[n:], theta, integers[I_METHOD], work, bounds
+            integers, c, n, order, layout, multiplicity, lower, theta, integers[I_METHOD], work, bounds
         )
         if integers[I_MISSING] > 0:
             break
@@ -241,7 +243,7 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
                 at_once = g == hit or at_zero(c[n + g], multiplicity[g], order, part, layout[1 + g, G_RISING])
                 hits[g] = 1 if at_once else 0
             call_closing(layout[0, T_CLOSING], part, c, change)
-        bounded = move(x, x_low, change)
+        bounded = move(n, x, x_low, change)
         if not stands(floats, part * sigma):
             integers[I_STALLED] = 0
         add_time(floats, part * sigma)
@@ -256,7 +258,8 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
             if layout[1 + hit, G_KIND] == RELEASE:
                 _polish(integers, floats, integers, x, x_low, layout, constants, ahead, change, n + hit, sigma, theta)
             continue
-        multiplicity[:guards] = 0
+        for g in range(guards):
+            multiplicity[g] = 0
         if final:
             floats[F_TIME], floats[F_LOW] = floats[F_UNTIL], floats[F_UNTIL_LOW]
             return HORIZON

@@ -6,13 +6,14 @@ from typing import Any
 
 from numba import boolean, float64, int64, typeof
 
-from henon_ref.henon.apart import COUNTS, FUNCTIONS, LAYOUT, NUMBERS, ROW, ROWS, TABLES
+from henon_ref.henon.apart import FUNCTIONS, NUMBERS, ROW, ROWS, TABLES
 from henon_ref.henon.events import ends_at_zero, fails_at_once, first_event
 from henon_ref.henon.kernel import advance
 from henon_ref.henon.passage import through_event
 from henon_ref.henon.registers import A_TRUSTED, ALWAYS
 from henon_ref.henon.sharing import Compiled, compile_all
 from henon_ref.henon.stepping import glide
+from henon_ref.henon.views import DOUBLES, GRID, INTEGERS, TABLE
 
 
 def called(settling: Any) -> tuple[Compiled, ...]:
@@ -21,11 +22,11 @@ def called(settling: Any) -> tuple[Compiled, ...]:
     ``settling``: type of that argument. What takes longest comes first.
     """
     return (
-        (glide, (ROW, COUNTS, ROW, ROW, COUNTS, LAYOUT, ROW, ROWS, ROW, boolean, int64)),
-        (through_event, (ROW, COUNTS, ROWS, TABLES, NUMBERS, settling, ROWS, ROW)),
-        (first_event, (COUNTS, ROWS, int64, int64, LAYOUT, COUNTS, ROW, float64, int64, ROWS, ROWS)),
-        (ends_at_zero, (ROW, int64, int64, float64, int64)),
-        (fails_at_once, (COUNTS, ROWS, int64, int64, LAYOUT, COUNTS, COUNTS)),
+        (glide, (DOUBLES, INTEGERS, DOUBLES, DOUBLES, INTEGERS, TABLE, DOUBLES, GRID, DOUBLES, boolean, int64)),
+        (through_event, (DOUBLES, INTEGERS, GRID, TABLES, NUMBERS, settling, GRID, DOUBLES)),
+        (first_event, (INTEGERS, GRID, int64, int64, TABLE, INTEGERS, DOUBLES, float64, int64, GRID, GRID)),
+        (ends_at_zero, (DOUBLES, int64, int64, float64, int64)),
+        (fails_at_once, (INTEGERS, GRID, int64, int64, TABLE, INTEGERS, INTEGERS)),
     )
 
 

@@ -14,7 +14,7 @@ from henon_ref.henon.clock import remaining
 from henon_ref.henon.events import at_zero, call_factored
 from henon_ref.henon.fine import expand_fine
 from henon_ref.henon.nearer import look_nearer
-from henon_ref.henon.primitives import doubles_at, integers_at
+from henon_ref.henon.primitives import array_of, doubles_at, integers_at
 from henon_ref.henon.program import COLUMNS
 from henon_ref.henon.quadseries import PARTS
 from henon_ref.henon.registers import (
@@ -39,9 +39,11 @@ from henon_ref.henon.registers import (
     G_RISING,
     I_ARRIVED,
     I_GUARD,
+    I_GUARDS,
     I_MISSING,
     I_ORDER,
     I_SIZE,
+    I_STATES,
     I_STEPS,
     L_CODES,
     L_CONSTANTS,
@@ -63,6 +65,7 @@ from henon_ref.henon.registers import (
     TOLD,
     VALID,
 )
+from henon_ref.henon.views import INTEGERS, rest_of, row_of
 from henon_ref.henon.window import (
     ACROSS,
     BEYOND,
@@ -88,7 +91,7 @@ CERTAIN = 1e3 * NOISE
 """What a speed has to exceed of its size for its sign to be certain."""
 _expand_fine = apart(
     A_FINE, expand_fine, int64,
-    COUNTS, LAYOUT, ROWS, COUNTS, COUNTS, float64, float64, ROW, ROW, float64, float64, int64, int64, ROWS, ROWS, ROW,
+    INTEGERS, LAYOUT, ROWS, COUNTS, COUNTS, float64, float64, ROW, ROW, float64, float64, int64, int64, ROWS, ROWS, ROW,
 )  # fmt: skip
 
 
@@ -124,8 +127,8 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
     high, low = doubles_at(look[L_HIGH], count, ORDER + 1), doubles_at(look[L_LOW], count, ORDER + 1)
     sizes = doubles_at(look[L_SIZES], 2, count)[0]
     work = doubles_at(look[L_WORK], 4 + HALVINGS, ORDER + 1)
-    n = (floats.size - F_STATE) // 2
-    x, x_low = floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
+    n = integers[I_STATES]
+    x, x_low = array_of(rest_of(floats, F_STATE), n), array_of(rest_of(floats, F_STATE + n), n)
     known = layout[0, T_GUARDS]
     first = known + n
     behind = first + (rows.size - first) // 3
@@ -194,7 +197,7 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
 def _divide_out(integers, c, c_low, zeros, work):  # type: ignore[no-untyped-def]
     """Divide a polynomial by the factor of its known zeros, leaving the quotient from place ``zeros`` on."""
     size, factor = c.size - zeros, work[0]
-    if not call_factored(integers, c, zeros, c.size - 1, factor, work[1]):
+    if not call_factored(integers, row_of(c), zeros, c.size - 1, row_of(factor), row_of(work[1])):
         return
     for k in range(size - 1, -1, -1):
         for j in range(max(zeros + k - size + 1, 0), zeros):
@@ -206,7 +209,7 @@ def _divide_out(integers, c, c_low, zeros, work):  # type: ignore[no-untyped-def
 @njit()
 def arrive(floats, integers, outcome):  # type: ignore[no-untyped-def]
     """Leave the step behind, the run being where the closer look has led it."""
-    guard, most = integers[I_GUARD], (integers.size - I_SIZE) // 2
+    guard, most = integers[I_GUARD], integers[I_GUARDS]
     integers[I_STEPS] += 1
     for g in range(most):
         integers[I_SIZE + g] = 0
@@ -249,7 +252,7 @@ def _settled(high, outputs, n, last, sizes):  # type: ignore[no-untyped-def]
 @inner()
 def _others_hit(high, outputs, integers, layout, places, last, s):  # type: ignore[no-untyped-def]
     """Mark the other guards that are at zero at a place on the step; True if there are any."""
-    most, found = (integers.size - I_SIZE) // 2, False
+    most, found = integers[I_GUARDS], False
     for g in range(layout[0, T_GUARDS]):
         if g != integers[I_GUARD] and places[g] >= 0:
             series = high[outputs[places[g]], : last + 1]

@@ -12,7 +12,7 @@ from numba import float64, int64, types
 from henon_ref.henon import doubledouble as dd
 from henon_ref.henon.apart import COUNTS, LAYOUT, ROW, ROWS, apart, missing
 from henon_ref.henon.flat import HIGHEST, at_flat_root
-from henon_ref.henon.primitives import doubles_at, integers_at
+from henon_ref.henon.primitives import array_of, doubles_at, integers_at
 from henon_ref.henon.program import COLUMNS
 from henon_ref.henon.quadseries import PARTS, WIDTH, expand
 from henon_ref.henon.registers import (
@@ -33,6 +33,7 @@ from henon_ref.henon.registers import (
     L_SIZES,
 )
 from henon_ref.henon.touch import at_minimum
+from henon_ref.henon.views import INTEGERS, rest_of
 from henon_ref.henon.window import OPEN, UNSURE, call_decide
 from henon_ref.jit import inner
 
@@ -43,7 +44,7 @@ _expand = apart(
 )  # fmt: skip
 _at_minimum = apart(A_MINIMUM, at_minimum, types.Tuple((int64, float64)), ROW, int64, float64, float64)
 _at_flat_root = apart(
-    A_FLAT_ROOT, at_flat_root, types.Tuple((int64, _QUAD, int64)), COUNTS, ROW, int64, float64, ROW, ROWS
+    A_FLAT_ROOT, at_flat_root, types.Tuple((int64, _QUAD, int64)), INTEGERS, ROW, int64, float64, ROW, ROWS
 )
 
 
@@ -88,7 +89,8 @@ def look_nearer(floats, integers, look, field, output, row, unit, part, guard, s
     quads = doubles_at(look[L_QUADS], look[L_ROWS], WIDTH)
     sizes = doubles_at(look[L_SIZES], 2, look[L_ROWS])[1]
     n, least = field.size, integers[I_ORDER]
-    t, t_low, x, x_low = floats[F_TIME], floats[F_LOW], floats[F_STATE : F_STATE + n], floats[F_STATE + n :]
+    t, t_low = floats[F_TIME], floats[F_LOW]
+    x, x_low = array_of(rest_of(floats, F_STATE), n), array_of(rest_of(floats, F_STATE + n), n)
     own = quads[row]
     if sure and zeros == 0:
         u, u_low = dd.multiply(s, s_low, unit, 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import float64, int64
 
-from henon_ref.henon.apart import LAYOUT, ROW, ROWS, apart, missing
+from henon_ref.henon.apart import apart, missing
 from henon_ref.henon.calls import call_expand
 from henon_ref.henon.events import zeros_at_release
 from henon_ref.henon.holding import held
@@ -27,11 +27,13 @@ from henon_ref.henon.registers import (
     G_STUCK,
     I_ARRIVED,
     I_GUARD,
+    I_GUARDS,
     I_LANDING,
     I_MODE,
     I_ORDER,
     I_RHS,
     I_SIZE,
+    I_STATES,
     I_WHAT,
     INVALID,
     MISSING,
@@ -47,22 +49,22 @@ from henon_ref.henon.registers import (
     VALID,
 )
 from henon_ref.henon.settling import decided
+from henon_ref.henon.views import DOUBLES, GRID, TABLE, rest_of, rows_in
 from henon_ref.jit import inner
 
-_held = apart(A_HELD, held, int64, float64, float64, float64, ROW, int64, LAYOUT, ROW, ROWS, int64)
+_held = apart(A_HELD, held, int64, float64, float64, float64, int64, DOUBLES, int64, TABLE, DOUBLES, GRID, int64)
 
 
 @inner(forceinline=True)
 def through_event(floats, integers, records, tables, numbers, settling, band, room):  # type: ignore[no-untyped-def]
     """Change the mode at the event the run stands at; ON, or why Python is needed."""
-    n, most = (floats.size - F_STATE) // 2, tables.shape[1] - 1
-    x = floats[F_STATE : F_STATE + n]
-    multiplicity, hits = integers[I_SIZE : I_SIZE + most], integers[I_SIZE + most :]
-    speeds = room[2 * n + most :]
+    n, most = integers[I_STATES], integers[I_GUARDS]
+    x, speeds = rest_of(floats, F_STATE), rest_of(room, 2 * n + most)
+    multiplicity, hits = rest_of(integers, I_SIZE), rest_of(integers, I_SIZE + most)
     told = integers[I_ARRIVED] == TOLD
     integers[I_ARRIVED] = 0
     mode, hit, used = integers[I_MODE], integers[I_GUARD], integers[I_LANDING]
-    layout = tables[mode]
+    layout = rows_in(tables, mode)
     kind, index = layout[1 + hit, G_KIND], layout[1 + hit, G_INDEX]
     together = False
     for g in range(layout[0, T_GUARDS]):
@@ -76,13 +78,13 @@ def through_event(floats, integers, records, tables, numbers, settling, band, ro
                 return RESOLVE
             target = decided(floats[F_TIME], floats[F_LOW], x, mode, layout, hits, settling)
             if target < 0 or not settle(
-                floats, integers, x, records, multiplicity, target, layout, tables[target], hits, settling[2]
+                floats, integers, x, records, multiplicity, target, layout, rows_in(tables, target), hits, settling[2]
             ):
                 return RESOLVE
             return ACCUMULATED if crowded(floats, integers) else ON
         inside, beyond = 1.0, floats[F_BEYOND]
         if not told:
-            call_expand(layout[0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, numbers[mode, 1], speeds)
+            call_expand(layout[0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, rows_in(numbers, mode)[1], speeds)
             integers[I_RHS] += 1
             inside, beyond = speeds[n + 2 * hit], speeds[n + 2 * hit + 1]
         if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
@@ -93,8 +95,8 @@ def through_event(floats, integers, records, tables, numbers, settling, band, ro
             if missing(integers, A_HELD):
                 return MISSING
             zone = 0 if stick < 0 else _held(
-                integers, floats[F_TIME], floats[F_LOW], floats[F_SIGMA], x, index, tables[stick], numbers[stick, 0],
-                band[n + most + 1 :], integers[I_ORDER],
+                integers, floats[F_TIME], floats[F_LOW], floats[F_SIGMA], n, x, index, rows_in(tables, stick),
+                rows_in(numbers, stick)[0], rest_of(band, n + most + 1), integers[I_ORDER],
             )  # fmt: skip
             if zone == 0 or (stuck and zone < 0):
                 return RESOLVE
@@ -108,13 +110,14 @@ def through_event(floats, integers, records, tables, numbers, settling, band, ro
     if target < 0:
         integers[I_WHAT] = what
         return UNKNOWN
+    after = rows_in(tables, target)
     if zeros == 0 and what == FREE:
-        call_expand(tables[target, 0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, numbers[target, 1], speeds)
+        call_expand(after[0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, rows_in(numbers, target)[1], speeds)
         integers[I_RHS] += 1
-        zeros = zeros_at_release(tables[target], index, speeds[n:])
+        zeros = zeros_at_release(after, index, rest_of(speeds, n))
         if zeros == 0:
             return RESOLVE
     record(floats, integers, x, records, what, index, mode, target, used)
     integers[I_MODE] = target
-    start(multiplicity, tables[target], index, zeros)
+    start(multiplicity, after, index, zeros)
     return ACCUMULATED if crowded(floats, integers) else ON

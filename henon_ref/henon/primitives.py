@@ -53,26 +53,14 @@ def larger(typing, a, b):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def rows_of(typing, array, first, count, width):  # type: ignore[no-untyped-def]
-    """A view of part of an array of doubles as rows: from place ``first`` on, ``count`` of them."""
+def array_of(typing, row, count):  # type: ignore[no-untyped-def]
+    """So many numbers of a row, as an array."""
+    kind = row.dtype[::1]
 
     def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
-        source = context.make_array(sig.args[0])(context, builder, value=args[0])
-        return _numbers(context, builder, sig.return_type, builder.gep(source.data, [args[1]]), args[2:])
+        return _numbers(context, builder, kind, args[0], [args[1]])
 
-    return types.float64[:, ::1](types.float64[::1], types.int64, types.int64, types.int64), codegen
-
-
-@intrinsic
-def integers_of(typing, array, first, count):  # type: ignore[no-untyped-def]
-    """A view of part of an array of doubles as integers: from place ``first`` on, ``count`` of them."""
-
-    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
-        source = context.make_array(sig.args[0])(context, builder, value=args[0])
-        data = builder.bitcast(builder.gep(source.data, [args[1]]), ir.IntType(64).as_pointer())
-        return _numbers(context, builder, sig.return_type, data, [args[2]])
-
-    return types.int64[::1](types.float64[::1], types.int64, types.int64), codegen
+    return kind(row, types.int64), codegen
 
 
 @intrinsic

@@ -15,11 +15,13 @@ from henon_ref.henon.registers import (
     FREE,
     G_INDEX,
     G_KIND,
+    I_BLOCK,
     I_COUNT,
     I_CROWDED,
     I_LANDING,
     I_MODE,
     I_SAMPLE,
+    I_STATES,
     R_FROM,
     R_KIND,
     R_LANDING,
@@ -32,24 +34,24 @@ from henon_ref.henon.registers import (
     SURFACE,
     T_GUARDS,
 )
-from henon_ref.jit import inner, njit
+from henon_ref.jit import inner
 
 CROWD = 64
 """Events in a row, each closer to the last than the resolution of time, before they count as accumulating."""
 
 
-@njit(forceinline=True)
+@inner(forceinline=True)
 def record(floats, integers, x, records, kind, index, source, target, landing):  # type: ignore[no-untyped-def]
     """Write a transition down."""
     row = records[integers[I_COUNT]]
     row[R_TIME], row[R_LOW] = floats[F_TIME], floats[F_LOW]
     row[R_KIND], row[R_SURFACE], row[R_FROM], row[R_TO], row[R_LANDING] = kind, index, source, target, landing
-    for i in range(x.size):
+    for i in range(integers[I_STATES]):
         row[R_STATE + i] = x[i]
     integers[I_COUNT] += 1
 
 
-@njit()
+@inner()
 def crowded(floats, integers):  # type: ignore[no-untyped-def]
     """Count events that time cannot tell apart; True once there are too many in a row."""
     gap = (floats[F_TIME] - floats[F_LAST]) + (floats[F_LOW] - floats[F_LAST_LOW])
@@ -80,7 +82,7 @@ def settle(floats, integers, x, records, multiplicity, target, layout, after, hi
     changes = 0
     for i in range(signs.shape[1]):
         changes += 1 if signs[mode, i] != signs[target, i] else 0
-    if changes == 0 or integers[I_COUNT] + changes > records.shape[0]:
+    if changes == 0 or integers[I_COUNT] + changes > integers[I_BLOCK]:
         return False
     for i in range(signs.shape[1]):
         before, now = signs[mode, i], signs[target, i]

@@ -58,7 +58,7 @@ F_STATE = F_SIZE + REMEMBERED
 # closer look has left open; LANDED or TOLD where the run stands at an event that a closer look has decided, DOUBTED
 # where it stands before one that is to be looked at closer; order; method of landing; transitions that a
 # block of memory holds; a function that is not there yet (A_...); address of the table of those that stand apart, and
-# of the work space.
+# of the work space; states, and guards of the largest mode.
 (
     I_MODE,
     I_STEPS,
@@ -79,8 +79,10 @@ F_STATE = F_SIZE + REMEMBERED
     I_MISSING,
     I_APART,
     I_WORK,
+    I_STATES,
+    I_GUARDS,
     I_SIZE,
-) = range(20)
+) = range(22)
 # Behind them, an integer a guard each: known zeros at the present point (the surface just left), which are divided
 # out; 1 for a guard that is at zero.
 

@@ -55,6 +55,7 @@ from henon_ref.henon.registers import (
 )
 from henon_ref.henon.state import CHUNK, Start, State
 from henon_ref.henon.window import MISS, OPEN, PASSED, ROOT, TOUCH
+from henon_ref.jit import in_python
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import ZERO
@@ -70,6 +71,7 @@ _head: Callable[..., tuple[int, ...]] = Struct(f"{I_GUARD}q").unpack_from
 _STATE = 8 * F_STATE
 _COUNTED = slice(I_STEPS, I_EVENTS + 1)
 _NO_SAMPLES = np.zeros((0, 2))
+_write_down, _accumulating = in_python(record), in_python(crowded)
 
 
 class Session(State):
@@ -243,7 +245,9 @@ class Session(State):
         if self.integers[I_COUNT] >= self.integers[I_BLOCK]:
             self._close_block()
         landing = self.integers.item(I_LANDING)
-        record(self.floats, self.integers, self.x, self.engine.scratch.records, kind, surface, source, target, landing)
+        _write_down(
+            self.floats, self.integers, self.x, self.engine.scratch.records, kind, surface, source, target, landing
+        )
 
     def _go_on(self) -> tuple[Status, str] | None:
         """Complete a transition that is decided, into a mode that has no row yet."""
@@ -261,7 +265,7 @@ class Session(State):
         for g, own in enumerate(compiled.guards(after)):
             if own.kind == "surface" and own.index == guard.index:
                 self.multiplicity[g] = zeros
-        return why_ended(self, ACCUMULATED) if crowded(self.floats, self.integers) else None
+        return why_ended(self, ACCUMULATED) if _accumulating(self.floats, self.integers) else None
 
     def _resolve(self, zero: float = ZERO) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
@@ -285,7 +289,7 @@ class Session(State):
         for i in touched:
             kind = KINDS.index(transition_kind(before[i], decision.mode[i]))
             self._record(kind, i, int(source), int(self.integers[I_MODE]))
-        if crowded(self.floats, self.integers):
+        if _accumulating(self.floats, self.integers):
             return why_ended(self, ACCUMULATED)
         return None
 

@@ -42,7 +42,7 @@ def decided(t, low, x, mode, layout, hits, settling):  # type: ignore[no-untyped
     Parameters
     ----------
     t, low, x
-        Time, what rounding it lost, and the state of shape (n,).
+        Time, what rounding it lost, and the state.
     mode : int
         Row of the mode that ends.
     layout : ndarray of int
@@ -55,7 +55,8 @@ def decided(t, low, x, mode, layout, hits, settling):  # type: ignore[no-untyped
         of :func:`settling_space`.
     """
     address, constants, signs, rows, decoupled, point, values, numbers, places = settling
-    n, surfaces = x.size, signs.shape[1]
+    surfaces = signs.shape[1]
+    n = point.size - surfaces
     active, index = places[0], places[1]
     count = 0
     for i in range(surfaces):

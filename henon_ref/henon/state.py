@@ -64,6 +64,7 @@ class Start:
         floats[k.F_SIGMA] = max((self.until[0] - self.time[0]) + (self.until[1] - self.time[1]), 1e-280)
         integers = np.array([0] * k.I_SIZE + [*self.zeros] + [0] * len(self.zeros))
         integers[k.I_MODE], integers[k.I_BLOCK] = self.row, CHUNK
+        integers[k.I_STATES], integers[k.I_GUARDS] = len(self.x), len(self.zeros)
         integers[k.I_ORDER], integers[k.I_METHOD] = self.order, self.landing
         integers[k.I_APART], integers[k.I_WORK] = table(), self.work.ctypes.data
         return np.concatenate([floats, integers.view(np.float64)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import float64, int64
 
-from henon_ref.henon.apart import COUNTS, ROWS, apart, missing
+from henon_ref.henon.apart import apart, missing
 from henon_ref.henon.calls import call_closing, call_expand
 from henon_ref.henon.clock import add_time, lost, remaining, stands
 from henon_ref.henon.primitives import bits, from_bits, larger, smaller
@@ -20,6 +20,7 @@ from henon_ref.henon.registers import (
     I_ORDER,
     I_RHS,
     I_STALLED,
+    I_STATES,
     I_STEPS,
     T_CLOSING,
     T_EXPANSION,
@@ -27,6 +28,7 @@ from henon_ref.henon.registers import (
     T_WARY,
 )
 from henon_ref.henon.trust import swells
+from henon_ref.henon.views import GRID, INTEGERS
 from henon_ref.jit import inner
 
 HUGE = 1e100
@@ -107,9 +109,9 @@ def step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def flat_step_size(c, n, multiplicity, order, tolerance):  # type: ignore[no-untyped-def]
+def flat_step_size(c, n, guards, multiplicity, order, tolerance):  # type: ignore[no-untyped-def]
     """The same where guards have more than two known zeros: what follows those tells the size of such a guard."""
-    rows = n + multiplicity.size
+    rows = n + guards
     shortest = smaller(c[rows, 3], FAR)
     for r in range(rows):
         row, first = c[r], multiplicity[r - n] if r >= n else 0
@@ -129,7 +131,7 @@ def flat_step_size(c, n, multiplicity, order, tolerance):  # type: ignore[no-unt
     return shortest
 
 
-_flat_step_size = apart(A_FLAT, flat_step_size, float64, ROWS, int64, COUNTS, int64, float64)
+_flat_step_size = apart(A_FLAT, flat_step_size, float64, GRID, int64, int64, INTEGERS, int64, float64)
 
 
 @inner()
@@ -142,10 +144,10 @@ def grows(c, n, theta):  # type: ignore[no-untyped-def]
 
 
 @inner(forceinline=True)
-def move(x, x_low, change):  # type: ignore[no-untyped-def]
+def move(n, x, x_low, change):  # type: ignore[no-untyped-def]
     """x += change as a compensated sum; False where the state has blown up."""
     bounded = True
-    for i in range(x.size):
+    for i in range(n):
         step = change[i] + x_low[i]
         total = x[i] + step
         part = total - x[i]
@@ -163,7 +165,7 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
     proposed in units of sigma; 0 where the budget of steps is used up or a function is missing, -1 where the step size
     fell to zero, -2 where the state blew up.
     """
-    n, guards = x.size, layout[0, T_GUARDS]
+    n, guards = integers[I_STATES], layout[0, T_GUARDS]
     expansion, closing = layout[0, T_EXPANSION], layout[0, T_CLOSING]
     shrunk, zeros = False, 0
     for g in range(guards):
@@ -181,7 +183,7 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
         if zeros > 2 and theta > 0.0:
             if missing(integers, A_FLAT):
                 return 0.0
-            theta = _flat_step_size(integers, c, n, multiplicity[:guards], integers[I_ORDER], floats[F_TOLERANCE])
+            theta = _flat_step_size(integers, c, n, guards, multiplicity, integers[I_ORDER], floats[F_TOLERANCE])
         if theta < 1e-6 or (theta > 1e6 and sigma < left and not shrunk):
             # sigma is far from the step: bring it there and expand again before anything is read off. Where it is
             # much too long even the step is not to be believed: it shrinks by degrees, and does not grow again here.
@@ -207,7 +209,7 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
         for g in range(guards):
             if not change[n + g] > 0.0:
                 return theta
-        if not move(x, x_low, change):
+        if not move(n, x, x_low, change):
             return -2.0
         if not stands(floats, step):
             integers[I_STALLED] = 0
@@ -234,5 +236,5 @@ def polish(floats, integers, x, x_low, layout, constants, ahead, change, row, si
         if abs(shift) > 0.1 * theta or floats[F_TIME] + shift * sigma > floats[F_UNTIL]:
             return
         call_closing(layout[0, T_CLOSING], shift, ahead, change)
-        move(x, x_low, change)
+        move(integers[I_STATES], x, x_low, change)
         add_time(floats, shift * sigma)

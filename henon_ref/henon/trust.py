@@ -13,6 +13,7 @@ from henon_ref.henon.registers import (
     F_SIGMA,
     F_TIME,
     I_RHS,
+    I_STATES,
     T_CLOSING,
     T_EXPANSION,
     T_GUARDS,
@@ -99,7 +100,9 @@ def _tail(row, order, theta, least):  # type: ignore[no-untyped-def]
     end = shift * larger(abs(row[last + 2]) * square, abs(row[last + 3]) * cube)
     if GAP * before < end < SLOW * smaller(half, before):
         return FALLS
-    scale = least * (abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2]))) / theta**middle
+    scale = least * (abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2])))
+    for _ in range(middle):
+        scale /= theta
     if least > 0.0 and larger(end, before) <= scale:
         return FALLS
     return HOLLOW if end <= GAP * before else GROWS
@@ -118,7 +121,7 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
     Without ``doubt`` terms are not looked at: the field has branch points (T_WARY), behind which a square root's
     series, a polynomial perhaps, goes on as if there were none. Slopes alone are held against it.
     """
-    n, guards = x.size, layout[0, T_GUARDS]
+    n, guards = integers[I_STATES], layout[0, T_GUARDS]
     sigma = floats[F_SIGMA]
     all_told = True
     for r in range(n + guards if doubt else 0):

@@ -14,11 +14,12 @@ from numba import boolean, float64, int64, types
 
 from henon_ref.henon import doubledouble as dd
 from henon_ref.henon.about import LOST, about
-from henon_ref.henon.apart import COUNTS, ROW, ROWS, apart
+from henon_ref.henon.apart import ROW, ROWS, apart
 from henon_ref.henon.isolation import NOTHING
 from henon_ref.henon.polynomial import value
 from henon_ref.henon.quadseries import PARTS
 from henon_ref.henon.registers import A_ABOUT, A_CLEAR, A_DECIDE, EPS
+from henon_ref.henon.views import INTEGERS
 from henon_ref.jit import inner
 
 UNSURE, OPEN, ROOT, STEEP, PASSED, ACROSS, MISS, TOUCH = range(8)
@@ -172,7 +173,7 @@ def decide(integers, q, q_low, quads, zeros, size, start, start_low, work):  # t
 
 call_decide = apart(
     A_DECIDE, decide, types.Tuple((int64, float64, float64, float64)),
-    COUNTS, ROW, ROW, ROW, int64, float64, float64, float64, ROWS,
+    INTEGERS, ROW, ROW, ROW, int64, float64, float64, float64, ROWS,
 )  # fmt: skip
 
 

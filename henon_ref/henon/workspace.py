@@ -1,13 +1,13 @@
-"""The array that the compiled loop works on, and its parts."""
+"""The memory that the compiled loop works on, and its parts."""
 
 from __future__ import annotations
 
 from numba.extending import register_jitable
 
 from henon_ref.henon.polynomial import DEPTH
-from henon_ref.henon.primitives import doubles_at, rows_of
 from henon_ref.henon.registers import F_STATE, I_SIZE, R_STATE
 from henon_ref.henon.rows import row_length
+from henon_ref.henon.views import rest_of, row_at, rows_of
 from henon_ref.jit import inner
 
 BANDS = 6 + 2 * DEPTH
@@ -15,39 +15,38 @@ BANDS = 6 + 2 * DEPTH
 
 
 @register_jitable
-def work_places(n, most, order, block):  # type: ignore[no-untyped-def]
-    """Of an array that the loop works on: length of a row of the band, where its other parts begin, and its length."""
+def work_places(n, most, order):  # type: ignore[no-untyped-def]
+    """Of what the loop works on: length of a row of the band, and where the other parts begin."""
     width = row_length(order)
     room = (2 * (n + most + 1) + BANDS) * width
     before = room + 3 * (n + most)
-    records = before + F_STATE + 2 * n + I_SIZE + 2 * most
-    return width, room, before, records, records + block * (R_STATE + n)
+    return width, room, before, before + F_STATE + 2 * n + I_SIZE + 2 * most
 
 
 @inner()
-def work_space(address, n, most, order, block):  # type: ignore[no-untyped-def]
-    """Parts of an array that the loop works on.
+def work_space(address, n, most, order):  # type: ignore[no-untyped-def]
+    """Parts of what the loop works on.
 
     Parameters
     ----------
     address : int
-        Where it is in memory; it is as long as :func:`work_places` says.
-    n, most, order, block : int
-        States; guards of the largest mode, G; order; transitions kept.
+        Where it is in memory.
+    n, most, order : int
+        States; guards of the largest mode, G; order.
 
     Returns
     -------
-    band : ndarray, shape (2 (n + G + 1) + BANDS, row length)
+    band : Rows, shape (2 (n + G + 1) + BANDS, row length)
         Taylor coefficients of states and guards in units of sigma, then the norms of the last ones; the same at the
         end of a step that is checked; what isolating roots needs.
-    room : ndarray, shape (3 n + 3 G,)
+    room : row of 3 n + 3 G doubles
         Change of the states over a step and bounds of the guards from below; a state; normal velocities.
-    before : ndarray, shape (F_STATE + 2 n + I_SIZE + 2 G,)
+    before : row of F_STATE + 2 n + I_SIZE + 2 G doubles
         The run as it was when the loop was called.
-    records : ndarray, shape (block, R_STATE + n)
+    records : Rows, shape (transitions kept, R_STATE + n)
         Transitions, a row each.
     """
-    width, room, before, records, end = work_places(n, most, order, block)
-    work = doubles_at(address, 1, end)[0]
-    band = rows_of(work, 0, 2 * (n + most + 1) + BANDS, width)
-    return band, work[room:before], work[before:records], rows_of(work, records, block, R_STATE + n)
+    width, room, before, records = work_places(n, most, order)
+    work = row_at(address)
+    own = rows_of(rest_of(work, records), R_STATE + n)
+    return rows_of(work, width), rest_of(work, room), rest_of(work, before), own
