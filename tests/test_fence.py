@@ -19,6 +19,8 @@ from henon_ref.score.fence import Fence, Lane
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
 
+NURSERY = "from henon_ref.score.nursery import begin_nursery; begin_nursery()"
+
 
 def gone(pid: int) -> bool:
     """Whether a process is no more (or is only waiting to be reaped by somebody else)."""
@@ -127,7 +129,7 @@ def test_an_interrupt_leaves_no_process_behind():
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the parent-death signal is Linux's")
-@pytest.mark.parametrize("begin", ["", "from henon_ref.score.nursery import begin_nursery; begin_nursery()"])
+@pytest.mark.parametrize("begin", ["", NURSERY])
 def test_workers_die_with_a_killed_parent(tmp_path, begin):
     parent = subprocess.Popen(
         [sys.executable, str(script(tmp_path, begin, 'run(["hang"], collector=Tell(60))'))],
@@ -153,9 +155,8 @@ def test_a_nursery_has_imported_what_workers_need_and_does_all_that_a_fence_does
         words = [seen.failures[what].reason for what in ("abort", "kill")]
         print(sorted(seen.results.items()), *words, here.results, sep="; ")
         """
-    begin = "from henon_ref.score.nursery import begin_nursery; begin_nursery()"
     done = subprocess.run(
-        [sys.executable, str(script(tmp_path, begin, code))], capture_output=True, text=True, check=True, timeout=120
+        [sys.executable, str(script(tmp_path, NURSERY, code))], capture_output=True, text=True, check=True, timeout=120
     )
     results, abort, kill, here = done.stdout.strip().split("; ")
     assert results == "[('a', 'aa'), ('b', 'bb'), ('imported', True)]"
@@ -166,35 +167,46 @@ def test_a_nursery_has_imported_what_workers_need_and_does_all_that_a_fence_does
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="there is a nursery on Linux only")
-def test_an_interrupt_while_the_nursery_imports_says_nothing_of_it(tmp_path):
-    code = "import os, signal, time; time.sleep(0.3); os.killpg(0, signal.SIGINT)"
-    path = tmp_path / "short.py"
-    path.write_text(f"from henon_ref.score.nursery import begin_nursery\nbegin_nursery()\n{code}\n")
+def test_a_nursery_takes_no_interrupt_from_before_its_imports_on(tmp_path):
+    """An interrupt goes to all processes of a terminal: it would have a traceback of its own."""
+    code = """
+        import signal, time
+        from test_fence import begun_by, ignores
+        while not all(ignores(pid, signal.SIGINT) for pid in begun_by(os.getpid())):
+            time.sleep(0.002)
+        print(["llvmlite" in open(f"/proc/{pid}/maps").read() for pid in begun_by(os.getpid())])
+        """
     done = subprocess.run(
-        [sys.executable, str(path)], capture_output=True, text=True, start_new_session=True, timeout=60
+        [sys.executable, str(script(tmp_path, NURSERY, code))], capture_output=True, text=True, check=True, timeout=60
     )
-    assert done.stderr.count("Traceback") == 1
-    assert done.stderr.strip().endswith("KeyboardInterrupt")
-    assert "preloaded" not in done.stderr
+    assert done.stdout == "[False, False]\n"
 
 
-def test_where_no_nursery_can_be_begun_workers_are_forked(tmp_path):
-    begin = """
-        from multiprocessing import forkserver
-        from henon_ref.score.nursery import begin_nursery
-        def refuse(): raise OSError("no socket")
-        forkserver.ensure_running = refuse
-        begin_nursery()"""
+@pytest.mark.parametrize(
+    "without",
+    [
+        "def refuse(): raise OSError('no socket')\nforkserver.ensure_running = refuse",
+        "os.sched_getaffinity = lambda process: {0}",
+    ],
+)
+def test_where_there_is_no_socket_or_no_second_core_workers_are_forked(tmp_path, without):
+    begin = f"from multiprocessing import forkserver, get_start_method\n{without}\n{NURSERY}"
+    code = 'print(run(["a"]).results, get_start_method(allow_none=True))'
     done = subprocess.run(
-        [sys.executable, str(script(tmp_path, begin, 'print(run(["a"]).results)'))],
-        capture_output=True, text=True, check=True, timeout=60,
-    )  # fmt: skip
-    assert done.stdout == "{'a': 'aa'}\n"
+        [sys.executable, str(script(tmp_path, begin, code))], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout == "{'a': 'aa'} None\n"
 
 
 def begun_by(parent: int) -> list[int]:
     """Processes that a process has begun."""
     return [int(word) for word in Path(f"/proc/{parent}/task/{parent}/children").read_text().split()]
+
+
+def ignores(pid: int, number: int) -> bool:
+    """Whether a process ignores a signal."""
+    status = dict(line.split(":\t", 1) for line in Path(f"/proc/{pid}/status").read_text().splitlines())
+    return bool(int(status["SigIgn"], 16) >> (number - 1) & 1)
 
 
 def script(folder: Path, begin: str, code: str) -> Path:
@@ -203,6 +215,7 @@ def script(folder: Path, begin: str, code: str) -> Path:
     head = textwrap.dedent(f"""
         import os, sys
         from collections import deque
+        os.sched_getaffinity = lambda process: {{0, 1}}
         sys.path.insert(0, {str(Path(__file__).parent)!r})
         from jobs import Act, Collector, Fence, Lane, Tell, memory, run
         """)

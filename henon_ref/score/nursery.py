@@ -1,11 +1,12 @@
 """A nursery: a process that imports what workers need while the command reads its cases, and that they are forked from.
 
-It is the fork server of :mod:`multiprocessing`. On one core after the other, a worker would begin half a second later.
+It is the fork server of :mod:`multiprocessing`. One after the other, a worker would begin half a second later.
 """
 
 from __future__ import annotations
 
 import multiprocessing
+import os
 import sys
 from multiprocessing import forkserver
 
@@ -14,8 +15,11 @@ PRELOADED = "henon_ref.score.preloaded"
 
 
 def begin_nursery() -> None:
-    """From here on workers are forked from a process that is begun now (on Linux, and where it can be begun)."""
-    if sys.platform != "linux":
+    """From here on workers are forked from a process that is begun now.
+
+    On Linux, where there is a second core for it, and where it can be begun.
+    """
+    if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2:
         return
     multiprocessing.set_start_method("forkserver")
     multiprocessing.set_forkserver_preload([PRELOADED])
