@@ -51,9 +51,7 @@ def command(arguments: Sequence[str] | None = None) -> int:
         return _say(str(error))
     except OSError as error:
         where = f" {error.filename}" if error.filename else ""
-        return _say(
-            f"cannot write{where}: {error.strerror or error}; finished rows are kept, --resume goes on from them"
-        )
+        return _say(f"cannot write{where}: {error.strerror or error}; {KEPT}")
     except (KeyboardInterrupt, ABORT):
         print(f"interrupted; {KEPT}", file=sys.stderr)
         return INTERRUPTED

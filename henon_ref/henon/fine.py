@@ -222,7 +222,7 @@ def expand_fine(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    integers : ndarray of int
+    integers : row of int
         Of the run: where functions that stand apart are.
     codes, constants, field, outputs : ndarray
         Of a :class:`henon_ref.henon.program.Program`.

@@ -36,7 +36,7 @@ def at_flat_root(integers, row, degree, start, q, work):  # type: ignore[no-unty
 
     Parameters
     ----------
-    integers : ndarray of int
+    integers : row of int
         Of the run: where functions that stand apart are.
     row : ndarray
         The guard, as :func:`henon_ref.henon.quadseries.expand` makes it.

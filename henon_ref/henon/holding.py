@@ -21,11 +21,11 @@ def held(t, low, sigma, n, x, index, layout, constants, ahead, order):  # type: 
         Time, what rounding it lost, a unit of time, states, and the state.
     index : int
         The surface.
-    layout : ndarray of int
+    layout : rows of int
         Table of the stick (see :func:`henon_ref.henon.kernel.advance`).
-    constants : ndarray
+    constants : row
         Its constants.
-    ahead : ndarray
+    ahead : rows
         Work space of its expansion.
     """
     call_expand(layout[0, T_EXPANSION], t, low, sigma, x, constants, ahead)

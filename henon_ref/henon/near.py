@@ -101,9 +101,9 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    floats, integers : ndarray
+    floats, integers : row
         The run (see :mod:`henon_ref.henon.registers`), next to a doubtful event.
-    layout : ndarray of int
+    layout : rows of int
         The mode's table. What its T_LOOK leads to (L_...): a :class:`henon_ref.henon.program.Program` whose outputs
         are G guards, then the speeds towards the surface of each and away from it beyond; guards + n + 3 G places:
         where the guards of the table stand among the G (-1 for those that have no place there), rows of the field

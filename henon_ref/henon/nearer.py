@@ -54,7 +54,7 @@ def look_nearer(floats, integers, look, field, output, row, unit, part, guard, s
 
     Parameters
     ----------
-    floats, integers : ndarray
+    floats, integers : row
         The run.
     look, field : ndarray of int
         What the closer look works with (L_...), and rows of the field.

@@ -149,11 +149,11 @@ def first_falling_root(a, degree, stack, bounds):  # type: ignore[no-untyped-def
 
     Parameters
     ----------
-    a : ndarray, shape (degree + 1,)
+    a : row of degree + 1
         Coefficients in powers of a variable on [0, 1].
-    stack : ndarray, shape (DEPTH + 2, whole fours above degree)
+    stack : rows, shape (DEPTH + 2, whole fours above degree)
         Its first row holds the Bernstein coefficients on [0, 1]; the others are work space.
-    bounds : ndarray, shape (DEPTH + 2, 2)
+    bounds : rows, shape (DEPTH + 2, 2)
         Work space.
 
     Returns

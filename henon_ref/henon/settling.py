@@ -45,9 +45,9 @@ def decided(t, low, x, mode, layout, hits, settling):  # type: ignore[no-untyped
         Time, what rounding it lost, and the state.
     mode : int
         Row of the mode that ends.
-    layout : ndarray of int
+    layout : rows of int
         Its guards (see :func:`henon_ref.henon.kernel.advance`).
-    hits : ndarray of int
+    hits : row of int
         Its guards at zero.
     settling : tuple
         Address of the normal velocities' machine code and its constants; the signs of every row and the row of

@@ -1,8 +1,8 @@
 """Views of numbers in memory, for compiled code: what numba's arrays are, less what takes long to compile and hand on.
 
-An array comes with sizes and strides, a call hands it on as seven to eleven words, an entry is looked up with care for
-places below zero (thirty to fifty instructions to be compiled), a slice with care for more (two hundred). Here a row is
-a pointer, and rows of one width are a pointer and that width. Whoever has a view knows how far it goes.
+An array comes with sizes and strides, and a call hands it on as seven to eleven words; an entry is looked up with care
+for places below zero, a slice with care for places that are not there: thirty to fifty lines for LLVM, and two hundred.
+Here a row is a pointer, and rows of one width are a pointer and that width. Whoever has a view knows how far it goes.
 """
 
 from __future__ import annotations

@@ -36,14 +36,14 @@ def work_space(address, n, most, order):  # type: ignore[no-untyped-def]
 
     Returns
     -------
-    band : Rows, shape (2 (n + G + 1) + BANDS, row length)
+    band : rows, shape (2 (n + G + 1) + BANDS, row length)
         Taylor coefficients of states and guards in units of sigma, then the norms of the last ones; the same at the
         end of a step that is checked; what isolating roots needs.
     room : row of 3 n + 3 G doubles
         Change of the states over a step and bounds of the guards from below; a state; normal velocities.
     before : row of F_STATE + 2 n + I_SIZE + 2 G doubles
         The run as it was when the loop was called.
-    records : Rows, shape (transitions kept, R_STATE + n)
+    records : rows, shape (transitions kept, R_STATE + n)
         Transitions, a row each.
     """
     width, room, before, records = work_places(n, most, order)

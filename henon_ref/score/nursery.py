@@ -1,6 +1,6 @@
 """A nursery: a process that imports what workers need while the command reads its cases, and that they are forked from.
 
-It is the fork server of :mod:`multiprocessing`. One after the other, a worker would begin half a second later.
+It is the fork server of :mod:`multiprocessing`. Without it each worker imports that itself, once the cases are read.
 """
 
 from __future__ import annotations
