@@ -45,6 +45,8 @@ class Landed:
     evaluations: float
     """Evaluations of the guard's polynomial, a transition."""
     wall_s: float
+    to_bracketing: float
+    """Time of the run over that with bracketing alone, median over the rounds."""
     error_s: float
     """Worst error of a transition's time; NaN where the sequence is not the truth's."""
 
@@ -84,7 +86,8 @@ def _three(
         count = len(result.transitions)
         evaluations = result.counts.event_evaluations / count if count else math.nan
         error = _error(result, exact, modes)
-        lines.append(Landed(case, reading, solver, count, evaluations, times.median(solver), error))
+        ratio = times.ratio(solver, HENON_BRENT.name)
+        lines.append(Landed(case, reading, solver, count, evaluations, times.median(solver), ratio, error))
     return lines
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from henon_ref.henon.closing import closing_ir
 from henon_ref.henon.codegen import expansion_ir
 from henon_ref.henon.engine import Engine
 from henon_ref.henon.registers import HENON
-from henon_ref.henon.solvers import order_for
+from henon_ref.henon.solvers import HENON_SOLVER, order_for
 from henon_ref.score.turns import in_turn
 from henon_ref.taylor.tape import build_tape
 from henon_ref.trajectory import Problem
@@ -34,14 +35,23 @@ class Work:
     """Operations of ending a step."""
     steps: int
     expansions: int
+    in_stick: int
+    """Expansions made while the motion sticks."""
+    landed: int
+    """Evaluations of a guard's polynomial while a transition is put on its surface."""
+    order: int
+    """Degree of these polynomials."""
     wall_s: float
+    """Median time of the run [s]."""
     peak: float
     """Operations a second of a matrix product on one core [1/s]."""
 
     @property
     def total(self) -> int:
-        """Operations of the run, every expansion counted as the dearer of the two (so: at most)."""
-        return self.expansions * max(self.expansion, self.stick) + self.steps * self.closing
+        """Operations of the run: expansions by mode, ends of steps, polynomials (a product and a sum a degree)."""
+        slip = self.expansions - self.in_stick
+        landing = 2 * self.order * self.landed
+        return slip * self.expansion + self.in_stick * self.stick + self.steps * self.closing + landing
 
     @property
     def rate(self) -> float:
@@ -86,12 +96,29 @@ def work(problem: Problem) -> Work:
 
     times = in_turn({"run": run, "product": product}, rounds=ROUNDS)
     made = run().counts
+    in_stick = _while_stuck(
+        problem, lambda until: engine.run(replace(start, until=(until, 0.0))).counts.rhs_evaluations
+    )
     return Work(
         expansion=counts[0],
         stick=counts[1],
         closing=count(closing_ir(n, 1, order, "closing")),
         steps=made.steps,
         expansions=made.rhs_evaluations,
+        in_stick=in_stick,
+        landed=made.event_evaluations,
+        order=order,
         wall_s=times.median("run"),
         peak=20 * 2 * SIZE**3 / times.median("product"),
     )
+
+
+def _while_stuck(problem: Problem, expansions: Callable[[float], int]) -> int:
+    """Expansions made while a motion with one surface sticks; ``expansions(until)`` counts those up to a time."""
+    run = HENON_SOLVER.prepare(problem, rtol=RTOL)()
+    spent, total, stuck = 0, 0, run.transitions[0].from_mode == (0,)
+    for transition in run.transitions:
+        before, spent = spent, expansions(transition.time)
+        total += (spent - before) * stuck
+        stuck = transition.to_mode == (0,)
+    return total + (run.counts.rhs_evaluations - spent) * stuck

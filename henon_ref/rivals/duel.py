@@ -15,6 +15,7 @@ from henon_ref.rivals.match import Entry, Match
 from henon_ref.score.fence import Answer, Fence, Lane
 from henon_ref.score.metrics import Expected, score
 from henon_ref.score.options import Observer, Options
+from henon_ref.score.timing import median_interval
 from henon_ref.score.turns import Turns, in_turn
 from henon_ref.score.verdict import RIGHT
 from henon_ref.score.worker import Failure, Job, Stages
@@ -23,9 +24,12 @@ from henon_ref.trajectory import Problem
 
 COLUMNS = (
     "case", "reading", "digits", "against", "rtol", "rival", "rival_rtol", "rival_step_s", "wall_s", "rival_wall_s",
-    "ratio", "rounds",
+    "ratio", "ratio_low", "ratio_high", "rounds",
 )  # fmt: skip
-"""Columns of a match's row: digits (none where there is no transition), settings, medians, their ratio."""
+"""Columns of a match's row: digits (none where there is no transition), settings, medians, their ratio and
+its 95 % bootstrap interval."""
+SAMPLES, RIVAL_SAMPLES = "samples_s", "rival_samples_s"
+"""What a row holds besides: the times of every round [s]."""
 FEWEST, MOST = 9, 200
 """How often each setting is run."""
 TURN = 1e-3
@@ -48,11 +52,12 @@ class Duel:
     problem: Problem
     matches: tuple[Match, ...]
     spend: float
-    """Seconds that the runs may take in all; each is made FEWEST times at least."""
+    """Seconds that the runs may take in all; each is made :attr:`fewest` times at least."""
     deadline: float
     """Seconds that one run may take."""
     expected: Expected | None = None
     """What the rivals' answers are held against before they are timed; None where the rows have told."""
+    fewest: int = FEWEST
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -67,7 +72,7 @@ class Duel:
     @property
     def rounds(self) -> int:
         """How often each setting is run."""
-        return min(max(int(self.spend / self.round_s), FEWEST), MOST)
+        return min(max(int(self.spend / self.round_s), self.fewest), MOST)
 
     @property
     def seconds(self) -> float:
@@ -94,6 +99,7 @@ class Duel:
 
     def _row(self, match: Match, times: Turns[Entry]) -> Row:
         own, rival = (min(entries, key=times.median) for entries in (match.own, match.rival))
+        low, high = median_interval(times.ratios(own, rival))
         return {
             "case": self.case,
             "reading": self.reading,
@@ -106,7 +112,11 @@ class Duel:
             "wall_s": times.median(own),
             "rival_wall_s": times.median(rival),
             "ratio": times.ratio(own, rival),
+            "ratio_low": low,
+            "ratio_high": high,
             "rounds": self.rounds,
+            SAMPLES: times.times[own],
+            RIVAL_SAMPLES: times.times[rival],
         }
 
 

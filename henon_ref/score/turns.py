@@ -32,7 +32,11 @@ class Turns(Generic[Key]):
 
         Where the machine changes its pace on the way, the two medians may come from different paces; a round does not.
         """
-        return median(a / b for a, b in zip(self.times[key], self.times[other], strict=True))
+        return median(self.ratios(key, other))
+
+    def ratios(self, key: Key, other: Key) -> list[float]:
+        """What each round says of it."""
+        return [a / b for a, b in zip(self.times[key], self.times[other], strict=True)]
 
 
 def in_turn(runs: Mapping[Key, Callable[[], object]], *, rounds: int, turn: float = 0.0) -> Turns[Key]:
