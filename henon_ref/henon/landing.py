@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from henon_ref.henon.polynomial import POLY, at_end, value
 from henon_ref.henon.primitives import larger, smaller
 from henon_ref.henon.registers import BRACKET, EPS, NEWTON
@@ -46,7 +48,7 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
         tau = low + (high - low) * part
         if low == 0.0 and high == 1.0 and STEEP * q[1] < fall and STEEP * slope < fall:
             tau = _interpolated(part, fall / q[1], fall / slope)
-    order_one = method == NEWTON
+    order_one, before = method == NEWTON, 1.0
     for _ in range(12):
         g0, g1, g2, g3, g4 = _around(q, degree, tau, order_one)
         evaluations += 1
@@ -54,15 +56,21 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
             left = tau
         else:
             right = tau
-        if g1 >= 0.0:  # not yet, or no longer, on the way down
+        bend = g1 * g1 - 4.0 * g0 * g2
+        if g1 >= 0.0 and (order_one or not (g2 < 0.0 and bend > 0.0)):  # not yet, or no longer, on the way down
             tau = 0.5 * (left + right)
             continue
-        u = -g0 / g1
+        u = -g0 / g1 if g1 < 0.0 else 1.0
         delta, error = u, 1.0
         if not order_one:
-            delta, error = _reverted(u, 1.0 / g1, g2, g3, g4)
+            if g1 < 0.0:
+                delta, error = _reverted(u, 1.0 / g1, g2, g3, g4)
             if error == 1.0:  # the swapped series does not converge from here: come closer first
-                delta = u if low < tau + u < high else 0.5 * (left + right) - tau
+                if bend > 0.0:  # by the parabola's falling root, which is near where two roots are
+                    root = math.sqrt(bend)
+                    delta = 2.0 * g0 / (root - g1) if g1 <= 0.0 else -0.5 * (g1 + root) / g2
+                if not low < tau + delta < high:
+                    delta = 0.5 * (left + right) - tau
         new = tau + delta
         if not left <= new <= right:
             new = smaller(larger(new, left), right)
@@ -74,6 +82,9 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
         tau = new
         if moved <= 2.0 * EPS * new or error * moved <= 0.25 * EPS * new:
             return tau, method, evaluations
+        if error < 1.0 and moved >= 0.5 * before:  # no nearer: what is left of the guard is rounding
+            return tau, method, evaluations
+        before = moved if error < 1.0 else 1.0
     tau, more = _bisect(q, degree, left, right)
     return tau, BRACKET, evaluations + more
 
