@@ -219,6 +219,20 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
     assert "[Rivals in turn](rivals/README.md)" in listed
 
 
+def test_the_index_counts_the_readings_that_one_solver_alone_gets(tmp_path: Path) -> None:
+    """Who is the cheapest how often adds up to all readings; those that nobody else gets so far can be told apart."""
+    alone = [row("henon", 1e-12, 13.0, 1e-4), row("heyoka", 1e-12, 2.0, 1e-5)]
+    reported(tmp_path, [*ROWS, *(entry | {"reading": "alone"} for entry in alone)])
+    lines = [line[2:-2].split(" | ") for line in index.write_index(tmp_path).read_text().splitlines()]
+    begin = next(k for k, line in enumerate(lines) if line[0] == "cheapest solver")
+    assert lines[begin + 2 : begin + 6] == [
+        ["`henon`", "2", "2", "2", "1"],
+        ["all readings", "2", "2", "2", "1"],
+        ["of these, another solver gets there, too", "1", "1", "1", "0"],
+        [""],
+    ]
+
+
 def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sleepers = {name: Sleeper(name, log=str(tmp_path / "log")) for name in ("henon", "henon-rk4")}
     monkeypatch.setattr(registry, "solver", (sleepers | {"heyoka": Sleeper("heyoka", "dies")}).__getitem__)
