@@ -123,7 +123,8 @@ def index_text(
     ratios : sequence of Row
         Ratios of times taken in turn, if there are any.
     """
-    spread, slower = rivals.spread_table(ratios), rivals.slower_table(ratios, reports="")
+    runs = [row for entry in found for row in entry.rows]
+    spread, slower = rivals.spread_table(ratios), rivals.slower_table(ratios, runs, reports="")
     return (
         environment()
         .get_template("index.md.j2")
