@@ -26,9 +26,10 @@ CASES: dict[str, tuple[str, ...]] = {
     "two_contacts": (),
     "two_roots": ("beside_a_touch",),
     "odd_orders": ("behind_a_crossing",),
+    "steep_friction": ("viscous",),
 }
 """Cases that start on a surface, or leave one again and again, or come back to it at once, or after a crossing where
-their guard is flat; their readings (all)."""
+their guard is flat, or whose first steps are stiff; their readings (all)."""
 TOLERANCES = (1e-6, 1e-9)
 
 

@@ -100,12 +100,13 @@ def ending(row: Row) -> str:
 
 
 def default_table(rows: Sequence[Row]) -> Table:
-    """Each library's default against that other habit which is right most often: what either gives up."""
+    """Each library's default against the best other habit: what either gives up."""
     lines = []
     for library in libraries_of(rows):
         own = registry.restart_of(library)
-        default, best, *_ = sorted(registry.RESTARTS, key=lambda habit: (habit != own, -_right(rows, library, habit)))
-        mine, other = (_by_problem(of_habit(rows, library, habit)) for habit in (default, best))
+        others = [habit for habit in registry.RESTARTS if habit != own]
+        best = max(others, key=lambda habit: _merit(of_habit(rows, library, habit)))
+        mine, other = (_by_problem(of_habit(rows, library, habit)) for habit in (own, best))
         pairs = [(mine[problem], other[problem]) for problem in mine.keys() & other.keys()]
         counts = (
             sum(_gains(ours, theirs) for ours, theirs in pairs),
@@ -113,7 +114,7 @@ def default_table(rows: Sequence[Row]) -> Table:
             sum(_closer(ours, theirs) for ours, theirs in pairs),
             sum(_closer(theirs, ours) for ours, theirs in pairs),
         )
-        lines.append((f"`{library}`", f"`{default}`", f"`{best}`", *(f"{n or ''}" for n in counts)))
+        lines.append((f"`{library}`", f"`{own}`", f"`{best}`", *(f"{n or ''}" for n in counts)))
     headings = (
         "library", "default", "other", "right by the default alone", "by the other alone",
         "right by both, by the default a digit closer", "by the other a digit closer",
@@ -121,8 +122,15 @@ def default_table(rows: Sequence[Row]) -> Table:
     return Table(headings, "lllrrrr", lines)
 
 
-def _right(rows: Sequence[Row], library: str, habit: str) -> int:
-    return sum(ending(row) == "right" for row in of_habit(rows, library, habit))
+def _merit(rows: Sequence[Row]) -> tuple[int, int]:
+    """How many runs are right, and whole digits in all of these."""
+    good = [row for row in rows if ending(row) == "right"]
+    return len(good), sum(int(_told(row)) for row in good if row["digits"] is not None)
+
+
+def _told(row: Row) -> float:
+    """Digits; what is beyond MOST is rounding."""
+    return min(number(row, "digits"), MOST)
 
 
 def _by_problem(rows: Sequence[Row]) -> dict[tuple[object, ...], Row]:
@@ -135,9 +143,8 @@ def _gains(row: Row, other: Row) -> bool:
 
 
 def _closer(row: Row, other: Row) -> bool:
-    """Whether both are right, and this one gets a digit more; what is beyond MOST is rounding."""
-    own, others = (min(number(run, "digits"), MOST) for run in (row, other))
-    return ending(row) == ending(other) == "right" and own - others >= 1.0
+    """Whether both are right, and this one gets a digit more."""
+    return ending(row) == ending(other) == "right" and _told(row) - _told(other) >= 1.0
 
 
 def broken(rows: Sequence[Row]) -> list[str]:
