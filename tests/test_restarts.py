@@ -65,6 +65,11 @@ def test_a_default_is_set_against_the_habit_that_is_right_most_often() -> None:
     assert libraries_of(rows) == ["heyoka"]
 
 
+def test_of_habits_that_are_right_as_often_the_one_with_more_digits_counts() -> None:
+    rows = [run(f"cvode-bdf@{habit}", digits=5.0) for habit in ("event-free-step", "offset", "none")]
+    assert default_table([*rows, run("cvode-bdf@direction")]).rows[0][2:] == ("`direction`", "", "", "", "1")
+
+
 @pytest.mark.parametrize("library", ["heyoka", "cvode-bdf", "scipy-rk45"])
 def test_a_default_s_own_row_is_bold(library: str) -> None:
     bold = [line[1] for line in summary_table([run(f"{library}@none")]).rows if line[1].startswith("**")]
