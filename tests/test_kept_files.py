@@ -82,7 +82,7 @@ def test_a_report_that_cannot_be_read_is_left_out_of_the_index(made_up, tmp_path
     assert "other/report.md" not in (tmp_path / "out/README.md").read_text()
 
 
-@pytest.mark.parametrize("folder", ["", "price", "atlas", "restarts", "causes", "paper"])
+@pytest.mark.parametrize("folder", ["", "price", "atlas", "restarts", "causes", "rivals", "paper"])
 def test_the_committed_index_and_pages_may_be_made_again(folder):
     check_index(Path(__file__).parents[1] / "reports" / folder)
 

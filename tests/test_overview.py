@@ -16,6 +16,7 @@ from henon_ref.report.markdown import report_text
 from henon_ref.report.overview import MANY, judged
 from henon_ref.report.ranking import over_all
 from henon_ref.report.readings_figure import draw_readings
+from henon_ref.report.words import duration
 from henon_ref.report.write import REPORT, report_files
 from henon_ref.score.options import Options
 from henon_ref.score.results import ReadingResult
@@ -86,6 +87,16 @@ def test_one_setting_for_all_readings_costs_the_sum_of_their_times():
     one = comparison.of_reading("f1")[1].run
     assert whole[1]["wall_s"] == pytest.approx(4 * one["wall_s"])
     assert whole[1]["digits"] == one["digits"]
+
+
+def test_a_time_of_all_readings_that_scatters_is_marked():
+    comparison = sweep()
+    assert "†" not in report_text(comparison, ORIGIN).partition("### Every run")[0]
+    shaken = comparison.of_reading("f1")[0].run
+    shaken["wall_s_iqr"] = 4 * shaken["wall_s"]
+    head = report_text(comparison, ORIGIN).partition("## All readings")[0]
+    assert f"| {duration(4 * shaken['wall_s'])} † |" in head
+    assert "†: the ranges of all readings' samples add up to more than a tenth of it." in head
 
 
 def test_a_setting_that_is_wrong_in_one_reading_is_no_answer_for_all():

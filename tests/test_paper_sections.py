@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from henon_ref.paper.claims import Claim, Section, checked, picture
 from henon_ref.paper.exact import same, same_set
 from henon_ref.paper.page import page_text
 from henon_ref.paper.systems import fig8_equations, fig8_listing_limit
+from henon_ref.report.manifest import provenance
 
 CASES = Path(__file__).parent.parent / "cases"
 
@@ -87,7 +89,16 @@ def test_expressions_are_compared_as_mathematics():
 
 def test_the_page_counts_and_lists_every_claim():
     claims = (Claim("Eq. (1)", "a | b", "reproduced", "yes"), Claim("Eq. (2)", "c", "fails", "no"))
-    text = page_text([Section("One", "text\n", claims)])
+    text = page_text([Section("One", "text\n", claims)], provenance("python -m this"))
     assert "1 reproduced, 1 fails" in text
     assert "| Eq. (1) | a \\| b | **reproduced** | yes |" in text
     assert "## One" in text
+
+
+def test_the_page_says_what_made_it_and_where():
+    origin = replace(provenance("python -m this"), commit="0123456789abcdef")
+    text = page_text([], origin)
+    assert "Made by\n\n    python -m this\n\non " in text
+    assert f"on {origin.machine_text}, from commit 0123456789ab." in text
+    assert "[audit.csv](audit.csv)" in text
+    assert f"on {origin.machine_text}. " in page_text([], replace(origin, commit=""))

@@ -7,6 +7,7 @@ import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from statistics import median
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from henon_ref.report.motion import motion_of
 from henon_ref.report.ranking import prices
 from henon_ref.report.style import spread
 from henon_ref.report.tables import price_table, run_table, stick_table
+from henon_ref.report.words import duration
 from henon_ref.report.write import write_report
 from henon_ref.score.gate import Tally
 from henon_ref.score.options import Options
@@ -91,6 +93,20 @@ def test_a_time_says_how_far_its_samples_scatter_or_how_few_they_are(samples, wo
     outcome.trajectory = trajectory(found(error=1e-7))
     score_outcome(outcome, expected())
     assert words in run_table([record(outcome, expected())]).markdown
+
+
+@pytest.mark.parametrize(("shaken", "marked"), [((1.0, 1.0, 1.5), True), ((0.6, 1.4), True), ((1.0, 1.05), False)])
+def test_a_time_that_scatters_is_marked_wherever_it_stands(shaken, marked):
+    """In the answer, in the table of prices, with the legend below it, and among all runs; however few samples."""
+    outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6), samples=shaken)
+    outcome.trajectory = trajectory(found(error=1e-7))
+    score_outcome(outcome, expected())
+    text = report_text(compared(record(outcome, expected()), made("heyoka", 1e-6, 9.0)), ORIGIN)
+    time = duration(median(shaken)) + (" †" if marked else "")
+    assert f"in **{time}**; next" in text
+    prices = text.partition("Cheapest solver for so many digits")[2].partition("#")[0]
+    assert f"| 6 | `henon` | 1e-6 | {time} | `heyoka` | 1e-6 | 9 s |" in prices
+    assert ("†: the samples scatter by more than a tenth of their median." in prices) == marked
 
 
 def test_the_report_states_model_truth_and_provenance(comparison):

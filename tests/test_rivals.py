@@ -21,7 +21,7 @@ from henon_ref.rivals import experiment
 from henon_ref.rivals.duel import COLUMNS, TURN, Duel
 from henon_ref.rivals.experiment import duels_of, run_rivals
 from henon_ref.rivals.match import Entry, Match, compiled_matches
-from henon_ref.rivals.page import LIBRARIES, OTHERS, cheapest, read_ratios, slower_table, spread_table
+from henon_ref.rivals.page import LIBRARIES, OTHERS, cheapest, read_ratios, slower_table, spread_table, write_page
 from henon_ref.score.options import Options, Silent
 from henon_ref.score.settings import Setting
 
@@ -211,12 +211,26 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
     assert page is not None
     text = page.read_text()
     assert "again" in text
-    assert f"| [{CASE.name}](../{CASE.name}/report.md) | 6 | `heyoka` |" in text
+    assert f"| [{CASE.name}](../{CASE.name}/report.md) | 6 | 1e-" in text
     listed = index.write_index(tmp_path).read_text()
     assert "`henon` against its rivals" in listed
-    assert f"| [{CASE.name}]({CASE.name}/report.md) | 6 | `heyoka` |" in listed
+    assert f"| [{CASE.name}]({CASE.name}/report.md) | 6 | 1e-" in listed
     assert "| `heyoka` | 1 | 1 | 1 |  |" in listed  # by the report's own times it was `henon`
     assert "[Rivals in turn](rivals/README.md)" in listed
+
+
+def test_the_index_counts_the_readings_that_one_solver_alone_gets(tmp_path: Path) -> None:
+    """Who is the cheapest how often adds up to all readings; those that nobody else gets so far can be told apart."""
+    alone = [row("henon", 1e-12, 13.0, 1e-4), row("heyoka", 1e-12, 2.0, 1e-5)]
+    reported(tmp_path, [*ROWS, *(entry | {"reading": "alone"} for entry in alone)])
+    lines = [line[2:-2].split(" | ") for line in index.write_index(tmp_path).read_text().splitlines()]
+    begin = next(k for k, line in enumerate(lines) if line[0] == "cheapest solver")
+    assert lines[begin + 2 : begin + 6] == [
+        ["`henon`", "2", "2", "2", "1"],
+        ["all readings", "2", "2", "2", "1"],
+        ["of these, another solver gets there, too", "1", "1", "1", "0"],
+        [""],
+    ]
 
 
 def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -233,6 +247,40 @@ def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: py
     assert "against its rivals" not in index.write_index(tmp_path).read_text()
 
 
+def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that nobody else gets to 3 digits, one that the reference does not, one that is idle and timed."""
+    idle = [entry | {"reference_transitions": 0, "digits": None} for entry in ROWS]
+    kinds = {"alone": [*ROWS[:3], row("heyoka", 1e-6, 2.0, 1e-5)], "lost": ROWS[3:], "idle": idle}
+    others = [entry | {"reading": reading} for reading, entries in kinds.items() for entry in entries]
+    sleepers = {name: Sleeper(name, log=str(tmp_path / "log")) for name in ("henon", "heyoka", "henon-rk4")}
+    monkeypatch.setattr(registry, "solver", sleepers.__getitem__)
+    monkeypatch.setattr(experiment, "SECONDS", 0.01)
+    reported(tmp_path, [*ROWS[:5], *others])
+    page = run_rivals([CASE], Options(), provenance("again"), tmp_path, Silent())
+    assert page is not None
+    text = page.read_text()
+    left = text.partition("## Left out")[2].partition("##")[0]
+    assert f"- of any other solver: [{CASE.name}, alone](../{CASE.name}/report.md#alone)\n" in left
+    assert f"- of `henon`: [{CASE.name}, lost](../{CASE.name}/report.md#lost)\n" in left
+    assert "idle" not in left
+    assert "on 1 of 4\nreadings" in text
+    assert "compiled by numba" not in text
+
+
+def test_the_page_says_where_compiled_callbacks_were_timed(tmp_path: Path) -> None:
+    def timed(reading: str, digits: float | None, against: str) -> dict[str, object]:
+        own = {"case": CASE.name, "reading": reading, "digits": digits, "against": against, "ratio": 0.5}
+        return dict.fromkeys(COLUMNS) | own
+
+    rows = [timed(reading, digits, OTHERS) for reading in "abc" for digits in (3.0, 6.0, 9.0)]
+    rows += [timed("a", 6.0, LIBRARIES), timed("b", 6.0, LIBRARIES), timed("b", 9.0, LIBRARIES)]
+    rows += [timed("idle", None, OTHERS), timed("idle", None, LIBRARIES)]
+    text = write_page(rows, [], {}, ROWS, provenance("again"), tmp_path).read_text()
+    assert "at 6 and 9 digits alone, and where there is no transition.\n" in text
+    assert "That is 2 of the 3 readings at 6 digits and 1 of the 3 readings at 9 digits; on the others" in text
+    assert "Left out" not in text
+
+
 def test_no_rival_no_page(tmp_path: Path) -> None:
     reported(tmp_path, ROWS[:3])
     assert run_rivals([CASE], Options(), provenance("again"), tmp_path, Silent()) is None
@@ -240,7 +288,7 @@ def test_no_rival_no_page(tmp_path: Path) -> None:
 
 
 def test_ratios_are_told_by_rival_and_digits() -> None:
-    plain = dict.fromkeys(COLUMNS) | {"wall_s": 2e-6, "rival_wall_s": 1e-6}
+    plain = dict.fromkeys(COLUMNS) | {"rtol": 1e-6, "wall_s": 1.2e-4, "rival_rtol": 1e-9, "rival_wall_s": 6e-5}
 
     def ratio(case: str, reading: str, digits: float | None, rival: str, against: str, value: float) -> dict:
         return plain | {
@@ -265,10 +313,18 @@ def test_ratios_are_told_by_rival_and_digits() -> None:
         (OTHERS, "no transition", "1", "2", "2", "1"),
         (LIBRARIES, "9", "1", "0.5", "0.5", "0"),
     ]
-    assert slower_table(rows).rows == [
-        ("[b, idle](../b/report.md#idle)", "no transition", "`heyoka`", "2 us", "1 us", "2"),
-        ("[c](../c/report.md)", "12", "`scipy-rk45`", "2 us", "1 us", "1.5"),
+    runs = [
+        row("henon", 1e-6, 12.5, 1.0, case="c", reading="default", steps=1074.0),
+        row("henon", 1e-9, 14.5, 1.0, case="c", reading="default", steps=9.0),
+        row("henon", 1e-6, 0.0, 1.0, case="b", reading="idle", steps=3.0) | {"digits": None},
+        row("scipy-rk45", 1e-9, 12.0, 1.0, case="c", reading="default", steps=112.0),
     ]
+    own, rival = ("1e-6", "12.5", "1074", "0.12 ms"), ("1e-9", "12", "112", "60 µs")
+    assert slower_table(rows, runs).rows == [
+        ("[b, idle](../b/report.md#idle)", "no transition", "1e-6", "", "3", "0.12 ms",
+         "`heyoka`", "1e-9", "", "", "60 µs", "2"),
+        ("[c](../c/report.md)", "12", *own, "`scipy-rk45`", *rival, "1.5"),
+    ]  # fmt: skip
     assert cheapest(rows) == {
         ("a", "default", 6): "henon",
         ("b", "late", 6): "henon",

@@ -29,12 +29,13 @@ def main(
     from rich.console import Console
 
     from henon_ref.paper.page import write_page
+    from henon_ref.report.manifest import provenance
     from henon_ref.report.write import check_writable
 
     check_writable(out)
     console = Console(stderr=True)
     with console.status("the paper, computed again") as status:
-        sections = write_page(out, lambda name: status.update(name))
+        sections = write_page(out, provenance("python -m henon_ref.paper"), lambda name: status.update(name))
     failed = [claim for section in sections for claim in section.claims if claim.verdict == "fails"]
     for claim in failed:
         print(f"fails: {claim.where}: {claim.says}", file=sys.stderr)

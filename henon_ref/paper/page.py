@@ -11,6 +11,7 @@ from pathlib import Path
 
 from henon_ref.paper import appendix, fig8, section2, section3, section4, section5
 from henon_ref.paper.claims import Claim, Section
+from henon_ref.report.manifest import Provenance
 
 PAGE = "README.md"
 
@@ -27,13 +28,14 @@ SECTIONS: dict[str, Callable[[Path], Section]] = {
 _VERDICTS = ("reproduced", "corrected", "not reproducible", "fails")
 
 
-def write_page(folder: Path, tell: Callable[[str], None]) -> list[Section]:
+def write_page(folder: Path, origin: Provenance, tell: Callable[[str], None]) -> list[Section]:
     """Compute everything and write the page and its figures.
 
     Parameters
     ----------
     folder : Path
         Made if it is not there.
+    origin : Provenance
     tell : callable
         Told the name of each section as its work begins.
 
@@ -47,18 +49,19 @@ def write_page(folder: Path, tell: Callable[[str], None]) -> list[Section]:
     for name, section in SECTIONS.items():
         tell(name)
         made.append(section(folder))
-    (folder / PAGE).write_text(page_text(made), encoding="utf-8")
+    (folder / PAGE).write_text(page_text(made, origin), encoding="utf-8")
     return made
 
 
-def page_text(sections: list[Section]) -> str:
+def page_text(sections: list[Section], origin: Provenance) -> str:
     """The page as markdown."""
     claims = [claim for section in sections for claim in section.claims]
     counts = Counter[str](claim.verdict for claim in claims)
     tally = ", ".join(f"{counts[verdict]} {verdict}" for verdict in _VERDICTS if counts[verdict])
     parts = [_HEAD.format(count=len(claims), tally=tally), _table(sections)]
     parts += [f"## {section.title}\n\n{section.text}" for section in sections]
-    parts.append(_FOOT)
+    commit = f", from commit {origin.commit[:12]}" if origin.commit else ""
+    parts.append(_FOOT.format(rerun=origin.rerun, machine=origin.machine_text, commit=commit))
     return "\n".join(part.rstrip("\n") + "\n" for part in parts)
 
 
@@ -92,8 +95,12 @@ What can be checked by computing was, when this page was written; the evidence h
 """
 
 _FOOT = """\
-## Made by
+## How to read this
 
-`python -m henon_ref.paper` writes this page and its figures, `audit.csv` holds the tables of the appendix in full.
+Made by
+
+    {rerun}
+
+on {machine}{commit}. The tables of the appendix are in [audit.csv](audit.csv) in full.
 Figures and starts that the paper does not give are ours, as said where they are used.
 """

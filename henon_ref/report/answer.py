@@ -9,7 +9,7 @@ from henon_ref.columns import Row
 from henon_ref.comparison import Comparison
 from henon_ref.report.orbits import orbit_sentences
 from henon_ref.report.ranking import by_solver, floor, most_accurate, name, number, prices, right
-from henon_ref.report.tables import timed
+from henon_ref.report.tables import Samples, samples_of, timed
 from henon_ref.report.words import (
     code,
     digits,
@@ -29,12 +29,13 @@ NOT_RUN = ("unsupported", "unavailable")
 
 def answer(comparison: Comparison, result: ReadingResult) -> list[str]:
     """Paragraphs on one reading: accuracy, cost, who is wrong, and the published figures."""
-    rows = [record.run for record in comparison.of_reading(result.reading.name)]
+    records = comparison.of_reading(result.reading.name)
+    rows, samples = [record.run for record in records], samples_of(records)
     if result.expected is None:
         nothing = f"No truth could be had, so that nothing is scored: {result.statement.reason}."
         return [" ".join([nothing, *_unavailable(rows)])]
     paragraphs = [
-        " ".join([_accuracy(rows, result), *_cost(rows)]),
+        " ".join([_accuracy(rows, result, samples), *_cost(rows)]),
         " ".join(_failures(rows)),
         " ".join(published(comparison, result)),
         " ".join(orbit_sentences(result)),
@@ -42,7 +43,7 @@ def answer(comparison: Comparison, result: ReadingResult) -> list[str]:
     return [text for text in paragraphs if text]
 
 
-def _accuracy(rows: Sequence[Row], result: ReadingResult) -> str:
+def _accuracy(rows: Sequence[Row], result: ReadingResult, samples: Samples) -> str:
     """How many solvers are right, and who is right to the most digits."""
     expected = result.expected
     if expected is None:
@@ -65,11 +66,11 @@ def _accuracy(rows: Sequence[Row], result: ReadingResult) -> str:
             told = f", {_who(seen, tried, 'report the touch')}" if touches and tried else ""
             ends = f" up to t = {significant(expected.end_time, 9)} s, where the truth ends" if expected.partial else ""
             return f"The exact run {what} no transition{ends}; {_who(good, tried, 'agree')}{where}{told}."
-        return f"{_capital(_who(good, tried, f'find {what} in order'))}{where}. {_best(rows)}".strip()
+        return f"{_capital(_who(good, tried, f'find {what} in order'))}{where}. {_best(rows, samples)}".strip()
     why = f": {result.statement.reason.rstrip('.')}" if result.statement.reason else ""
     ends = f"The exact run ends at t = {significant(expected.end_time, 9)} s, {expected.status}{why}."
     found = f", with {what} before it" if transitions and good else ""
-    return f"{ends} {_capital(_who(good, tried, 'say so'))}{found}{where}. {_best(rows)}".strip()
+    return f"{ends} {_capital(_who(good, tried, 'say so'))}{found}{where}. {_best(rows, samples)}".strip()
 
 
 def _where(solvers: Mapping[str, Sequence[Row]], good: Sequence[str]) -> str:
@@ -113,7 +114,7 @@ def right_at_all(rows: Sequence[Row]) -> bool:
     return any(row["verdict"] == "right" for row in rows)
 
 
-def _best(rows: Sequence[Row]) -> str:
+def _best(rows: Sequence[Row], samples: Samples) -> str:
     best = most_accurate(rows)
     if best is None:
         return ""
@@ -124,14 +125,14 @@ def _best(rows: Sequence[Row]) -> str:
     )
     if best["wall_s"] is None:
         return f"{text}, without a time: {best['status_reason']}."
-    text += f" in **{timed(best)}**"
+    text += f" in **{timed(best, samples)}**"
     rest = [row for row in right(rows) if row["solver"] != best["solver"] and row["wall_s"] is not None]
     second = most_accurate(rest)
     if second is None:
         return text + "."
     times = times_as_long(number(second, "wall_s") / number(best, "wall_s"))
     reached = digits(number(second, "digits"))
-    return f"{text}; next comes `{name(second)}`, right to {reached} digits in {timed(second)}, {times}."
+    return f"{text}; next comes `{name(second)}`, right to {reached} digits in {timed(second, samples)}, {times}."
 
 
 def _cost(rows: Sequence[Row]) -> list[str]:

@@ -14,7 +14,7 @@ from henon_ref.errors import CaseError
 from henon_ref.report.csvfiles import read_rows
 from henon_ref.report.markdown import environment
 from henon_ref.report.matrix import KEY, matrix, solvers_of
-from henon_ref.report.ranking import LEVELS, by_solver, name, prices, reaching, right
+from henon_ref.report.ranking import LEVELS, by_solver, name, prices, reaching
 from henon_ref.report.tables import Table
 from henon_ref.report.words import count
 from henon_ref.report.write import INDEX, MANIFEST, REPORT, RUNS, check_index, replace_file
@@ -123,7 +123,8 @@ def index_text(
     ratios : sequence of Row
         Ratios of times taken in turn, if there are any.
     """
-    spread, slower = rivals.spread_table(ratios), rivals.slower_table(ratios, reports="")
+    runs = [row for entry in found for row in entry.rows]
+    spread, slower = rivals.spread_table(ratios), rivals.slower_table(ratios, runs, reports="")
     return (
         environment()
         .get_template("index.md.j2")
@@ -158,23 +159,24 @@ def _answer(found: Sequence[Entry]) -> list[str]:
 
 
 def _cheapest(found: Sequence[Entry], in_turn: Mapping[tuple[str, str, int], str]) -> Table:
-    """How often each solver is the cheapest for so many digits, over all readings that two solvers get right.
+    """How often each solver is the cheapest for so many digits, over all readings that somebody gets so far.
 
-    Where they were timed in turn that decides, by case, reading and digits; elsewhere the reports' own times do.
+    Where they were timed in turn that decides, by case, reading and digits; elsewhere the reports' own times do, and
+    where nobody else gets there, there is nothing to time in turn.
     """
     wins: dict[str, dict[int, int]] = {}
-    reached = dict.fromkeys(LEVELS, 0)
+    reached, contested = dict.fromkeys(LEVELS, 0), dict.fromkeys(LEVELS, 0)
     for entry in found:
-        if len(by_solver(right(entry.rows))) < 2:
-            continue
         for price in prices(entry.rows):
             if price.row is not None:
                 reached[price.digits] += 1
+                contested[price.digits] += price.next_row is not None
                 first = in_turn.get((entry.case, entry.reading, price.digits), "")
                 if first not in by_solver(reaching(entry.rows, price.digits)):  # or the reports are newer than that
                     first = name(price.row)
                 wins.setdefault(first, dict.fromkeys(LEVELS, 0))[price.digits] += 1
     order = sorted(wins, key=lambda solver: -sum(wins[solver].values()))
     lines = [(f"`{solver}`", *(f"{wins[solver][level] or ''}" for level in LEVELS)) for solver in order]
-    lines.append(("readings that somebody gets to so many digits", *(f"{reached[level]}" for level in LEVELS)))
+    for label, counts in (("all readings", reached), ("of these, another solver gets there, too", contested)):
+        lines.append((label, *(f"{counts[level]}" for level in LEVELS)))
     return Table(("cheapest solver", *(f"{level} digits" for level in LEVELS)), "l" + "r" * len(LEVELS), lines)

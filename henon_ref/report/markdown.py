@@ -14,7 +14,7 @@ from henon_ref.report.manifest import Provenance
 from henon_ref.report.modeltext import general_form, mode_equations, modes_of, parameters, truth_sentences
 from henon_ref.report.overview import overview
 from henon_ref.report.ranking import name
-from henon_ref.report.tables import price_table, reason_table, run_table, stick_table
+from henon_ref.report.tables import MARK, price_table, reason_table, run_table, samples_of, stick_table
 from henon_ref.report.words import count, listing
 from henon_ref.score.gate import Tally, gate_tally
 from henon_ref.score.options import MOST_DRAWN
@@ -38,6 +38,9 @@ NOTES = (
     "**Steps**, **fields** (right-hand sides) and **events** (evaluations of event functions) are what each solver's "
     "docstring says they are."
 )
+
+LEGEND = f"{MARK}: the samples scatter by more than a tenth of their median."
+"""Below a table that is marked so, away from the notes."""
 
 
 @cache
@@ -85,7 +88,8 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
     system = reading.problem.system
     records = comparison.of_reading(reading.name)
     rows = [record.run for record in records]
-    prices, reasons, sticks = price_table(rows), reason_table(rows), stick_table(comparison, result)
+    prices, reasons = price_table(rows, samples_of(records)), reason_table(rows)
+    sticks = stick_table(comparison, result)
     return {
         "name": reading.name,
         "title": "" if reading.title == comparison.case.title else reading.title,
@@ -93,6 +97,7 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
         "figures": _figures(result),
         "figures_note": _figures_note(comparison, result),
         "prices": prices.markdown if prices else "",
+        "legend": LEGEND if prices and MARK in prices.markdown else "",
         "sticks": sticks.markdown if sticks else "",
         "runs": run_table(records).markdown,
         "reasons": reasons.markdown if reasons else "",

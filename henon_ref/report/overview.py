@@ -11,12 +11,14 @@ from henon_ref.report.answer import NOT_RUN
 from henon_ref.report.figures import READINGS
 from henon_ref.report.matrix import KEY, matrix
 from henon_ref.report.ranking import by_solver, name, number, over_all
-from henon_ref.report.tables import price_table
+from henon_ref.report.tables import MARK, price_table
 from henon_ref.report.words import code, listing, setting
 from henon_ref.score.options import MOST_DRAWN
 
 MANY = 4
 """Readings from which on a report begins with all of them at once, and tells of each in its own section."""
+LEGEND = f"{MARK}: the ranges of all readings' samples add up to more than a tenth of it."
+"""Below a table that is marked so."""
 
 
 def overview(comparison: Comparison) -> dict[str, Any] | None:
@@ -33,6 +35,7 @@ def overview(comparison: Comparison) -> dict[str, Any] | None:
     return {
         "answer": f"{_counted(len(readings), len(comparison.readings))} {_everywhere(whole, len(readings))}",
         "prices": prices.markdown if prices else "",
+        "legend": LEGEND if prices and MARK in prices.markdown else "",
         "figure": READINGS if is_drawn(comparison) else "",
         "matrix": matrix(("reading", "transitions"), lines).markdown,
         "key": KEY,

@@ -67,8 +67,8 @@ def best_of(rows: Sequence[Row]) -> Row:
 def over_all(readings: Sequence[Sequence[Row]]) -> list[Row]:
     """A row for every solver and setting, over all readings of a case.
 
-    ``wall_s`` is the time of all readings, ``digits`` the fewest in any. The verdict is right where it is so in every
-    reading; in how many it is says ``right_in``.
+    ``wall_s`` is the time of all readings, ``wall_s_iqr`` the sum of their ranges, ``digits`` the fewest in any. The
+    verdict is right where it is so in every reading; in how many it is says ``right_in``.
     """
     own: dict[tuple[object, ...], list[Row]] = {}
     for row in (row for rows in readings for row in rows):
@@ -86,6 +86,7 @@ def over_all(readings: Sequence[Sequence[Row]]) -> list[Row]:
                 "right_in": len(good),
                 "digits": min(reached, default=None),
                 "wall_s": sum(number(row, "wall_s") for row in good),
+                "wall_s_iqr": sum(number(row, "wall_s_iqr") for row in good if row["wall_s_iqr"] is not None),
             }
         )
     return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from baselines.causes import CAUSES
@@ -17,6 +17,8 @@ from henon_ref.score.timing import UNSTABLE
 
 MOST_STICKS = 12
 """Sticks shown for a reading; all are in sticks.csv."""
+MARK = "†"
+"""Behind a time whose samples scatter too much."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,21 @@ class Table:
         return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
 
 
-def price_table(rows: Sequence[Row]) -> Table | None:
+Samples = Mapping[tuple[object, ...], Sequence[float]]
+"""Timing samples by solver and setting (:func:`of_run`)."""
+
+
+def of_run(row: Row) -> tuple[object, ...]:
+    """Solver and setting of a row: what tells it apart from the others of its reading."""
+    return tuple(row[column] for column in ("solver", "rtol", "step_s"))
+
+
+def samples_of(records: Sequence[Record]) -> Samples:
+    """The timing samples of a reading's records."""
+    return {of_run(record.run): record.samples for record in records}
+
+
+def price_table(rows: Sequence[Row], samples: Samples | None = None) -> Table | None:
     """The cheapest solver for so many digits, and what the next one costs."""
     found = [price for price in prices(rows) if price.row is not None]
     if not found:
@@ -45,7 +61,7 @@ def price_table(rows: Sequence[Row]) -> Table | None:
         cells = [f"{price.digits}"]
         for row in (price.row, price.next_row):
             cells += ["none", "", ""] if row is None else [
-                f"`{name(row)}`", setting(row["rtol"], row["step_s"]), duration(row["wall_s"])
+                f"`{name(row)}`", setting(row["rtol"], row["step_s"]), timed(row, samples)
             ]  # fmt: skip
         ratio = ""
         if price.row is not None and price.next_row is not None:
@@ -110,9 +126,9 @@ def wall(row: Row, samples: Sequence[float] = ()) -> str:
     return duration(row["wall_s"]) + (f" ({note})" if note else "") + _mark(row, samples)
 
 
-def timed(row: Row) -> str:
+def timed(row: Row, samples: Samples | None = None) -> str:
     """Median wall time of a row that has one, marked where its samples scatter too much."""
-    return duration(row["wall_s"]) + _mark(row)
+    return duration(row["wall_s"]) + _mark(row, (samples or {}).get(of_run(row), ()))
 
 
 def _mark(row: Row, samples: Sequence[float] = ()) -> str:
@@ -120,7 +136,7 @@ def _mark(row: Row, samples: Sequence[float] = ()) -> str:
         scatter = number(row, "wall_s_iqr")
     else:
         scatter = (max(samples) - min(samples)) / 2 if samples else 0.0
-    return " †" if scatter > UNSTABLE * number(row, "wall_s") else ""
+    return f" {MARK}" if scatter > UNSTABLE * number(row, "wall_s") else ""
 
 
 def reason_table(rows: Sequence[Row]) -> Table | None:

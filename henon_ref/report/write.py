@@ -29,7 +29,7 @@ INDEX = "README.md"
 _OWN = re.compile(
     r"# (Reports\n\n(\d+|no) readings? of (\d+|no) cases?\."
     r"|(What accuracy costs in time|Atlas of grazes|Restart habits|What the libraries do by themselves)\n"
-    r"|The paper, computed again\n)"
+    r"|(Rivals in turn|The paper, computed again)\n)"
 )
 """How the pages begin that this package writes as the README.md of a folder: the index and the further pages."""
 

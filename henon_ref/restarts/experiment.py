@@ -24,8 +24,12 @@ CASES: dict[str, tuple[str, ...]] = {
     "g_stays_zero": (),
     "two_roots_ballistic": ("d1e1", "d1e3"),
     "two_contacts": (),
+    "two_roots": ("beside_a_touch",),
+    "odd_orders": ("behind_a_crossing",),
+    "steep_friction": ("viscous",),
 }
-"""Cases that start on a surface, or leave one again and again, or come back to it at once; their readings (all)."""
+"""Cases that start on a surface, or leave one again and again, or come back to it at once, or after a crossing where
+their guard is flat, or whose first steps are stiff; their readings (all)."""
 TOLERANCES = (1e-6, 1e-9)
 
 

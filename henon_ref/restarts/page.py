@@ -12,12 +12,18 @@ from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.report.csvfiles import csv_text
 from henon_ref.report.manifest import Provenance
 from henon_ref.report.markdown import environment
+from henon_ref.report.ranking import LEVELS, number
 from henon_ref.report.tables import Table
 from henon_ref.report.words import listing, setting
 from henon_ref.report.write import REPORT, RUNS, replace_file
+from henon_ref.score.metrics import EARLY
 
 FOLDER = "restarts"
 PAGE = "README.md"
+MOST = LEVELS[-1]
+"""Digits that are told apart."""
+ENDINGS = ("right", "wrong", "ended early", "failed")
+"""How a run may end: with the exact run's transitions, with others, before its time, or not at all."""
 
 
 def write_page(rows: Sequence[Row], origin: Provenance, folder: Path) -> Path:
@@ -46,6 +52,8 @@ def write_page(rows: Sequence[Row], origin: Provenance, folder: Path) -> Path:
             readings=len({(row["case"], row["reading"]) for row in rows}),
             broken=broken(rows),
             summary=summary_table(rows).markdown,
+            most=MOST,
+            defaults=default_table(rows).markdown,
             details=detail_table(rows).markdown,
             rerun=origin.rerun,
             machine=origin.machine_text,
@@ -69,24 +77,74 @@ def of_habit(rows: Sequence[Row], library: str, habit: str) -> list[Row]:
 
 
 def summary_table(rows: Sequence[Row]) -> Table:
-    """Library against habit: runs that are right, transitions missed and spurious, runs that failed."""
+    """Library and habit: how their runs ended, each in one column, and the transitions missed and spurious in them."""
     lines = []
     for library in libraries_of(rows):
-        cells = [_summed(of_habit(rows, library, habit)) for habit in registry.RESTARTS]
-        own = registry.RESTARTS.index(registry.restart_of(library))
-        cells[own] = f"**{cells[own]}**"
-        lines.append((f"`{library}`", *cells))
-    return Table(("library", *(f"`{habit}`" for habit in registry.RESTARTS)), "lllll", lines)
+        for habit in registry.RESTARTS:
+            own = of_habit(rows, library, habit)
+            ends = Counter(map(ending, own))
+            edits = (sum(int(number(row, c)) for row in own if row[c] is not None) for c in ("missed", "spurious"))
+            label = f"**`{habit}`**" if habit == registry.restart_of(library) else f"`{habit}`"
+            lines.append(
+                (f"`{library}`", label, *(f"{ends[end] or ''}" for end in ENDINGS), *(f"{n or ''}" for n in edits))
+            )
+    return Table(("library", "habit", *ENDINGS, "transitions missed", "spurious"), "llrrrrrr", lines)
 
 
-def _summed(rows: Sequence[Row]) -> str:
-    right = sum(outcome_of(row) == "right" for row in rows)
-    words = [f"{right} of {len(rows)} right"]
-    for column in ("missed", "spurious"):
-        total = sum(int(value) for row in rows if isinstance(value := row[column], int | float))
-        words += [f"{total} {column}"] if total else []
-    failed = sum(outcome_of(row) == "failed" for row in rows)
-    return ", ".join([*words, f"{failed} failed"] if failed else words)
+def ending(row: Row) -> str:
+    """How a run that was made ended."""
+    outcome = outcome_of(row)
+    if outcome in ("right", "failed"):
+        return outcome
+    return "ended early" if row["status"] in EARLY else "wrong"
+
+
+def default_table(rows: Sequence[Row]) -> Table:
+    """Each library's default against the best other habit: what either gives up."""
+    lines = []
+    for library in libraries_of(rows):
+        own = registry.restart_of(library)
+        others = [habit for habit in registry.RESTARTS if habit != own]
+        best = max(others, key=lambda habit: _merit(of_habit(rows, library, habit)))
+        mine, other = (_by_problem(of_habit(rows, library, habit)) for habit in (own, best))
+        pairs = [(mine[problem], other[problem]) for problem in mine.keys() & other.keys()]
+        counts = (
+            sum(_gains(ours, theirs) for ours, theirs in pairs),
+            sum(_gains(theirs, ours) for ours, theirs in pairs),
+            sum(_closer(ours, theirs) for ours, theirs in pairs),
+            sum(_closer(theirs, ours) for ours, theirs in pairs),
+        )
+        lines.append((f"`{library}`", f"`{own}`", f"`{best}`", *(f"{n or ''}" for n in counts)))
+    headings = (
+        "library", "default", "other", "right by the default alone", "by the other alone",
+        "right by both, by the default a digit closer", "by the other a digit closer",
+    )  # fmt: skip
+    return Table(headings, "lllrrrr", lines)
+
+
+def _merit(rows: Sequence[Row]) -> tuple[int, int]:
+    """How many runs are right, and whole digits in all of these."""
+    good = [row for row in rows if ending(row) == "right"]
+    return len(good), sum(int(_told(row)) for row in good if row["digits"] is not None)
+
+
+def _told(row: Row) -> float:
+    """Digits; what is beyond MOST is rounding."""
+    return min(number(row, "digits"), MOST)
+
+
+def _by_problem(rows: Sequence[Row]) -> dict[tuple[object, ...], Row]:
+    return {(row["case"], row["reading"], row["rtol"]): row for row in rows}
+
+
+def _gains(row: Row, other: Row) -> bool:
+    """Whether a run is right, and the other is not."""
+    return ending(row) == "right" != ending(other)
+
+
+def _closer(row: Row, other: Row) -> bool:
+    """Whether both are right, and this one gets a digit more."""
+    return ending(row) == ending(other) == "right" and _told(row) - _told(other) >= 1.0
 
 
 def broken(rows: Sequence[Row]) -> list[str]:

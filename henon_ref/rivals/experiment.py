@@ -12,8 +12,8 @@ from henon_ref.report.manifest import Provenance
 from henon_ref.report.ranking import LEVELS, name, readings_of
 from henon_ref.report.write import RUNS
 from henon_ref.rivals.duel import Duel, fight
-from henon_ref.rivals.match import FIRST, compiled_matches, matches
-from henon_ref.rivals.page import FOLDER, LIBRARIES, OTHERS, SECOND, write_page
+from henon_ref.rivals.match import FIRST, able_rows, compiled_matches, matches
+from henon_ref.rivals.page import FOLDER, LIBRARIES, OTHERS, SECOND, link, write_page
 from henon_ref.score.options import Observer, Options
 from henon_ref.score.truthjob import stored_statement
 
@@ -43,11 +43,25 @@ def run_rivals(
     Path or None
         The page; None where no reading has a rival.
     """
-    duels = {case.name: list(duels_of(case, read_rows(out / case.name / RUNS), options.timeout)) for case in cases}
+    runs = {case.name: read_rows(out / case.name / RUNS) for case in cases}
+    duels = {case.name: list(duels_of(case, runs[case.name], options.timeout)) for case in cases}
     if not any(duels.values()):
         return None
     rows, failed = fight(duels, options, observer)
-    return write_page(rows, failed, origin, out / FOLDER)
+    every = [row for own in runs.values() for row in own]
+    return write_page(rows, failed, left_out(every), every, origin, out / FOLDER)
+
+
+def left_out(rows: Sequence[Row]) -> dict[str, list[str]]:
+    """The readings in which nobody is timed, as links, by whose run is missing: one that gets the fewest digits."""
+    found: dict[str, list[str]] = {}
+    for (case, reading), own in readings_of(rows).items():
+        able = {name(row) for _, level in able_rows(own, LEVELS) for row in level if row["wall_s"]}
+        if FIRST not in able:
+            found.setdefault(f"of `{FIRST}`", []).append(link(case, reading))
+        elif able == {FIRST}:
+            found.setdefault("of any other solver", []).append(link(case, reading))
+    return found
 
 
 def duels_of(case: Case, rows: Sequence[Row], deadline: float) -> Iterator[Duel]:

@@ -51,7 +51,7 @@ def matches(rows: Sequence[Row], rivals: Mapping[str, Collection[str]], levels: 
     levels : sequence of int
         Digits to be reached. Where there is no transition to time, right rows are set against each other once.
     """
-    for level, able in _able(rows, levels):
+    for level, able in able_rows(rows, levels):
         own = _cheapest(able, (FIRST,))
         for against, solvers in rivals.items():
             rival = _cheapest(able, solvers)
@@ -73,7 +73,7 @@ def compiled_matches(rows: Sequence[Row], against: str, levels: Sequence[int]) -
     levels : sequence of int
         Digits to be reached.
     """
-    for level, able in _able(rows, levels):
+    for level, able in able_rows(rows, levels):
         own, rival = _cheapest(able, (FIRST,)), []
         for solver in by_solver(able):
             if solver + registry.COMPILED in registry.names():
@@ -82,7 +82,7 @@ def compiled_matches(rows: Sequence[Row], against: str, levels: Sequence[int]) -
             yield Match(level, against, own, tuple(sorted(rival, key=_wall)[:CANDIDATES]))
 
 
-def _able(rows: Sequence[Row], levels: Sequence[int]) -> Iterator[tuple[int | None, list[Row]]]:
+def able_rows(rows: Sequence[Row], levels: Sequence[int]) -> Iterator[tuple[int | None, list[Row]]]:
     """Rows that reach so many digits; once, and with None, those that are right where there is no transition."""
     idle = [row for row in rows if row["verdict"] == "right" and row["reference_transitions"] == 0 and row["wall_s"]]
     if idle:

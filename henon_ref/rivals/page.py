@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from henon_ref.columns import Row
+from henon_ref.report import words
 from henon_ref.report.csvfiles import csv_text, read_rows
 from henon_ref.report.manifest import Provenance
 from henon_ref.report.markdown import environment
-from henon_ref.report.ranking import LEVELS, number
+from henon_ref.report.ranking import LEVELS, number, readings_of
 from henon_ref.report.tables import Table
 from henon_ref.report.write import REPORT, replace_file
 from henon_ref.rivals.duel import COLUMNS
@@ -25,7 +26,14 @@ SECOND, OTHERS, LIBRARIES = "heyoka", "the cheapest other", "compiled callbacks"
 whichever of the libraries with compiled callbacks is."""
 
 
-def write_page(rows: Sequence[Row], failed: Sequence[str], origin: Provenance, folder: Path) -> Path:
+def write_page(
+    rows: Sequence[Row],
+    failed: Sequence[str],
+    left: Mapping[str, Sequence[str]],
+    runs: Sequence[Row],
+    origin: Provenance,
+    folder: Path,
+) -> Path:
     """Write ratios and page.
 
     Parameters
@@ -34,6 +42,10 @@ def write_page(rows: Sequence[Row], failed: Sequence[str], origin: Provenance, f
         A row a match, with COLUMNS.
     failed : sequence of str
         Readings that could not be timed, and why.
+    left : mapping of sequences of str
+        Readings in which there is nothing to time, as links, by the reason.
+    runs : sequence of Row
+        Rows of the reports that told whom to time.
     origin : Provenance
     folder : Path
         The experiment's own folder; made if need be.
@@ -50,8 +62,13 @@ def write_page(rows: Sequence[Row], failed: Sequence[str], origin: Provenance, f
         .get_template("rivals.md.j2")
         .render(
             readings=len({(row["case"], row["reading"]) for row in rows}),
+            total=len(readings_of(runs)),
+            left=left,
+            fewest=LEVELS[0],
+            levels=words.listing([f"{digits}" for digits in compiled_levels(rows)]),
+            compiled=compiled_words(rows),
             spread=spread_table(rows).markdown,
-            slower=slower.markdown if (slower := slower_table(rows)).rows else "",
+            slower=slower.markdown if (slower := slower_table(rows, runs)).rows else "",
             failed=failed,
             rerun=origin.rerun,
             machine=origin.machine_text,
@@ -101,17 +118,57 @@ def spread_table(rows: Sequence[Row]) -> Table:
     return Table(headings, "l" + "r" * (len(headings) - 1), lines)
 
 
-def slower_table(rows: Sequence[Row], reports: str = "../") -> Table:
-    """Where a rival is faster; ``reports``: the folder of the reports, as links have it."""
+def slower_table(rows: Sequence[Row], runs: Sequence[Row], reports: str = "../") -> Table:
+    """Where a rival is faster, and what either gets for its time.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        A row a match, with COLUMNS.
+    runs : sequence of Row
+        Rows of the reports: they know how many digits and steps a setting has. Of compiled callbacks none does.
+    reports : str
+        The folder of the reports, as links have it.
+    """
+    known = {(own["case"], own["reading"], own["solver"], own["rtol"], own["step_s"]): own for own in runs}
     lines = []
     for row in rows:
         if row["against"] in (OTHERS, LIBRARIES) and number(row, "ratio") > 1:
             case, reading = str(row["case"]), str(row["reading"])
-            text, anchor = (case, "") if reading == "default" else (f"{case}, {reading}", f"#{reading}")
-            times = (f"{1e6 * number(row, column):.3g} us" for column in ("wall_s", "rival_wall_s"))
-            link = f"[{text}]({reports}{case}/{REPORT}{anchor})"
-            lines.append((link, bound(row["digits"]), f"`{row['rival']}`", *times, f"{number(row, 'ratio'):.3g}"))
-    return Table(("reading", "digits", "rival", "`henon`", "rival's time", "ratio"), "lrlrrr", lines)
+            cells = [link(case, reading, reports), bound(row["digits"])]
+            for solver, rtol, step, wall in (
+                (FIRST, row["rtol"], None, row["wall_s"]),
+                (row["rival"], row["rival_rtol"], row["rival_step_s"], row["rival_wall_s"]),
+            ):
+                run = known.get((case, reading, solver, rtol, step))
+                got = "" if run is None or run["digits"] is None else words.digits(number(run, "digits"))
+                steps = "" if run is None or run["steps"] is None else f"{number(run, 'steps'):.0f}"
+                cells += [f"`{solver}`"] if solver != FIRST else []
+                cells += [words.setting(rtol, step), got, steps, words.duration(wall)]
+            lines.append((*cells, f"{number(row, 'ratio'):.3g}"))
+    own = ("setting", "gets", "steps")
+    headings = ("reading", "digits", f"`{FIRST}` at", *own[1:], "time", "rival", *own, "time", "ratio")
+    return Table(headings, "lrrrrrlrrrrr", lines)
+
+
+def link(case: str, reading: str, reports: str = "../") -> str:
+    """A reading as a link to its report; ``reports``: the folder of the reports, as the link has it."""
+    text, anchor = (case, "") if reading == "default" else (f"{case}, {reading}", f"#{reading}")
+    return f"[{text}]({reports}{case}/{REPORT}{anchor})"
+
+
+def compiled_levels(rows: Sequence[Row]) -> list[int]:
+    """Digits at which libraries with compiled callbacks were timed."""
+    return sorted({int(number(row, "digits")) for row in rows if row["against"] == LIBRARIES and row["digits"]})
+
+
+def compiled_words(rows: Sequence[Row]) -> str:
+    """On how many of the readings that are contested for so many digits they were."""
+    phrases = []
+    for level in compiled_levels(rows):
+        timed, all_ = (sum((r["against"], r["digits"]) == (side, level) for r in rows) for side in (LIBRARIES, OTHERS))
+        phrases.append(f"{timed} of the {all_} readings at {level} digits")
+    return words.listing(phrases)
 
 
 def bound(digits: object) -> str:
