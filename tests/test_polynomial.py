@@ -94,6 +94,17 @@ def test_where_a_guard_falls_evenly_one_evaluation_lands_on_it() -> None:
     assert tau == pytest.approx(3 * np.arcsin(0.2), rel=2 * k.EPS)
 
 
+@pytest.mark.parametrize("gap", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7])
+def test_near_another_root_a_parabola_comes_close_enough_for_the_swap(gap: float) -> None:
+    """Newton's step halves the distance to a pair of roots, and stops at none of them."""
+    coefficients = np.zeros(ORDER + 1)
+    coefficients[:5] = (Polynomial.fromroots([0.4, 0.4 + gap, -2.0, 3.0]) * -1).coef
+    tau, used, evaluations = land(coefficients, 0.0, 0.4 + gap / 2, k.HENON)
+    assert (used, tau) == (k.HENON, pytest.approx(0.4, abs=1e-15 / gap))
+    assert evaluations <= 6
+    assert evaluations < land(coefficients, 0.0, 0.4 + gap / 2, k.BRENT)[2]
+
+
 @pytest.mark.parametrize("gap", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6])
 def test_a_pair_of_roots_is_not_stepped_over(gap: float) -> None:
     outcome, tau, _ = first_root([0.4, 0.4 + gap], 1.0)

@@ -215,7 +215,7 @@ def test_crossings_near_a_crest_are_found_by_every_landing() -> None:
     assert [one.transitions for one in found] == [2] * 6
     assert max(one.error_s for one in found[:3]) < 1e-14
     assert max(one.error_s for one in found[3:]) < 1e-11
-    assert found[3].evaluations < found[4].evaluations
+    assert found[3].evaluations <= 4 < found[5].evaluations < found[4].evaluations
     assert landing_verdict([replace(one, to_bracketing=0.9) for one in found]) == (
         "In 2 of the 2 rows a run with Hénon's landing takes 0.90 to 0.90 of its time with bracketing."
     )
@@ -262,12 +262,10 @@ def test_compiling_is_paid_for_after_so_many_runs() -> None:
 
 def test_getting_ready_takes_less_with_code_on_disk() -> None:
     case = load_case(CASES / "free_coulomb.yaml")
-    own, *others = readiness(
-        [case], [pair("heyoka", 0.1, 9, case=case.name), pair("scipy-rk45", 0.1, 9, case=case.name)]
-    )
+    first, own = readiness([case], [pair("heyoka", 0.1, 9, case=case.name), pair("scipy-rk45", 0.1, 9, case=case.name)])
     assert (own.solver, own.rtol, own.wall_s) == ("heyoka", 1e-8, 1.0)
-    assert [(other.solver, other.rtol) for other in others] == [("henon", 1e-9)]
-    assert others[0].cold_s > 3 * others[0].kept_s > 0
+    assert (first.solver, first.rtol) == ("henon", 1e-9)
+    assert first.cold_s > 3 * first.kept_s > 0
 
 
 def test_importing_the_package_loads_nothing_heavy() -> None:

@@ -21,8 +21,9 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     Taylor step of order 4 in h, of length -h, is taken from a point near the surface: dt/dh = 1/h', whose
     Taylor series is the reversion of h's. That point is the root of an inverse cubic where the guard falls evenly
     over the whole step, and the chord's otherwise. The step is repeated once where the first was long.
-    ``NEWTON``: the same with order 1, repeated (``BRENT``: see :func:`brent`). Where h' is too small for
-    the swap (grazing), bisection decides, and the landing says ``BRACKET``.
+    Where the swapped series does not converge (near a graze) the falling root of the guard's parabola leads closer.
+    ``NEWTON``: the same with order 1, repeated (``BRENT``: see :func:`brent`). Where neither gets there, bisection
+    decides, and the landing says ``BRACKET``.
 
     Returns
     -------

@@ -56,9 +56,10 @@ def readiness(cases: Sequence[Case], pairs: Iterable[Row]) -> list[Ready]:
     found = []
     for (case, reading), problem in problems.items():
         rows = [row for row in own if (row["case"], row["reading"]) == (case, reading)]
-        settings = {str(row["rival"]): (number(row, "rival_rtol"), number(row, "rival_wall_s")) for row in rows}
+        settings: dict[str, tuple[float, float]] = {}
         if rows:
             settings[FIRST] = number(rows[0], "rtol"), number(rows[0], "wall_s")
+        settings |= {str(row["rival"]): (number(row, "rival_rtol"), number(row, "rival_wall_s")) for row in rows}
         for solver, (rtol, wall) in settings.items():
             if solver in named:
                 cold, kept = _twice(problem, solver, Setting(rtol, rtol, None))

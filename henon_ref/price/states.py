@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from henon_ref import registry
 from henon_ref.model.case import parse_case
 from henon_ref.price.fit import Fit, power
+from henon_ref.price.orbit import orbit_problem
 from henon_ref.score.turns import Turns, in_turn
 from henon_ref.solver import Run
 from henon_ref.trajectory import Problem, Trajectory
@@ -100,7 +101,9 @@ def chain(blocks: int, *, belt: float = BELT, until: float | None = None) -> Pro
 def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> list[Size]:
     """Run every solver on every chain, with and without transitions, timed in turn."""
     found = []
-    _timed(chain(3), solvers)  # what chains of all lengths share is imported and compiled here
+    for problem in (orbit_problem(), chain(3)):  # what chains of all lengths share is imported and compiled here
+        for name in solvers:
+            registry.solver(name).prepare(problem, rtol=RTOL)()
     for count in blocks:
         ready, ends, times = _timed(chain(count), solvers)
         _, smooth_ends, smooth_times = _timed(chain(count, belt=FAST, until=SMOOTH_S), solvers)
