@@ -74,16 +74,17 @@ _LINES = {
     "henon-listing": Line(ORANGE, "X", "--"),
     "heyoka": Line(BLACK, "D", width=1.6),
     "cvode-adams": Line(GREEN, "o"),
-    "cvode-bdf": Line(GREEN, "s", "--"),
-    "ida": Line(GREEN, "^", ":"),
-    "scipy-rk45": Line(SKY, "o"),
+    "cvode-bdf": Line("#004D38", "s", "--"),
+    "ida": Line("#66CDAA", "^", ":"),
+    "scipy-rk45": Line("#6CBFF2", "o"),
     "scipy-dop853": Line(BLUE, "D"),
-    "scipy-radau": Line(BLUE, "s", "--"),
-    "scipy-bdf": Line(SKY, "^", "--"),
-    "scipy-lsoda": Line(BLUE, "v", ":"),
+    "scipy-radau": Line("#3B3F9E", "s", "--"),
+    "scipy-bdf": Line("#6F8CEC", "^", "--"),
+    "scipy-lsoda": Line("#12124F", "v", ":"),
     "scipy-smoothed": Line(GREY, "P", "--"),
-    "scipy-sign": Line(GREY, "X", ":"),
+    "scipy-sign": Line("#A6A6A6", "X", ":"),
 }
+"""SUNDIALS is green, SciPy blue; their solvers differ in lightness, which colour-blind readers see too."""
 
 
 def line_of(solver: str) -> Line:
