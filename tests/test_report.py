@@ -25,7 +25,6 @@ from henon_ref.report.markdown import gate_words, report_text
 from henon_ref.report.modeltext import general_form, mode_equations, parameters, truth_sentences
 from henon_ref.report.motion import motion_of
 from henon_ref.report.ranking import prices
-from henon_ref.report.style import spread
 from henon_ref.report.tables import price_table, run_table, stick_table
 from henon_ref.report.words import duration
 from henon_ref.report.write import write_report
@@ -188,13 +187,6 @@ def test_csv_reads_back_the_same():
     rows = [{"a": 0.1 + 0.2, "b": None, "c": "x,y", "d": 3}]
     text = csv_text(("a", "b", "c", "d"), rows)
     assert text == 'a,b,c,d\n0.30000000000000004,,"x,y",3\n'
-
-
-def test_labels_keep_their_distance_and_their_place():
-    placed = spread([0.5, 0.5, 0.5, 0.0, 1.0], 0.1, 0.0, 1.0)
-    assert sorted(placed) == pytest.approx([0.0, 0.4, 0.5, 0.6, 1.0])
-    crowded = spread([0.02] * 5, 0.1, 0.0, 1.0)
-    assert sorted(crowded) == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
 
 
 def job(comparison: Comparison, **changes: object) -> FigureJob:

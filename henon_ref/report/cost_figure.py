@@ -26,7 +26,7 @@ def draw_cost(rows: Sequence[Row], expected: Expected) -> Figure | None:
     if sum(len(ladder) for ladder in ladders.values()) < 2:  # a single point compares with nothing
         return None
     with style.figure(4.6) as figure:
-        axes = figure.add_axes((0.1, 0.11, 0.72, 0.8))
+        axes = figure.add_axes((0.1, 0.11, 0.67, 0.8))
         axes.set_xscale("log")
         axes.set_yscale("log")
         for solver, ladder in ladders.items():
@@ -34,7 +34,8 @@ def draw_cost(rows: Sequence[Row], expected: Expected) -> Figure | None:
         _set_limits(axes, ladders, floor)
         style.decades(axes.xaxis)
         style.decades(axes.yaxis)
-        style.label_points(axes, [_tip(solver, ladder, floor) for solver, ladder in ladders.items()], x=1.03, gap=0.052)
+        tips = [_tip(solver, ladder, floor) for solver, ladder in ladders.items()]
+        style.label_points(axes, tips, x=1.045, gap=0.052)
         axes.set_xlabel("wall time of one run, median [s]   (bars: 95 % interval of the median)")
         axes.set_ylabel("worst error of a transition time [s]")
         axes.set_title("Accuracy against cost   (hollow: transitions missed or spurious)")
@@ -61,11 +62,11 @@ def _set_limits(axes: Axes, ladders: dict[str, list[Row]], floor: float) -> None
     axes.set_ylim(10 ** np.floor(np.log10(y.min()) - 0.2), 10 ** np.ceil(np.log10(y.max()) + 0.2))
 
 
-def _tip(solver: str, ladder: Sequence[Row], floor: float) -> tuple[str, float, float, str]:
-    """Label, most accurate point and colour of a ladder."""
+def _tip(solver: str, ladder: Sequence[Row], floor: float) -> tuple[str, float, float, style.Line]:
+    """Label, most accurate point and look of a ladder."""
     points = [(_value(row["wall_s"]), max(_value(row["max_time_error_s"]), floor)) for row in ladder]
     wall, error = min(points, key=lambda point: point[1])
-    return solver, wall, error, style.line_of(solver).colour
+    return solver, wall, error, style.line_of(solver)
 
 
 def _number(value: object) -> bool:

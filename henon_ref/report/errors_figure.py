@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,7 +37,7 @@ def draw_errors(records: Sequence[Record], expected: Expected) -> Figure | None:
     if not chosen or len(expected.transitions) == 0:
         return None
     with style.figure(4.2) as figure:
-        axes = figure.add_axes((0.095, 0.11, 0.615, 0.79))
+        axes = figure.add_axes((0.095, 0.11, 0.575, 0.79))
         axes.set_yscale("log")
         lowest, highest = _limits(chosen, expected)
         axes.set_ylim(lowest, highest)
@@ -45,7 +46,7 @@ def draw_errors(records: Sequence[Record], expected: Expected) -> Figure | None:
         hidden = any(min(_errors(record)[1], default=1.0) < lowest for record in chosen)
         _draw_floor(axes, expected, lowest, hidden=hidden)
         style.decades(axes.yaxis)
-        style.label_points(axes, ends, x=1.05, gap=0.055)
+        style.label_points(axes, ends, x=1.045, gap=0.055)
         axes.set_xlabel("time of the transition [s]")
         axes.set_ylabel("absolute error of its time [s]")
         axes.set_title("Error of every transition, each solver at its tightest setting")
@@ -74,13 +75,14 @@ def _limits(records: Sequence[Record], expected: Expected) -> tuple[float, float
     return float(10 ** np.floor(np.log10(least))), float(10 ** np.ceil(np.log10(seen.max()) + 0.1))
 
 
-def _draw(axes: Axes, record: Record, lowest: float) -> tuple[str, float, float, str]:
-    """One solver's line; returns its label, where it ends, and its colour."""
+def _draw(axes: Axes, record: Record, lowest: float) -> tuple[str, float, float, style.Line]:
+    """One solver's line; returns its label, where it ends, and how it is drawn."""
     solver = str(record.run["solver"])
     look = style.line_of(solver)
     times, errors = _errors(record)
     shown = np.maximum(errors, lowest)
-    marker = look.marker if len(times) <= MOST_MARKED else ""
+    if len(times) > MOST_MARKED:
+        look = replace(look, marker="")
     strong = look.width > style.THIN
     axes.plot(
         times,
@@ -89,14 +91,14 @@ def _draw(axes: Axes, record: Record, lowest: float) -> tuple[str, float, float,
         color=look.colour,
         lw=look.width if strong else 0.8,
         alpha=1.0 if strong else 0.75,
-        marker=marker,
+        marker=look.marker,
         ms=3.2,
         zorder=3 if strong else 2,
     )
     label = f"{solver} {_setting(record)}"
     if record.run["verdict"] != "right":
         label += f" ({record.run['status']})"
-    return label, times[-1], float(shown[-1]), look.colour
+    return label, times[-1], float(shown[-1]), look
 
 
 def _setting(record: Record) -> str:
@@ -115,6 +117,6 @@ def _draw_floor(axes: Axes, expected: Expected, lowest: float, *, hidden: bool) 
     if expected.radius > lowest:
         axes.axhline(expected.radius, color=style.GREY, lw=0.8, ls="--")
         notes.append("dashed: the truth's radius")
-    axes.figure.text(0.74, 0.02, "\n".join(notes), va="bottom", fontsize=7.0, color=style.GREY)
+    axes.figure.text(0.70, 0.02, "\n".join(notes), va="bottom", fontsize=7.0, color=style.GREY)
     if hidden:
         axes.figure.text(0.02, 0.02, "at the lower edge: no error", va="bottom", fontsize=7.0, color=style.GREY)
