@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +19,8 @@ LEAST = 1e-18
 """Errors below this [s] are drawn at the lower edge, and none at all (a run that agrees to the last bit), too."""
 MOST_MARKED = 60
 """Transitions up to which each one gets a marker."""
+FEW_MARKED = 16
+"""Markers, roughly, of a longer line."""
 
 
 def tightest(records: Sequence[Record]) -> list[Record]:
@@ -81,8 +82,7 @@ def _draw(axes: Axes, record: Record, lowest: float) -> tuple[str, float, float,
     look = style.line_of(solver)
     times, errors = _errors(record)
     shown = np.maximum(errors, lowest)
-    if len(times) > MOST_MARKED:
-        look = replace(look, marker="")
+    every = 1 if len(times) <= MOST_MARKED else len(times) // FEW_MARKED
     strong = look.width > style.THIN
     axes.plot(
         times,
@@ -92,6 +92,7 @@ def _draw(axes: Axes, record: Record, lowest: float) -> tuple[str, float, float,
         lw=look.width if strong else 0.8,
         alpha=1.0 if strong else 0.75,
         marker=look.marker,
+        markevery=every,
         ms=3.2,
         zorder=3 if strong else 2,
     )
