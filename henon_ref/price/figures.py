@@ -36,7 +36,7 @@ def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
     """
     is_time = count == "wall_s"
     with style.figure(4.4) as figure:
-        axes = figure.add_axes((0.1, 0.12, 0.68, 0.8))
+        axes = figure.add_axes((0.1, 0.12, 0.67, 0.8))
         axes.set_xscale("log")
         axes.set_yscale("log")
         tips = []
@@ -53,10 +53,10 @@ def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
                     _draw_bars(axes, solver, ladder)
                 if not compiled:
                     x, y = min(points, key=lambda point: point[1])
-                    tips.append((solver, x, y, style.line_of(solver).colour))
+                    tips.append((solver, x, y, style.line_of(solver)))
         style.decades(axes.xaxis)
         style.decades(axes.yaxis)
-        style.label_points(axes, tips, x=1.03, gap=0.05)
+        style.label_points(axes, tips, x=1.045, gap=0.05)
         if is_time:
             axes.plot(
                 [], [], ":", color=style.GREY, marker="o", mfc="white", ms=3.5, label="compiled callbacks (+numba)"

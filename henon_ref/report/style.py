@@ -154,7 +154,7 @@ def _mean(positions: Sequence[float], members: Sequence[int]) -> float:
     return sum(positions[k] for k in members) / len(members)
 
 
-def label_points(axes: Axes, points: Sequence[tuple[str, float, float, Line | str]], *, x: float, gap: float) -> None:
+def label_points(axes: Axes, points: Sequence[tuple[str, float, float, Line]], *, x: float, gap: float) -> None:
     """Labels in a column right of the axes, each with a sample of its line: they are the legend.
 
     A thin line leads from each point level to the edge of the axes and from there to its label. Labels stand in the
@@ -164,8 +164,8 @@ def label_points(axes: Axes, points: Sequence[tuple[str, float, float, Line | st
     ----------
     axes : Axes
         Its limits and scales are set.
-    points : sequence of (str, float, float, Line or str)
-        Label, point, how its line is drawn (a colour alone: plain).
+    points : sequence of (str, float, float, Line)
+        Label, point, how its line is drawn.
     x : float
         Where the column starts, as a fraction of the axes' width.
     gap : float
@@ -178,8 +178,7 @@ def label_points(axes: Axes, points: Sequence[tuple[str, float, float, Line | st
     gap = min(gap, 1.0 / max(len(points), 1))
     heights = spread([level for _, level in starts], gap, gap / 2, 1.0 - gap / 2)
     point = axes.figure.dpi / 72.0 / axes.bbox.width
-    for (text, _, _, look), (left, level), height in zip(points, starts, heights, strict=True):
-        line = look if isinstance(look, Line) else Line(look, "")
+    for (text, _, _, line), (left, level), height in zip(points, starts, heights, strict=True):
         shared: dict[str, Any] = {"color": line.colour, "transform": axes.transAxes, "clip_on": False}
         leader = Line2D([left, 1.0, x - 2 * point], [level, level, height], lw=0.5, alpha=0.7, zorder=1, **shared)
         along = [x + part * SAMPLE * point for part in (0.0, 0.5, 1.0)]
