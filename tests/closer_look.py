@@ -25,6 +25,6 @@ def look(system: FilippovSystem, mode: Mode, floats: Any, integers: Any, layout:
     layout[0, k.T_LOOK] = programs.address(mode)
     for place in (k.A_LOOK, k.A_QUAD, k.A_FACTORED, k.A_START):
         load(place)
-    integers[k.I_APART] = table()
+    integers[k.I_APART], integers[k.I_BLOCK] = table(), 1
     integers[k.I_STATES], integers[k.I_GUARDS] = (len(floats) - k.F_STATE) // 2, (len(integers) - k.I_SIZE) // 2
     return int(_look(floats, integers, layout))

@@ -49,16 +49,21 @@ def look_closer(floats, integers, records, tables, numbers):  # type: ignore[no-
     What it comes to counts for nothing where a function turns out to be missing.
     """
     most = integers[I_GUARDS]
-    mode, guard = integers[I_MODE], integers[I_GUARD]
+    mode = integers[I_MODE]
     layout = rows_in(tables, mode)
     integers[I_ARRIVED] = 0
     outcome = look_near(floats, integers, layout)
     if outcome in (UNSURE, OPEN):
         integers[I_WHAT] = outcome
         return DOUBTFUL
-    x, index = rest_of(floats, F_STATE), layout[1 + guard, G_INDEX]
+    guard, x = integers[I_GUARD], rest_of(floats, F_STATE)
+    index = layout[1 + guard, G_INDEX]
     if outcome == TOUCH:  # a stick whose own end is touched goes on, and nothing is told
-        record(floats, integers, x, records, GRAZE, index, mode, mode, integers[I_LANDING])
+        for g in range(most):
+            if integers[I_SIZE + most + g] == 1:
+                touched = layout[1 + g, G_INDEX]
+                record(floats, integers, x, records, GRAZE, touched, mode, mode, integers[I_LANDING])
+                integers[I_SIZE + most + g] = 0
     if outcome == ROOT and integers[I_SIZE + most + guard] == 1:
         target, alone = layout[1 + guard, G_AFTER], True
         for g in range(most):

@@ -10,7 +10,7 @@ from numba import float64, int64
 
 from henon_ref.henon import doubledouble as dd
 from henon_ref.henon.apart import COUNTS, LAYOUT, ROW, ROWS, apart, missing
-from henon_ref.henon.clock import remaining
+from henon_ref.henon.arrival import arrive, settle_touch
 from henon_ref.henon.events import at_zero, call_factored
 from henon_ref.henon.fine import expand_fine
 from henon_ref.henon.nearer import look_nearer
@@ -31,20 +31,18 @@ from henon_ref.henon.registers import (
     F_REACH,
     F_STATE,
     F_TIME,
-    F_UNTIL,
-    F_UNTIL_LOW,
     G_ACTS,
     G_HOLD,
     G_KIND,
     G_RISING,
-    I_ARRIVED,
+    I_BLOCK,
+    I_COUNT,
     I_GUARD,
     I_GUARDS,
     I_MISSING,
     I_ORDER,
     I_SIZE,
     I_STATES,
-    I_STEPS,
     L_CODES,
     L_CONSTANTS,
     L_HIGH,
@@ -57,13 +55,10 @@ from henon_ref.henon.registers import (
     L_SIZE,
     L_SIZES,
     L_WORK,
-    LANDED,
     SURFACE,
     T_GUARDS,
     T_LOOK,
     TANGENT,
-    TOLD,
-    VALID,
 )
 from henon_ref.henon.views import INTEGERS, rest_of, row_of
 from henon_ref.henon.window import (
@@ -81,7 +76,7 @@ from henon_ref.henon.window import (
     call_clear,
     call_decide,
 )
-from henon_ref.jit import inner, njit
+from henon_ref.jit import inner
 
 ORDER = 64
 """Highest order of the expansion; it ends before where its terms have become negligible."""
@@ -89,6 +84,8 @@ AHEAD, PART = 1.1, 0.5
 """Where so many times as far as the doubtful event lies within this part of the step, that is what is expanded."""
 CERTAIN = 1e3 * NOISE
 """What a speed has to exceed of its size for its sign to be certain."""
+TOGETHER = 1e-12
+"""Touches no farther from each other than this part of the step are at the same time."""
 _expand_fine = apart(
     A_FINE, expand_fine, int64,
     INTEGERS, LAYOUT, ROWS, COUNTS, COUNTS, float64, float64, ROW, ROW, float64, float64, int64, int64, ROWS, ROWS, ROW,
@@ -136,52 +133,35 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
     part = PART if AHEAD * floats[F_NEAR] <= PART * floats[F_REACH] else 1.0
     unit = part * floats[F_REACH] * (1.0 + BEYOND)
     guard = integers[I_GUARD]
-    zeros = integers[I_SIZE + guard]
     last = _expand_fine(
         integers, integers, codes, constants, field, outputs, floats[F_TIME], floats[F_LOW], x, x_low, unit, 0.0, ORDER,
         integers[I_ORDER], high, low, sizes,
     )  # fmt: skip
     if last < 0 or not _settled(high, outputs, n, last, sizes):
         return UNSURE
-    row = outputs[places[guard]]
-    if zeros > 0:
-        if missing(integers, A_FACTORED):
-            return UNSURE
-        _divide_out(integers, high[row, : last + 1], low[row, : last + 1], zeros, work)
-    q, q_low = high[row, zeros : last + 1], low[row, zeros : last + 1]
-    size = 0.0  # on the whole step
-    for k in range(q.size - 1, -1, -1):
-        size = size / part + abs(q[k])
-    start = floats[F_NEAR] / unit
-    outcome, s, s_low, clear = call_decide(integers, integers, q, q_low, q[:0], zeros, size, start, 0.0, work)
+    step = look, field, outputs, places, high, low, last, unit, part
+    outcome, s, s_low, order, clear = _told(floats, integers, step, guard, floats[F_NEAR] / unit, work)
+    if integers[I_MISSING] > 0:
+        return UNSURE
     if outcome == OPEN:
         floats[F_NEAR], floats[F_NEAR_LOW] = dd.multiply(s, s_low, unit, 0.0)
         floats[F_CLEAR] = min(clear * unit, floats[F_NEAR])
-    order = 2
-    if outcome in (UNSURE, OPEN):
-        sure = outcome == OPEN and clear == s
-        if outcome == UNSURE:
-            s, s_low = start, 0.0
-        told, s, s_low, order = look_nearer(
-            floats, integers, look, field, places[guard], row, unit, part, (q, q_low, zeros, size), s, s_low, sure, work
-        )
-        if integers[I_MISSING] > 0:
-            return UNSURE
-        if told != UNSURE:
-            outcome = told
     if outcome in (UNSURE, OPEN):
         return outcome
     if outcome == PASSED and not _others_clear(high, outputs, integers, layout, places, last, s, work):
         return UNSURE
+    if outcome in (TOUCH, MISS):
+        integers[I_SIZE + integers[I_GUARDS] + guard] = order if outcome == TOUCH else -2
+        if not _others_touch(floats, integers, layout, step, s, work):
+            for g in range(layout[0, T_GUARDS]):
+                integers[I_SIZE + integers[I_GUARDS] + g] = 0
+            return UNSURE
     tau, tau_low = dd.multiply(s, s_low, unit, 0.0)
     floats[F_TIME], floats[F_LOW] = dd.kept(*dd.add(floats[F_TIME], floats[F_LOW], tau, tau_low))
     for i in range(n):
         x[i], x_low[i] = dd.kept(*_value(high[i, : last + 1], low[i, : last + 1], sizes[i], s, s_low))
-    if outcome == TOUCH:
-        outcome = settle_touch(floats, integers, layout)
-        if integers[I_SIZE + guard] > 0:
-            integers[I_SIZE + guard] = order
-        return outcome
+    if outcome in (TOUCH, MISS):
+        return settle_touch(floats, integers, layout)
     if outcome in (ROOT, STEEP):
         own = layout[1 + guard]
         if _others_hit(high, outputs, integers, layout, places, last, s):
@@ -191,6 +171,43 @@ def look_near(floats, integers, layout):  # type: ignore[no-untyped-def]
             outcome = ROOT if floats[F_BEYOND] == 0.0 else ACROSS
     arrive(floats, integers, outcome)
     return outcome
+
+
+@inner()
+def _told(floats, integers, step, guard, start, work):  # type: ignore[no-untyped-def]
+    """What a guard does up to a doubtful point of the step, which is expanded.
+
+    Returns
+    -------
+    outcome : int
+        It counts for nothing where a function turns out to be missing.
+    place, low : float
+        Where, in units of the expansion.
+    order : int
+        Above 2 at a flat root.
+    clear : float
+        With OPEN, up to where there is no doubt.
+    """
+    look, field, outputs, places, high, low, last, unit, part = step
+    zeros, row = integers[I_SIZE + guard], outputs[places[guard]]
+    if zeros > 0:
+        if missing(integers, A_FACTORED):
+            return UNSURE, 0.0, 0.0, 2, 0.0
+        _divide_out(integers, high[row, : last + 1], low[row, : last + 1], zeros, work)
+    q, q_low = high[row, zeros : last + 1], low[row, zeros : last + 1]
+    size = 0.0  # on the whole step
+    for k in range(q.size - 1, -1, -1):
+        size = size / part + abs(q[k])
+    outcome, s, s_low, clear = call_decide(integers, integers, q, q_low, q[:0], zeros, size, start, 0.0, work)
+    if outcome not in (UNSURE, OPEN):
+        return outcome, s, s_low, 2, clear
+    sure = outcome == OPEN and clear == s
+    if outcome == UNSURE:
+        s, s_low = start, 0.0
+    told, at, at_low, order = look_nearer(
+        floats, integers, look, field, places[guard], row, unit, part, (q, q_low, zeros, size), s, s_low, sure, work
+    )
+    return (told, at, at_low, order, clear) if told != UNSURE else (outcome, s, s_low, order, clear)
 
 
 @inner()
@@ -204,38 +221,6 @@ def _divide_out(integers, c, c_low, zeros, work):  # type: ignore[no-untyped-def
             at = k + 2 * zeros - j
             part, part_low = dd.multiply(c[at], c_low[at], -factor[j], 0.0)
             c[k + zeros], c_low[k + zeros] = dd.add(c[k + zeros], c_low[k + zeros], part, part_low)
-
-
-@njit()
-def arrive(floats, integers, outcome):  # type: ignore[no-untyped-def]
-    """Leave the step behind, the run being where the closer look has led it."""
-    guard, most = integers[I_GUARD], integers[I_GUARDS]
-    integers[I_STEPS] += 1
-    for g in range(most):
-        integers[I_SIZE + g] = 0
-    if remaining(floats) < -2e-17 * abs(floats[F_UNTIL]):  # behind the horizon, by more than a sum's rounding
-        floats[F_TIME], floats[F_LOW] = floats[F_UNTIL], floats[F_UNTIL_LOW]
-    elif outcome == MISS:
-        integers[I_SIZE + guard] = 2
-    elif outcome != PASSED:
-        integers[I_SIZE + most + guard] = 1
-        integers[I_ARRIVED] = TOLD if outcome == ACROSS else LANDED if outcome == STEEP else 0
-
-
-@njit()
-def settle_touch(floats, integers, layout):  # type: ignore[no-untyped-def]
-    """Leave the step behind where a guard touches zero; TOUCH if its surface is left again, to be told of.
-
-    A hold zone holds what only touches its surface, and a model ends where it only just does: that is a ROOT.
-    """
-    guard = integers[I_GUARD]
-    own = layout[1 + guard]
-    surface = own[G_KIND] == SURFACE
-    outcome = ROOT if own[G_KIND] == VALID or (surface and own[G_HOLD] == 1) else MISS
-    arrive(floats, integers, outcome)
-    if outcome == ROOT:
-        return ROOT
-    return TOUCH if surface and integers[I_SIZE + guard] > 0 else MISS
 
 
 @inner()
@@ -260,6 +245,29 @@ def _others_hit(high, outputs, integers, layout, places, last, s):  # type: igno
                 integers[I_SIZE + most + g] = 1
                 found = True
     return found
+
+
+@inner()
+def _others_touch(floats, integers, layout, step, s, work):  # type: ignore[no-untyped-def]
+    """Write down the orders of the other guards' minima at zero at the place of one; False where that is left open.
+
+    One that falls through zero there is left to the next step, which begins at it; so is a surface whose touch has a
+    time of its own. Where there is no room to tell of all touches that is left open, too.
+    """
+    _, _, outputs, places, high, _, last, _, _ = step
+    most, guard, told = integers[I_GUARDS], integers[I_GUARD], 0
+    for g in range(layout[0, T_GUARDS]):
+        if g != guard and places[g] >= 0:
+            series, zeros = high[outputs[places[g]], : last + 1], integers[I_SIZE + g]
+            if at_zero(series, zeros, last, s, layout[1 + g, G_RISING]):
+                outcome, at, _, order, _ = _told(floats, integers, step, g, s, work)
+                if integers[I_MISSING] > 0 or outcome in (UNSURE, OPEN):
+                    return False
+                own_time = layout[1 + g, G_KIND] == SURFACE and at > s + TOGETHER
+                if outcome in (TOUCH, MISS) and not own_time:
+                    integers[I_SIZE + most + g] = order if outcome == TOUCH else -2
+        told += 1 if integers[I_SIZE + most + g] > 0 and layout[1 + g, G_KIND] == SURFACE else 0
+    return integers[I_COUNT] + told <= integers[I_BLOCK]
 
 
 @inner()

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.henon.apart import load
+from henon_ref.henon.arrival import arrive, settle_touch
 from henon_ref.henon.blocks import KINDS, TransitionBlock
 from henon_ref.henon.endings import why_ended
 from henon_ref.henon.kernel import advance
-from henon_ref.henon.near import arrive, settle_touch
+from henon_ref.henon.near import TOGETHER
 from henon_ref.henon.recording import crowded, record
 from henon_ref.henon.registers import (
     ACCUMULATED,
@@ -54,7 +55,7 @@ from henon_ref.henon.registers import (
     UNREAD,
 )
 from henon_ref.henon.state import CHUNK, Start, State
-from henon_ref.henon.window import MISS, OPEN, PASSED, ROOT, TOUCH
+from henon_ref.henon.window import OPEN, PASSED, ROOT, TOUCH
 from henon_ref.jit import in_python
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
@@ -62,6 +63,7 @@ from henon_ref.model.switching import ZERO
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 if TYPE_CHECKING:
+    from henon_ref.henon.closer import Finding, Pair
     from henon_ref.henon.engine import Engine
 
 PROVEN = 1e-15
@@ -229,17 +231,40 @@ class Session(State):
         floats[F_TIME], floats[F_LOW] = found.time
         self.x[:] = [high for high, _ in found.state]
         self.x_low[:] = [low for _, low in found.state]
-        if found.what == "touch":
+        if found.lowest:
+            self._find_touches(guard, found, (time, low), state, reach)
             outcome = int(settle_touch(floats, self.integers, compiled.tables[row]))
         else:
-            outcome = ROOT if found.what == "root" else MISS if found.lowest else PASSED
+            outcome = ROOT if found.what == "root" else PASSED
             arrive(floats, self.integers, outcome)
-        if self.multiplicity[guard] and not found.parabolic:
-            orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, [self.guards[guard].index])
-            self.multiplicity[guard] = max(2, orders[guard])
         if outcome == TOUCH:  # a stick whose own end is touched goes on, and nothing is told
-            self._record(GRAZE, compiled.tables.item(row, 1 + guard, G_INDEX), row, row)
-        return outcome == ROOT and bool(self.hits[guard])
+            for g in self.hits.nonzero()[0].tolist():
+                self._record(GRAZE, compiled.tables.item(row, 1 + g, G_INDEX), row, row)
+            self.hits[:] = 0
+        return outcome == ROOT and bool(self.hits[self.integers[I_GUARD]])
+
+    def _find_touches(self, guard: int, found: Finding, start: Pair, state: Sequence[Pair], reach: float) -> None:
+        """Write down, as hits, the orders of all guards' minima at zero where one guard has been found to have one.
+
+        Less than 0 where the minimum is above zero. ``start``, ``state`` and ``reach`` are of the step.
+        """
+        mode = self.mode
+        places = self.engine.compiled.places(mode)
+        surfaces = range(len(self.engine.system.surfaces))
+        near = (found.time[0] - start[0]) + (found.time[1] - start[1])
+        orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, surfaces)
+        for g, order in enumerate(orders):
+            other = found
+            if g != guard:
+                if order < 2:
+                    continue
+                zeros = self.multiplicity.item(g)
+                other = self.engine.closer.look(mode, places[g], zeros, start, state, (near, 0.0), reach)
+                away = (other.time[0] - found.time[0]) + (other.time[1] - found.time[1])
+                if not other.lowest or abs(away) > TOGETHER * reach:
+                    continue
+            zeros = 2 if other.parabolic else max(2, order)
+            self.hits[g] = zeros if other.what == "touch" else -zeros
 
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:
         if self.integers[I_COUNT] >= self.integers[I_BLOCK]:
@@ -285,7 +310,7 @@ class Session(State):
         if not self._enter(decision.mode, active, zero):
             return "failed", f"the mode after t = {self.time:.17g} has no equations"
         changed = [i for i in active if decision.mode[i] != before[i]]
-        touched = changed or ([] if early else sorted({g.index for g in hits}))
+        touched = changed or ([] if early else sorted({g.index for g in hits if g.kind == "surface"}))
         for i in touched:
             kind = KINDS.index(transition_kind(before[i], decision.mode[i]))
             self._record(kind, i, int(source), int(self.integers[I_MODE]))
