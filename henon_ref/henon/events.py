@@ -31,6 +31,7 @@ from henon_ref.henon.registers import (
     G_KIND,
     G_RISING,
     I_EVENTS,
+    RELEASE,
     SURFACE,
     T_BERNSTEIN,
     T_GUARDS,
@@ -41,6 +42,8 @@ from henon_ref.jit import inner
 
 FLAT = 1e-5
 """Relative steepness of a guard at its root below which the root is left to a closer look in multiprecision."""
+EQUAL = 1e-13
+"""Part of the friction by which a force may be off that counts as equal to it."""
 _isolate = apart(
     A_ISOLATE, first_falling_root, types.Tuple((int64, float64, float64)), DOUBLES, int64, GRID, GRID
 )  # fmt: skip
@@ -50,10 +53,11 @@ _brent = apart(A_BRENT, brent, types.Tuple((float64, int64)), DOUBLES, int64, fl
 
 
 @inner(forceinline=True)
-def first_event(integers, c, n, order, layout, multiplicity, lower, theta, method, work, bounds):  # type: ignore[no-untyped-def]
+def first_event(integers, c, n, order, layout, multiplicity, lower, theta, natural, method, work, bounds):  # type: ignore[no-untyped-def]
     """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used).
 
-    Whatever it is, it counts for nothing where a function turns out to be missing.
+    ``natural``: theta of the step that nothing has cut short. Whatever the event is, it counts for nothing where a
+    function turns out to be missing.
     """
     powers, scaled, stack = work[0], work[1], rest_of(work, 2)
     best, hit, doubtful, used = 2.0, -1, False, 0
@@ -78,7 +82,7 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, metho
             if missing(integers, A_ISOLATE):
                 break
             outcome, low, high = _isolate(integers, scaled, order, stack, bounds)
-        if outcome == NONE:
+        if outcome == NONE or at_limit(c, n, order, layout, g, natural):
             continue
         if outcome == TOUCH:
             tau, landing, evaluations = 0.5 * (low + high), BRACKET, 0
@@ -118,8 +122,30 @@ def below_zero(row, order, surface):  # type: ignore[no-untyped-def]
 _below_zero = apart(A_BELOW, below_zero, types.Tuple((int64, boolean)), DOUBLES, int64, boolean)
 
 
+@inner()
+def at_limit(c, n, order, layout, guard, natural):  # type: ignore[no-untyped-def]
+    """True if a guard is a slide's end at which the force equals the friction all over a step: the slide holds.
+
+    Against what all ends of that slide come to, which is the friction's size; on a step that nothing has cut short, for
+    on a short one any end that is next to zero stays there.
+    """
+    if layout[1 + guard, G_KIND] != RELEASE:
+        return False
+    friction = 0.0
+    for g in range(layout[0, T_GUARDS]):
+        if layout[1 + g, G_KIND] == RELEASE and layout[1 + g, G_INDEX] == layout[1 + guard, G_INDEX]:
+            friction += c[n + g, 0]
+    own, power = 0.0, 1.0
+    for k in range(order + 1):
+        own += abs(c[n + guard, k]) * power
+        if not own <= EQUAL * friction:
+            return False
+        power *= natural
+    return True
+
+
 @inner(forceinline=True)
-def fails_at_once(integers, c, n, order, layout, multiplicity, hits):  # type: ignore[no-untyped-def]
+def fails_at_once(integers, c, n, order, layout, multiplicity, hits, natural):  # type: ignore[no-untyped-def]
     """True if a guard is below zero where the step begins, and is not being left; ``hits``: which ones.
 
     Whatever it is, it counts for nothing where a function turns out to be missing.
@@ -133,6 +159,7 @@ def fails_at_once(integers, c, n, order, layout, multiplicity, hits):  # type: i
                 break
             surface = multiplicity[g] == 0 and layout[1 + g, G_KIND] == SURFACE
             zeros, fails = _below_zero(integers, row, order, surface)
+            fails = fails and not at_limit(c, n, order, layout, g, natural)
             multiplicity[g] += zeros
             hits[g] = 1 if fails else 0
             found = found or fails

@@ -12,7 +12,7 @@ from henon_ref.henon.apart import NUMBERS, ROWS, TABLES, apart, missing
 from henon_ref.henon.calls import call_closing
 from henon_ref.henon.clock import add_time, remaining, stands
 from henon_ref.henon.doubt import look_closer
-from henon_ref.henon.events import at_zero, ends_at_zero, fails_at_once, first_event
+from henon_ref.henon.events import at_limit, at_zero, ends_at_zero, fails_at_once, first_event
 from henon_ref.henon.passage import through_event
 from henon_ref.henon.polynomial import DEPTH
 from henon_ref.henon.primitives import smaller
@@ -203,13 +203,13 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
                 if stands(floats, natural) and not grows(c, n, theta):
                     integers[I_STALLED] += CUT
         call_closing(layout[0, T_CLOSING], theta, c, change)
-        if fails_at_once(integers, c, n, order, layout, multiplicity, hits):  # Python looks closer
+        if fails_at_once(integers, c, n, order, layout, multiplicity, hits, natural / sigma):  # Python looks closer
             if integers[I_MISSING] > 0:
                 break
             integers[I_GUARD] = NOWHERE
             return RESOLVE
         best, hit, doubtful, used = first_event(
-            integers, c, n, order, layout, multiplicity, lower, theta, integers[I_METHOD], work, bounds
+            integers, c, n, order, layout, multiplicity, lower, theta, natural / sigma, integers[I_METHOD], work, bounds
         )
         if integers[I_MISSING] > 0:
             break
@@ -226,7 +226,8 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
                 call_closing(layout[0, T_CLOSING], theta, c, change)
         if final and hit < 0:  # the horizon belongs to the run: an event at it counts
             for g in range(guards):
-                if ends_at_zero(c[n + g], multiplicity[g], order, theta, layout[1 + g, G_RISING]):
+                at_end = ends_at_zero(c[n + g], multiplicity[g], order, theta, layout[1 + g, G_RISING])
+                if at_end and not at_limit(c, n, order, layout, g, natural / sigma):
                     best, hit, doubtful = 1.0, g, True
         part = theta if hit < 0 else best * theta
         if sampled:

@@ -24,9 +24,9 @@ def called(settling: Any) -> tuple[Compiled, ...]:
     return (
         (glide, (DOUBLES, INTEGERS, DOUBLES, DOUBLES, INTEGERS, TABLE, DOUBLES, GRID, DOUBLES, boolean, int64)),
         (through_event, (DOUBLES, INTEGERS, GRID, TABLES, NUMBERS, settling, GRID, DOUBLES)),
-        (first_event, (INTEGERS, GRID, int64, int64, TABLE, INTEGERS, DOUBLES, float64, int64, GRID, GRID)),
+        (first_event, (INTEGERS, GRID, int64, int64, TABLE, INTEGERS, DOUBLES, float64, float64, int64, GRID, GRID)),
         (ends_at_zero, (DOUBLES, int64, int64, float64, int64)),
-        (fails_at_once, (INTEGERS, GRID, int64, int64, TABLE, INTEGERS, INTEGERS)),
+        (fails_at_once, (INTEGERS, GRID, int64, int64, TABLE, INTEGERS, INTEGERS, float64)),
     )
 
 
