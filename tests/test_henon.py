@@ -123,6 +123,7 @@ def test_blow_up_in_finite_time_is_diverged_with_its_time() -> None:
         (["1", "0"], "exp(exp(x)) - 1/2", "the surface of s is not finite there"),
         (["1", "0"], "sqrt(1 - x) + 1", "the surface of s is singular there"),
         (["1", "sqrt(1 - x)"], "x + 1", "the field of y is "),
+        (["y", "1 + x**(7/3)"], "x + 1", "the field of y is singular there"),
     ],
 )
 def test_a_run_that_stalls_says_what_is_not_finite(field: list[str], surface: str, words: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from henon_ref.henon.registers import ACCUMULATED, DIVERGED, I_GUARD, STALLED
@@ -51,9 +52,11 @@ def _singular(run: Session) -> str:
     """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
     system, order, states = run.engine.system, run.engine.order, run.x.size
     series = run.engine.scratch.band[: states + len(run.guards), : order + 1].tolist()
-    at = next((i for i, row in enumerate(series) if not all(map(math.isfinite, row))), None)
-    singular = at is None or math.isfinite(series[at][1 if at < states else 0])
-    if at is None:
+    finite = [sum(1 for _ in takewhile(math.isfinite, row)) for row in series]
+    # What is not finite spreads: to a state one order after the field that it is integrated from.
+    at = finite.index(min(finite))
+    singular = finite[at] > (1 if at < states else 0)
+    if finite[at] > order:
         steep = [abs(row[order]) / (abs(row[0]) + abs(row[1]) + abs(row[2]) + 1e-300) for row in series]
         at = steep.index(max(steep))
     what = "singular" if singular else "not finite"

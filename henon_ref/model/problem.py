@@ -10,6 +10,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.model.equations import TIME
 from henon_ref.model.exact import exact_sign
+from henon_ref.model.exponents import with_rational_exponents
 from henon_ref.model.grammar import did_you_mean, listed
 from henon_ref.model.plainsystem import build_overrides, build_system
 from henon_ref.model.scene import build_scene
@@ -35,6 +36,7 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
     overrides = build_overrides(source, form, names)
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})
+    system = with_rational_exponents(system)
     start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
     until = source.number(("until",), names.values)
     if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
