@@ -135,6 +135,23 @@ def test_where_the_truth_ends_the_score_ends():
     )
 
 
+@pytest.mark.parametrize("status", ["nonunique", "failed", "diverged", "timeout"])
+def test_a_run_that_ends_beside_the_end_of_the_truth_is_not_judged_by_its_end(status):
+    truth = expected(TIMES[:3], end_time=2.7, partial=True)
+
+    def verdict(end_time, tolerance, transitions=None):
+        run = trajectory(found()[:3] if transitions is None else transitions, status, end_time=end_time)
+        return score(run, truth, tolerance=tolerance).verdict.word
+
+    beyond = "not judged" if status == "timeout" else "solver defect"
+    for end_time, tolerance in ((math.nextafter(2.7, 0), 1e-12), (2.7, 1e-12), (2.7 - 1e-6, 1e-6)):
+        assert verdict(end_time, tolerance) == "right"
+        assert verdict(end_time, tolerance, found()[:2]) == "solver defect"
+    assert verdict(2.7 - 1e-6, 1e-9) == beyond
+    extra = (*found()[:3], replace(found()[3], time=2.7 - 1e-13))
+    assert verdict(2.7 - 1e-13, 1e-12, extra) == "right"
+
+
 def test_the_nearest_transition_of_a_surface_is_found():
     events = tuple(replace(e, surface=i % 2) for i, e in enumerate(reference()))
     truth = expected(transitions=events)

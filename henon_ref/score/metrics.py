@@ -83,7 +83,7 @@ class Expected:
     start_size: float = 0.0
     """Largest entry of the state at the start."""
     partial: bool = False
-    """What happens after ``end_time`` is not known: runs are scored up to there."""
+    """What happens after ``end_time`` is not known: runs are scored up to there, however they end."""
 
     @property
     def nothing_known(self) -> bool:
@@ -176,19 +176,21 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
     """
     limit = _last_scored(expected)
     found = list(takewhile(lambda event: event.time <= limit, trajectory.transitions))
+    slack = _end_slack(expected, tolerance)
+    reached = trajectory.end_time >= expected.end_time - (slack if expected.partial else 0.0)
     matching = match(
         expected.transitions,
         found,
         start=expected.start,
         until=expected.end_time,
         radius=expected.radius,
-        reached_horizon=trajectory.status in ("ok", expected.status) or trajectory.end_time >= expected.end_time,
-        end_slack=_end_slack(expected, tolerance),
+        reached_horizon=trajectory.status in ("ok", expected.status) or reached,
+        end_slack=slack,
     )
     errors = {i: time_error(found[j], expected.transitions[i]) for i, j in matching.pairs + matching.touch_pairs}
     counted = np.array([errors[i] for i, _ in matching.pairs])
     worst = float(np.max(np.abs(counted))) if counted.size else None
-    status, reason, right = _status(trajectory, expected, matching)
+    status, reason, right = _status(trajectory, expected, matching, reached)
     return Score(
         matching=matching,
         status=status,
@@ -245,12 +247,15 @@ def _state_error(trajectory: Trajectory, expected: Expected, matching: Matching)
     return worst
 
 
-def _status(trajectory: Trajectory, expected: Expected, matching: Matching) -> tuple[Status, str, bool]:
-    """A run's status after scoring, the reason in one sentence, and whether the run is right."""
+def _status(trajectory: Trajectory, expected: Expected, matching: Matching, reached: bool) -> tuple[Status, str, bool]:
+    """A run's status after scoring, the reason in one sentence, and whether the run is right.
+
+    ``reached``: it went as far as the truth is known, however it ended there.
+    """
     status, reason = trajectory.status, trajectory.reason
     if expected.nothing_known:
         return status, reason, False
-    if expected.partial and trajectory.end_time >= expected.end_time:
+    if expected.partial and reached:
         return (status, reason, True) if matching.exact else ("wrong", _edits(matching, expected), False)
     if status not in ("ok", *EARLY, expected.status):  # it did not run to its own end
         return status, reason, False
