@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -111,12 +112,26 @@ def test_a_run_does_not_live_on_what_an_earlier_one_worked_out(monkeypatch: pyte
         assert counts[1] > 0
 
 
-def test_a_slope_that_rounding_has_left_makes_no_number_overflow() -> None:
-    """At rest where the force vanishes, too: the rate is 1e39 then, and its eighth power is no double."""
+def test_a_rate_that_has_no_powers_makes_no_number_overflow() -> None:
+    assert leading([1e-78, 0.0, 3.0, -0.27, -1.2, 0.068, 0.17, -0.0068, -0.013], 1, 1e39, 0.0, 1e-11) == 2
+
+
+def test_a_slope_that_rounding_has_left_is_no_scale() -> None:
+    """At rest where the force vanishes, too."""
     states = [[1.0, -1e-78, 0.0, 1.0, 0.1, 0.0, 0.0, 0.0, 0.1], [-1e-78, 0.0, 3.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.8]]
-    rate = rate_of(states)
-    assert rate > 1e38
-    assert leading([1e-78, 0.0, 3.0, -0.27, -1.2, 0.068, 0.17, -0.0068, -0.013], 1, rate, 0.0, 1e-11) == 2
+    assert 0.1 < rate_of(states) < 10
+    guard = [1e-78, 0.0, 3.0, -0.27, -1.2, 0.068, 0.17, -0.0068, -0.013]
+    assert leading(guard, 1, rate_of(states), 0.0, 1e-11) == 2
+    fast = [[0.0, 1e-3, 0.0, -1.7e8, 0.0, 8.3e18, 0.0, -2e29, 0.0]]
+    assert rate_of(fast) == pytest.approx(4.1e5, rel=0.1)
+
+
+@pytest.mark.parametrize("time", [3.0, math.pi, 3.2, 3 * math.pi, 9 * math.pi])
+def test_a_load_that_pulsates_down_to_nothing_holds(time: float) -> None:
+    """At pi rounding leaves a force of 1e-16 of either slip, with the sign of the rounding."""
+    system = make_problem("x v", ["v", "-(1 + cos(t))*s"], {"s": "v"}, [0, 0], 12).system
+    held = Switching(system).after_event(time, [0.0, 0.0], (0,), list(system.equations((0,)).guards))
+    assert held.mode == (0,)
 
 
 @pytest.mark.parametrize("excess", ["1e-10", "1e-12"])
