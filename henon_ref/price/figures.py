@@ -99,7 +99,7 @@ def draw_growth(found: Sequence[Horizon]) -> Figure:
         left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         right_.axhline(BOUND, color=style.GREY, ls="--", lw=0.9)
         right_.annotate(
-            f"to be kept by henon: {BOUND:.0e} s", (max(run.until for run in found), BOUND), (0, -11),
+            f"bound: {BOUND:.0e} s", (max(run.until for run in found), BOUND), (0, -11),
             textcoords="offset points", fontsize=8.0, color=style.GREY, ha="right",
         )  # fmt: skip
         right_.set(xlabel="horizon [s]", ylabel="worst error of the last sticks [s]")
