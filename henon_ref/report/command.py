@@ -18,6 +18,7 @@ from henon_ref.model.files import read_cases
 from henon_ref.report.causes import FOLDER as CAUSES
 from henon_ref.report.causes import write_causes
 from henon_ref.report.figures import figure_job, preload
+from henon_ref.report.folder_lock import locked, locked_for_a_moment
 from henon_ref.report.index import write_index
 from henon_ref.report.manifest import Provenance, provenance
 from henon_ref.report.markdown import environment, gate_words
@@ -55,9 +56,9 @@ def run(request: Request) -> Unmet:
         For a case file or an argument that cannot be used; nothing has been written then.
     """
     check_writable(request.out)
-    if request.whole:
-        for page in (ATLAS, RESTARTS, CAUSES, RIVALS):
-            check_index(request.out / page)
+    further = [request.out / page for page in (ATLAS, RESTARTS, CAUSES, RIVALS)] if request.whole else []
+    for page in further:
+        check_index(page)
     cases = load_cases(request.cases)
     options = Options(
         keep_journals=True,
@@ -72,7 +73,13 @@ def run(request: Request) -> Unmet:
     )
     check_solvers(cases, options)
     check_required(request.required, cases, options)
-    _mention_unfinished(cases, request)
+    with locked([*(request.out / case.name for case in cases), *further]):
+        _mention_unfinished(cases, request)
+        return _compared(cases, options, request)
+
+
+def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unmet:
+    """Run everything and write it into folders that nobody else writes into."""
     written: list[Path] = []
     failures: list[str] = []
     tallies: list[Tally] = []
@@ -94,7 +101,8 @@ def run(request: Request) -> Unmet:
         compare_all(cases, options, deliver, draw=draw, observer=shown)
         if request.whole:
             written += experiments(cases, options, origin, request.out, shown)
-    index = write_index(request.out)
+    with locked_for_a_moment(request.out):
+        index = write_index(request.out)
     discard(request.out, cases)
     where = written[0] if len(written) == 1 else index
     tally = sum(tallies, Tally())
