@@ -17,10 +17,12 @@ from pathlib import Path
 import pytest
 from commands import run
 
+from henon_ref.columns import RUN_COLUMNS
 from henon_ref.errors import CaseError
 from henon_ref.report.index import Entry, entries, index_text, write_index
 from henon_ref.report.write import check_index
 from henon_ref.score import journal
+from henon_ref.score.rows import Record
 
 paper = importlib.import_module("henon_ref.paper.__main__")
 pytestmark = [
@@ -222,7 +224,7 @@ def test_an_interrupt_keeps_finished_rows_and_says_how_to_go_on(made_up, tmp_pat
 def test_rows_that_could_have_been_kept_are_mentioned(made_up, tmp_path, capsys):
     folder = tmp_path / "out" / "made_up"
     folder.mkdir(parents=True)
-    (folder / journal.FILE).write_text('{"key": "a"}\n')
+    (folder / journal.FILE).write_bytes(journal.line_of("a", Record({**dict.fromkeys(RUN_COLUMNS), "case": "made_up"})))
     assert run(made_up, "--out", "out", "--solvers", "henon") == 0
     assert "--resume would keep 1 rows of made_up" in capsys.readouterr().err
 
