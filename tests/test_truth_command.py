@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from test_truth_settle import TEXT
-from typer.testing import CliRunner
 
-from henon_ref.truth.command import app
+from henon_ref.truth.command import command
+
+Run = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture
@@ -19,12 +21,18 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def run(*arguments: str | Path) -> tuple[int, str]:
-    result = CliRunner().invoke(app, [str(a) for a in arguments])
-    return result.exit_code, result.output
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    """The command: exit status, and everything that it says."""
+
+    def run(*arguments: str | Path) -> tuple[int, str]:
+        status = command([str(a) for a in arguments])
+        return status, "".join(capsys.readouterr())
+
+    return run
 
 
-def test_store_check_and_notice_a_moved_time(file: Path) -> None:
+def test_store_check_and_notice_a_moved_time(run: Run, file: Path) -> None:
     stored = file.parent / "truth" / "leaving_slide" / "default.json"
     code, text = run(file, "--check")
     assert code == 1
@@ -50,7 +58,7 @@ def test_store_check_and_notice_a_moved_time(file: Path) -> None:
     assert "transition 0: times 1.00e-78 s apart" in text
 
 
-def test_a_bad_case_is_one_message_and_exit_2(file: Path) -> None:
+def test_a_bad_case_is_one_message_and_exit_2(run: Run, file: Path) -> None:
     file.write_text(TEXT.replace("until: 3", "until: -3"))
     code, text = run(file)
     assert code == 2
@@ -58,7 +66,7 @@ def test_a_bad_case_is_one_message_and_exit_2(file: Path) -> None:
     assert not (file.parent / "truth").exists()
 
 
-def test_a_contradiction_stores_nothing_and_exits_1(file: Path) -> None:
+def test_a_contradiction_stores_nothing_and_exits_1(run: Run, file: Path) -> None:
     file.write_text(TEXT.replace('["1"]', '["1 + 10^(-35)"]'))
     code, text = run(file)
     assert code == 1
@@ -66,7 +74,7 @@ def test_a_contradiction_stores_nothing_and_exits_1(file: Path) -> None:
     assert not (file.parent / "truth").exists()
 
 
-def test_a_certified_truth_is_not_given_up_for_one_that_is_not(file: Path) -> None:
+def test_a_certified_truth_is_not_given_up_for_one_that_is_not(run: Run, file: Path) -> None:
     stored = file.parent / "truth" / "leaving_slide" / "default.json"
     assert run(file)[0] == 0
     before = stored.read_text()
@@ -86,7 +94,7 @@ def test_a_certified_truth_is_not_given_up_for_one_that_is_not(file: Path) -> No
     assert stored.read_text() == moved
 
 
-def test_a_proof_makes_an_uncertified_truth_a_certified_one(file: Path) -> None:
+def test_a_proof_makes_an_uncertified_truth_a_certified_one(run: Run, file: Path) -> None:
     assert "stored" in run(file, "--proof-seconds", "0")[1]
     code, text = run(file)
     assert code == 0
@@ -96,14 +104,14 @@ def test_a_proof_makes_an_uncertified_truth_a_certified_one(file: Path) -> None:
 
 
 @pytest.mark.parametrize("seconds", ["-1", "nan"])
-def test_a_time_for_proofs_that_is_none_is_refused(file: Path, seconds: str) -> None:
+def test_a_time_for_proofs_that_is_none_is_refused(run: Run, file: Path, seconds: str) -> None:
     code, text = run(file, "--proof-seconds", seconds)
     assert code == 2
     assert f"--proof-seconds is a number of seconds from 0 on, not {seconds}" in text
     assert not (file.parent / "truth").exists()
 
 
-def test_a_truth_that_cannot_be_stored_is_one_message_and_exit_1(file: Path) -> None:
+def test_a_truth_that_cannot_be_stored_is_one_message_and_exit_1(run: Run, file: Path) -> None:
     (file.parent / "truth" / "leaving_slide" / "default.json").mkdir(parents=True)
     code, text = run(file)
     assert code == 1
@@ -113,7 +121,7 @@ def test_a_truth_that_cannot_be_stored_is_one_message_and_exit_1(file: Path) -> 
     ]
 
 
-def test_case_files_are_found_as_compare_finds_them(file: Path) -> None:
+def test_case_files_are_found_as_compare_finds_them(run: Run, file: Path) -> None:
     file.rename(file.with_suffix(".yml"))
     code, text = run(file.parent, "--check")
     assert (code, "leaving_slide, default" in text) == (1, True)
