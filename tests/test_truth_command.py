@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import csv
+import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from test_truth_settle import TEXT
@@ -137,3 +142,83 @@ def test_case_files_are_found_as_compare_finds_them(run: Run, file: Path) -> Non
     code, text = run(empty)
     assert code == 2
     assert "empty: no case file" in text
+
+
+def dropped(text: str) -> str:
+    found = json.loads(text)
+    found["transitions"].pop()
+    return json.dumps(found, indent=1)
+
+
+CHANGES: dict[str, Callable[[str], str]] = {
+    "a transition dropped": dropped,
+    "certified by hand": lambda text: text.replace('"certified": false', '"certified": true'),
+}
+
+
+Compared = tuple[str, dict[str, str], dict[str, Any]]
+
+
+@pytest.fixture
+def compare(file: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], Compared]:
+    """The command of comparisons on the file, in a process of its own."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(file.parent.parent / "cache"))
+
+    def compare() -> Compared:
+        """What it says on standard error, its one row, the report's words on the truth."""
+        words = [sys.executable, "-m", "henon_ref.compare", file, "--solvers", "scipy-dop853", "--tolerances", "1e-9"]
+        place = file.parent.parent / "out"
+        words += ["--repeats", "1", "--no-figures", "--out", place]
+        done = subprocess.run(words, stderr=subprocess.PIPE, text=True, timeout=600)
+        assert done.returncode == 0
+        with (place / "leaving_slide" / "runs.csv").open() as csv_file:
+            (row,) = csv.DictReader(csv_file)
+        manifest = json.loads((place / "leaving_slide" / "manifest.json").read_text())
+        return done.stderr, row, manifest["readings"]["default"]["truth"]
+
+    return compare
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
+def test_nobody_is_scored_against_a_changed_truth(
+    run: Run,
+    file: Path,
+    compare: Callable[[], tuple[str, dict[str, str], dict[str, Any]]],
+    change: Callable[[str], str],
+) -> None:
+    stored = file.parent / "truth" / "leaving_slide" / "default.json"
+    assert run(file, "--proof-seconds", "0")[0] == 0
+    changed = change(stored.read_text())
+    assert changed != stored.read_text()
+    stored.write_text(changed)
+    for _ in range(2):  # computed anew, then read where that was kept
+        told, row, truth = compare()
+        (line,) = told.splitlines()
+        assert line.startswith(f"{stored} is no stored truth (")
+        assert (row["reference_transitions"], row["matched"], row["verdict"]) == ("1", "1", "right")
+        assert float(row["max_time_error_s"]) < 1e-6
+        assert truth["certified"]
+        assert stored.read_text() == changed
+        (kept,) = file.parent.parent.glob("cache/**/truth/leaving_slide/default.json")
+    first = kept.stat().st_mtime_ns
+    code, text = run(file, "--check")
+    assert code == 1
+    assert str(stored) in text
+    assert stored.read_text() == changed
+    assert run(file)[0] == 0
+    assert compare()[0] == ""
+    assert kept.stat().st_mtime_ns == first
+
+
+def test_a_truth_of_what_the_case_said_before_is_told_and_stays(
+    run: Run, file: Path, compare: Callable[[], Compared]
+) -> None:
+    stored = file.parent / "truth" / "leaving_slide" / "default.json"
+    assert run(file)[0] == 0
+    before = stored.read_text()
+    file.write_text(TEXT.replace("until: 3", "until: 2"))
+    told, row, _ = compare()
+    assert told.startswith(f"{stored} is the truth of what the case said before; ")
+    assert told.count("\n") == 1
+    assert (row["end_time_s"], row["verdict"]) == ("2.0", "right")
+    assert stored.read_text() == before

@@ -33,6 +33,8 @@ PROOF_SECONDS = 120.0
 
 CLAIM_BITS = 320
 """Precision at which a stored closed form is held against its case's."""
+ANEW = "it is not used, the truth is computed anew"
+"""What is said of a stored truth that does not hold."""
 END_TOLERANCE = 1e-12
 """Relative difference to the end that a case expects; a blow-up's time is an extrapolation."""
 
@@ -93,9 +95,20 @@ def stored_truth(case: Case, reading: Reading, folder: Path | None = None) -> Tr
     ``folder`` as in :func:`truth_for`. A file beside the cases that is there and cannot be used is told.
     """
     for place in _places(case, folder):
-        stored = of_same_mathematics(case, reading, place)
-        if stored is not None and claimed(stored, reading):
+        try:
+            stored = store.load(place, case.name, reading.name)
+        except store.StoredTruthError as error:
+            tell(error)
+            continue
+        if stored is None:
+            continue
+        if stored.mathematics_hash == reading.mathematics_hash and claimed(stored, reading):
             return stored
+        if place != store.user_folder():
+            path = store.path_of(place, case.name, reading.name)
+            _tell_once(
+                f"{path} is the truth of what the case said before; {ANEW}, python -m henon_ref.truth replaces it"
+            )
     return None
 
 
@@ -106,19 +119,9 @@ def _places(case: Case, folder: Path | None) -> tuple[Path, ...]:
     return tuple(dict.fromkeys((store.folder_of(case.path), store.user_folder())))
 
 
-def of_same_mathematics(case: Case, reading: Reading, folder: Path) -> Truth | None:
-    """The stored truth, if it is that of the reading's mathematics; a file that is no stored truth is told."""
-    try:
-        stored = store.load(folder, case.name, reading.name)
-    except store.StoredTruthError as error:
-        tell(error)
-        return None
-    return stored if stored is not None and stored.mathematics_hash == reading.mathematics_hash else None
-
-
 def tell(error: store.StoredTruthError) -> None:
     """Warn that a file is no stored truth."""
-    _tell_once(f"{error}; it is not used, the truth is computed anew")
+    _tell_once(f"{error}; {ANEW}")
 
 
 @cache
