@@ -21,7 +21,7 @@ from henon_ref.price.states import sizes
 from henon_ref.report.command import Shown, load_cases
 from henon_ref.report.folder_lock import locked
 from henon_ref.report.manifest import provenance
-from henon_ref.report.write import check_writable
+from henon_ref.report.write import check_writable, remove_if_empty
 from henon_ref.score.journal import FILE
 from henon_ref.score.options import Options
 from henon_ref.truth.reference import Truth
@@ -40,13 +40,13 @@ def run(paths: Sequence[Path], out: Path, *, jobs: int, resume: bool) -> int:
         for folder in journals:
             (folder / FILE).unlink(missing_ok=True)
     for folder in journals:
-        if folder.is_dir() and not any(folder.iterdir()):
-            folder.rmdir()
+        remove_if_empty(folder)
     print(page)
     return 0
 
 
 def _measured(cases: Sequence[Case], out: Path, *, jobs: int, resume: bool) -> Prices:
+    """Everything that the page is made of."""
     options = Options(processes=jobs, folder=out, resume=resume, keep_journals=True)
     with Shown() as shown:
         ladder = run_ladder(cases, options, shown)

@@ -23,7 +23,7 @@ from henon_ref.report.index import write_index
 from henon_ref.report.manifest import Provenance, provenance
 from henon_ref.report.markdown import environment, gate_words
 from henon_ref.report.request import Request
-from henon_ref.report.write import check_index, check_writable, write_report
+from henon_ref.report.write import check_index, check_writable, remove_if_empty, write_report
 from henon_ref.restarts.experiment import run_restarts
 from henon_ref.restarts.page import FOLDER as RESTARTS
 from henon_ref.rivals.experiment import run_rivals
@@ -147,8 +147,8 @@ def discard(out: Path, cases: Sequence[Case]) -> None:
     for folder in (out, out / ATLAS, out / RESTARTS):
         for case in cases:
             (folder / case.name / FILE).unlink(missing_ok=True)
-            if folder != out and (folder / case.name).is_dir():
-                (folder / case.name).rmdir()
+            if folder != out:
+                remove_if_empty(folder / case.name)
 
 
 def load_cases(paths: Sequence[Path]) -> list[Case]:

@@ -106,6 +106,12 @@ def replace_file(path: Path, content: bytes) -> None:
         waiting.unlink(missing_ok=True)
 
 
+def remove_if_empty(folder: Path) -> None:
+    """Remove a folder that is there and has nothing in it."""
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
+
+
 def check_writable(folder: Path) -> None:
     """See that reports can be written into a folder, without leaving anything there.
 

