@@ -128,7 +128,7 @@ def _row(line: bytes, *, case: str) -> tuple[str, Record]:
     """
     found = _CHECKSUM.search(line)
     if found is None:
-        raise ValueError("it is cut short, or no row at all")
+        raise ValueError("it is cut short, or no row of this version")
     body = line[: found.start()] + b"}"
     if hashlib.sha256(body).hexdigest().encode() != found[1]:
         raise ValueError("its checksum does not fit")
