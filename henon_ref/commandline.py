@@ -12,6 +12,7 @@ import logging
 import os
 import signal
 import sys
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -52,7 +53,7 @@ def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] |
             from henon_ref.crashlog import write_log
 
             log = write_log(error, name, sys.argv[1:] if arguments is None else arguments)
-            what = one_line(f"{type(error).__name__}: {error}", longest=LONGEST // 4)
+            what = one_line("".join(traceback.format_exception_only(error)), longest=LONGEST // 4)
             where = f"the log is {log}" if log else "no log can be written"
             say("; ".join(part for part in (f"error: unforeseen: {what}", kept, where) if part))
             return UNFORESEEN

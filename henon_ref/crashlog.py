@@ -62,15 +62,22 @@ def _temporary_folder() -> Path:
 
 
 def _text(error: BaseException, name: str, arguments: Sequence[str]) -> str:
-    packages = sorted({f"{found.name} {found.version}" for found in metadata.distributions()})
     return "\n".join(
         [
             f"python -m henon_ref.{name} {shlex.join(map(str, arguments))}",
-            f"in {Path.cwd()}",
+            f"in {os.environ.get('PWD', 'a folder that is not known')}",
             f"{platform.python_implementation()} {sys.version}, {platform.platform()}",
             "",
             "".join(traceback.format_exception(error)),
-            *packages,
+            *_packages(),
             "",
         ]
     )
+
+
+def _packages() -> list[str]:
+    """Everything that is installed, with versions."""
+    try:
+        return sorted({f"{found.name} {found.version}" for found in metadata.distributions()})
+    except Exception as error:  # noqa: BLE001 - whatever is broken there, the traceback is what matters
+        return [f"the packages cannot be listed: {type(error).__name__}"]

@@ -83,6 +83,23 @@ def test_a_log_that_cannot_lie_in_the_user_s_folder_lies_in_a_temporary_one(logs
     assert "ValueError: it" in log.read_text()
 
 
+def test_what_cannot_even_say_what_is_wrong_is_logged(logs, tmp_path, monkeypatch, capsys):
+    class MuteError(Exception):
+        def __str__(self) -> str:
+            raise RuntimeError
+
+    def act() -> int:
+        raise MuteError
+
+    monkeypatch.setattr(crashlog.metadata, "distributions", broken)
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert commandline.exit_status(act, name="compare", arguments=[]) == 3
+    (line,) = capsys.readouterr().err.splitlines()
+    assert Path(line.rpartition("the log is ")[2]).parent == logs
+
+
 def test_a_library_that_wants_to_exit_is_nothing_foreseen(logs, capsys):
     def act() -> int:
         sys.exit(0)
