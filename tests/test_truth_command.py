@@ -13,7 +13,10 @@ from typing import Any
 import pytest
 from test_truth_settle import TEXT
 
+from henon_ref.model.case import load_case
+from henon_ref.truth import settle
 from henon_ref.truth.command import command
+from henon_ref.truth.reference import Truth
 
 Run = Callable[..., tuple[int, str]]
 
@@ -222,3 +225,33 @@ def test_a_truth_of_what_the_case_said_before_is_told_and_stays(
     assert told.count("\n") == 1
     assert (row["end_time_s"], row["verdict"]) == ("2.0", "right")
     assert stored.read_text() == before
+
+
+@pytest.fixture
+def computed(file: Path, monkeypatch: pytest.MonkeyPatch) -> Truth:
+    """The truth, in place of whatever would be computed; the user's cache is in the same folder."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(file.parent.parent / "cache"))
+    case = load_case(file)
+    truth = settle.compute(case, case.readings[0], proof_seconds=0)
+    monkeypatch.setattr(settle, "compute", lambda *a, **k: truth)
+    return truth
+
+
+def test_a_damaged_truth_in_the_user_s_cache_is_told_and_replaced(
+    file: Path, computed: Truth, caplog: pytest.LogCaptureFixture
+) -> None:
+    case = load_case(file.rename(file.parent.parent / "mine.yaml"))
+    settle.truth_for(case, case.readings[0])
+    (kept,) = file.parent.parent.glob("cache/**/default.json")
+    before = kept.read_text()
+    kept.write_text(dropped(before))
+    assert settle.truth_for(case, case.readings[0]) == computed
+    assert [message.startswith(f"{kept} is no stored truth (") for message in caplog.messages] == [True]
+    assert kept.read_text() == before
+
+
+def test_where_nothing_can_be_stored_beside_the_cases_the_user_s_cache_takes_it(file: Path, computed: Truth) -> None:
+    (file.parent / "truth").write_text("a file in its place")
+    case = load_case(file)
+    settle.truth_for(case, case.readings[0])
+    assert len(list(file.parent.parent.glob("cache/**/truth/leaving_slide/default.json"))) == 1

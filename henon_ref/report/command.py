@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from henon_ref import registry
 from henon_ref.atlas.page import FOLDER as ATLAS
 from henon_ref.atlas.run import run_atlas
+from henon_ref.commandline import say
 from henon_ref.comparison import Comparison, compare_all
 from henon_ref.model.case import Case
 from henon_ref.model.files import read_cases
@@ -198,7 +199,7 @@ def _mention_unfinished(cases: Sequence[Case], request: Request) -> None:
     for case in cases:
         rows = len(read(request.out / case.name / FILE))
         if rows:
-            print(f"starting afresh: --resume would keep {rows} rows of {case.name}", file=sys.stderr)
+            say(f"starting afresh: --resume would keep {rows} rows of {case.name}")
 
 
 class Shown(Silent, AbstractContextManager["Shown"]):
