@@ -45,8 +45,7 @@ _RC: dict[Any, Any] = {
     "lines.linewidth": 1.2,
     "lines.markersize": 4.5,
     "mathtext.fontset": "dejavusans",
-    "path.simplify": True,
-    "path.simplify_threshold": 0.2,
+    "path.simplify": False,  # every transition stays a corner, and every arc as smooth as its samples
     "svg.hashsalt": "henon-ref",
     "svg.fonttype": "path",
 }
