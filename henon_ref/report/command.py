@@ -20,7 +20,7 @@ from henon_ref.report.causes import write_causes
 from henon_ref.report.figures import figure_job, preload
 from henon_ref.report.index import write_index
 from henon_ref.report.manifest import Provenance, provenance
-from henon_ref.report.markdown import environment, gate_words
+from henon_ref.report.markdown import environment, gate_words, left_out_words
 from henon_ref.report.request import Request
 from henon_ref.report.write import check_index, check_writable, write_report
 from henon_ref.restarts.experiment import run_restarts
@@ -100,8 +100,10 @@ def run(request: Request) -> Unmet:
     tally = sum(tallies, Tally())
     told = "".join(f"; {solver} right in {own.right} of {own.judged} judged" for solver, own in demands.items())
     print(f"{where}{gate_state(tally, failures, wanted=request.gate)}{told}")
-    if request.gate and tally.total and not tally.checked:
+    if request.gate and tally.missing:
         failures.append(gate_words(tally))
+    if request.gate and tally.left_out:
+        print(f"gate: {left_out_words(tally)}", file=sys.stderr)
     return Unmet(failures, [words for solver, own in demands.items() for words in _unmet(solver, own)])
 
 

@@ -15,7 +15,7 @@ from henon_ref.report.modeltext import general_form, mode_equations, modes_of, p
 from henon_ref.report.overview import overview
 from henon_ref.report.ranking import name
 from henon_ref.report.tables import MARK, price_table, reason_table, run_table, samples_of, stick_table
-from henon_ref.report.words import count, listing
+from henon_ref.report.words import count, listing, setting
 from henon_ref.score.gate import Tally, gate_tally
 from henon_ref.score.options import MOST_DRAWN
 from henon_ref.score.results import ReadingResult
@@ -144,27 +144,39 @@ def _gate(comparison: Comparison) -> str:
     if not tally.total:
         return ""
     failures, checked = comparison.gate_failures(), gate_words(tally)
+    left_out = f"The {left_out_words(tally)}." if tally.left_out else ""
     if failures:
-        return "\n".join([f"The gate is **not** met ({checked}):", "", *(f"- {words}" for words in failures)])
-    if not tally.checked:
-        return f"The gate is **not** checked: {checked}."
-    return f"The gate is met ({checked})."
+        return "\n".join(
+            [f"The gate is **not** met ({checked}):", "", *(f"- {words}" for words in failures), "", left_out]
+        )
+    state = f"The gate is met ({checked})" if tally.checked else f"The gate is **not** checked: {checked}"
+    return f"{state}. {left_out}".strip()
 
 
 def gate_words(tally: Tally) -> str:
     """How many bounds of a gate were checked, of one that has bounds."""
     if not tally.total:
         return "there is no bound"
+    solvers_only = all(entry.rtol is None for entry in tally.left_out)
     if not tally.checked:
+        what = "solver that ran" if solvers_only else "solver that ran, at a tolerance that did"
         if tally.total == 1:
-            return "the only bound of the gate is on no solver that ran"
-        return f"none of the {tally.total} bounds of the gate is on a solver that ran"
+            return f"the only bound of the gate is on no {what}"
+        return f"none of the {tally.total} bounds of the gate is on a {what}"
     if tally.checked == tally.total:
         return f"{count(tally.total, 'bound')} checked, statuses included"
-    return (
-        f"{tally.checked} of {tally.total} bounds checked, statuses included; "
-        "the others are on solvers that did not run"
-    )
+    what = "solvers" if solvers_only else "solvers or at tolerances"
+    part = f"{tally.checked} of {tally.total} bounds checked, statuses included"
+    return f"{part}; the others are on {what} that did not run"
+
+
+def left_out_words(tally: Tally) -> str:
+    """The bounds that were not checked, by what did not run."""
+    phrases = [
+        f"{entry.solver}" if entry.rtol is None else f"{entry.solver} at {setting(entry.rtol, None)}"
+        for entry in tally.left_out
+    ]
+    return f"bounds on what did not run are left out: {listing(phrases)}"
 
 
 def _unit(comparison: Comparison) -> str:
