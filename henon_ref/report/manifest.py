@@ -67,7 +67,7 @@ def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[st
         "samples": [_samples(record) for record in comparison.records if record.samples],
         "files": sorted(files),
     }
-    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(content, indent=1) + "\n"
 
 
 def _reading(result: ReadingResult) -> dict[str, Any]:

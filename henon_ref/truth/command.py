@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from henon_ref.errors import CaseError, ModelError
 from henon_ref.model.case import Case, Reading
 from henon_ref.model.files import read_cases
+from henon_ref.text import message
 from henon_ref.truth import settle, store
 from henon_ref.truth.reference import Truth, TruthError
 
@@ -39,7 +40,7 @@ def main(
             raise CaseError(f"--proof-seconds is a number of seconds from 0 on, not {proof_seconds:g}")
         loaded = read_cases(cases)
     except CaseError as error:
-        errors.print(str(error), markup=False, highlight=False, soft_wrap=True)
+        errors.print(message(str(error)), markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(2) from None
     failed = False
     with _shown(console) as shown:
@@ -116,4 +117,4 @@ def _summary(truth: Truth) -> str:
 
 
 def _print(shown: Progress, text: str) -> None:
-    shown.console.print(text, markup=False, highlight=False, soft_wrap=True)
+    shown.console.print(message(text), markup=False, highlight=False, soft_wrap=True)
