@@ -19,7 +19,7 @@ from henon_ref.comparison import Comparison
 from henon_ref.model.case import Case, parse_case
 from henon_ref.report.figures import FigureJob
 from henon_ref.report.index import write_index
-from henon_ref.report.manifest import Provenance
+from henon_ref.report.manifest import provenance
 from henon_ref.report.write import write_report
 from henon_ref.score.options import Options
 from henon_ref.score.results import ReadingResult
@@ -31,15 +31,6 @@ EVIL = (
     "<script>alert(1)</script><img src=//evil.example/x.png> ![x](//evil.example/x.png) [y](//evil.example) "
     "[z]: //evil.example </a> www.evil.example \u202eback | cell $x$ `"
 )
-MACHINE = {
-    "processor": "A processor",
-    "cores": 2,
-    "memory_bytes": 2**34,
-    "system": "Linux",
-    "python": "CPython 3.11",
-    "linear_algebra": "openblas Zen",
-}
-ORIGIN = Provenance(f"python -m henon_ref.compare '{EVIL}\n\n# x\n.yaml'", "0" * 40, MACHINE, {})
 
 
 def hostile(**changes: str) -> Case:
@@ -76,7 +67,8 @@ def folder(tmp_path) -> Path:
     rows = records(case)
     ((_, result.figures),) = FigureJob(case.readings[0], expected(), None, tuple(rows)).stages()
     comparison = Comparison(case, [result], [*rows, made("henon", 1e-6, 1e-4)], Options())
-    write_report(comparison, ORIGIN, tmp_path)
+    origin = provenance(f"python -m henon_ref.compare '{EVIL}\n\n# x\n.yaml'")
+    write_report(comparison, origin, tmp_path)
     write_index(tmp_path)
     return tmp_path
 

@@ -19,7 +19,7 @@ from henon_ref.report.words import count, listing, setting
 from henon_ref.score.gate import Tally, gate_tally
 from henon_ref.score.options import MOST_DRAWN
 from henon_ref.score.results import ReadingResult
-from henon_ref.text import link, markdown, one_line, paragraphs
+from henon_ref.text import link, markdown, paragraphs
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -75,7 +75,7 @@ def report_text(comparison: Comparison, provenance: Provenance) -> str:
             notes=NOTES.format(unit=_unit(comparison)),
             source=markdown(case.source or "").rstrip("."),
             links=list(dict.fromkeys(link(own) for result in comparison.readings for own in result.reading.links)),
-            rerun=one_line(provenance.rerun),
+            rerun=provenance.rerun,
             versions=_versions(comparison, provenance),
             machine=provenance.machine_text,
             commit=provenance.commit[:12],

@@ -71,7 +71,7 @@ def write_page(
             compiled=compiled_words(rows),
             spread=spread_table(rows).markdown,
             slower=slower.markdown if (slower := slower_table(rows, runs)).rows else "",
-            failed=failed,
+            failed=[markdown(each) for each in failed],
             rerun=origin.rerun,
             machine=origin.machine_text,
             commit=origin.commit[:12],
