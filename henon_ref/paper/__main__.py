@@ -13,7 +13,6 @@ from typing import Annotated, Any
 import typer
 
 from henon_ref.errors import HenonRefError
-from henon_ref.text import message
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -39,7 +38,7 @@ def main(
         sections = write_page(out, provenance("python -m henon_ref.paper"), lambda name: status.update(name))
     failed = [claim for section in sections for claim in section.claims if claim.verdict == "fails"]
     for claim in failed:
-        print(message(f"fails: {claim.where}: {claim.says}"), file=sys.stderr)
+        print(f"fails: {claim.where}: {claim.says}", file=sys.stderr)
     return FAILS if failed else DONE
 
 
@@ -48,11 +47,11 @@ def command(arguments: Sequence[str] | None = None) -> int:
     try:
         return int(app(arguments, prog_name="python -m henon_ref.paper", standalone_mode=False) or DONE)
     except USAGE_ERROR as error:
-        print(message(f"error: {error.format_message()} (see --help)"), file=sys.stderr)
+        print(f"error: {error.format_message()} (see --help)", file=sys.stderr)
     except HenonRefError as error:
-        print(message(f"error: {error}"), file=sys.stderr)
+        print(f"error: {error}", file=sys.stderr)
     except OSError as error:
-        print(message(f"error: cannot write {error.filename or ''}: {error.strerror or error}"), file=sys.stderr)
+        print(f"error: cannot write {error.filename or ''}: {error.strerror or error}", file=sys.stderr)
     return BAD
 
 

@@ -13,7 +13,6 @@ from typing import Annotated, Any
 import typer
 
 from henon_ref.errors import HenonRefError
-from henon_ref.text import message
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -40,11 +39,11 @@ def command(arguments: Sequence[str] | None = None) -> int:
     try:
         return int(app(arguments, prog_name="python -m henon_ref.price", standalone_mode=False) or DONE)
     except USAGE_ERROR as error:
-        print(message(f"error: {error.format_message()} (see --help)"), file=sys.stderr)
+        print(f"error: {error.format_message()} (see --help)", file=sys.stderr)
     except HenonRefError as error:
-        print(message(f"error: {error}"), file=sys.stderr)
+        print(f"error: {error}", file=sys.stderr)
     except OSError as error:
-        print(message(f"error: cannot write {error.filename or ''}: {error.strerror or error}"), file=sys.stderr)
+        print(f"error: cannot write {error.filename or ''}: {error.strerror or error}", file=sys.stderr)
     except (KeyboardInterrupt, typer.Abort):
         print("interrupted; finished rows are kept, --resume goes on from them", file=sys.stderr)
         return INTERRUPTED

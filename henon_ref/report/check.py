@@ -28,7 +28,6 @@ from henon_ref.report.ranking import floor, number
 from henon_ref.report.words import setting
 from henon_ref.report.write import MANIFEST, REPORT, RUNS, write_report
 from henon_ref.score.options import Options
-from henon_ref.text import message
 
 FACTOR = 10.0
 """Errors may differ by this factor: rounding is not the same on every processor."""
@@ -145,10 +144,10 @@ def main(
     try:
         found = check(cases, reports, fresh)
     except HenonRefError as error:
-        print(message(f"error: {error}"), file=sys.stderr)
+        print(f"error: {error}", file=sys.stderr)
         raise typer.Exit(2) from None
     for words in found:
-        print(message(words), file=sys.stderr)
+        print(words, file=sys.stderr)
     raise typer.Exit(1 if found else 0)
 
 

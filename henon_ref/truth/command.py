@@ -40,7 +40,7 @@ def main(
             raise CaseError(f"--proof-seconds is a number of seconds from 0 on, not {proof_seconds:g}")
         loaded = read_cases(cases)
     except CaseError as error:
-        errors.print(message(str(error)), markup=False, highlight=False, soft_wrap=True)
+        errors.print(str(error), markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(2) from None
     failed = False
     with _shown(console) as shown:
