@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from henon_ref import registry
 from henon_ref.model.case import Reading, load_case
 from henon_ref.model.equations import TIME
 from henon_ref.report.figures import svg
 from henon_ref.report.motion import Motion, axes_of_portrait, draw_modes, draw_portrait, motion_of
 from henon_ref.score.metrics import Expected
-from henon_ref.score.options import Options
-from henon_ref.score.plan import sample_job
-from henon_ref.score.results import ReadingResult
+from henon_ref.score.runjob import Samples, sample_times
 from henon_ref.score.truthjob import statement_of
 
 FIG8 = Path(__file__).parents[1] / "cases" / "fig8.yaml"
@@ -30,10 +29,13 @@ def moved(name: str) -> tuple[Reading, Expected, Motion]:
     """A reading, its truth, and its motion as the reports draw it."""
     case = load_case(FIG8)
     reading = next(reading for reading in case.readings if reading.name == name)
-    result = ReadingResult(reading, statement_of(case, reading))
-    ((_, samples),) = sample_job(result, "henon", Options()).stages()
-    motion = motion_of(samples, result.expected.transitions)
-    return reading, result.expected, motion
+    expected = statement_of(case, reading).expected
+    wanted = sample_times(
+        expected.start, reading.measure_after, expected.until, [event.time for event in expected.transitions]
+    )
+    run = registry.solver("henon").prepare(reading.problem, rtol=1e-12, sample_times=np.array(wanted))()
+    samples = Samples(np.array(wanted), run.samples, run.sample_modes)
+    return reading, expected, motion_of(samples, expected.transitions)
 
 
 def drawn_vertices(figure, axes) -> np.ndarray:

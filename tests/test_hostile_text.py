@@ -17,13 +17,16 @@ from markdown_it import MarkdownIt
 from henon_ref.compare import command
 from henon_ref.comparison import Comparison
 from henon_ref.model.case import Case, parse_case
-from henon_ref.report.figures import FigureJob
+from henon_ref.report.cost_figure import draw_cost
+from henon_ref.report.errors_figure import draw_errors
+from henon_ref.report.figures import svg
 from henon_ref.report.index import write_index
 from henon_ref.report.manifest import provenance
 from henon_ref.report.write import write_report
+from henon_ref.score.metrics import score
 from henon_ref.score.options import Options
 from henon_ref.score.results import ReadingResult
-from henon_ref.score.rows import Outcome, Record, record, score_outcome
+from henon_ref.score.rows import Outcome, Record, record
 from henon_ref.score.settings import Setting
 from henon_ref.score.worker import Failure
 
@@ -43,20 +46,19 @@ def hostile(**changes: str) -> Case:
 
 def records(case: Case) -> list[Record]:
     """A solver that is right, one that is wrong, one that fails: all with bad names."""
-    outcomes = []
+    reading, setting, records = case.readings[0], Setting(1e-6, 1e-6), []
     for name, events, failure in (
         (f"=right{EVIL}\x1b[31m", found(error=1e-7), None),
         (f"@wrong{EVIL}\x9b31m", found()[1:], None),
         ("-gone", (), Failure("failed", f"=cmd()|{EVIL}")),
         ("+none", (), Failure("unavailable", EVIL)),
     ):
-        outcome = Outcome("made_up", case.readings[0], name, Setting(1e-6, 1e-6), library_version=f"+1{EVIL}")
-        outcome.failure = failure
+        known = {"library_version": f"+1{EVIL}", "failure": failure}
         if failure is None:
-            outcome.trajectory, outcome.samples = trajectory(events), (1e-3,)
-            score_outcome(outcome, expected())
-        outcomes.append(record(outcome, expected()))
-    return outcomes
+            run = trajectory(events)
+            known |= {"trajectory": run, "score": score(run, expected(), tolerance=1e-6), "samples": (1e-3,)}
+        records.append(record(Outcome("made_up", reading, name, setting, **known), expected()))
+    return records
 
 
 @pytest.fixture
@@ -65,7 +67,8 @@ def folder(tmp_path) -> Path:
     case = hostile()
     result = ReadingResult(case.readings[0], replace(statement(None, None), reason=EVIL, uncertified_because=EVIL))
     rows = records(case)
-    ((_, result.figures),) = FigureJob(case.readings[0], expected(), None, tuple(rows)).stages()
+    result.figures["default_errors.svg"] = svg(draw_errors(rows, expected()))
+    result.figures["default_cost.svg"] = svg(draw_cost([row.run for row in rows], expected()))
     comparison = Comparison(case, [result], [*rows, made("henon", 1e-6, 1e-4)], Options())
     origin = provenance(f"python -m henon_ref.compare '{EVIL}\n\n# x\n.yaml'")
     write_report(comparison, origin, tmp_path)

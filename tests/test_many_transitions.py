@@ -22,7 +22,8 @@ import numpy as np
 from fakes import Reference, case, expected, found, trajectory
 from henon_ref.report.csvfiles import csv_text
 from henon_ref.score.matching import match
-from henon_ref.score.rows import Outcome, record, score_outcome
+from henon_ref.score.metrics import score
+from henon_ref.score.rows import Outcome, record
 from henon_ref.score.settings import Setting
 
 MANY = 100_030
@@ -34,9 +35,9 @@ class Touch:
     distance: float
 
 def rows(exact, transitions):
-    outcome = Outcome("made_up", case().readings[0], "crowd", Setting(1e-9, 1e-12, None))
-    outcome.trajectory = trajectory(transitions)
-    score_outcome(outcome, exact)
+    run = trajectory(transitions)
+    own = score(run, exact, tolerance=1e-9)
+    outcome = Outcome("made_up", case().readings[0], "crowd", Setting(1e-9, 1e-12), trajectory=run, score=own)
     done = record(outcome, exact)
     csv_text(list(done.transitions[0]), done.transitions)
     csv_text(list(done.sticks[0]), done.sticks)
