@@ -59,16 +59,19 @@ def command(arguments: Sequence[str] | None = None) -> int:
 
 def _run(request: Request) -> int:
     from henon_ref.report.command import run
+    from henon_ref.text import message
 
     unmet = run(request)
     for what, failures in unmet._asdict().items():
         for words in failures:
-            print(f"{what}: {words}", file=sys.stderr)
+            print(message(f"{what}: {words}"), file=sys.stderr)
     return GATE if unmet.required or (request.gate and unmet.gate) else DONE
 
 
-def _say(message: str) -> int:
-    print(f"error: {' '.join(message.split())}", file=sys.stderr)
+def _say(words: str) -> int:
+    from henon_ref.text import message
+
+    print(message(f"error: {words}"), file=sys.stderr)
     return BAD
 
 

@@ -75,16 +75,11 @@ class Comparison:
         return [record for record in self.records if record.run["reading"] == name]
 
     def gate_failures(self) -> list[str]:
-        """One sentence for every bound of the case's gate that is not met; bounds of solvers not run left out."""
-        asked = None
-        if self.options.solvers is not None:
-            asked = [entry if isinstance(entry, str) else entry.name for entry in self.options.solvers]
+        """One sentence for every bound of the case's gate that is not met; bounds on what did not run left out."""
         return [
             words
             for result in self.readings
-            for words in gate_failures(
-                result.reading, [record.run for record in self.of_reading(result.reading.name)], asked=asked
-            )
+            for words in gate_failures(result.reading, [record.run for record in self.of_reading(result.reading.name)])
         ]
 
 
