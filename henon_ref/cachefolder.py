@@ -43,11 +43,15 @@ PRIVATE = 0o700
 """Mode of folders that are made here."""
 KEPT_DAYS = 30
 """Days after which a folder of compiled functions that nobody has used is removed."""
+LONGEST_NAME = 500
+"""Characters of a path in a message."""
 _PROBE = 4096
 """Bytes that must find room in the folder."""
 _NOWHERE = Path(os.devnull, "henon_ref")
 """A folder that cannot be: nothing is found in it, nothing is kept."""
 _OURS = re.compile(rf"{FUNCTIONS}[0-9a-f]{{16}}|{OBJECTS}")
+_SAID: set[str] = set()
+"""Names of what this process has set aside, and told."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -69,8 +73,8 @@ def _usable(wanted: Path) -> Path:
     os.environ[VARIABLE] = str(instead)
     where = "is not kept" if instead == _NOWHERE else "is in a temporary folder until the end"
     _LOG.warning(
-        "cache folder %r is not used: %s; compiled code %s (mend that, or name another by %s or XDG_CACHE_HOME)",
-        *(str(wanted), reason, where, VARIABLE),
+        "cache folder %s is not used: %s; compiled code %s (mend that, or name another by %s or XDG_CACHE_HOME)",
+        *(_named(wanted), reason, where, VARIABLE),
     )
     return instead
 
@@ -81,8 +85,10 @@ def _refused(wanted: Path, folder: Path) -> str | None:
     ``folder`` is where the ``wanted`` one is, links followed.
     """
     try:
-        folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
-        reason = _open_to_others(wanted, folder)
+        reason = _link_of_another(wanted)
+        if reason is None:
+            folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
+            reason = _open_to_others(wanted, folder)
         if reason is None:
             with tempfile.TemporaryFile(dir=folder) as probe:
                 probe.write(bytes(_PROBE))
@@ -93,16 +99,20 @@ def _refused(wanted: Path, folder: Path) -> str | None:
     return reason
 
 
+def _link_of_another(wanted: Path) -> str | None:
+    if sys.platform != "win32" and wanted.is_symlink() and wanted.lstat().st_uid not in (0, os.geteuid()):
+        return "it is a link of another user"
+    return None
+
+
 def _open_to_others(wanted: Path, folder: Path) -> str | None:
     """How another user could put files into a folder, in words; None where nobody can."""
     if sys.platform == "win32":
         return None
-    if wanted.is_symlink() and wanted.lstat().st_uid not in (0, os.geteuid()):
-        return "it is a link of another user"
     for above in (*wanted.absolute().parents, *folder.parents):
         mode = above.stat().st_mode
         if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
-            return f"others can write to {str(above)!r}"
+            return f"others can write to {_named(above)}"
     if found := foreign(folder.lstat()):
         return found
     for inner in [entry for entry in os.scandir(folder) if _OURS.fullmatch(entry.name)]:
@@ -147,7 +157,8 @@ def set_aside(folder: Path, why: object) -> None:
     except OSError as error:
         note_unwritten(error)
     else:
-        _LOG.warning("%s", _told_aside([aside]) + f" ({why})")
+        _SAID.add(aside.name)
+        _LOG.warning("%s (%s)", _aside_words([aside]), why)
 
 
 def note_unwritten(error: OSError) -> None:
@@ -172,7 +183,7 @@ def watched_cache() -> Iterator[None]:
     try:
         yield
     finally:
-        _tell(root, sorted(_signs(root) - before))
+        _tell(root, sorted(_signs(root) - before - _SAID))
         _remove_old(root)
         _LOG.removeHandler(handler)
 
@@ -187,18 +198,25 @@ def _signs(root: Path) -> set[str]:
 def _tell(root: Path, names: list[str]) -> None:
     aside = [root / name for name in names if name.startswith(ASIDE)]
     if aside:
-        _LOG.warning("%s", _told_aside(aside))
+        _LOG.warning("%s", _aside_words(aside))
     notes = [name for name in names if name.startswith(UNWRITTEN)]
     if notes:
         reason = os.strerror(int(notes[0].removeprefix(UNWRITTEN).partition("-")[0]))
-        _LOG.warning("cache folder %r: not all that was compiled could be kept (%s)", str(root), reason)
+        _LOG.warning("cache folder %s: not all that was compiled could be kept (%s)", _named(root), reason)
     for name in notes:
         with suppress(OSError):
             (root / name).unlink()
 
 
-def _told_aside(folders: list[Path]) -> str:
-    return f"cache folder was damaged, its code is compiled anew; set aside: {', '.join(repr(str(f)) for f in folders)}"
+def _aside_words(folders: list[Path]) -> str:
+    more = f" and {len(folders) - 1} more" if folders[1:] else ""
+    return f"cache folder was damaged, its code is compiled anew; set aside: {_named(folders[0])}{more}"
+
+
+def _named(path: Path) -> str:
+    """A path as printable text, its middle left out where it is long."""
+    text = repr(str(path))
+    return text if len(text) <= LONGEST_NAME else f"{text[: LONGEST_NAME // 2]}...{text[-LONGEST_NAME // 2 :]}"
 
 
 def _remove_old(root: Path) -> None:

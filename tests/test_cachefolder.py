@@ -168,6 +168,15 @@ def test_what_a_link_leads_to_is_under_the_same_rules(folder: Path, caplog: pyte
 
 
 @unix
+@pytest.mark.skipif(os.name == "posix" and os.geteuid() != 0, reason="only root can give a link away")
+def test_a_link_of_another_user_is_not_used(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    folder.symlink_to("elsewhere")
+    os.chown(folder, 12345, -1, follow_symlinks=False)
+    assert_replaced(folder, "it is a link of another user", caplog)
+    assert not (folder.parent / "elsewhere").exists()
+
+
+@unix
 def test_a_link_that_leads_nowhere_but_to_itself_is_not_used(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     folder.symlink_to(folder.name)
     assert_replaced(folder, "", caplog)
@@ -228,6 +237,24 @@ def test_a_command_tells_what_its_workers_have_met(folder: Path, capfd: pytest.C
     with watched_cache():
         pass
     assert capfd.readouterr().err == ""
+
+
+def test_what_the_command_itself_sets_aside_is_told_once(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (cache_root() / "objects").mkdir()
+    with watched_cache():
+        set_aside(folder.resolve() / "objects", "its checksum is wrong")
+    (line,) = capfd.readouterr().err.splitlines()
+    assert "its checksum is wrong" in line
+
+
+def test_a_name_from_outside_is_one_short_printable_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "there").write_text("a file")
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "there" / ("\x1b[31m\n" * 500)))
+    cache_root()
+    assert caplog.records[0].message.isprintable()
+    assert len(caplog.records[0].message) < 1000
 
 
 def test_a_command_with_a_cache_that_is_well_says_nothing(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
