@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from henon_ref.cachefolder import watched_cache
 from henon_ref.score.nursery import begin_nursery
 from henon_ref.score.upkeep import collect_seldom
 
@@ -76,7 +77,8 @@ def _say(words: str) -> int:
 
 
 if __name__ == "__main__":
-    begin_nursery()  # while it is at work, this process imports what the command needs
-    _status = command()
+    with watched_cache():  # its processes use the folder that is found usable here
+        begin_nursery()  # while it is at work, this process imports what the command needs
+        _status = command()
     gc.freeze()  # nor is it looked through once more on the way out: a tenth of a short comparison
     sys.exit(_status)

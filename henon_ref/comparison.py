@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
+from henon_ref.cachefolder import cache_root
 from henon_ref.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, Row
 from henon_ref.errors import CaseError
 from henon_ref.model.case import Case
@@ -168,6 +169,7 @@ def compare_all(
     def hand_over(case: Case, readings: list[ReadingResult], records: list[Record]) -> None:
         deliver(Comparison(case, readings, records, options))
 
+    cache_root()  # workers use the folder that is found usable here
     Campaign(cases, options, hand_over, draw=draw, observer=observer).run()
 
 
