@@ -20,10 +20,9 @@ from types import FrameType
 from typing import Any, TextIO
 
 from henon_ref.errors import CaseError, HenonRefError
+from henon_ref.text import message
 
 DONE, NOT_MET, BAD, UNFORESEEN, INTERRUPTED = 0, 1, 2, 3, 130
-LONGEST = 2000
-"""Characters that a message may have."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 """What a disk says on which nothing more can be written."""
 
@@ -42,7 +41,7 @@ def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] |
     kept : str
         What is said, where it is interrupted or breaks, of what is not lost.
     """
-    with _standard_streams(), _warnings_shown():
+    with _standard_streams(), warnings_shown():
         try:
             signal.signal(signal.SIGTERM, _terminate)
             return _guarded(act)
@@ -53,7 +52,7 @@ def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] |
             from henon_ref.crashlog import write_log
 
             log = write_log(error, name, sys.argv[1:] if arguments is None else arguments)
-            what = one_line("".join(traceback.format_exception_only(error)), longest=LONGEST // 4)
+            what = message("".join(traceback.format_exception_only(error)))
             where = f"the log is {log}" if log else "no log can be written"
             say("; ".join(part for part in (f"error: unforeseen: {what}", kept, where) if part))
             return UNFORESEEN
@@ -116,20 +115,13 @@ def writing_into(folder: Path, *, kept: str = "") -> Iterator[None]:
         inside = place is not None and Path(place).absolute().is_relative_to(folder.absolute())
         if not inside and error.errno not in FULL:
             raise
-        message = f"cannot write{f' {place}' if place else ''}: {error.strerror or error}"
-        raise CaseError("; ".join(part for part in (message, kept) if part)) from error
+        told = f"cannot write{f' {place}' if place else ''}: {error.strerror or error}"
+        raise CaseError("; ".join(part for part in (told, kept) if part)) from error
 
 
-def say(message: str) -> None:
+def say(words: str) -> None:
     """One line on standard error."""
-    print(one_line(message), file=sys.stderr)
-
-
-def one_line(text: str, *, longest: int = LONGEST) -> str:
-    """Words as one line that a terminal can be shown: without control characters, cut where it is too long."""
-    words = "".join(c if c.isprintable() or "\udc80" <= c <= "\udcff" else " " for c in text).split()
-    line = " ".join(words)
-    return line if len(line) <= longest else line[: longest - 3] + "..."
+    print(message(words), file=sys.stderr)
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
@@ -195,7 +187,8 @@ class _Shown(logging.Handler):
 
 
 @contextmanager
-def _warnings_shown() -> Iterator[None]:
+def warnings_shown() -> Iterator[None]:
+    """What is logged as a warning is told on standard error, a line each."""
     handler = _Shown(logging.WARNING)
     logging.getLogger().addHandler(handler)
     try:

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from henon_ref.cachefolder import watched_cache
 from henon_ref.commandline import DONE, NOT_MET, exit_status, parsed, say, writing_into
 from henon_ref.score.nursery import begin_nursery
 from henon_ref.score.upkeep import collect_seldom
@@ -54,8 +55,9 @@ def _run(request: Request) -> int:
 
 
 def _program() -> int:
-    begin_nursery()  # while it is at work, this process imports what the command needs
-    return _act(None)
+    with watched_cache():  # its processes use the folder that is found usable here
+        begin_nursery()  # while it is at work, this process imports what the command needs
+        return _act(None)
 
 
 if __name__ == "__main__":

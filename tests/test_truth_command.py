@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import stat
 import subprocess
 import sys
 from collections.abc import Callable
@@ -243,6 +244,7 @@ def test_a_damaged_truth_in_the_user_s_cache_is_told_and_replaced(
     case = load_case(file.rename(file.parent.parent / "mine.yaml"))
     settle.truth_for(case, case.readings[0])
     (kept,) = file.parent.parent.glob("cache/**/default.json")
+    assert stat.S_IMODE(kept.parents[2].stat().st_mode) == 0o700
     before = kept.read_text()
     kept.write_text(dropped(before))
     assert settle.truth_for(case, case.readings[0]) == computed

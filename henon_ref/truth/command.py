@@ -16,6 +16,7 @@ from henon_ref.commandline import DONE, NOT_MET, exit_status, parsed
 from henon_ref.errors import CaseError, ModelError
 from henon_ref.model.case import Case, Reading
 from henon_ref.model.files import read_cases
+from henon_ref.text import message
 from henon_ref.truth import settle, store
 from henon_ref.truth.reference import Truth, TruthError
 
@@ -145,4 +146,4 @@ def _summary(truth: Truth) -> str:
 
 
 def _print(shown: Progress, text: str) -> None:
-    shown.console.print(text, markup=False, highlight=False, soft_wrap=True)
+    shown.console.print(message(text), markup=False, highlight=False, soft_wrap=True)

@@ -94,6 +94,8 @@ def save(folder: Path, truth: Truth) -> Path:
         Where the folder cannot be written.
     """
     path = path_of(folder, truth.case, truth.reading)
+    if folder == user_folder():  # with compiled code beside it, which is not used where others can write
+        folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
     try:
