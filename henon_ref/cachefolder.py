@@ -7,7 +7,7 @@ used, under the same rules. Each file is looked at again when it is read (:mod:`
 
 A folder that is refused, or cannot be written, is replaced by a private temporary one: for this process and those that
 it begins, until it ends. A cache never decides whether a run succeeds. What was refused or set aside is logged as a
-warning, and told on standard error by a command (:func:`watched_cache`).
+warning, and told on standard error by a command (:func:`watched_cache`, :mod:`henon_ref.commandline`).
 """
 
 from __future__ import annotations
@@ -171,13 +171,11 @@ def note_unwritten(error: OSError) -> None:
 
 @contextmanager
 def watched_cache() -> Iterator[None]:
-    """While a command is at work, it tells on standard error what is refused, set aside or not kept.
+    """While a command is at work, it warns of what is refused, set aside or not kept.
 
     By its workers, too: they leave signs in the folder. Processes that are begun inside use the folder that is found
     usable here. At the end, old folders are removed.
     """
-    handler = logging.StreamHandler()
-    _LOG.addHandler(handler)
     root = cache_root()
     before = _signs(root)
     try:
@@ -185,7 +183,6 @@ def watched_cache() -> Iterator[None]:
     finally:
         _tell(root, sorted(_signs(root) - before - _SAID))
         _remove_old(root)
-        _LOG.removeHandler(handler)
 
 
 def _signs(root: Path) -> set[str]:

@@ -16,6 +16,7 @@ import pytest
 
 from henon_ref import cachefolder
 from henon_ref.cachefolder import VARIABLE, cache_root, note_unwritten, set_aside, watched_cache
+from henon_ref.commandline import warnings_shown
 
 unix = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="modes and owners as on Unix")
 
@@ -226,7 +227,7 @@ def test_a_command_tells_what_its_workers_have_met(folder: Path, capfd: pytest.C
         "from pathlib import Path; from henon_ref import cachefolder as c; import errno, sys\n"
         "c.set_aside(Path(sys.argv[1]), 'damaged'); c.note_unwritten(OSError(errno.ENOSPC, 'full'))"
     )
-    with watched_cache():
+    with warnings_shown(), watched_cache():
         subprocess.run([sys.executable, "-c", code, str(inner)], check=True, stderr=subprocess.DEVNULL)
     aside, unwritten = capfd.readouterr().err.splitlines()
     (kept,) = folder.iterdir()
@@ -234,14 +235,14 @@ def test_a_command_tells_what_its_workers_have_met(folder: Path, capfd: pytest.C
     assert repr(str(kept)) in aside
     assert repr(str(folder)) in unwritten
     assert os.strerror(errno.ENOSPC) in unwritten
-    with watched_cache():
+    with warnings_shown(), watched_cache():
         pass
     assert capfd.readouterr().err == ""
 
 
 def test_what_the_command_itself_sets_aside_is_told_once(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (cache_root() / "objects").mkdir()
-    with watched_cache():
+    with warnings_shown(), watched_cache():
         set_aside(folder.resolve() / "objects", "its checksum is wrong")
     (line,) = capfd.readouterr().err.splitlines()
     assert "its checksum is wrong" in line
@@ -258,7 +259,7 @@ def test_a_name_from_outside_is_one_short_printable_line(
 
 
 def test_a_command_with_a_cache_that_is_well_says_nothing(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    with watched_cache():
+    with warnings_shown(), watched_cache():
         assert folder.is_dir()
     assert capfd.readouterr().err == ""
 

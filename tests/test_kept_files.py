@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import errno
 import importlib
 import json
@@ -17,10 +18,13 @@ from pathlib import Path
 import pytest
 from commands import run
 
+from henon_ref.columns import RUN_COLUMNS
 from henon_ref.errors import CaseError
+from henon_ref.report import command as report_command
 from henon_ref.report.index import Entry, entries, index_text, write_index
 from henon_ref.report.write import check_index
 from henon_ref.score import journal
+from henon_ref.score.rows import Record
 
 paper = importlib.import_module("henon_ref.paper.__main__")
 pytestmark = [
@@ -222,9 +226,36 @@ def test_an_interrupt_keeps_finished_rows_and_says_how_to_go_on(made_up, tmp_pat
 def test_rows_that_could_have_been_kept_are_mentioned(made_up, tmp_path, capsys):
     folder = tmp_path / "out" / "made_up"
     folder.mkdir(parents=True)
-    (folder / journal.FILE).write_text('{"key": "a"}\n')
+    (folder / journal.FILE).write_bytes(journal.line_of("a", Record({**dict.fromkeys(RUN_COLUMNS), "case": "made_up"})))
     assert run(made_up, "--out", "out", "--solvers", "henon") == 0
     assert "--resume would keep 1 rows of made_up" in capsys.readouterr().err
+
+
+def test_a_damaged_journal_is_told_in_one_line_and_the_comparison_ends_with_all_rows(
+    made_up, tmp_path, monkeypatch, capsys
+):
+    def interrupted(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(report_command, "write_report", interrupted)
+        assert run(made_up, "--out", "out") == 130
+    partial = tmp_path / "out" / "made_up" / journal.FILE
+    first, second, third, last = partial.read_bytes().splitlines(keepends=True)
+    partial.write_bytes(first + second.replace(b'"steps":10', b'"steps":11') + b"\xff\n[]\n" + third + last[:-40])
+    capsys.readouterr()
+    assert run(made_up, "--out", "out", "--resume") == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(
+        "out/made_up/.partial: line 2 is damaged (its checksum does not fit) and 3 more; set aside in"
+    )
+    with (tmp_path / "out" / "made_up" / "runs.csv").open() as file:
+        rows = [(row["solver"], row["rtol"], row["matched"]) for row in csv.DictReader(file)]
+    assert rows == [
+        (name, rtol, matched) for name, matched in (("henon", "5"), ("heyoka", "4")) for rtol in ("0.001", "1e-06")
+    ]
+    assert not partial.exists()
+    assert len((partial.parent / journal.SET_ASIDE).read_bytes().splitlines()) == 4
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can mount")

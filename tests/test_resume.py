@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import json
+import os
 import sys
 from dataclasses import replace
 
 import pytest
 from fakes import CASE, TIMES, Fake, case, statement
 
+from henon_ref.columns import RUN_COLUMNS
 from henon_ref.comparison import Comparison, compare, compare_all
-from henon_ref.score import truthjob
-from henon_ref.score.journal import FILE, read
+from henon_ref.score import code_version, journal, truthjob
+from henon_ref.score.journal import FILE, SET_ASIDE, Journal, line_of, read
 from henon_ref.score.options import Options
+from henon_ref.score.rows import Record
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
 
@@ -112,7 +114,57 @@ def _raise(comparison: Comparison) -> None:
     raise RuntimeError("the disk is full")
 
 
-def test_a_line_that_was_cut_short_is_ignored(tmp_path):
-    path = tmp_path / FILE
-    path.write_text(json.dumps({"key": "a", "run": {}}) + "\n" + '{"key": "b", "ru')
-    assert list(read(path)) == ["a"]
+ROW = Record({**dict.fromkeys(RUN_COLUMNS), "case": "made_up", "status": "ok"})
+OTHER = Record({**ROW.run, "case": "another"})
+DAMAGED = {
+    "cut short": line_of("b", ROW)[:-20],
+    "without its end": line_of("b", ROW)[:-1],
+    "no JSON": b"ok\n",
+    "no row": b'{"key":"b"}\n',
+    "no text": b"\xff\xfe\n",
+    "another status": line_of("b", ROW).replace(b'"ok"', b'"no"'),
+    "a number for a table": line_of("b", replace(ROW, transitions=3)),
+    "columns of another version": line_of("b", replace(ROW, run={"case": "made_up"})),
+    "a row of another case": line_of("b", OTHER),
+}
+
+
+@pytest.mark.parametrize("line", DAMAGED.values(), ids=DAMAGED)
+def test_a_damaged_line_is_told_and_set_aside_and_the_others_are_used(tmp_path, caplog, line):
+    path = tmp_path / "made_up" / FILE
+    path.parent.mkdir()
+    path.write_bytes(line_of("a", ROW) + line)
+    assert read(path) == {"a": ROW}
+    journal = Journal(path.parent, resume=True)
+    (told,) = caplog.messages
+    assert f"{path}: line 2 is damaged" in told
+    assert (path.parent / SET_ASIDE).read_bytes().rstrip() == line.rstrip()
+    journal.add("c", ROW)
+    caplog.clear()
+    assert Journal(path.parent, resume=True).get("c") == ROW
+    assert not caplog.messages
+    assert read(path) == {"a": ROW, "c": ROW}
+
+
+def test_rows_of_other_code_are_not_used(tmp_path, monkeypatch):
+    log = tmp_path / "log"
+    options = Options(solvers=(Fake(log=str(log)),), folder=tmp_path, resume=True, keep_journals=True, timed=False)
+    for version in ("before", "before", "after"):
+        monkeypatch.setattr(journal, "code_version", lambda version=version: version)
+        compare_all([case()], options, lambda comparison: None)
+    assert len(log.read_text().splitlines()) == 4
+
+
+def test_the_code_s_version_is_that_of_its_text(tmp_path, monkeypatch):
+    package = tmp_path / "some_solvers"
+    (package / "inner").mkdir(parents=True)
+    (package / "__init__.py").write_text("")
+    module = package / "inner" / "module.py"
+    module.write_text("A = 1\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(code_version, "PACKAGES", ("some_solvers",))
+    before = code_version.code_version.__wrapped__()
+    os.utime(module, (0, 0))
+    assert code_version.code_version.__wrapped__() == before
+    module.write_text("A = 2\n")
+    assert code_version.code_version.__wrapped__() != before

@@ -1,4 +1,4 @@
-"""The stored truths of Fig. 8 against the figures of the paper's listing and of its equations."""
+"""The stored truths: whole, and those of Fig. 8 against the figures of the paper's listing and of its equations."""
 
 from __future__ import annotations
 
@@ -28,6 +28,13 @@ def durations(truth: Truth) -> list[float]:
     ends = ends[len(ends) - len(starts) :] if ends[-1].time > starts[-1].time else ends[-len(starts) + 1 :]
     pairs = zip(starts, ends, strict=False)
     return [(b.time - a.time) + (b.time_low - a.time_low) for a, b in pairs]
+
+
+def test_every_truth_beside_the_cases_is_as_it_was_written() -> None:
+    files = sorted((CASES / "truth").glob("*/*.json"))
+    assert files
+    for file in files:
+        assert store.dumps(store.load(CASES / "truth", file.parent.name, file.stem)) == file.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(("reading", "count"), [("listing", 114), ("listing_limit", 126), ("equations", 85)])

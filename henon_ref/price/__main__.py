@@ -1,6 +1,6 @@
 """The command: ``python -m henon_ref.price CASES [--out reports/price]``.
 
-Exit status 0 done, 2 a bad argument, case file or folder, 130 interrupted (finished rows are kept for ``--resume``).
+Exit statuses: see :mod:`henon_ref.commandline`.
 """
 
 from __future__ import annotations
@@ -8,17 +8,15 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from henon_ref.errors import HenonRefError
+from henon_ref.commandline import exit_status, parsed, writing_into
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
-DONE, BAD, INTERRUPTED = 0, 2, 130
-# What typer raises for a wrong argument; it exports this one class of them only.
-USAGE_ERROR: Any = typer.BadParameter.__base__
+KEPT = "finished rows are kept, --resume goes on from them"
 
 
 @app.command()
@@ -31,23 +29,13 @@ def main(
     """Time every solver at every tolerance, and what landings, effects and horizons cost."""
     from henon_ref.price.command import run
 
-    return run(cases, out, jobs=jobs, resume=resume)
+    with writing_into(out, kept=KEPT):
+        return run(cases, out, jobs=jobs, resume=resume)
 
 
 def command(arguments: Sequence[str] | None = None) -> int:
     """Run the command; the exit status."""
-    try:
-        return int(app(arguments, prog_name="python -m henon_ref.price", standalone_mode=False) or DONE)
-    except USAGE_ERROR as error:
-        print(f"error: {error.format_message()} (see --help)", file=sys.stderr)
-    except HenonRefError as error:
-        print(f"error: {error}", file=sys.stderr)
-    except OSError as error:
-        print(f"error: cannot write {error.filename or ''}: {error.strerror or error}", file=sys.stderr)
-    except (KeyboardInterrupt, typer.Abort):
-        print("interrupted; finished rows are kept, --resume goes on from them", file=sys.stderr)
-        return INTERRUPTED
-    return BAD
+    return exit_status(lambda: int(parsed(app, arguments, name="price")), name="price", arguments=arguments, kept=KEPT)
 
 
 if __name__ == "__main__":

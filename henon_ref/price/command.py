@@ -19,19 +19,34 @@ from henon_ref.price.page import Prices, write_page
 from henon_ref.price.pairs import pairs
 from henon_ref.price.states import sizes
 from henon_ref.report.command import Shown, load_cases
+from henon_ref.report.folder_lock import locked
 from henon_ref.report.manifest import provenance
-from henon_ref.report.write import check_writable
+from henon_ref.report.write import check_writable, remove_if_empty
 from henon_ref.score.journal import FILE
 from henon_ref.score.options import Options
 from henon_ref.truth.reference import Truth
 from henon_ref.truth.settle import stored_truth
-from henon_ref.truth.store import folder_of
 
 
 def run(paths: Sequence[Path], out: Path, *, jobs: int, resume: bool) -> int:
     """Measure everything and write the page."""
     check_writable(out)
     cases = load_cases(paths)
+    journals = [out / case.name for case in cases]
+    names = " ".join(str(path) for path in paths)
+    with locked([out, *journals]):
+        found = _measured(cases, out, jobs=jobs, resume=resume)
+        page = write_page(found, provenance(f"python -m henon_ref.price {names}"), out)
+        for folder in journals:
+            (folder / FILE).unlink(missing_ok=True)
+    for folder in journals:
+        remove_if_empty(folder)
+    print(page)
+    return 0
+
+
+def _measured(cases: Sequence[Case], out: Path, *, jobs: int, resume: bool) -> Prices:
+    """Everything that the page is made of."""
     options = Options(processes=jobs, folder=out, resume=resume, keep_journals=True)
     with Shown() as shown:
         ladder = run_ladder(cases, options, shown)
@@ -40,7 +55,7 @@ def run(paths: Sequence[Path], out: Path, *, jobs: int, resume: bool) -> int:
     orbit = orbit_problem()
     with TemporaryDirectory() as folder, caches_in(Path(folder)):
         chains = in_fresh_process(sizes)
-    found = Prices(
+    return Prices(
         rows=ladder.rows,
         samples=ladder.samples,
         pairs=timed,
@@ -52,14 +67,6 @@ def run(paths: Sequence[Path], out: Path, *, jobs: int, resume: bool) -> int:
         growth=horizons(orbit),
         sizes=chains,
     )
-    names = " ".join(str(path) for path in paths)
-    page = write_page(found, provenance(f"python -m henon_ref.price {names}"), out)
-    for case in cases:
-        (out / case.name / FILE).unlink(missing_ok=True)
-        if (out / case.name).is_dir():
-            (out / case.name).rmdir()
-    print(page)
-    return 0
 
 
 def truths_of(cases: Sequence[Case]) -> dict[tuple[str, str], Truth]:
@@ -67,7 +74,7 @@ def truths_of(cases: Sequence[Case]) -> dict[tuple[str, str], Truth]:
     found = {}
     for case in cases:
         for reading in case.readings:
-            truth = stored_truth(case, reading, folder_of(case.path))
+            truth = stored_truth(case, reading)
             if truth is not None:
                 found[case.name, reading.name] = truth
     return found

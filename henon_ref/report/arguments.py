@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -14,9 +14,6 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 LONGEST = 1e6
 """Seconds that may be given to one run."""
-# What typer raises for a wrong argument (it exports this one class of them only), and where it is interrupted.
-USAGE_ERROR: Any = typer.BadParameter.__base__
-ABORT = typer.Abort
 
 
 def _folder(text: str | Path) -> Path:

@@ -1,7 +1,7 @@
 """Whether reports that lie there still say what a fresh comparison says, wall times apart.
 
-``python -m henon_ref.report.check CASE... [--reports DIR] [--fresh DIR]``: exit status 0 if so, 1 with a line
-for everything that differs, 2 for a bad argument. ``--fresh`` takes the fresh results from a folder that
+``python -m henon_ref.report.check CASE... [--reports DIR] [--fresh DIR]``: exit status 1 with a line for everything
+that differs; for the others see :mod:`henon_ref.commandline`. ``--fresh`` takes the fresh results from a folder that
 ``henon_ref.compare`` has just filled; without it they are made here, each run once.
 """
 
@@ -19,8 +19,9 @@ from typing import Annotated
 import typer
 
 from henon_ref.columns import Row
+from henon_ref.commandline import DONE, NOT_MET, exit_status, parsed, say
 from henon_ref.comparison import Comparison, compare_all
-from henon_ref.errors import CaseError, HenonRefError
+from henon_ref.errors import CaseError
 from henon_ref.report.command import load_cases
 from henon_ref.report.csvfiles import read_rows
 from henon_ref.report.manifest import provenance
@@ -139,17 +140,20 @@ def main(
     cases: Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)],
     reports: Annotated[Path, typer.Option(help="Folder of the reports.")] = Path("reports"),
     fresh: Annotated[Path | None, typer.Option(help="Folder that a comparison has just filled.")] = None,
-) -> None:
+) -> int:
     """Say whether reports still hold."""
-    try:
-        found = check(cases, reports, fresh)
-    except HenonRefError as error:
-        print(f"error: {error}", file=sys.stderr)
-        raise typer.Exit(2) from None
+    found = check(cases, reports, fresh)
     for words in found:
-        print(words, file=sys.stderr)
-    raise typer.Exit(1 if found else 0)
+        say(words)
+    return NOT_MET if found else DONE
+
+
+def command(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit status."""
+    return exit_status(
+        lambda: int(parsed(app, arguments, name="report.check")), name="report.check", arguments=arguments
+    )
 
 
 if __name__ == "__main__":
-    app(prog_name="python -m henon_ref.report.check")
+    sys.exit(command())

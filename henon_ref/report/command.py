@@ -12,17 +12,19 @@ from typing import TYPE_CHECKING, NamedTuple
 from henon_ref import registry
 from henon_ref.atlas.page import FOLDER as ATLAS
 from henon_ref.atlas.run import run_atlas
+from henon_ref.commandline import say
 from henon_ref.comparison import Comparison, compare_all
 from henon_ref.model.case import Case
 from henon_ref.model.files import read_cases
 from henon_ref.report.causes import FOLDER as CAUSES
 from henon_ref.report.causes import write_causes
 from henon_ref.report.figures import figure_job, preload
+from henon_ref.report.folder_lock import locked, locked_for_a_moment
 from henon_ref.report.index import write_index
 from henon_ref.report.manifest import Provenance, provenance
 from henon_ref.report.markdown import environment, gate_words, left_out_words
 from henon_ref.report.request import Request
-from henon_ref.report.write import check_index, check_writable, write_report
+from henon_ref.report.write import check_index, check_writable, remove_if_empty, write_report
 from henon_ref.restarts.experiment import run_restarts
 from henon_ref.restarts.page import FOLDER as RESTARTS
 from henon_ref.rivals.experiment import run_rivals
@@ -56,9 +58,9 @@ def run(request: Request) -> Unmet:
         For a case file or an argument that cannot be used; nothing has been written then.
     """
     check_writable(request.out)
-    if request.whole:
-        for page in (ATLAS, RESTARTS, CAUSES, RIVALS):
-            check_index(request.out / page)
+    further = [request.out / page for page in (ATLAS, RESTARTS, CAUSES, RIVALS)] if request.whole else []
+    for page in further:
+        check_index(page)
     cases = load_cases(request.cases)
     options = Options(
         keep_journals=True,
@@ -73,7 +75,13 @@ def run(request: Request) -> Unmet:
     )
     check_solvers(cases, options)
     check_required(request.required, cases, options)
-    _mention_unfinished(cases, request)
+    with locked([*(request.out / case.name for case in cases), *further]):
+        _mention_unfinished(cases, request)
+        return _compared(cases, options, request)
+
+
+def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unmet:
+    """Run everything and write it into folders that nobody else writes into."""
     written: list[Path] = []
     failures: list[str] = []
     tallies: list[Tally] = []
@@ -95,7 +103,8 @@ def run(request: Request) -> Unmet:
         compare_all(cases, options, deliver, draw=draw, observer=shown)
         if request.whole:
             written += experiments(cases, options, origin, request.out, shown)
-    index = write_index(request.out)
+    with locked_for_a_moment(request.out):
+        index = write_index(request.out)
     discard(request.out, cases)
     where = written[0] if len(written) == 1 else index
     tally = sum(tallies, Tally())
@@ -142,8 +151,8 @@ def discard(out: Path, cases: Sequence[Case]) -> None:
     for folder in (out, out / ATLAS, out / RESTARTS):
         for case in cases:
             (folder / case.name / FILE).unlink(missing_ok=True)
-            if folder != out and (folder / case.name).is_dir():
-                (folder / case.name).rmdir()
+            if folder != out:
+                remove_if_empty(folder / case.name)
 
 
 def load_cases(paths: Sequence[Path]) -> list[Case]:
@@ -193,7 +202,7 @@ def _mention_unfinished(cases: Sequence[Case], request: Request) -> None:
     for case in cases:
         rows = len(read(request.out / case.name / FILE))
         if rows:
-            print(f"starting afresh: --resume would keep {rows} rows of {case.name}", file=sys.stderr)
+            say(f"starting afresh: --resume would keep {rows} rows of {case.name}")
 
 
 class Shown(Silent, AbstractContextManager["Shown"]):

@@ -14,6 +14,7 @@ from henon_ref.comparison import Comparison
 from henon_ref.errors import CaseError
 from henon_ref.report.csvfiles import csv_text
 from henon_ref.report.figures import READINGS, svg
+from henon_ref.report.folder_lock import locked_for_a_moment
 from henon_ref.report.manifest import Provenance, manifest_text
 from henon_ref.report.markdown import report_text
 from henon_ref.report.overview import is_drawn, judged
@@ -75,12 +76,13 @@ def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Pa
     try:
         for name, content in files.items():
             write_through(waiting / name, content)
-        place.mkdir(exist_ok=True)
-        stale = _listed(place / MANIFEST) - set(files)
-        for name in files:
-            os.replace(waiting / name, place / name)
-        for name in stale:
-            (place / name).unlink(missing_ok=True)
+        with locked_for_a_moment(folder):  # who writes the index sees the old report or the new one
+            place.mkdir(exist_ok=True)
+            stale = _listed(place / MANIFEST) - set(files)
+            for name in files:
+                os.replace(waiting / name, place / name)
+            for name in stale:
+                (place / name).unlink(missing_ok=True)
     finally:
         shutil.rmtree(waiting, ignore_errors=True)
     return place / REPORT
@@ -102,6 +104,12 @@ def replace_file(path: Path, content: bytes) -> None:
         os.replace(waiting, path)
     finally:
         waiting.unlink(missing_ok=True)
+
+
+def remove_if_empty(folder: Path) -> None:
+    """Remove a folder that is there and has nothing in it."""
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
 
 
 def check_writable(folder: Path) -> None:

@@ -64,9 +64,8 @@ def statement_of(case: Case, reading: Reading) -> Statement:
 def stored_statement(case: Case, reading: Reading) -> Statement | None:
     """The truth of a reading, if it is stored."""
     from henon_ref.truth.settle import stored_truth
-    from henon_ref.truth.store import folder_of
 
-    stored = stored_truth(case, reading, folder_of(case.path))
+    stored = stored_truth(case, reading)
     return None if stored is None else _statement(reading, stored)
 
 

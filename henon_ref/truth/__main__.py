@@ -1,6 +1,8 @@
 """``python -m henon_ref.truth CASE...``"""
 
-from henon_ref.truth.command import app
+import sys
+
+from henon_ref.truth.command import command
 
 if __name__ == "__main__":
-    app(prog_name="python -m henon_ref.truth")
+    sys.exit(command())

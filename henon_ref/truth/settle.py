@@ -9,9 +9,11 @@ times once they have been found to agree with them.
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from decimal import Decimal, localcontext
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +33,8 @@ PROOF_SECONDS = 120.0
 
 CLAIM_BITS = 320
 """Precision at which a stored closed form is held against its case's."""
+ANEW = "it is not used, the truth is computed anew"
+"""What is said of a stored truth that does not hold."""
 END_TOLERANCE = 1e-12
 """Relative difference to the end that a case expects; a blow-up's time is an extrapolation."""
 
@@ -54,7 +58,8 @@ def truth_for(
     reading : Reading
         One of the case's.
     folder : Path, optional
-        Where truths are stored; by default ``cases/truth`` (see :func:`henon_ref.truth.store.folder_of`).
+        Where truths are stored; by default ``cases/truth`` (see :func:`henon_ref.truth.store.folder_of`), and where
+        what lies there cannot be used, the user's cache.
     recompute : bool
         Do not look at what is stored.
     progress : callable, optional
@@ -62,39 +67,67 @@ def truth_for(
     Returns
     -------
     Truth
-        From the store where the hash of the mathematics matches. Otherwise computed, and stored if the folder
-        can be written.
+        From the store where the hash of the mathematics matches. Otherwise computed, and stored where nothing is
+        replaced by it but what the user's cache holds: a file in ``cases/truth`` that cannot be used stays as it is.
 
     Raises
     ------
     TruthError
         Where two routes, or a route and a closed form, contradict each other; nothing is stored then.
     """
-    folder = store.folder_of(case.path) if folder is None else folder
     if not recompute and (stored := stored_truth(case, reading, folder)) is not None:
         return stored
     truth = compute(case, reading, proof_seconds=PROOF_SECONDS, progress=progress)
-    try:
-        store.save(folder, truth)
-    except OSError as error:
-        log.warning("the truth of %s, %s is not kept: %s", case.name, reading.name, error)
+    places = _places(case, folder)
+    free = [place for place in places[:-1] if not os.path.lexists(store.path_of(place, case.name, reading.name))]
+    for place in (*free, places[-1]):
+        try:
+            store.save(place, truth)
+            break
+        except OSError as error:
+            log.warning("the truth of %s, %s is not kept in %s: %s", case.name, reading.name, place, error)
     return truth
 
 
-def stored_truth(case: Case, reading: Reading, folder: Path) -> Truth | None:
-    """The stored truth, if it is that of the reading's mathematics and of what its case claims."""
-    stored = of_same_mathematics(case, reading, folder)
-    return stored if stored is not None and claimed(stored, reading) else None
+def stored_truth(case: Case, reading: Reading, folder: Path | None = None) -> Truth | None:
+    """The stored truth, if it is that of the reading's mathematics and of what its case claims.
+
+    ``folder`` as in :func:`truth_for`. A file beside the cases that is there and cannot be used is told.
+    """
+    for place in _places(case, folder):
+        try:
+            stored = store.load(place, case.name, reading.name)
+        except store.StoredTruthError as error:
+            tell(error)
+            continue
+        if stored is None:
+            continue
+        if stored.mathematics_hash == reading.mathematics_hash and claimed(stored, reading):
+            return stored
+        if place != store.user_folder():
+            path = store.path_of(place, case.name, reading.name)
+            _tell_once(
+                f"{path} is the truth of what the case said before; {ANEW}, python -m henon_ref.truth replaces it"
+            )
+    return None
 
 
-def of_same_mathematics(case: Case, reading: Reading, folder: Path) -> Truth | None:
-    """The stored truth, if it is that of the reading's mathematics."""
-    try:
-        stored = store.load(folder, case.name, reading.name)
-    except TruthError as error:
-        log.warning("%s", error)
-        return None
-    return stored if stored is not None and stored.mathematics_hash == reading.mathematics_hash else None
+def _places(case: Case, folder: Path | None) -> tuple[Path, ...]:
+    """Where a truth may lie; what cannot be stored in one place is stored in the next one."""
+    if folder is not None:
+        return (folder,)
+    return tuple(dict.fromkeys((store.folder_of(case.path), store.user_folder())))
+
+
+def tell(error: store.StoredTruthError) -> None:
+    """Warn that a file is no stored truth."""
+    _tell_once(f"{error}; {ANEW}")
+
+
+@cache
+def _tell_once(words: str) -> None:
+    """Several parts of a command look at the same file: a process says it once."""
+    log.warning("%s", words)
 
 
 def claimed(stored: Truth, reading: Reading) -> bool:

@@ -1,19 +1,40 @@
-"""Stored truths: one JSON file a reading, the same bytes for the same truth, a line a fact."""
+"""Stored truths: one JSON file a reading, the same bytes for the same truth, a line a fact.
+
+The last entry is a checksum of all the others. A file that was changed in any way is no stored truth.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
+import re
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import platformdirs
 
-from henon_ref.truth.reference import NearGraze, ReferenceTransition, Truth, TruthError
+from henon_ref.truth.reference import ReferenceTransition, Truth, TruthError
+from henon_ref.truth.stored_form import SCHEMA, parse
 
-SCHEMA = 1
+_CHECKSUM = re.compile(r'(?<=\n "checksum": ")[0-9a-f]{64}(?="\n\}\n\Z)')
+
+
+class StoredTruthError(TruthError):
+    """What lies in the place of a stored truth is none: damaged, changed by hand, of another case, or unreadable.
+
+    Attributes
+    ----------
+    content : Truth or None
+        What it says, where it is of the right form: to be compared, never to be scored against.
+    """
+
+    def __init__(self, path: Path, reason: str, content: Truth | None = None) -> None:
+        super().__init__(f"{path} is no stored truth ({reason}); delete it and run python -m henon_ref.truth")
+        self.reason = reason
+        self.content = content
 
 
 def folder_of(case_file: Path | None) -> Path:
@@ -26,6 +47,11 @@ def folder_of(case_file: Path | None) -> Path:
         for parent in case_file.resolve().parents:
             if parent.name == "cases":
                 return parent / "truth"
+    return user_folder()
+
+
+def user_folder() -> Path:
+    """Where truths are kept that have no place beside their case."""
     return Path(platformdirs.user_cache_dir("henon_ref")) / "truth"
 
 
@@ -39,22 +65,24 @@ def load(folder: Path, case: str, reading: str) -> Truth | None:
 
     Raises
     ------
-    TruthError
-        For a file that is no truth, or cannot be read; it says how to make it anew.
+    StoredTruthError
+        For a file that is not what this package has written for this reading; it says how to make it anew.
     """
     path = path_of(folder, case, reading)
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        if found["schema"] != SCHEMA:
-            return None
-        return _truth(found)
+        text = path.read_text(encoding="utf-8")
+        truth = parse(text)
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
-        reason = error.strerror or "cannot be read"
-    except (AttributeError, KeyError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
-        reason = f"{type(error).__name__}: {error}"
-    raise TruthError(f"{path} is no stored truth ({reason}); delete it and run python -m henon_ref.truth")
+        raise StoredTruthError(path, error.strerror or "cannot be read") from error
+    except ValueError as error:
+        raise StoredTruthError(path, " ".join(str(error).split())) from error
+    if (truth.case, truth.reading) != (case, reading):
+        raise StoredTruthError(path, f"it is that of {truth.case}, {truth.reading}")
+    if _checked(text) != text:
+        raise StoredTruthError(path, "its checksum does not fit its content", truth)
+    return truth
 
 
 def save(folder: Path, truth: Truth) -> Path:
@@ -66,6 +94,8 @@ def save(folder: Path, truth: Truth) -> Path:
         Where the folder cannot be written.
     """
     path = path_of(folder, truth.case, truth.reading)
+    if folder == user_folder():  # with compiled code beside it, which is not used where others can write
+        folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
     try:
@@ -96,7 +126,17 @@ def dumps(truth: Truth) -> str:
         "near_grazes": [{"time": g.time, "surface": g.surface, "distance": g.distance} for g in truth.near_grazes],
         "transitions": [_entry(t) for t in truth.transitions],
     }
-    return json.dumps(whole, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    whole["checksum"] = "0" * 64
+    return _checked(json.dumps(whole, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def _checked(text: str) -> str:
+    """A stored truth's text with the checksum that belongs there: SHA-256 of the text without the checksum."""
+    found = _CHECKSUM.search(text)
+    if found is None:
+        return ""
+    before, after = text[: found.start()], text[found.end() :]
+    return before + hashlib.sha256((before + after).encode()).hexdigest() + after
 
 
 def _entry(t: ReferenceTransition) -> dict[str, Any]:
@@ -113,39 +153,3 @@ def _entry(t: ReferenceTransition) -> dict[str, Any]:
         "transversality": t.transversality,
         "conditioning": t.conditioning if math.isfinite(t.conditioning) else None,
     }
-
-
-def _truth(found: dict[str, Any]) -> Truth:
-    return Truth(
-        case=found["case"],
-        reading=found["reading"],
-        mathematics_hash=found["mathematics"],
-        status=found["status"],
-        reason=found["reason"],
-        end_digits=found["end_time"],
-        end_radius=found["end_radius"],
-        transitions=tuple(_transition(entry) for entry in found["transitions"]),
-        near_grazes=tuple(NearGraze(g["time"], g["surface"], g["distance"]) for g in found["near_grazes"]),
-        methods=tuple((m["method"], tuple(m["bits"]), m["seconds"]) for m in found["methods"]),
-        certified=found["certified"],
-        uncertified_because=found["uncertified_because"],
-    )
-
-
-def _transition(entry: dict[str, Any]) -> ReferenceTransition:
-    before, after = (tuple(int(s) for s in mode.split(",")) for mode in entry["modes"].split(" -> "))
-    conditioning = entry["conditioning"]
-    return ReferenceTransition(
-        kind=entry["kind"],
-        surface=entry["surface"],
-        from_mode=before,
-        to_mode=after,
-        time_digits=entry["time"],
-        radius=entry["radius"],
-        state=tuple(entry["state"]),
-        state_radius=entry["state_radius"],
-        transversality=entry["transversality"],
-        conditioning=math.inf if conditioning is None else conditioning,
-        proven=entry["proven"],
-        closed_form=entry["closed_form"],
-    )
