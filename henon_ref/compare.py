@@ -14,8 +14,7 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from henon_ref.score.nursery import begin_nursery
-from henon_ref.score.upkeep import collect_seldom
+from henon_ref.score.forkserver import begin_server, collect_seldom
 
 # One run is one thread: BLAS's own threads would only disturb the timings. Set before numpy is imported.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -73,7 +72,7 @@ def _say(message: str) -> int:
 
 
 if __name__ == "__main__":
-    begin_nursery()  # while it is at work, this process imports what the command needs
+    begin_server()  # while it is at work, this process imports what the command needs
     _status = command()
     gc.freeze()  # nor is it looked through once more on the way out: a tenth of a short comparison
     sys.exit(_status)

@@ -99,7 +99,7 @@ def compare(
 ) -> Comparison:
     """Run every solver on every reading of a case and score it against the truth.
 
-    Each run stands behind a fence (a process of its own with limits on time and memory): a solver that hangs or
+    Each run is done by a worker (a process of its own with limits on time and memory): a solver that hangs or
     crashes is a row that says so.
 
     Parameters
@@ -113,7 +113,7 @@ def compare(
     repeats : int, optional
         Timing samples a row, 1 or more; None: as many as fit a fraction of a second.
     timeout : float
-        Seconds one run may take, 0.01 or more.
+        Processor time that one run may take [s], 0.01 or more.
     processes : int
         Runs at work at once, 1 or more.
 

@@ -17,7 +17,7 @@ from henon_ref.model.case import Case
 from henon_ref.model.files import read_cases
 from henon_ref.report.causes import FOLDER as CAUSES
 from henon_ref.report.causes import write_causes
-from henon_ref.report.figures import figure_job, preload
+from henon_ref.report.figures import figure_job
 from henon_ref.report.index import write_index
 from henon_ref.report.manifest import Provenance, provenance
 from henon_ref.report.markdown import environment, gate_words
@@ -77,8 +77,6 @@ def run(request: Request) -> Unmet:
     failures: list[str] = []
     tallies: list[Tally] = []
     demands = dict.fromkeys(request.required, Demand())
-    if request.figures:
-        preload()
     environment()
     origin = provenance(rerun_command(request))
 
