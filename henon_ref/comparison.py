@@ -155,6 +155,7 @@ def compare_all(
     deliver: Callable[[Comparison], None],
     *,
     draw: Draw | None = None,
+    ready: Callable[[], None] | None = None,
     observer: Observer | None = None,
 ) -> None:
     """Compare several cases; each one's comparison is delivered as soon as its last run is in.
@@ -166,6 +167,8 @@ def compare_all(
     deliver : callable
     draw : callable, optional
         Makes the job that draws a reading's figures; None: no figures.
+    ready : callable, optional
+        Imports what such a job needs, see :class:`henon_ref.score.campaign.Campaign`.
     observer : Observer, optional
         Is told how it gets on.
     """
@@ -173,7 +176,7 @@ def compare_all(
     def hand_over(case: Case, readings: list[ReadingResult], records: list[Record]) -> None:
         deliver(Comparison(case, readings, records, options))
 
-    Campaign(cases, options, hand_over, draw=draw, observer=observer).run()
+    Campaign(cases, options, hand_over, draw=draw, ready=ready, observer=observer).run()
 
 
 def _frame(columns: Sequence[str], rows: Sequence[Row]) -> pd.DataFrame:

@@ -142,7 +142,7 @@ class Act(Job):
 
         def eat():
             note(self.notes)
-            held = bytearray(b"x" * (400 * 2**20))
+            held = b"x" * (400 * 2**20)
             time.sleep(60 + len(held) % 2)
 
         for _ in range(2):

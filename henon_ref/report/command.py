@@ -17,7 +17,7 @@ from henon_ref.model.case import Case
 from henon_ref.model.files import read_cases
 from henon_ref.report.causes import FOLDER as CAUSES
 from henon_ref.report.causes import write_causes
-from henon_ref.report.figures import figure_job
+from henon_ref.report.figures import figure_job, preload
 from henon_ref.report.index import write_index
 from henon_ref.report.manifest import Provenance, provenance
 from henon_ref.report.markdown import environment, gate_words
@@ -89,7 +89,7 @@ def run(request: Request) -> Unmet:
 
     with Shown() as shown:
         draw = figure_job if request.figures else None
-        compare_all(cases, options, deliver, draw=draw, observer=shown)
+        compare_all(cases, options, deliver, draw=draw, ready=preload, observer=shown)
         if request.whole:
             written += experiments(cases, options, origin, request.out, shown)
     index = write_index(request.out)

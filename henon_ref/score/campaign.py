@@ -7,7 +7,7 @@ scored before it is timed, and each finished row goes to the journal before the 
 from __future__ import annotations
 
 import logging
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -33,9 +33,6 @@ from henon_ref.score.truthjob import Statement, TruthJob, stored_statement
 from henon_ref.score.verdict import RIGHT
 from henon_ref.score.worker import Failure, Job
 
-DRAWING = "henon_ref.report.figures:preload"
-"""What is imported beside the runs where figures are drawn."""
-
 _LOG = logging.getLogger(__name__)
 
 
@@ -50,6 +47,8 @@ class Campaign:
         Called with the case, its readings' results and its rows.
     draw : callable, optional
         Makes the job that draws a reading's figures, once its rows are in; None: no figures, and no samples.
+    ready : callable, optional
+        Imports what such a job needs; called beside the runs, where workers are forked. A function of a module.
     observer : Observer, optional
     """
 
@@ -60,12 +59,14 @@ class Campaign:
         deliver: Deliver,
         *,
         draw: Draw | None = None,
+        ready: Callable[[], None] | None = None,
         observer: Observer | None = None,
     ) -> None:
         self.cases = cases
         self.options = options
         self.deliver = deliver
         self.draw = draw
+        self.ready = ready
         self.observer: Observer = observer or Silent()
         self._pool = WorkerPool(workers=options.processes, memory=options.memory)
         self._statements: dict[tuple[str, str], Statement] = {}
@@ -81,6 +82,8 @@ class Campaign:
         check_solvers(self.cases, self.options)
         self._fetch_truths()
         states = [case_state(case, self._statements, self.options) for case in self.cases]
+        if self.draw is not None and self.ready is not None:
+            self._pool.preload(self.ready)
         waiting = sum(self._queue_runs(state) for state in states)
         kept = sum(len(state.rows) for state in states)
         self.observer.runs(waiting + kept, kept)
@@ -123,7 +126,6 @@ class Campaign:
                 by_solver.setdefault(ladder.name, []).append(jobs)
                 rows += len(ladder.settings)
             if self.draw is not None and reading_is_drawn(state, result):
-                self._pool.preload(DRAWING)
                 jobs = self._sequence(state, result, self._samples(result))
                 by_solver.setdefault(SAMPLERS[0], []).append(jobs)
         # The registry names the fast solvers first: begun last, they fill the gaps that the slow ones leave.

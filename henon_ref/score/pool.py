@@ -195,9 +195,9 @@ class WorkerPool:
             self._waiting = {queue: deque(), **self._waiting}
         self._waiting.setdefault(queue, deque()).append(jobs)
 
-    def preload(self, what: str) -> None:
-        """Have something imported where workers are forked, beside their work (``module`` or ``module:function``)."""
-        self._wanted.add(what)
+    def preload(self, function: Callable[[], None]) -> None:
+        """Have a function of a module called where workers are forked, beside their work: it imports something."""
+        self._wanted.add(f"{function.__module__}:{function.__qualname__}")
 
     def run(self, tick: Callable[[], None] = lambda: None) -> None:
         """Do all that has been added, and is added meanwhile; ``tick`` is called several times a second."""

@@ -148,8 +148,10 @@ def _isolate(memory: int, log: int, server: int) -> None:
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:  # as where the shell has closed it
             stream.flush()
-    os.dup2(log, 1)
-    os.dup2(log, 2)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    for descriptor, target in ((nothing, 0), (log, 1), (log, 2)):
+        os.dup2(descriptor, target)
+    os.close(nothing)
     os.close(log)
     import resource
 
