@@ -19,7 +19,7 @@ from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.processor_time import compiling
 from henon_ref.score.channel import LARGEST, MAGIC
 from henon_ref.score.pool import Jobs, WorkerPool
-from henon_ref.score.processes import resident_bytes
+from henon_ref.score.procfs import resident_bytes
 from henon_ref.score.worker import REPLY, Failure, Job, WorkerState
 
 

@@ -17,7 +17,7 @@ from jobs import Act, Collector, Keep, Kept, Stuck, memory, noted, run
 from henon_ref.errors import HenonRefError
 from henon_ref.score import forkserver, pool
 from henon_ref.score.pool import WorkerPool
-from henon_ref.score.processes import children
+from henon_ref.score.procfs import children
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="what processes hold and use is told by Linux's /proc")
 

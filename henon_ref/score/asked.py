@@ -10,7 +10,7 @@ from henon_ref.score.options import Options
 from henon_ref.score.pool import Jobs, WorkerPool
 from henon_ref.score.worker import Failure, Job, WorkerState
 
-LOADING_SECONDS = 120.0
+LOADING_SECONDS = 60.0
 """Processor time that importing a stranger's solver may take [s]."""
 
 

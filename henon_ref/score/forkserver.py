@@ -6,7 +6,8 @@ can be, it is a fresh process that imports the caller's main module: a script ne
 ``if __name__ == "__main__"`` guard.
 
 It outlives the caller by a moment: whatever workers have started, in sessions of their own, too, loses its parent to
-it, and is killed when the worker has ended or the caller has. On other systems than Linux only the workers are.
+it, and is killed when the worker has ended or the caller has. On other systems than Linux (POSIX alone will do) only
+what is in a worker's process group is. A server that is killed takes its workers with it, and cannot tidy up.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from multiprocessing import spawn, util
 from typing import Any, NoReturn
 
 from henon_ref.errors import HenonRefError
-from henon_ref.score.processes import adopt_orphans, children, family, is_at_work, kill_family, signal_with_parent
+from henon_ref.score.procfs import adopt_orphans, children, family, is_at_work, kill_family, signal_with_parent
 
 WORKERS_NEED = (
     "henon_ref.henon.solvers",

@@ -15,21 +15,18 @@ behind.
 
 from __future__ import annotations
 
-import os
 import pickle
 import select
-import signal
 import time
 from collections import deque
 from collections.abc import Callable, Generator
-from contextlib import suppress
 from typing import Any
 
 from henon_ref.errors import HenonRefError
-from henon_ref.score.channel import Channel, NoReply, new_token
+from henon_ref.score.channel import NoReply, new_token
 from henon_ref.score.forkserver import BEGUN, ENDED, ForkServer, present_server
 from henon_ref.score.plaintext import plain_text
-from henon_ref.score.processes import KNOWN, family, kill_family, own_bytes, processor_seconds, resident_bytes
+from henon_ref.score.process import WorkerProcess
 from henon_ref.score.worker import REPLY, Failure, Job, failure_of
 
 POLL = 0.05
@@ -46,76 +43,9 @@ ABSENCE = 1.0
 """Wall time between two looks beyond which the caller was busy itself: no worker's time [s]."""
 REUSED = 0.25
 """Part of its memory by which a worker may have grown that begins another sequence."""
-LOG_TAIL = 4000
-"""Bytes of a worker's output that are kept, for its last words."""
-_AT_ONCE = 1 << 16
 
 Jobs = Generator[Job, Any, None]
 """A sequence of jobs; each one's result, or its Failure, is the value of the ``yield``."""
-
-
-class _Worker:
-    """A worker process, as the pool sees it."""
-
-    def __init__(self, server: ForkServer, memory: int) -> None:
-        self.server = server
-        self.channel = Channel()
-        self.log, theirs = os.pipe()
-        os.set_blocking(self.log, False)
-        server.fork(self.channel.theirs, theirs, memory)
-        os.close(theirs)
-        self.channel.theirs.close()
-        self.pid: int | None = None
-        """Its process; None until the server has begun it."""
-        self.ended: int | None = None
-        """Exit status, once it has ended."""
-        self.asked = time.monotonic()
-        self.began_with = 0
-        self.prepared: Job | None = None
-        """The job whose preparation it holds."""
-        self._tail, self._silent = b"", False
-
-    @property
-    def resident(self) -> int:
-        """Bytes that it holds, with all that it has started."""
-        return resident_bytes(family(self.pid)) if KNOWN and self.pid else 0
-
-    @property
-    def used(self) -> float:
-        """Processor time that it has used, with all that it has started [s]."""
-        return processor_seconds(family(self.pid)) if KNOWN and self.pid else 0.0
-
-    def register(self, poll: select.poll) -> None:
-        """Have what it sends and prints looked for, and room for what it is sent."""
-        if not self.channel.closed:
-            poll.register(self.channel, select.POLLIN | (select.POLLOUT if self.channel.waiting else 0))
-        if not self._silent:
-            poll.register(self.log, select.POLLIN)
-
-    def read_log(self) -> None:
-        """Take what it has printed, and keep the end of that."""
-        with suppress(BlockingIOError):
-            printed = os.read(self.log, _AT_ONCE)
-            self._silent = not printed
-            self._tail = (self._tail + printed)[-LOG_TAIL:]
-
-    def crash(self) -> Failure:
-        """What it died of."""
-        how = f"the worker ended with code {self.ended}"
-        if self.ended is not None and self.ended < 0:
-            how = f"the library was ended by signal {signal.Signals(-self.ended).name}"
-        self.read_log()
-        lines = map(plain_text, self._tail.decode(errors="replace").split("\n"))
-        words = next((line for line in reversed([*lines]) if line), "")
-        return Failure("failed", f"{how}: {words}" if words else how)
-
-    def stop(self) -> None:
-        """Kill it and everything it has started."""
-        if self.pid is not None and self.ended is None:
-            kill_family(self.pid)
-        self.channel.close()
-        with suppress(OSError):
-            os.close(self.log)
 
 
 class _Task:
@@ -123,7 +53,7 @@ class _Task:
 
     def __init__(self, queue: str, jobs: Jobs) -> None:
         self.queue, self.jobs = queue, jobs
-        self.worker: _Worker | None = None
+        self.worker: WorkerProcess | None = None
         self.job: Job | None = None
         self.again: Job | None = None
         """What is to be done again after the present job, which only prepares a new worker for it."""
@@ -183,7 +113,7 @@ class WorkerPool:
         self.memory = memory
         self._waiting: dict[str, deque[Jobs]] = {}
         self._tasks: list[_Task] = []
-        self._starting: deque[_Worker] = deque()
+        self._starting: deque[WorkerProcess] = deque()
         self._server: ForkServer | None = None
         self._lost = 0
         self._wanted: set[str] = set()
@@ -215,8 +145,10 @@ class WorkerPool:
                 task.jobs.close()
             self._tasks.clear()
             self._waiting.clear()
-            if self._server is not None and self._server is not present_server():
+            # One that still owes us a worker would tell of it somebody else.
+            if self._server is not None and (self._starting or self._server is not present_server()):
                 self._server.close()
+            self._starting.clear()
             self._server = None
 
     def _fill(self) -> None:
@@ -228,7 +160,7 @@ class WorkerPool:
         while self._wanted and self._server is not None:
             self._server.preload(self._wanted.pop())
 
-    def _begin(self, queue: str, worker: _Worker | None) -> None:
+    def _begin(self, queue: str, worker: WorkerProcess | None) -> None:
         """Begin the next sequence of a queue, with a worker that has done one before."""
         task = _Task(queue, self._waiting[queue].popleft())
         if not self._waiting[queue]:
@@ -279,7 +211,7 @@ class WorkerPool:
         if task.worker.pid is not None:
             self._request(task, task.worker)
 
-    def _request(self, task: _Task, worker: _Worker) -> None:
+    def _request(self, task: _Task, worker: WorkerProcess) -> None:
         job = task.job
         try:
             pickled = pickle.dumps(job, pickle.HIGHEST_PROTOCOL)
@@ -291,10 +223,10 @@ class WorkerPool:
         task.begin(new_token(), worker.used)
         worker.channel.send(task.token, pickled)
 
-    def _new_worker(self) -> _Worker:
+    def _new_worker(self) -> WorkerProcess:
         if self._server is None:
             self._server = present_server() or ForkServer.of_caller()
-        worker = _Worker(self._server, self.memory)
+        worker = WorkerProcess(self._server, self.memory)
         self._starting.append(worker)
         return worker
 
@@ -328,7 +260,7 @@ class WorkerPool:
                 if kind == ENDED and task.worker is not None and task.worker.pid == pid:
                     task.worker.ended = status
 
-    def _receive(self, task: _Task, worker: _Worker) -> None:
+    def _receive(self, task: _Task, worker: WorkerProcess) -> None:
         """Take the messages of a worker on its job."""
         if worker.pid is None or not task.sent:
             return
@@ -364,12 +296,11 @@ class WorkerPool:
             if (worker := task.worker) is not None and task.sent and (failure := self._failure(task, worker, now)):
                 self._finish(task, failure, sound=False)
 
-    def _failure(self, task: _Task, worker: _Worker, now: float) -> Failure | None:
+    def _failure(self, task: _Task, worker: WorkerProcess, now: float) -> Failure | None:
         """Why a job has to be ended; None where it has not."""
         if worker.ended is not None:
             return worker.crash()
-        held = worker.resident
-        if held > self.memory and worker.pid is not None and (held := own_bytes(family(worker.pid))) > self.memory:
+        if worker.resident > self.memory and (held := worker.own) > self.memory:
             return Failure("failed", f"memory: {held / 2**30:.1f} GiB held, {self.memory / 2**30:.1f} GiB allowed")
         if task.is_late(worker.used, now):
             return Failure("timeout", "stopped from outside: no answer within the time allowed", ignored=True)

@@ -23,7 +23,7 @@ from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.processor_time import told_of_compiling
 from henon_ref.score.channel import framed, read_message
 from henon_ref.score.plaintext import plain_text
-from henon_ref.score.processes import KNOWN, adopt_orphans, signal_with_parent
+from henon_ref.score.procfs import KNOWN, adopt_orphans, signal_with_parent
 from henon_ref.trajectory import Status
 
 REPLY, COMPILING = "reply", "compiling"

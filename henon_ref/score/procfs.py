@@ -82,10 +82,12 @@ def _stat(pid: int) -> list[str]:
 
 
 def kill_family(pid: int) -> None:
-    """Kill a process and all that it has started."""
+    """Kill a process and all that it has started; elsewhere than on Linux, what is in its process group."""
     for each in family(pid):
         with suppress(ProcessLookupError, PermissionError):
             os.kill(each, signal.SIGKILL)
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(pid, signal.SIGKILL)
 
 
 def adopt_orphans() -> None:
