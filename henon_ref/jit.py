@@ -21,6 +21,8 @@ from numba.core import config
 from numba.core.registry import cpu_target
 from platformdirs import user_cache_path
 
+from henon_ref.target import target
+
 
 @contextmanager
 def _hidden(module: str) -> Iterator[None]:
@@ -47,7 +49,7 @@ def cache_folder() -> Path:
 
     And of where that stands: numba does not take over what it has compiled of another copy.
     """
-    digest = hashlib.sha256(f"{numba.__version__} {Path(__file__).parent.resolve()}".encode())
+    digest = hashlib.sha256(f"{numba.__version__} {target()} {Path(__file__).parent.resolve()}".encode())
     for path in [Path(__file__), *sorted((Path(__file__).parent / "henon").glob("*.py"))]:
         digest.update(path.read_bytes())
     return cache_root() / f"numba-{digest.hexdigest()[:16]}"

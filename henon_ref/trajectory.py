@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -60,6 +60,10 @@ class Transition:
     """What rounding ``time`` lost [s]: the time is ``time + time_low`` (0 where a solver does not know it)."""
     landing: str = ""
     """How the event was put on the surface: ``henon``, ``newton``, ``brent``, ``bracket``, or the library's way."""
+
+    def _replace(self, **changes: Any) -> Transition:
+        """A copy with other values, as :class:`Trajectory` and :class:`Counts` have it."""
+        return replace(self, **changes)
 
 
 class Counts(NamedTuple):

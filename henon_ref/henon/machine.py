@@ -13,6 +13,7 @@ import llvmlite
 import llvmlite.binding as llvm
 
 from henon_ref.jit import cache_root
+from henon_ref.target import target
 
 KEPT = 2048
 """Objects kept on disk; when there are more, the half that was not used for longest goes."""
@@ -23,9 +24,8 @@ _CHECK = 32
 def _target() -> llvm.TargetMachine:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    target = llvm.Target.from_default_triple()
-    features = llvm.get_host_cpu_features().flatten()
-    return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=2, jit=True)
+    processor, features = target()
+    return llvm.Target.from_default_triple().create_target_machine(cpu=processor, features=features, opt=2, jit=True)
 
 
 class MachineCode:
@@ -61,7 +61,7 @@ class MachineCode:
 def _maker() -> str:
     """What machine code depends on apart from the IR."""
     version = ".".join(map(str, llvm.llvm_version_info))
-    return f"{llvmlite.__version__} {version} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}\n"
+    return f"{llvmlite.__version__} {version} {' '.join(target())}\n"
 
 
 def _objects() -> Path:
