@@ -114,6 +114,13 @@ class Act(Job):
     def do_sleep(self, state):
         time.sleep(1.5 * self.seconds)
 
+    def do_wait(self, state):
+        time.sleep(0.6)
+
+    def do_answer_at_length(self, state):
+        """More than the way to the pool holds."""
+        return b"x" * (64 * 2**20)
+
     def do_burn(self, state):
         burn(1.5 * self.seconds + 0.1)
 
@@ -245,6 +252,10 @@ class Act(Job):
     def do_pool(self, state):
         with multiprocessing.get_context("fork").Pool(2) as pool:
             return sum(pool.map(square, range(4)))
+
+    def do_stop_server_once(self, state):
+        if len(noted(Path(self.notes))) == 1:
+            self.do_stop_server(state)
 
     def do_stop_server(self, state):
         os.kill(os.getppid(), signal.SIGSTOP)

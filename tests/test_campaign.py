@@ -164,14 +164,7 @@ def test_a_solver_whose_own_answers_are_right_is_right_whatever_its_children_do(
 @pytest.mark.parametrize(("what", "status"), [("sleeps", "ok"), ("compiles", "ok"), ("burns", "timeout")])
 def test_a_deadline_is_processor_time_without_what_is_compiled(what, status):
     """Each takes half as long again as it may, of the one or the other."""
-    assert run(Fake(what=what), timeout=2.0, tolerances=[1e-6], repeats=1).runs["status"][0] == status
-
-
-def test_wall_time_is_without_what_is_compiled_in_the_run():
-    found: list[Comparison] = []
-    options = Options(solvers=(Fake(what="compiles"),), timeout=2.0, timed=False)
-    compare_all([case()], options, found.append)
-    assert (found[0].runs["wall_s"] < 1.0).all()  # it compiles for three seconds
+    assert run(Fake(what=what), timeout=0.5, tolerances=[1e-6], repeats=1).runs["status"][0] == status
 
 
 def test_a_run_that_keeps_its_deadline_keeps_what_it_found():
@@ -198,7 +191,8 @@ def test_only_a_right_answer_is_timed_again(tmp_path):
     ],
 )
 def test_a_right_run_that_fails_when_it_is_repeated_stays_right_and_says_how_it_failed(monkeypatch, what, words):
-    monkeypatch.setattr(TimeJob, "seconds", 0.5)
+    if what == "hangs later":
+        monkeypatch.setattr(TimeJob, "seconds", 0.5)
     found = run(Fake(what=what))
     runs = found.runs
     (failure,) = demand("fake", found.run_rows).failures  # all the same nobody can rely on it

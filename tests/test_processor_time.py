@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from fakes import case
+from fakes import case, found, trajectory
 
 from baselines.work import DeadlinePassed, Work
 from henon_ref import processor_time
@@ -12,6 +12,8 @@ from henon_ref.henon.compiled import CompiledSystem
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.model.case import parse_case
 from henon_ref.processor_time import Deadline, compiling, run_time, told_of_compiling
+from henon_ref.score.runjob import KEPT, RunJob
+from henon_ref.score.worker import COMPILING, WorkerState
 
 
 class Clocks:
@@ -82,6 +84,22 @@ def test_a_library_s_callbacks_look_at_the_same_clock(clocks):
         work.start()
         clocks.work(5.0)
     work.check()
+
+
+def test_the_time_of_a_run_is_without_what_is_compiled_in_it(clocks):
+    told: list[object] = []
+    state = WorkerState(lambda kind, value: told.append((kind, value)))
+
+    def run():
+        clocks.work(0.25)
+        with compiling():
+            clocks.work(5.0)
+        clocks.work(0.25)
+        return trajectory(found())
+
+    state.kept[KEPT] = run, case().readings[0].problem
+    assert RunJob(1.0, 100).run(state).wall_s == pytest.approx(0.5)
+    assert told == [(COMPILING, None), (COMPILING, 5.0)]
 
 
 def test_the_reference_compiles_off_the_clock_of_its_run(clocks, monkeypatch):

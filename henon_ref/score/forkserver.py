@@ -48,7 +48,8 @@ _FORK, _IMPORT = 0, 1
 _ASKED = struct.Struct("=iq116s")
 """What it is asked: kind, memory of a worker, what to import. Two file descriptors go along with a fork."""
 _TOLD = struct.Struct("=iqq")
-_LEISURE = 0.02
+_LEISURE = 20
+"""Milliseconds between two looks while something is left to be killed."""
 _LAST_SECONDS = 5.0
 """Time for what has been killed to be gone [s]."""
 
@@ -108,10 +109,13 @@ class ForkServer:
         """
         if _importing:
             raise HenonRefError('the script compares where it is imported: put that under if __name__ == "__main__"')
-        known: dict[str, Any] = spawn.get_preparation_data("worker") if caller else {"sys_path": sys.path}
-        ours, theirs = socket.socketpair()
+        known: dict[str, Any] = spawn.get_preparation_data("worker") if caller else {}
         known.pop("authkey", None)
-        code = f"from henon_ref.score.forkserver import main; main({theirs.fileno()}, {modules!r}, {known!r})"
+        ours, theirs = socket.socketpair()
+        code = (
+            f"import sys; sys.path[:] = {[*map(str, sys.path)]!r}; "
+            f"from henon_ref.score.forkserver import main; main({theirs.fileno()}, {modules!r}, {known!r})"
+        )
         command = [sys.executable, *util._args_from_interpreter_flags(), "-c", code]  # type: ignore[attr-defined]
         pid = util.spawnv_passfds(os.fsencode(sys.executable), command, [theirs.fileno()])
         theirs.close()
@@ -162,10 +166,10 @@ class ForkServer:
         self._control.close()
         with suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGCONT)
-        ends = time.monotonic() + _LAST_SECONDS
+        began = time.monotonic()
         with suppress(ChildProcessError):
-            while os.waitpid(self.pid, os.WNOHANG) == (0, 0):
-                if time.monotonic() > ends:
+            while os.waitpid(self.pid, os.WNOHANG) == (0, 0) and (took := time.monotonic() - began) < 2 * _LAST_SECONDS:
+                if took > _LAST_SECONDS:
                     kill_family(self.pid)
                 time.sleep(0.001)
 
@@ -220,15 +224,17 @@ def _serve(control: socket.socket, modules: tuple[str, ...]) -> NoReturn:
     signal.set_wakeup_fd(wake.fileno(), warn_on_full_buffer=False)
     signal.signal(signal.SIGCHLD, lambda number, frame: None)
     control.setblocking(True)
+    poll = select.poll()
+    for end in (control, ours):
+        poll.register(end, select.POLLIN)
     workers: set[int] = set()
     to_import = deque(modules)
     while True:
         strays = _without_strays(control, workers)
-        ready = select.select([control, ours], [], [], 0 if to_import else _LEISURE if strays else None)[0]
-        if ours in ready:
-            with suppress(BlockingIOError):
-                ours.recv(4096)
-        if control not in ready:
+        ready = [number for number, _ in poll.poll(0 if to_import else _LEISURE if strays else None)]
+        with suppress(BlockingIOError):
+            ours.recv(4096)
+        if control.fileno() not in ready:
             if to_import and not ready:
                 _import(to_import.popleft())
             continue
