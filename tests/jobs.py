@@ -233,6 +233,13 @@ class Act(Job):
             os._exit(0)
         os.waitpid(child, 0)
 
+    def do_flood(self, state):
+        """A child of ours sends on and on."""
+        if os.fork() == 0:
+            while True:
+                send_all(b"x" * 2**16)
+        time.sleep(0.5)
+
     def do_fork_and_return(self, state):
         """The child comes back out of the solver, too, late."""
         if os.fork() == 0:

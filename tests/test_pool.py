@@ -138,7 +138,9 @@ def test_the_caller_s_own_work_is_no_worker_s_time():
     assert not run(["first"], [Act("answer_at_length", 0.7)], collector=Busy()).failures
 
 
-@pytest.mark.parametrize(("what", "result"), [("forge", "forgeforge"), ("fork_and_return", "mine")])
+@pytest.mark.parametrize(
+    ("what", "result"), [("forge", "forgeforge"), ("flood", "floodflood"), ("fork_and_return", "mine")]
+)
 def test_what_another_process_than_the_worker_sends_is_nobody_s_answer(what, result):
     seen = run([what, "wait", "after"])
     assert seen.results == {what: result, "wait": "waitwait", "after": "afterafter"}

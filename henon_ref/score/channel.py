@@ -22,7 +22,8 @@ TOKEN = 16
 _HEAD = struct.Struct(f"=4s{TOKEN}siQ")
 """Magic, token, number of the sender's process, length of the pickle."""
 _CREDENTIALS = struct.Struct("=iii")
-_AT_ONCE = 1 << 18
+_AT_ONCE, _IN_A_ROW = 1 << 18, 64
+"""Bytes taken with one call, and calls before others have their turn, however much there is."""
 _VOUCHED = sys.platform == "linux"
 
 
@@ -87,7 +88,7 @@ class Channel:
             self.waiting.clear()
 
     def receive(self, sender: int, token: bytes) -> Iterator[bytes]:
-        """The messages of a worker on a job that are here by now, pickled.
+        """The messages of a worker on a job that are here by now, pickled; of very much, a part.
 
         Parameters
         ----------
@@ -101,24 +102,19 @@ class Channel:
         NoReply
             Where something else came from the worker, or a message that is too large.
         """
-        while piece := self._piece(sender):
-            self._come += piece
-            yield from self._messages(sender, token)
-
-    def _piece(self, sender: int) -> bytes:
-        """What the worker has sent next; empty where there is nothing more for now."""
-        while True:
+        for _ in range(_IN_A_ROW):
             try:
                 piece, extra, _, _ = self._socket.recvmsg(_AT_ONCE, socket.CMSG_SPACE(_CREDENTIALS.size))
             except BlockingIOError:
-                return b""
+                return
             except OSError:
                 piece, extra = b"", []
-            self.closed = not piece
-            if not piece or not _VOUCHED:
-                return piece
-            if any(_CREDENTIALS.unpack(data[: _CREDENTIALS.size])[0] == sender for _, _, data in extra):
-                return piece
+            if not piece:
+                self.closed = True
+                return
+            if not _VOUCHED or any(_CREDENTIALS.unpack(data[: _CREDENTIALS.size])[0] == sender for _, _, data in extra):
+                self._come += piece
+                yield from self._messages(sender, token)
 
     def _messages(self, sender: int, token: bytes) -> Iterator[bytes]:
         """Whole messages out of what has come."""

@@ -31,7 +31,6 @@ class WorkerProcess:
     """
 
     def __init__(self, server: ForkServer, memory: int) -> None:
-        self.server = server
         self.channel = Channel()
         self.log, theirs = os.pipe()
         os.set_blocking(self.log, False)

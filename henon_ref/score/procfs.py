@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-KNOWN = sys.platform == "linux"
+KNOWN = sys.platform == "linux" and Path("/proc/self/stat").exists()
 """Whether the system tells what is asked for here."""
 _STATE, _TIMES, _RESIDENT = 0, slice(11, 15), 21
 """Fields of ``/proc/PID/stat`` behind the name: state; time of the process, and of children that it has waited for."""
@@ -101,5 +101,5 @@ def signal_with_parent(number: int) -> None:
 
 
 def _request(what: int, value: int) -> None:
-    if KNOWN:
+    if sys.platform == "linux":
         ctypes.CDLL(None, use_errno=True).prctl(what, value, 0, 0, 0)
