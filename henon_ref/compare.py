@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from henon_ref.cachefolder import watched_cache
 from henon_ref.score.forkserver import begin_server, collect_seldom
 
 # One run is one thread: BLAS's own threads would only disturb the timings. Set before numpy is imported.
@@ -58,21 +59,25 @@ def command(arguments: Sequence[str] | None = None) -> int:
 
 def _run(request: Request) -> int:
     from henon_ref.report.command import run
+    from henon_ref.text import message
 
     unmet = run(request)
     for what, failures in unmet._asdict().items():
         for words in failures:
-            print(f"{what}: {words}", file=sys.stderr)
+            print(message(f"{what}: {words}"), file=sys.stderr)
     return GATE if unmet.required or (request.gate and unmet.gate) else DONE
 
 
-def _say(message: str) -> int:
-    print(f"error: {' '.join(message.split())}", file=sys.stderr)
+def _say(words: str) -> int:
+    from henon_ref.text import message
+
+    print(message(f"error: {words}"), file=sys.stderr)
     return BAD
 
 
 if __name__ == "__main__":
-    begin_server()  # while it is at work, this process imports what the command needs
-    _status = command()
+    with watched_cache():  # its processes use the folder that is found usable here
+        begin_server()  # while it is at work, this process imports what the command needs
+        _status = command()
     gc.freeze()  # nor is it looked through once more on the way out: a tenth of a short comparison
     sys.exit(_status)

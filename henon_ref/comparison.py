@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
+from henon_ref.cachefolder import cache_root
 from henon_ref.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, Row
 from henon_ref.errors import CaseError
 from henon_ref.model.case import Case
@@ -75,16 +76,11 @@ class Comparison:
         return [record for record in self.records if record.run["reading"] == name]
 
     def gate_failures(self) -> list[str]:
-        """One sentence for every bound of the case's gate that is not met; bounds of solvers not run left out."""
-        asked = None
-        if self.options.solvers is not None:
-            asked = [entry if isinstance(entry, str) else entry.name for entry in self.options.solvers]
+        """One sentence for every bound of the case's gate that is not met; bounds on what did not run left out."""
         return [
             words
             for result in self.readings
-            for words in gate_failures(
-                result.reading, [record.run for record in self.of_reading(result.reading.name)], asked=asked
-            )
+            for words in gate_failures(result.reading, [record.run for record in self.of_reading(result.reading.name)])
         ]
 
 
@@ -176,6 +172,7 @@ def compare_all(
     def hand_over(case: Case, readings: list[ReadingResult], records: list[Record]) -> None:
         deliver(Comparison(case, readings, records, options))
 
+    cache_root()  # workers use the folder that is found usable here
     Campaign(cases, options, hand_over, draw=draw, ready=ready, observer=observer).run()
 
 

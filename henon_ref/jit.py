@@ -1,7 +1,8 @@
 """numba's ``njit`` with a disk cache that knows when any compiled module of this package has changed.
 
 numba looks at a function's own file only; a function compiled into another one would go stale there. The
-cache therefore lives in a folder named after the text of :mod:`henon_ref.henon`, outside the source tree.
+cache therefore lives in a folder named after the text of :mod:`henon_ref.henon`, outside the source tree; which
+folder may be used, :mod:`henon_ref.cachefolder` says.
 """
 
 from __future__ import annotations
@@ -11,16 +12,16 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import config
 from numba.core.registry import cpu_target
-from platformdirs import user_cache_path
 
+from henon_ref import cachefiles, numbacache
+from henon_ref.cachefolder import FUNCTIONS, cache_root
 from henon_ref.target import target
 
 
@@ -50,15 +51,13 @@ def cache_folder() -> Path:
     And of where that stands: numba does not take over what it has compiled of another copy.
     """
     digest = hashlib.sha256(f"{numba.__version__} {target()} {Path(__file__).parent.resolve()}".encode())
-    for path in [Path(__file__), *sorted((Path(__file__).parent / "henon").glob("*.py"))]:
+    form = [Path(__file__), Path(cachefiles.__file__), Path(numbacache.__file__)]
+    for path in [*form, *sorted((Path(__file__).parent / "henon").glob("*.py"))]:
         digest.update(path.read_bytes())
-    return cache_root() / f"numba-{digest.hexdigest()[:16]}"
-
-
-def cache_root() -> Path:
-    """Folder of everything that is compiled: ``NUMBA_CACHE_DIR``, or the user's cache."""
-    root = os.environ.get("NUMBA_CACHE_DIR")
-    return Path(root) if root else user_cache_path("henon_ref")
+    folder = cache_root() / f"{FUNCTIONS}{digest.hexdigest()[:16]}"
+    with suppress(OSError):  # it is not there yet
+        os.utime(folder)
+    return folder
 
 
 def warm_up() -> None:
@@ -84,21 +83,15 @@ def in_python(compiled: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def njit(*, allocates: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """``numba.njit(cache=True, error_model="numpy", **options)``, cached in :func:`cache_folder`.
+    """``numba.njit(error_model="numpy", **options)``, cached in :func:`cache_folder`.
 
     Without ``allocates`` no array can be made inside, and views of arrays are not counted: atomic counts took a
     quarter of a run's time.
     """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        before = config.CACHE_DIR
-        config.CACHE_DIR = str(cache_folder())
-        try:
-            compiled: Callable[..., Any] = numba.njit(cache=True, error_model="numpy", _nrt=allocates, **options)(
-                function
-            )
-        finally:
-            config.CACHE_DIR = before
+        compiled = numba.njit(error_model="numpy", _nrt=allocates, **options)(function)
+        compiled._cache = numbacache.CheckedCache(function, cache_folder())
         return compiled
 
     return decorate

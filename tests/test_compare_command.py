@@ -73,16 +73,46 @@ def test_a_gate_that_checked_nothing_does_not_pass(made_up, capsys):
     assert (captured.out, captured.err) == (f"reports/made_up/report.md; gate not checked: {words}\n", "")
     assert run(made_up, "--solvers", "heyoka", "--gate") == 1
     captured = capsys.readouterr()
-    assert (captured.out, captured.err) == (
-        f"reports/made_up/report.md; gate not checked: {words}\n", f"gate: {words}\n"
-    )  # fmt: skip
+    assert captured.out == f"reports/made_up/report.md; gate not checked: {words}\n"
+    assert sorted(captured.err.splitlines()) == [
+        "gate: bounds on what did not run are left out: henon",
+        f"gate: {words}",
+    ]
 
 
 def test_a_gate_that_is_checked_in_part_says_so(made_up, tmp_path, capsys):
     other = CASE.format(name="other").replace("gate: {henon:", "gate: {heyoka:")
     (tmp_path / "other.yaml").write_text(other)
     assert run(made_up, "other.yaml", "--solvers", "henon", "--gate") == 0
-    assert capsys.readouterr().out.splitlines() == ["reports/README.md; gate met (2 of 4 bounds checked)"]
+    captured = capsys.readouterr()
+    assert captured.out.splitlines() == ["reports/README.md; gate met (2 of 4 bounds checked)"]
+    assert captured.err == "gate: bounds on what did not run are left out: heyoka\n"
+
+
+@pytest.mark.parametrize(
+    ("gate", "status", "named"),
+    [
+        ("{henon: {at: 1e-3, max_time_error: 1e-2}, heyoka: {at: 1e-6, max_time_error: 1e-9}}", 0, "heyoka at 1e-6"),
+        ("{henon: {at: 1e-6, max_time_error: 1e-9}}", 0, "henon at 1e-6"),
+        ("{henon: {at: 1e-3, max_time_error: 1e-9}, heyoka: {at: 1e-6, max_time_error: 1e-9}}", 1, "heyoka at 1e-6"),
+        ("{henon: {max_time_error: 1e-9}}", 1, "henon at 1e-6"),
+        ("{henon: {max_time_error: 1e-9}, heyoka: {at: 1e-6, max_time_error: 1e-9}}", 1, "henon at 1e-6"),
+    ],
+)
+def test_a_bound_at_a_tolerance_that_did_not_run_is_left_out_and_named(tmp_path, made_up, capsys, gate, status, named):
+    """A bound without one of its own is at the case's tightest; where none is checked, such a gate does not pass."""
+    (tmp_path / "gated.yaml").write_text(re.sub("gate: .*", f"gate: {gate}", CASE.format(name="gated")))
+    assert run("gated.yaml", "--gate", "--tolerances", "1e-3") == status
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "are left out" in line]
+    assert named in line
+    report = (tmp_path / "reports/gated/report.md").read_text()
+    assert "bounds on what did not run are left out: " in report
+
+
+def test_a_tighter_tolerance_than_the_case_has_does_not_stand_in_for_its_tightest(tmp_path, made_up, capsys):
+    (tmp_path / "gated.yaml").write_text(CASE.format(name="gated"))
+    assert run("gated.yaml", "--gate", "--tolerances", "1e-9") == 1
+    assert run("gated.yaml", "--gate", "--tolerances", "1e-9,1e-6") == 0
 
 
 def test_a_required_solver_decides_the_exit_status(made_up, monkeypatch, capsys):

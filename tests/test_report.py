@@ -184,6 +184,21 @@ def test_formulas_keep_the_names_a_reader_expects():
     assert [symbol(n) for n in ("mu0", "a_b", "_x")] == [r"\mu_{0}", "a_{b}", r"\mathrm{\_x}"]
 
 
+@pytest.mark.parametrize("name", ["a_b_c_d", "mu_1_2", "mu0_a", "a__b", "x_", "_x", "Alpha", "PI", "Omega_s", "kc"])
+def test_every_name_is_a_formula_that_can_be_set(name):
+    import sympy as sp
+    from matplotlib.mathtext import MathTextParser
+
+    parser = MathTextParser("path")
+    parser.parse(f"${symbol(name)}$")
+    parser.parse(f"${latex(sp.Symbol(name) ** 2 - 1)}$")
+
+
+def test_names_apart_stay_apart():
+    names = ["a_b_c", "a_bc", "ab_c", "a_b__c", "a_b_c_", "abc", "a1_2", "a_1_2", "mu1_2", "mu_1_2"]
+    assert len({symbol(name) for name in names}) == len(names)
+
+
 def test_csv_reads_back_the_same():
     rows = [{"a": 0.1 + 0.2, "b": None, "c": "x,y", "d": 3}]
     text = csv_text(("a", "b", "c", "d"), rows)

@@ -17,11 +17,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from henon_ref.errors import ModelError
+from henon_ref.jit import njit
 
 Matrix = NDArray[np.float64]
 _CHUNK = 2048
@@ -157,7 +157,7 @@ def _nearest(
         yield index[np.abs(index - at) > settings.theiler][: settings.least].astype(np.int64)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(allocates=True)
 def _sums(samples, references, neighbours, ends, delay):  # type: ignore[no-untyped-def]
     """sum y_k y_k^T and sum y_{k+d} y_k^T, each (r, n, n)."""
     n = samples.shape[1]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from henon_ref.atlas.family import OUTCOMES, Family, Outcome, outcome_of
 from henon_ref.columns import Row
 from henon_ref.report import style
+from henon_ref.text import one_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,7 +59,9 @@ def draw_atlas(family: Family, rows: Sequence[Row], solvers: Sequence[str]) -> F
                 axes.set_axis_off()
         _label(figure, grid, family, tolerances, len(solvers))
         _legend(figure, {outcome for outcome in cells.values() if outcome is not None}, height)
-        figure.suptitle(family.case.title, x=0.085, ha="left", y=1 - 0.12 / height, fontsize=10)
+        figure.suptitle(
+            one_line(family.case.title), parse_math=False, x=0.085, ha="left", y=1 - 0.12 / height, fontsize=10
+        )
         return figure
 
 
@@ -84,7 +87,7 @@ def _draw_panel(
     axes.set_xlim(0, len(order))
     axes.set_ylim(0, len(tolerances))
     axes.grid(visible=False)
-    axes.set_title(solver, fontsize=8, pad=2.5)
+    axes.set_title(one_line(solver), parse_math=False, fontsize=8, pad=2.5)
     axes.tick_params(length=2, pad=1.5, labelsize=7)
     for side in ("top", "right", "left", "bottom"):
         axes.spines[side].set_visible(False)

@@ -18,6 +18,7 @@ from henon_ref.report.markdown import environment
 from henon_ref.report.tables import Table
 from henon_ref.report.words import exponential
 from henon_ref.report.write import RUNS, replace_file
+from henon_ref.text import code, markdown, paragraphs
 
 FOLDER = "atlas"
 PAGE = "README.md"
@@ -48,10 +49,10 @@ def write_atlas(found: Sequence[tuple[Family, list[Row]]], origin: Provenance, f
         replace_file(folder / name, buffer.getvalue())
         sections.append(
             {
-                "title": family.case.title,
+                "title": markdown(family.case.title),
                 "case": family.case.name,
                 "figure": name,
-                "story": family.case.readings[0].story or "",
+                "story": paragraphs(family.case.readings[0].story or ""),
                 "counts": count_table(rows).markdown,
             }
         )
@@ -94,7 +95,7 @@ def count_table(rows: Sequence[Row]) -> Table:
         tally = Counter(outcome_of(row) for row in own)
         blamed = Counter(str(row["verdict"]) for row in own)
         shown = [f"{tally[outcome] or ''}" for outcome in OUTCOMES]
-        lines.append((f"`{solver}`", f"{len(own)}", *shown, *(f"{blamed[word] or ''}" for word in BLAME)))
+        lines.append((code(solver), f"{len(own)}", *shown, *(f"{blamed[word] or ''}" for word in BLAME)))
     headings = ("solver", "runs", *OUTCOMES.values(), *BLAME)
     return Table(headings, "l" + "r" * (len(headings) - 1), lines)
 

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import os
-import tempfile
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import llvmlite
 import llvmlite.binding as llvm
 
-from henon_ref.jit import cache_root
+from henon_ref.cachefiles import DamagedError, read, set_aside, write
+from henon_ref.cachefolder import OBJECTS, cache_root, note_unwritten
 from henon_ref.target import target
 
 KEPT = 2048
 """Objects kept on disk; when there are more, the half that was not used for longest goes."""
-_CHECK = 32
-"""Bytes of the checksum in front of an object."""
+_FORM = 2
+"""Number of the form that objects have on disk."""
 
 
 def _target() -> llvm.TargetMachine:
@@ -61,37 +61,36 @@ class MachineCode:
 def _maker() -> str:
     """What machine code depends on apart from the IR."""
     version = ".".join(map(str, llvm.llvm_version_info))
-    return f"{llvmlite.__version__} {version} {' '.join(target())}\n"
+    return f"{_FORM} {llvmlite.__version__} {version} {' '.join(target())}\n"
 
 
 def _objects() -> Path:
-    return cache_root() / "objects"
+    return cache_root() / OBJECTS
 
 
 def _read(file: Path) -> bytes | None:
     """An object from the disk; None where there is none, or not the one that was written."""
     try:
-        found = file.read_bytes()
-        os.utime(file)
-    except OSError:
+        known = read(file)
+        if known is not None:
+            os.utime(file)
+    except DamagedError as error:
+        set_aside(file.parent, error)
         return None
-    check, known = found[:_CHECK], found[_CHECK:]
-    return known if hashlib.sha256(known).digest() == check else None
+    except OSError:  # its time cannot be set: it may be removed before its turn
+        pass
+    return known
 
 
 def _write(file: Path, made: bytes) -> None:
-    """Keep an object, whole or not at all; a disk that takes nothing costs the next compilation, no more."""
-    with contextlib.suppress(OSError):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=file.parent)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(hashlib.sha256(made).digest() + made)
-            os.replace(name, file)
-        except OSError:
-            Path(name).unlink(missing_ok=True)
-            raise
-        _prune(file.parent)
+    """Keep an object; a disk that takes nothing costs the next compilation, no more."""
+    try:
+        write(file, made)
+    except OSError as error:
+        note_unwritten(error)
+    else:
+        with suppress(OSError):  # another process removes them, too
+            _prune(file.parent)
 
 
 def _prune(folder: Path) -> None:

@@ -7,17 +7,25 @@ takes long is shared, too: by the parts that it contains.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
+from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import IO, Any
 
+from henon_ref.cachefiles import open_turn
 from henon_ref.jit import cache_folder, compiling
 
 try:
     import fcntl
 except ImportError:  # elsewhere than on Unix every process compiles for itself
     fcntl = None  # type: ignore[assignment]
+
+LONGEST_WAIT = 60.0
+"""Seconds after which a process that is at a function, and may hang, is not waited for any longer."""
+LOOK = 0.02
+"""Seconds between two looks whether it is done."""
 
 Compiled = tuple[Any, tuple[Any, ...]]
 """A function and the types that it is to be compiled for."""
@@ -55,23 +63,31 @@ def _share(functions: list[Compiled], ahead: list[Compiled]) -> None:
 
 
 def _made(function: Any, types: tuple[Any, ...], *, wait: bool) -> bool:
-    """Compile a function unless it is on the disk; False where another process is at it, unless we wait."""
+    """Compile a function unless it is on the disk; False where another process is at it, and stays at it if we wait."""
     if _is_made(function, types):
         return True
-    turn = _turn(function, types)
-    turn.parent.mkdir(parents=True, exist_ok=True)
-    with turn.open("a") as file:
+    try:
+        file = open_turn(_turn(function, types))
+    except OSError:  # no turns can be taken there: everybody compiles for himself
+        function.compile(types)
+        return True
+    with file:
         if not _mine(file, wait=wait):
             return False
         if not _is_made(function, types):
             function.compile(types)
-            file.write("compiled\n")
+            with suppress(OSError):
+                file.write(b"compiled\n")
     return True
 
 
 def _is_made(function: Any, types: tuple[Any, ...]) -> bool:
-    turn = _turn(function, types)
-    return types in function.overloads or (turn.exists() and turn.stat().st_size > 0)
+    if types in function.overloads:
+        return True
+    try:
+        return _turn(function, types).stat().st_size > 0
+    except OSError:
+        return False
 
 
 def _turn(function: Any, types: tuple[Any, ...]) -> Path:
@@ -80,12 +96,19 @@ def _turn(function: Any, types: tuple[Any, ...]) -> Path:
     return cache_folder() / f"{name}-{sha256(str(types).encode()).hexdigest()[:8]}.turn"
 
 
-def _mine(file: IO[str], *, wait: bool) -> bool:
+def _mine(file: IO[bytes], *, wait: bool) -> bool:
     """Take the turn to compile, which ends when the file is closed; False where another process has it."""
     if fcntl is None:
         return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
+    latest = time.monotonic() + (LONGEST_WAIT if wait else 0)
+    while True:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() >= latest:
+                return False
+            time.sleep(LOOK)
+        except OSError:  # a disk without locks
+            return True
+        else:
+            return True

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from henon_ref.model.case import Case, Reading, load_case
+from henon_ref.text import link, markdown
 
 GROUPS = {
     "": "The paper and its neighbours",
@@ -66,7 +67,7 @@ def _idea(case: Case) -> str:
     """Title and the first sentence of the story."""
     story = " ".join((case.readings[0].story or "").split())
     first, stop, _ = story.partition(". ")
-    return f"**{case.title}.** {first}{'.' if stop else ''}".strip()
+    return f"**{markdown(case.title)}.** {markdown(first)}{'.' if stop else ''}".strip()
 
 
 def _answers(case: Case) -> str:
@@ -95,7 +96,7 @@ def _origin(case: Case) -> str:
     links: dict[str, None] = {}
     for reading in case.readings:
         links.update(dict.fromkeys(reading.links))
-    return ", ".join(f"[{_short(link)}]({link})" for link in links)
+    return ", ".join(f"[{markdown(_short(own))}]({own})" if link(own) == own else link(own) for own in links)
 
 
 def _short(link: str) -> str:

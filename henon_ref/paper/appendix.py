@@ -11,6 +11,7 @@ import pandas as pd
 from henon_ref.henon.listing_variants import DEFECTS, VariantRun, run_variant
 from henon_ref.paper.audit import ADDED, PRINTED_STEP, audit, durations, numbers
 from henon_ref.paper.claims import Claim, Section, checked, picture
+from henon_ref.paper.curves import thinned
 from henon_ref.paper.fig8 import BELT, LATE, PUBLISHED_DURATIONS, T, readings, sticks
 from henon_ref.report import style
 
@@ -140,8 +141,9 @@ def _draw_portrait(ax: Axes, run: VariantRun) -> None:
     on = np.abs(path[:, 2] - BELT) < 1e-12
     held = on & (np.roll(on, 1) | np.roll(on, -1))  # one sample alone on the belt is a crossing
     ax.axhline(BELT, color=style.GREY, lw=0.8, zorder=1)
-    ax.plot(path[::20, 1], path[::20, 2], color=style.BLUE, lw=0.9)
-    ax.plot(np.where(held, path[:, 1], np.nan)[::5], path[::5, 2], color=style.BLACK, lw=2.4)
+    drawn = thinned(np.where(on, 0.0, path[:, 2] - BELT), 20)
+    ax.plot(path[drawn, 1], path[drawn, 2], color=style.BLUE, lw=0.9)
+    ax.plot(np.where(held, path[:, 1], np.nan)[drawn], path[drawn, 2], color=style.BLACK, lw=2.4)
     ax.set(xlabel="$x_1$ [m]", xlim=(-0.95, 0.75), ylim=(-1.9, 1.5))
 
 

@@ -51,3 +51,15 @@ def curve(problem: Problem, *, after: float, until: float, points: int = 1500) -
     modes = np.concatenate([sampled, np.array([t.to_mode[0] for t in inside], dtype=int)])
     order = np.argsort(times, kind="stable")
     return Curve(times[order], states[order], modes[order], tuple(inside))
+
+
+def thinned(values: Floats, every: int) -> NDArray[np.intp]:
+    """Indices of every so-manieth of some values in a row, and of both sides of each change of their sign.
+
+    Examples
+    --------
+    >>> thinned(np.array([1.0, 1.0, 1.0, -1.0, -1.0, 0.0, 0.0, 0.0]), 4).tolist()
+    [0, 2, 3, 4, 5, 7]
+    """
+    changes = np.flatnonzero(np.diff(np.sign(values)))
+    return np.unique(np.concatenate([np.arange(0, len(values), every), changes, changes + 1, [len(values) - 1]]))

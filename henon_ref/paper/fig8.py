@@ -15,7 +15,7 @@ from henon_ref.henon.listing import LISTING
 from henon_ref.henon.listing_variants import DEFECTS, run_variant
 from henon_ref.paper.audit import PRINTED_STEP, numbers
 from henon_ref.paper.claims import Claim, Section, checked, picture
-from henon_ref.paper.curves import Curve, curve
+from henon_ref.paper.curves import Curve, curve, thinned
 from henon_ref.paper.systems import (
     FIG8_VALUES,
     INNER,
@@ -197,12 +197,14 @@ def _other_numbers(made: Readings) -> list[Claim]:
 def draw_fig8() -> Figure:
     """Phase portraits of the three readings, and the stretch of the spring in the limit."""
     limit, equations = late_curve(fig8_listing_limit()), late_curve(fig8_equations())
-    path = run_variant(DEFECTS, step=PRINTED_STEP, numbers=numbers(), until=LATE + 2 * T, path_from=LATE).path[::20]
+    path = run_variant(DEFECTS, step=PRINTED_STEP, numbers=numbers(), until=LATE + 2 * T, path_from=LATE).path
+    on = np.abs(path[:, 2] - BELT) < 1e-12
+    kept = thinned(np.where(on, 0.0, path[:, 2] - BELT), 20)
+    path, on = path[kept], on[kept]
     with style.figure(6.2) as figure:
         grid = figure.add_gridspec(2, 3, height_ratios=(1, 1))
         portraits = [figure.add_subplot(grid[0, k]) for k in range(3)]
         portraits[0].plot(path[:, 1], path[:, 2], color=style.BLUE, lw=1)
-        on = np.abs(path[:, 2] - BELT) < 1e-12
         portraits[0].plot(np.where(on, path[:, 1], np.nan), path[:, 2], color=style.BLACK, lw=2.6)
         for ax, drawn in zip(portraits[1:], (limit, equations), strict=True):
             ax.plot(drawn.states[:, 0], drawn.states[:, 1], color=style.BLUE, lw=1)

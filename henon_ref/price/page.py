@@ -26,6 +26,7 @@ from henon_ref.report.ranking import readings_of
 from henon_ref.report.words import duration
 from henon_ref.report.write import replace_file
 from henon_ref.rivals.duel import COLUMNS
+from henon_ref.text import markdown
 
 PAGE = "README.md"
 GROWTH, SIZES = "growth.svg", "states.svg"
@@ -88,7 +89,7 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
             fewest=FEWEST,
             rivals=tables.rival_table(found.pairs).markdown,
             callbacks=tables.callback_costs(found.rows).markdown,
-            failed=found.failed,
+            failed=[markdown(words) for words in found.failed],
             ready=tables.ready_table(found.ready).markdown,
             sections=sections,
             landings=tables.landing_table(found.landings).markdown,

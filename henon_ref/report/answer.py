@@ -11,7 +11,7 @@ from henon_ref.report.orbits import orbit_sentences
 from henon_ref.report.ranking import by_solver, floor, most_accurate, name, number, prices, right
 from henon_ref.report.tables import Samples, samples_of, timed
 from henon_ref.report.words import (
-    code,
+    codes,
     digits,
     error,
     listing,
@@ -23,6 +23,7 @@ from henon_ref.report.words import (
 from henon_ref.score.metrics import Expected
 from henon_ref.score.results import ReadingResult
 from henon_ref.score.sticks import published_partners, sticks
+from henon_ref.text import code, markdown
 
 NOT_RUN = ("unsupported", "unavailable")
 
@@ -32,7 +33,7 @@ def answer(comparison: Comparison, result: ReadingResult) -> list[str]:
     records = comparison.of_reading(result.reading.name)
     rows, samples = [record.run for record in records], samples_of(records)
     if result.expected is None:
-        nothing = f"No truth could be had, so that nothing is scored: {result.statement.reason}."
+        nothing = f"No truth could be had, so that nothing is scored: {markdown(result.statement.reason)}."
         return [" ".join([nothing, *_unavailable(rows)])]
     paragraphs = [
         " ".join([_accuracy(rows, result, samples), *_cost(rows)]),
@@ -67,7 +68,7 @@ def _accuracy(rows: Sequence[Row], result: ReadingResult, samples: Samples) -> s
             ends = f" up to t = {significant(expected.end_time, 9)} s, where the truth ends" if expected.partial else ""
             return f"The exact run {what} no transition{ends}; {_who(good, tried, 'agree')}{where}{told}."
         return f"{_capital(_who(good, tried, f'find {what} in order'))}{where}. {_best(rows, samples)}".strip()
-    why = f": {result.statement.reason.rstrip('.')}" if result.statement.reason else ""
+    why = f": {markdown(result.statement.reason).rstrip('.')}" if result.statement.reason else ""
     ends = f"The exact run ends at t = {significant(expected.end_time, 9)} s, {expected.status}{why}."
     found = f", with {what} before it" if transitions and good else ""
     return f"{ends} {_capital(_who(good, tried, 'say so'))}{found}{where}. {_best(rows, samples)}".strip()
@@ -99,7 +100,7 @@ def _who(good: Sequence[str], tried: Sequence[str], verb: str) -> str:
     if len(tried) == 1:
         first, _, rest = verb.partition(" ")
         done = f"{first}s" if good else f"does not {first}"
-        return f"`{tried[0]}` {done} {rest}".rstrip()
+        return f"{code(tried[0])} {done} {rest}".rstrip()
     if len(good) == len(tried):
         return f"all {len(tried)} solvers {verb}"
     return f"{len(good) or 'none'} of {len(tried)} solvers {verb}"
@@ -120,11 +121,11 @@ def _best(rows: Sequence[Row], samples: Samples) -> str:
         return ""
     worst = error(best["max_time_error_s"], floor(best))
     text = (
-        f"**`{name(best)}` is right to {digits(number(best, 'digits'))} digits** "
+        f"**{code(name(best))} is right to {digits(number(best, 'digits'))} digits** "
         f"(worst error {worst} s at {setting(best['rtol'], best['step_s'])})"
     )
     if best["wall_s"] is None:
-        return f"{text}, without a time: {best['status_reason']}."
+        return f"{text}, without a time: {markdown(str(best['status_reason']))}."
     text += f" in **{timed(best, samples)}**"
     rest = [row for row in right(rows) if row["solver"] != best["solver"] and row["wall_s"] is not None]
     second = most_accurate(rest)
@@ -132,7 +133,7 @@ def _best(rows: Sequence[Row], samples: Samples) -> str:
         return text + "."
     times = times_as_long(number(second, "wall_s") / number(best, "wall_s"))
     reached = digits(number(second, "digits"))
-    return f"{text}; next comes `{name(second)}`, right to {reached} digits in {timed(second, samples)}, {times}."
+    return f"{text}; next comes {code(name(second))}, right to {reached} digits in {timed(second, samples)}, {times}."
 
 
 def _cost(rows: Sequence[Row]) -> list[str]:
@@ -144,7 +145,7 @@ def _cost(rows: Sequence[Row]) -> list[str]:
     for price in reached:
         if price.row is not None:
             winners.setdefault(name(price.row), []).append(f"{price.digits}")
-    phrases = [f"`{solver}` for {listing(levels)} digits" for solver, levels in winners.items()]
+    phrases = [f"{code(solver)} for {listing(levels)} digits" for solver, levels in winners.items()]
     return [f"The cheapest is {listing(phrases)}."]
 
 
@@ -160,16 +161,16 @@ def _failures(rows: Sequence[Row]) -> list[str]:
         late = [row for row in own if row["status"] == "timeout"]
         wrong = [row for row in own if row["verdict"] not in ("right", "not judged") and row["status"] != "timeout"]
         if late:
-            groups.setdefault("late", []).append(f"`{solver}` ({_late(late)})")
+            groups.setdefault("late", []).append(f"{code(solver)} ({_late(late)})")
         if wrong and len(wrong) == len(own):
-            groups.setdefault("never", []).append(f"`{solver}` ({_how(last)})")
+            groups.setdefault("never", []).append(f"{code(solver)} ({_how(last)})")
         elif wrong and len(wrong) + len(late) == len(own):
-            groups.setdefault("finished", []).append(f"`{solver}` ({_how(wrong[-1])})")
+            groups.setdefault("finished", []).append(f"{code(solver)} ({_how(wrong[-1])})")
         elif wrong and wrong[-1] is last:
             also = f"; also at {_settings(wrong[:-1])}" if len(wrong) > 1 else ""
-            groups.setdefault("tightest", []).append(f"`{solver}` ({_how(last)}{also})")
+            groups.setdefault("tightest", []).append(f"{code(solver)} ({_how(last)}{also})")
         elif wrong:
-            groups.setdefault("loose", []).append(f"`{solver}` (at {_settings(wrong)})")
+            groups.setdefault("loose", []).append(f"{code(solver)} (at {_settings(wrong)})")
     sentences = []
     if "never" in groups:
         sentences.append(f"Wrong at every setting: {listing(groups['never'])}.")
@@ -182,7 +183,7 @@ def _failures(rows: Sequence[Row]) -> list[str]:
     if "late" in groups:
         sentences.append(f"Out of time: {listing(groups['late'])}.")
     if "unsupported" in groups:
-        sentences.append(f"Unsupported here: {code(groups['unsupported'])}.")
+        sentences.append(f"Unsupported here: {codes(groups['unsupported'])}.")
     return sentences + _unavailable(rows)
 
 
@@ -192,7 +193,7 @@ def _unavailable(rows: Sequence[Row]) -> list[str]:
     for solver, own in by_solver(rows).items():
         if own[-1]["status"] == "unavailable":
             reasons.setdefault(str(own[-1]["status_reason"] or "no reason given"), []).append(solver)
-    told = [f"{code(solvers)} ({reason.rstrip('.')})" for reason, solvers in reasons.items()]
+    told = [f"{codes(solvers)} ({markdown(reason).rstrip('.')})" for reason, solvers in reasons.items()]
     return [f"Unavailable here: {'; '.join(told)}."] if told else []
 
 
@@ -267,7 +268,7 @@ def _reproduced(comparison: Comparison, result: ReadingResult, printed: Sequence
         ):
             continue
         shown = listing(list(dict.fromkeys(f"{number(row, 'duration_s'):.5f}" for row in own)))
-        label = f"`{name(record.run)}` at {setting(record.run['rtol'], record.run['step_s'])}"
+        label = f"{code(name(record.run))} at {setting(record.run['rtol'], record.run['step_s'])}"
         text = f"{label} gives the printed digits: {shown} s"
         if lengths:
             carried = listing(list(dict.fromkeys(f"{number(row, 'length'):.5f}" for row in own)))

@@ -20,7 +20,7 @@ from henon_ref.report.causes import write_causes
 from henon_ref.report.figures import figure_job, preload
 from henon_ref.report.index import write_index
 from henon_ref.report.manifest import Provenance, provenance
-from henon_ref.report.markdown import environment, gate_words
+from henon_ref.report.markdown import environment, gate_words, left_out_words
 from henon_ref.report.request import Request
 from henon_ref.report.write import check_index, check_writable, write_report
 from henon_ref.restarts.experiment import run_restarts
@@ -32,6 +32,7 @@ from henon_ref.score.journal import FILE, read
 from henon_ref.score.options import Observer, Options, Silent
 from henon_ref.score.plan import check_required, check_solvers
 from henon_ref.score.rows import Record
+from henon_ref.text import message
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -97,9 +98,11 @@ def run(request: Request) -> Unmet:
     where = written[0] if len(written) == 1 else index
     tally = sum(tallies, Tally())
     told = "".join(f"; {solver} right in {own.right} of {own.judged} judged" for solver, own in demands.items())
-    print(f"{where}{gate_state(tally, failures, wanted=request.gate)}{told}")
-    if request.gate and tally.total and not tally.checked:
+    print(message(f"{where}{gate_state(tally, failures, wanted=request.gate)}{told}"))
+    if request.gate and tally.missing:
         failures.append(gate_words(tally))
+    if request.gate and tally.left_out:
+        print(message(f"gate: {left_out_words(tally)}"), file=sys.stderr)
     return Unmet(failures, [words for solver, own in demands.items() for words in _unmet(solver, own)])
 
 
@@ -203,7 +206,12 @@ class Shown(Silent, AbstractContextManager["Shown"]):
             from rich.console import Console
             from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-            columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+            columns = (
+                TextColumn("{task.description}", markup=False),
+                BarColumn(),
+                MofNCompleteColumn(),
+                TimeElapsedColumn(),
+            )
             self._progress = Progress(*columns, console=Console(stderr=True), transient=True, auto_refresh=False)
             self._progress.start()
         return self
@@ -231,7 +239,7 @@ class Shown(Silent, AbstractContextManager["Shown"]):
     def begun(self, case: str, what: str) -> None:
         """A run is begun."""
         if self._progress is not None and self._task is not None:
-            self._progress.update(self._task, description=f"{case} {what}")
+            self._progress.update(self._task, description=message(f"{case} {what}"))
 
     def row(self, finished: Record) -> None:
         """A row is finished."""

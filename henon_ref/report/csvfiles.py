@@ -9,13 +9,14 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from henon_ref.columns import Row
+from henon_ref.text import cell, from_cell
 
 
 def csv_text(columns: Sequence[str], rows: Iterable[Row]) -> str:
     """Rows as CSV (RFC 4180, with plain line feeds)."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(columns)
+    writer.writerow(map(field, columns))
     for row in rows:
         writer.writerow([field(row.get(column)) for column in columns])
     return buffer.getvalue()
@@ -28,12 +29,14 @@ def field(value: object) -> str:
     --------
     >>> field(1e-12), field(3), field(None), field(float("nan")), field("ok")
     ('1e-12', '3', '', '', 'ok')
+    >>> field(-1), field("-1"), field("=A1")
+    ('-1', '-1', "'=A1")
     """
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     if isinstance(value, float):
         return repr(float(value))
-    return str(value)
+    return cell(str(value))
 
 
 def read_rows(path: Path) -> list[Row]:
@@ -57,4 +60,4 @@ def _value(text: str | None) -> object:
     try:
         return float(text)
     except ValueError:
-        return text
+        return from_cell(text)

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.errors import CaseError
@@ -20,6 +21,7 @@ from henon_ref.report.words import count
 from henon_ref.report.write import INDEX, MANIFEST, REPORT, RUNS, check_index, replace_file
 from henon_ref.rivals import page as rivals
 from henon_ref.rivals.page import read_ratios
+from henon_ref.text import code, markdown, message
 
 ATLAS, RESTARTS, CAUSES, RIVALS, PAPER, PRICE = "atlas", "restarts", "causes", "rivals", "paper", "price"
 """Folders of the further pages."""
@@ -37,9 +39,13 @@ class Entry:
     @property
     def label(self) -> str:
         """Link to the report, with the reading where the case has several."""
-        text = self.case if self.reading == "default" else f"{self.case}, {self.reading}"
-        anchor = "" if self.reading == "default" else f"#{self.reading}"
-        return f"[{text}]({self.case}/{REPORT}{anchor})"
+        if self.reading == "default":
+            return self.link(self.case)
+        return self.link(f"{self.case}, {self.reading}", f"#{quote(self.reading)}")
+
+    def link(self, text: str, anchor: str = "") -> str:
+        """Link to the report."""
+        return f"[{markdown(text)}]({quote(self.case)}/{REPORT}{anchor})"
 
 
 def write_index(folder: Path) -> Path:
@@ -68,7 +74,7 @@ def pages(folder: Path) -> dict[str, list[str]]:
         ("price", PRICE),
     ):
         if (folder / page / INDEX).exists():
-            found[name_] = [f"{page}/{path.name}" for path in sorted((folder / page).glob("*.svg"))]
+            found[name_] = [f"{page}/{quote(path.name)}" for path in sorted((folder / page).glob("*.svg"))]
     return found
 
 
@@ -80,7 +86,7 @@ def entries(folder: Path) -> list[Entry]:
             try:
                 found += _entries(manifest)
             except CaseError as error:
-                print(f"left out of the index: {error}", file=sys.stderr)
+                print(message(f"left out of the index: {error}"), file=sys.stderr)
     return found
 
 
@@ -136,7 +142,9 @@ def index_text(
             spread=spread.markdown if spread.rows else "",
             slower=slower.markdown if slower.rows else "",
             pages=dict(further or {}),
-            titles={f"[{entry.case}]({entry.case}/{REPORT})": entry.title for entry in found},
+            titles={
+                f"[{markdown(entry.case)}]({quote(entry.case)}/{REPORT})": markdown(entry.title) for entry in found
+            },
         )
     )
 
@@ -151,7 +159,7 @@ def _answer(found: Sequence[Entry]) -> list[str]:
         if tried:
             tally.append((solver, len(good), len(tried)))
     best = max((good for _, good, _ in tally), default=0)
-    leaders = [f"`{solver}` ({good} of {tried})" for solver, good, tried in tally if good == best]
+    leaders = [f"{code(solver)} ({good} of {tried})" for solver, good, tried in tally if good == best]
     sentences = [f"{count(len(found), 'reading')} of {count(len({e.case for e in found}), 'case')}."]
     if leaders:
         sentences.append(f"Right most often, at one setting at least: {', '.join(leaders)}.")
@@ -176,7 +184,7 @@ def _cheapest(found: Sequence[Entry], in_turn: Mapping[tuple[str, str, int], str
                     first = name(price.row)
                 wins.setdefault(first, dict.fromkeys(LEVELS, 0))[price.digits] += 1
     order = sorted(wins, key=lambda solver: -sum(wins[solver].values()))
-    lines = [(f"`{solver}`", *(f"{wins[solver][level] or ''}" for level in LEVELS)) for solver in order]
+    lines = [(code(solver), *(f"{wins[solver][level] or ''}" for level in LEVELS)) for solver in order]
     for label, counts in (("all readings", reached), ("of these, another solver gets there, too", contested)):
         lines.append((label, *(f"{counts[level]}" for level in LEVELS)))
     return Table(("cheapest solver", *(f"{level} digits" for level in LEVELS)), "l" + "r" * len(LEVELS), lines)

@@ -8,27 +8,33 @@ import sympy as sp
 
 _GREEK = (
     "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|upsilon|phi|chi|psi"
-    "|omega"
+    "|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|Omega"
 )
+"""Letters that LaTeX has a command for: most capitals are Latin ones, and have none."""
 
 
 def symbol(name: str) -> str:
     """LaTeX of a name: a letter, Latin or Greek, and what follows it as an index; a word stays a word.
 
+    Of several indices each is one of the one before it: two at one letter are an error in LaTeX.
+
     Examples
     --------
     >>> symbol("x2"), symbol("vp"), symbol("mu0"), symbol("xi1"), symbol("q_1"), symbol("margin")
     ('x_{2}', 'v_{p}', '\\\\mu_{0}', '\\\\xi_{1}', 'q_{1}', '\\\\mathrm{margin}')
+    >>> symbol("a_b_c_d"), symbol("Delta_x_1"), symbol("a__b"), symbol("Alpha")
+    ('a_{b_{c_{d}}}', '\\\\Delta_{x_{1}}', '\\\\mathrm{a\\\\_\\\\_b}', '\\\\mathrm{Alpha}')
     """
-    greek = re.fullmatch(rf"({_GREEK})(?:_?(\d\w*)|_(\w+))?", name, re.IGNORECASE)
-    if greek:
-        head, index = "\\" + greek[1], greek[2] or greek[3]
-    else:
-        latin = re.fullmatch(r"([A-Za-z])(_\w+|[A-Za-z]?\d*)", name)
-        if latin is None:
-            return rf"\mathrm{{{name}}}".replace("_", r"\_")
-        head, index = latin[1], latin[2].lstrip("_")
-    return f"{head}_{{{index}}}" if index else head
+    head, *indices = name.split("_")
+    greek = re.fullmatch(rf"({_GREEK})(\d\w*)?", head)
+    latin = re.fullmatch(r"([A-Za-z])([A-Za-z]?\d*)" if not indices else r"([A-Za-z])()", head)
+    found = greek or latin
+    if found is None or not all(indices) or (found[2] and indices):
+        return rf"\mathrm{{{name}}}".replace("_", r"\_")
+    if found[2]:
+        indices = [found[2]]
+    letter = f"\\{found[1]}" if greek else found[1]
+    return letter + "".join(f"_{{{index}" for index in indices) + "}" * len(indices)
 
 
 def latex(expression: sp.Expr) -> str:

@@ -12,6 +12,7 @@ from henon_ref.comparison import Comparison
 from henon_ref.score.machine import commit, library_versions, machine
 from henon_ref.score.results import ReadingResult
 from henon_ref.score.rows import Record
+from henon_ref.text import one_line
 
 SCHEMA = 1
 
@@ -47,7 +48,7 @@ class Provenance:
 
 def provenance(rerun: str) -> Provenance:
     """The provenance of results made here and now."""
-    return Provenance(rerun, commit(), machine(), library_versions())
+    return Provenance(one_line(rerun), commit(), machine(), library_versions())
 
 
 def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[str]) -> str:
@@ -67,7 +68,7 @@ def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[st
         "samples": [_samples(record) for record in comparison.records if record.samples],
         "files": sorted(files),
     }
-    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(content, indent=1) + "\n"
 
 
 def _reading(result: ReadingResult) -> dict[str, Any]:

@@ -15,10 +15,11 @@ from henon_ref.report.modeltext import general_form, mode_equations, modes_of, p
 from henon_ref.report.overview import overview
 from henon_ref.report.ranking import name
 from henon_ref.report.tables import MARK, price_table, reason_table, run_table, samples_of, stick_table
-from henon_ref.report.words import count, listing
+from henon_ref.report.words import count, listing, setting
 from henon_ref.score.gate import Tally, gate_tally
 from henon_ref.score.options import MOST_DRAWN
 from henon_ref.score.results import ReadingResult
+from henon_ref.text import link, markdown, paragraphs
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -65,15 +66,15 @@ def report_text(comparison: Comparison, provenance: Provenance) -> str:
         environment()
         .get_template("report.md.j2")
         .render(
-            title=case.title,
+            title=markdown(case.title),
             single=single,
             sub="##" if single else "###",
             overview=overview(comparison),
             readings=[_reading(comparison, result) for result in comparison.readings],
             gate=_gate(comparison),
             notes=NOTES.format(unit=_unit(comparison)),
-            source=(case.source or "").rstrip("."),
-            links=list(dict.fromkeys(link for result in comparison.readings for link in result.reading.links)),
+            source=markdown(case.source or "").rstrip("."),
+            links=list(dict.fromkeys(link(own) for result in comparison.readings for own in result.reading.links)),
             rerun=provenance.rerun,
             versions=_versions(comparison, provenance),
             machine=provenance.machine_text,
@@ -92,7 +93,7 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
     sticks = stick_table(comparison, result)
     return {
         "name": reading.name,
-        "title": "" if reading.title == comparison.case.title else reading.title,
+        "title": "" if reading.title == comparison.case.title else markdown(reading.title),
         "answer": answer(comparison, result),
         "figures": _figures(result),
         "figures_note": _figures_note(comparison, result),
@@ -102,7 +103,7 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
         "runs": run_table(records).markdown,
         "reasons": reasons.markdown if reasons else "",
         "truth": truth_sentences(result),
-        "story": reading.story or "",
+        "story": paragraphs(reading.story or ""),
         "effects": ", ".join(f"`{effect}`" for effect in system.effects),
         "equations": general_form(system),
         "modes": [mode_equations(system, mode) for mode in modes_of(result)],
@@ -131,7 +132,7 @@ def _figures(result: ReadingResult) -> list[dict[str, str]]:
 def _figures_note(comparison: Comparison, result: ReadingResult) -> str:
     """Why a reading has no figures."""
     if result.figures_reason:
-        return f"Figures could not be drawn: {result.figures_reason}."
+        return f"Figures could not be drawn: {markdown(result.figures_reason)}."
     drawn = any(other.figures for other in comparison.readings)
     if drawn and comparison.readings.index(result) == MOST_DRAWN:
         return f"(Figures are drawn for the first {MOST_DRAWN} readings.)"
@@ -144,27 +145,39 @@ def _gate(comparison: Comparison) -> str:
     if not tally.total:
         return ""
     failures, checked = comparison.gate_failures(), gate_words(tally)
+    left_out = f"The {markdown(left_out_words(tally))}." if tally.left_out else ""
     if failures:
-        return "\n".join([f"The gate is **not** met ({checked}):", "", *(f"- {words}" for words in failures)])
-    if not tally.checked:
-        return f"The gate is **not** checked: {checked}."
-    return f"The gate is met ({checked})."
+        return "\n".join(
+            [f"The gate is **not** met ({checked}):", "", *(f"- {markdown(words)}" for words in failures), "", left_out]
+        )
+    state = f"The gate is met ({checked})" if tally.checked else f"The gate is **not** checked: {checked}"
+    return f"{state}. {left_out}".strip()
 
 
 def gate_words(tally: Tally) -> str:
     """How many bounds of a gate were checked, of one that has bounds."""
     if not tally.total:
         return "there is no bound"
+    solvers_only = all(entry.rtol is None for entry in tally.left_out)
     if not tally.checked:
+        what = "solver that ran" if solvers_only else "solver that ran, at a tolerance that did"
         if tally.total == 1:
-            return "the only bound of the gate is on no solver that ran"
-        return f"none of the {tally.total} bounds of the gate is on a solver that ran"
+            return f"the only bound of the gate is on no {what}"
+        return f"none of the {tally.total} bounds of the gate is on a {what}"
     if tally.checked == tally.total:
         return f"{count(tally.total, 'bound')} checked, statuses included"
-    return (
-        f"{tally.checked} of {tally.total} bounds checked, statuses included; "
-        "the others are on solvers that did not run"
-    )
+    what = "solvers" if solvers_only else "solvers or at tolerances"
+    part = f"{tally.checked} of {tally.total} bounds checked, statuses included"
+    return f"{part}; the others are on {what} that did not run"
+
+
+def left_out_words(tally: Tally) -> str:
+    """The bounds that were not checked, by what did not run."""
+    phrases = [
+        f"{entry.solver}" if entry.rtol is None else f"{entry.solver} at {setting(entry.rtol, None)}"
+        for entry in tally.left_out
+    ]
+    return f"bounds on what did not run are left out: {listing(phrases)}"
 
 
 def _unit(comparison: Comparison) -> str:
@@ -176,4 +189,4 @@ def _unit(comparison: Comparison) -> str:
 def _versions(comparison: Comparison, provenance: Provenance) -> str:
     """The versions of the packages whose solvers ran."""
     ran = {name(record.run): str(record.run["library_version"] or "") for record in comparison.records}
-    return listing([f"{package} {version}".strip() for package, version in provenance.packages(ran).items()])
+    return listing([markdown(f"{package} {version}") for package, version in provenance.packages(ran).items()])

@@ -9,6 +9,7 @@ from henon_ref.columns import Row
 from henon_ref.report.ranking import best_of, by_solver, name, number
 from henon_ref.report.tables import Table
 from henon_ref.report.words import digits
+from henon_ref.text import code
 
 MARKS = {"unsupported": "–", "unavailable": "·", "timeout": "timeout", "failed": "failed"}
 KEY = (
@@ -43,7 +44,7 @@ def matrix(headings: Sequence[str], lines: Sequence[tuple[Sequence[str], Sequenc
         own = by_solver(rows)
         made.append((*cells, *(_cell(own[solver]) if solver in own else "" for solver in solvers)))
     alignment = "l" + "r" * (len(headings) - 1 + len(solvers))
-    return Table((*headings, *(f"`{solver}`" for solver in solvers)), alignment, made)
+    return Table((*headings, *(code(solver) for solver in solvers)), alignment, made)
 
 
 def _cell(rows: Sequence[Row]) -> str:

@@ -13,6 +13,7 @@ from henon_ref.model.system import FilippovSystem
 from henon_ref.report.latex import latex, symbol
 from henon_ref.report.words import count, exponential, listing, significant
 from henon_ref.score.results import ReadingResult
+from henon_ref.text import markdown
 
 MOST_MODES = 9
 """Modes whose equations are printed."""
@@ -55,7 +56,7 @@ def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
     try:
         equations = system.equations(mode)
     except ModelError as error:
-        return ModeText(title, "", [str(error)])
+        return ModeText(title, "", [markdown(str(error))])
     lines = [_derivative(x, f) for x, f in zip(system.states, equations.field, strict=True)]
     notes = []
     for index, value in equations.equivalent_signs.items():
@@ -102,7 +103,7 @@ def truth_sentences(result: ReadingResult) -> list[str]:
     """How the truth was come by, and how far it may be trusted."""
     statement, expected = result.statement, result.expected
     if expected is None:
-        return [f"There is none: {statement.reason}."]
+        return [f"There is none: {markdown(statement.reason)}."]
     counted = count(len(expected.transitions), "transition")
     sentences = []
     if statement.certified and not expected.transitions:
@@ -111,13 +112,13 @@ def truth_sentences(result: ReadingResult) -> list[str]:
         each = "the only transition" if len(expected.transitions) == 1 else f"every one of the {counted}"
         sentences.append(f"Certified: {each} is enclosed in ball arithmetic, and it is proven that there is no other.")
     else:
-        why = f": {statement.uncertified_because.rstrip('.')}" if statement.uncertified_because else ""
+        why = f": {markdown(statement.uncertified_because).rstrip('.')}" if statement.uncertified_because else ""
         sentences.append(f"Not certified{why}.")
         if statement.proven:
             sentences.append(f"The radius is proven for {statement.proven} of the {counted}.")
     if expected.partial:
         sentences.append(
-            f"It is known up to t = {significant(expected.end_time, 9)} s: {statement.reason.rstrip('.')}."
+            f"It is known up to t = {significant(expected.end_time, 9)} s: {markdown(statement.reason).rstrip('.')}."
         )
     if expected.radius:
         sentences.append(

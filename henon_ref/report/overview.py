@@ -12,8 +12,9 @@ from henon_ref.report.figures import READINGS
 from henon_ref.report.matrix import KEY, matrix
 from henon_ref.report.ranking import by_solver, name, number, over_all
 from henon_ref.report.tables import MARK, price_table
-from henon_ref.report.words import code, listing, setting
+from henon_ref.report.words import codes, listing, setting
 from henon_ref.score.options import MOST_DRAWN
+from henon_ref.text import code
 
 MANY = 4
 """Readings from which on a report begins with all of them at once, and tells of each in its own section."""
@@ -70,13 +71,13 @@ def _everywhere(whole: Sequence[Row], readings: int) -> str:
             where = "at every setting" if len(always) == len(rows) else f"at {listing(always)}"
             told.setdefault(where, []).append(solver)
     if told:
-        phrases = [f"{code(solvers)} ({where})" for where, solvers in told.items()]
+        phrases = [f"{codes(solvers)} ({where})" for where, solvers in told.items()]
         return f"Right in every one of them at one and the same setting: {'; '.join(phrases)}."
     most = max(whole, key=lambda row: number(row, "right_in"), default=None)
     if most is None or not most["right_in"]:
         return "No solver is right in any."
     where = setting(most["rtol"], most["step_s"])
-    return f"No solver is right in all at one setting; most often `{name(most)}` at {where}, in {most['right_in']}."
+    return f"No solver is right in all at one setting; most often {code(name(most))} at {where}, in {most['right_in']}."
 
 
 def _transitions(rows: Sequence[Row]) -> str:

@@ -11,6 +11,7 @@ from henon_ref.report import style
 from henon_ref.report.answer import NOT_RUN
 from henon_ref.report.matrix import solvers_of
 from henon_ref.report.ranking import LEVELS, best_of, by_solver, number
+from henon_ref.text import one_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,7 +102,9 @@ def _label(axes: Axes, names: Sequence[str], solvers: Sequence[str]) -> None:
     axes.grid(visible=False)
     every = math.ceil(len(names) / MOST_NAMES)
     axes.set_xticks([i + 0.5 for i in range(0, len(names), every)], names[::every], rotation=90, fontsize=7.5)
-    axes.set_yticks([j + 0.5 for j in range(len(solvers))], list(reversed(solvers)))
+    axes.set_yticks(
+        [j + 0.5 for j in range(len(solvers))], [one_line(solver) for solver in reversed(solvers)], parse_math=False
+    )
     axes.tick_params(length=0, pad=2.5)
     for side in axes.spines.values():
         side.set_visible(False)

@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from henon_ref.text import one_line
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
@@ -45,8 +47,7 @@ _RC: dict[Any, Any] = {
     "lines.linewidth": 1.2,
     "lines.markersize": 4.5,
     "mathtext.fontset": "dejavusans",
-    "path.simplify": True,
-    "path.simplify_threshold": 0.2,
+    "path.simplify": False,  # every transition stays a corner, and every arc as smooth as its samples
     "svg.hashsalt": "henon-ref",
     "svg.fonttype": "path",
 }
@@ -185,7 +186,8 @@ def label_points(axes: Axes, points: Sequence[tuple[str, float, float, Line]], *
         drawn: dict[str, Any] = {"ls": line.dashes, "lw": line.width, "marker": line.marker, "ms": 4.0}
         axes.add_artist(leader)
         axes.add_artist(Line2D(along, [height] * 3, markevery=[1], **drawn, **shared))
-        axes.text(x + (SAMPLE + 4) * point, height, text, transform=axes.transAxes, va="center", fontsize=8.0)
+        place: dict[str, Any] = {"transform": axes.transAxes, "va": "center", "fontsize": 8.0}
+        axes.text(x + (SAMPLE + 4) * point, height, one_line(text), parse_math=False, **place)
 
 
 def decades(axis: Axis) -> None:

@@ -14,6 +14,7 @@ from henon_ref.score.results import ReadingResult
 from henon_ref.score.rows import Record
 from henon_ref.score.sticks import published_partners, sticks
 from henon_ref.score.timing import UNSTABLE
+from henon_ref.text import code, markdown
 
 MOST_STICKS = 12
 """Sticks shown for a reading; all are in sticks.csv."""
@@ -61,7 +62,7 @@ def price_table(rows: Sequence[Row], samples: Samples | None = None) -> Table | 
         cells = [f"{price.digits}"]
         for row in (price.row, price.next_row):
             cells += ["none", "", ""] if row is None else [
-                f"`{name(row)}`", setting(row["rtol"], row["step_s"]), timed(row, samples)
+                code(name(row)), setting(row["rtol"], row["step_s"]), timed(row, samples)
             ]  # fmt: skip
         ratio = ""
         if price.row is not None and price.next_row is not None:
@@ -82,7 +83,7 @@ def run_table(records: Sequence[Record]) -> Table:
         edits = "" if row["missed"] is None else f"{number(row, 'missed'):.0f} / {number(row, 'spurious'):.0f}"
         lines.append(
             (
-                f"`{name(row)}`",
+                code(name(row)),
                 setting(row["rtol"], row["step_s"]),
                 status(row),
                 found,
@@ -146,9 +147,9 @@ def reason_table(rows: Sequence[Row]) -> Table | None:
     for row in rows:
         if row["verdict"] == "right" or row["status"] in ("unsupported", "unavailable"):
             continue
-        verdict = ": ".join(str(row[column]) for column in ("verdict", "verdict_basis") if row[column])
+        verdict = ": ".join(markdown(str(row[column])) for column in ("verdict", "verdict_basis") if row[column])
         cause = _cause(str(row["cause"])) if row["cause"] else ""
-        words = (f"`{name(row)}`", str(row["status"]), str(row["status_reason"] or ""), verdict, cause)
+        words = (code(name(row)), str(row["status"]), markdown(str(row["status_reason"] or "")), verdict, cause)
         merged.setdefault(words, []).append(setting(row["rtol"], row["step_s"]))
     if not merged:
         return None
@@ -191,7 +192,7 @@ def stick_table(comparison: Comparison, result: ReadingResult) -> Table | None:
     if printed:
         headings += ["printed [s]", "printed − exact [s]"]
     if best is not None:
-        headings += [f"error of `{best[0]}` [s]", f"length [unit of `{reading.problem.system.state_names[0]}`]"]
+        headings += [f"error of {code(best[0])} [s]", f"length [unit of {code(reading.problem.system.state_names[0])}]"]
     return Table(tuple(headings), "rl" + "r" * (len(headings) - 2), rows)
 
 

@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from decimal import Decimal
 
+from henon_ref.text import code
+
 
 def duration(seconds: object) -> str:
     """A wall time with three digits and a unit.
@@ -109,9 +111,9 @@ def listing(items: Sequence[str], last: str = "and") -> str:
     return f"{', '.join(items[:-1])} {last} {items[-1]}"
 
 
-def code(names: Sequence[str]) -> str:
+def codes(names: Sequence[str]) -> str:
     """Names as a phrase of code."""
-    return listing([f"`{name}`" for name in names])
+    return listing([code(name) for name in names])
 
 
 def count(number: int, noun: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from henon_ref.report.tables import Table
 from henon_ref.report.write import REPORT, replace_file
 from henon_ref.rivals.duel import COLUMNS
 from henon_ref.rivals.match import FIRST
+from henon_ref.text import code, markdown
 
 FOLDER = "rivals"
 PAGE, RATIOS = "README.md", "ratios.csv"
@@ -69,7 +71,7 @@ def write_page(
             compiled=compiled_words(rows),
             spread=spread_table(rows).markdown,
             slower=slower.markdown if (slower := slower_table(rows, runs)).rows else "",
-            failed=failed,
+            failed=[markdown(each) for each in failed],
             rerun=origin.rerun,
             machine=origin.machine_text,
             commit=origin.commit[:12],
@@ -102,7 +104,7 @@ def cheapest(rows: Sequence[Row]) -> dict[tuple[str, str, int], str]:
 def spread_table(rows: Sequence[Row]) -> Table:
     """How the ratios spread over the readings."""
     lines = []
-    for against, label in ((SECOND, f"`{SECOND}`"), (OTHERS, OTHERS), (LIBRARIES, LIBRARIES)):
+    for against, label in ((SECOND, code(SECOND)), (OTHERS, OTHERS), (LIBRARIES, LIBRARIES)):
         for digits in (*LEVELS, None):
             found = [number(row, "ratio") for row in rows if (row["against"], row["digits"]) == (against, digits)]
             if found:
@@ -143,18 +145,18 @@ def slower_table(rows: Sequence[Row], runs: Sequence[Row], reports: str = "../")
                 run = known.get((case, reading, solver, rtol, step))
                 got = "" if run is None or run["digits"] is None else words.digits(number(run, "digits"))
                 steps = "" if run is None or run["steps"] is None else f"{number(run, 'steps'):.0f}"
-                cells += [f"`{solver}`"] if solver != FIRST else []
+                cells += [code(str(solver))] if solver != FIRST else []
                 cells += [words.setting(rtol, step), got, steps, words.duration(wall)]
             lines.append((*cells, f"{number(row, 'ratio'):.3g}"))
     own = ("setting", "gets", "steps")
-    headings = ("reading", "digits", f"`{FIRST}` at", *own[1:], "time", "rival", *own, "time", "ratio")
+    headings = ("reading", "digits", f"{code(FIRST)} at", *own[1:], "time", "rival", *own, "time", "ratio")
     return Table(headings, "lrrrrrlrrrrr", lines)
 
 
 def link(case: str, reading: str, reports: str = "../") -> str:
     """A reading as a link to its report; ``reports``: the folder of the reports, as the link has it."""
-    text, anchor = (case, "") if reading == "default" else (f"{case}, {reading}", f"#{reading}")
-    return f"[{text}]({reports}{case}/{REPORT}{anchor})"
+    text, anchor = (case, "") if reading == "default" else (f"{case}, {reading}", f"#{quote(reading)}")
+    return f"[{markdown(text)}]({reports}{quote(case)}/{REPORT}{anchor})"
 
 
 def compiled_levels(rows: Sequence[Row]) -> list[int]:

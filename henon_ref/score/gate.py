@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from henon_ref.columns import Row
 from henon_ref.model.case import Gate, Reading
 from henon_ref.score.rows import REPEATED
+
+
+class LeftOut(NamedTuple):
+    """What a gate sets bounds to, and no run was made of."""
+
+    solver: str
+    rtol: float | None
+    """The tolerance that did not run; None: the solver did not."""
 
 
 @dataclass(frozen=True)
@@ -17,55 +26,72 @@ class Tally:
     total: int = 0
     """Bounds of the gate: for each solver the status wanted and every largest error."""
     checked: int = 0
-    """Those on a solver that ran."""
+    """Those on a run that was made."""
+    unasked: int = 0
+    """Those at a tolerance of their own (``at``) with which their solver was not asked to run."""
+    left_out: tuple[LeftOut, ...] = ()
+    """What the bounds that were not checked are on."""
+
+    @property
+    def missing(self) -> bool:
+        """Bounds ask for a run, and none of them was checked."""
+        return self.total > self.unasked and not self.checked
 
     def __add__(self, other: Tally) -> Tally:
-        return Tally(self.total + other.total, self.checked + other.checked)
+        return Tally(
+            self.total + other.total,
+            self.checked + other.checked,
+            self.unasked + other.unasked,
+            tuple(dict.fromkeys(self.left_out + other.left_out)),
+        )
 
 
 def gate_tally(readings: Iterable[Reading], rows: Sequence[Row]) -> Tally:
-    """The bounds of some readings' gates; one is checked where its solver has a row of that reading."""
-    ran = {(row["reading"], row["solver"]) for row in rows}
+    """The bounds of some readings' gates; one is checked where its solver ran that reading at its tolerance."""
     found = Tally()
     for reading in readings:
+        own = [row for row in rows if row["reading"] == reading.name]
         for solver, gate in reading.gate.items():
             bounds = 1 + sum(bound is not None for bound in (gate.max_time_error, gate.max_stick_error))
-            found += Tally(bounds, bounds if (reading.name, solver) in ran else 0)
+            row, left_out = _row(solver, gate, reading, own)
+            if row is not None:
+                found += Tally(bounds, bounds)
+            elif left_out.rtol is not None and gate.at is not None:
+                found += Tally(bounds, unasked=bounds, left_out=(left_out,))
+            else:
+                found += Tally(bounds, left_out=(left_out,))
     return found
 
 
-def gate_failures(reading: Reading, rows: Sequence[Row], *, asked: Iterable[str] | None = None) -> list[str]:
-    """One sentence for every bound of a reading's gate that is not met.
+def gate_failures(reading: Reading, rows: Sequence[Row]) -> list[str]:
+    """One sentence for every bound of a reading's gate that is not met; what did not run is left out.
 
     Parameters
     ----------
     reading : Reading
     rows : sequence of Row
         The run rows of this reading.
-    asked : iterable of str, optional
-        Solvers that were asked for; bounds of others are left out. None: all.
     """
     failures: list[str] = []
-    wanted = set(reading.gate) if asked is None else set(reading.gate) & set(asked)
     for solver, gate in reading.gate.items():
-        if solver not in wanted:
-            continue
-        row = _row(solver, gate, rows)
-        where = f"{reading.name}: {solver}"
-        if row is None:
-            at = f" at rtol {gate.at:g}" if gate.at is not None else ""
-            failures.append(f"{where} has no row{at}")
-            continue
-        failures += [f"{where}{_setting(row)}: {words}" for words in _broken(gate, row)]
+        row, _ = _row(solver, gate, reading, rows)
+        if row is not None:
+            failures += [f"{reading.name}: {solver}{_setting(row)}: {words}" for words in _broken(gate, row)]
     return failures
 
 
-def _row(solver: str, gate: Gate, rows: Sequence[Row]) -> Row | None:
-    """The row that a gate speaks of: at its tolerance, or the tightest."""
+def _row(solver: str, gate: Gate, reading: Reading, rows: Sequence[Row]) -> tuple[Row | None, LeftOut]:
+    """The row that a gate speaks of, and what is left out where there is none.
+
+    It is the one at the gate's tolerance, or at the tightest of the case; of a solver that is driven by a step the one
+    with the smallest.
+    """
     own = [row for row in rows if row["solver"] == solver]
-    if gate.at is not None:
-        own = [row for row in own if row["rtol"] == gate.at]
-    return min(own, key=_tightness, default=None)
+    if not own:
+        return None, LeftOut(solver, None)
+    rtol = min(reading.tolerances) if gate.at is None else gate.at
+    spoken_of = [row for row in own if row["rtol"] is None or row["rtol"] == rtol]
+    return min(spoken_of, key=_tightness, default=None), LeftOut(solver, rtol)
 
 
 def _tightness(row: Row) -> float:

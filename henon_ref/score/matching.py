@@ -12,11 +12,15 @@ Touches (``graze``: touch and go, no mode changes) do not change a trajectory an
 They are matched apart, and a touch missed or reported in vain counts neither as missed nor as spurious.
 
 Transitions of several surfaces at one instant may come in any order.
+
+What a run has just before the horizon may lie beyond it in the exact run, and the other way round: neither is held
+against the run. It may not have more there than the exact run has anywhere in so short a time, or a pair a surface.
 """
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -38,6 +42,8 @@ ROUGH_FRACTION = 0.05
 """Fraction of the distance to the neighbours that counts as agreement where the error is not known yet."""
 HORIZON_FACTOR = 3.0
 """A transition this many worst errors before the horizon may fall on its other side."""
+MOST_BEYOND = 2
+"""Transitions of a surface that may lie just beyond the horizon (a pair), or as many as the exact run has together."""
 
 
 class Event(Protocol):
@@ -91,6 +97,7 @@ def match(
     radius: float = 0.0,
     reached_horizon: bool = True,
     end_slack: float = 0.0,
+    accumulating: bool = False,
 ) -> Matching:
     """Match a run's transitions with the reference's.
 
@@ -106,6 +113,8 @@ def match(
         False for a run that ended early: what it did not reach is missed, not cut off by the horizon.
     end_slack : float
         Time before the horizon [s] in which a transition may be left out, or be there, whatever the run's error is.
+    accumulating : bool
+        Whether transitions accumulate at the horizon, so that a run may have any number of them there.
 
     Returns
     -------
@@ -126,6 +135,9 @@ def match(
         last_ref, last_run = (max((pair[side] for pair in pairs), default=-1) for side in (0, 1))
         missed, cut_reference = _cut_off([e.time for e in reference], missed, last_ref, bounds)
         spurious, cut_found = _cut_off([e.time for e in found], spurious, last_run, bounds)
+        if not accumulating:
+            most = _most_beyond(reference, found, max((found[j].time for j in cut_found), default=until) - min(bounds))
+            spurious, cut_found = sorted(spurious + cut_found[most:]), cut_found[:most]
     ref_touches = [i for i, e in enumerate(reference) if e.kind == "graze"]
     run_touches = [j for j, e in enumerate(found) if e.kind == "graze"]
     touches = _align(reference, ref_touches, found, run_touches, span, radius)
@@ -242,21 +254,27 @@ def _simultaneous_in_run_order(
     groups = _groups(reference, ref_slots, radius)
     if not groups or not run_slots:
         return ref_slots
-    places: dict[tuple[object, ...], list[int]] = {}
+    places: dict[tuple[object, ...], list[tuple[float, int]]] = {}
     for j in run_slots:
-        places.setdefault(_own_key(found[j]), []).append(j)
+        if math.isfinite(found[j].time):
+            places.setdefault(_own_key(found[j]), []).append((found[j].time, j))
+    for candidates in places.values():
+        candidates.sort()
     order = list(ref_slots)
     position = {slot: k for k, slot in enumerate(ref_slots)}
     for group in groups:
         members = sorted(group, key=position.__getitem__)
-        nearest: dict[int, int] = {}
-        for i in members:
-            candidates = places.get(_own_key(reference[i]), [])
-            instant = reference[i].time
-            nearest[i] = min(candidates, key=lambda j: abs(found[j].time - instant), default=len(found))
+        nearest = {i: _nearest(places.get(_own_key(reference[i]), []), reference[i].time, len(found)) for i in members}
         first = position[members[0]]
         order[first : first + len(members)] = sorted(members, key=nearest.__getitem__)
     return order
+
+
+def _nearest(candidates: list[tuple[float, int]], instant: float, none: int) -> int:
+    """The candidate, of some in order of (time, place), that is nearest to an instant; ``none`` where there is none."""
+    at = bisect_left(candidates, (instant, -1))
+    near = candidates[max(at - 1, 0) : at + 1]
+    return min(near, key=lambda entry: abs(entry[0] - instant), default=(instant, none))[1]
 
 
 def _horizon_margin(
@@ -275,5 +293,17 @@ def _cut_off(
     ``bounds``: past the last pair, transitions from the first of the two times on are cut off; anywhere, those
     from the second on.
     """
-    cut = [k for k in unmatched if (k > last and times[k] >= bounds[0]) or bounds[1] <= times[k] < math.inf]
-    return [k for k in unmatched if k not in set(cut)], cut
+    counting: list[int] = []
+    cut: list[int] = []
+    for k in unmatched:
+        since = min(bounds) if k > last else bounds[1]
+        (cut if since <= times[k] < math.inf else counting).append(k)
+    return counting, cut
+
+
+def _most_beyond(reference: Sequence[Event], found: Sequence[Event], length: float) -> int:
+    """How many transitions may lie just beyond the horizon: as many as the reference has in any such length of time."""
+    times = np.sort([event.time for event in reference if event.kind != "graze"])
+    together = int((np.searchsorted(times, times + length, side="right") - np.arange(times.size)).max(initial=0))
+    surfaces = max((len(events[0].from_mode) for events in (reference, found) if events), default=1)
+    return max(together, MOST_BEYOND * surfaces)

@@ -8,7 +8,7 @@ is what is claimed: never more than the radius and the format of the times allow
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -63,6 +63,31 @@ class NearTouch(Protocol):
     def time(self) -> float: ...
     @property
     def distance(self) -> float: ...
+
+
+class Touches:
+    """Near touches, found by time.
+
+    Parameters
+    ----------
+    touches : sequence of NearTouch
+        In any order.
+    """
+
+    def __init__(self, touches: Sequence[NearTouch]) -> None:
+        self._touches = sorted(touches, key=lambda touch: touch.time)
+        self._times = [touch.time for touch in self._touches]
+        self._distances = np.array([touch.distance for touch in self._touches])
+
+    def closest(self, time: float, within: float) -> NearTouch | None:
+        """The one that comes closest to its surface of those no more than ``within`` from a time [s]."""
+        begin, end = bisect_left(self._times, time - within), bisect_right(self._times, time + within)
+        return self._touches[begin + int(np.argmin(self._distances[begin:end]))] if begin < end else None
+
+    def from_nearest(self, time: float) -> float | None:
+        """How far the nearest is from a time [s]; None where there is none."""
+        at = bisect_left(self._times, time)
+        return min((abs(other - time) for other in self._times[max(at - 1, 0) : at + 1]), default=None)
 
 
 @dataclass(frozen=True)
@@ -135,6 +160,11 @@ class Expected:
         at = bisect_left(times, time)
         return min(places[max(at - 1, 0) : at + 1], key=lambda i: abs(self.transitions[i].time - time), default=None)
 
+    @cached_property
+    def touches(self) -> Touches:
+        """Its near touches, by time."""
+        return Touches(self.near_grazes)
+
     @property
     def scale(self) -> float:
         """Size of the state that tolerances are relative to: at the start and at the transitions."""
@@ -186,6 +216,7 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
         radius=expected.radius,
         reached_horizon=trajectory.status in ("ok", expected.status) or reached,
         end_slack=slack,
+        accumulating=expected.status == "failed",
     )
     errors = {i: time_error(found[j], expected.transitions[i]) for i, j in matching.pairs + matching.touch_pairs}
     counted = np.array([errors[i] for i, _ in matching.pairs])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from henon_ref.text import one_line
+
 LONGEST = 500
 """Characters that are kept."""
 ELLIPSIS = "..."
@@ -10,16 +12,12 @@ ELLIPSIS = "..."
 def plain_text(words: str) -> str:
     """One line of printable text, as an exact ``str``, cut to ``LONGEST`` characters.
 
-    Lone surrogates, which no file can be written with, become replacement characters; line breaks, control
-    characters and whatever else does not print become spaces, and spaces in a row become one.
+    See :func:`henon_ref.text.one_line` for what becomes of the rest.
 
     Examples
     --------
     >>> plain_text("no\\r\\n\\tconvergence\\x1b[0m"), plain_text("at \\udcff")
     ('no convergence [0m', 'at \\ufffd')
     """
-    text = str.__str__(words)
-    if not text.isprintable():
-        text = "".join(c if c.isprintable() else "\ufffd" if "\ud800" <= c <= "\udfff" else " " for c in text)
-    text = " ".join(text.split())
+    text = one_line(words)
     return text if len(text) <= LONGEST else text[: LONGEST - len(ELLIPSIS)] + ELLIPSIS

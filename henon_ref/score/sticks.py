@@ -86,11 +86,12 @@ def published_partners(durations: Sequence[float | None], published: Sequence[fl
     """
     if not published:
         return (None,) * len(durations)
-    known = [(k, d) for k, d in enumerate(durations) if d is not None]
-    count = len(published)
+    known = np.array([k for k, d in enumerate(durations) if d is not None], dtype=np.intp)
+    lasting = np.array([d for d in durations if d is not None])
+    printed, count = np.array(published), len(published)
 
     def misfit(shift: int) -> float:
-        return float(np.sum([abs(d - published[(k + shift) % count]) for k, d in known]))
+        return float(np.sum(np.abs(lasting - printed[(known + shift) % count])))
 
     best = min(range(count), key=misfit)
     return tuple(None if d is None else published[(k + best) % count] for k, d in enumerate(durations))

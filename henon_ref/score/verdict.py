@@ -126,7 +126,7 @@ def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> V
     touch = _touch_near(expected, event.time, gap, allowed)
     if touch is not None:
         return _touching(touch, allowed)
-    nearest = min((abs(touch.time - event.time) for touch in expected.near_grazes), default=None)
+    nearest = expected.touches.from_nearest(event.time)
     no_touch = "the exact run comes close to no surface without reaching it" if nearest is None else (
         f"the nearest near touch is {nearest:.1e} s away"
     )  # fmt: skip
@@ -141,8 +141,8 @@ def graze_distance(expected: Expected, index: int) -> float:
 
 def _touch_near(expected: Expected, where: float, gap: float, allowed: float) -> NearTouch | None:
     """A near touch within reach of the granted error, around this time."""
-    close = [touch for touch in expected.near_grazes if touch.distance <= allowed and abs(touch.time - where) <= gap]
-    return min(close, key=lambda touch: touch.distance, default=None)
+    touch = expected.touches.closest(where, gap)
+    return touch if touch is not None and touch.distance <= allowed else None
 
 
 def _touching(touch: NearTouch, allowed: float) -> Verdict:

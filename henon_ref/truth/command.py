@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from henon_ref.errors import CaseError, ModelError
 from henon_ref.model.case import Case, Reading
 from henon_ref.model.files import read_cases
+from henon_ref.text import message
 from henon_ref.truth import settle, store
 from henon_ref.truth.reference import Truth, TruthError
 
@@ -116,4 +117,4 @@ def _summary(truth: Truth) -> str:
 
 
 def _print(shown: Progress, text: str) -> None:
-    shown.console.print(text, markup=False, highlight=False, soft_wrap=True)
+    shown.console.print(message(text), markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,146 @@
+"""Words from outside (case files, solvers, file names) as each kind of output wants them: one place for each escape.
+
+Whoever writes strangers' words calls one of these: :func:`message` for a terminal, :func:`markdown` and :func:`code`
+for a page (what they return is safe in HTML, too), :func:`cell` for a spreadsheet.
+"""
+
+from __future__ import annotations
+
+import re
+
+LONGEST_LINE = 2000
+"""Characters of a line on a terminal."""
+ELLIPSIS = " ... "
+_FORMULA = tuple("=+-@\t\r\n＝＋－＠")
+"""Characters with which a spreadsheet's formula begins."""
+_LITERAL = "'"
+"""What tells a spreadsheet that the rest of a cell is text."""
+# What a reader of markdown would make a link of, and code; neither holds what could end it or begin a tag.
+_ADDRESS = (
+    r"(?:[A-Za-z][A-Za-z0-9+.-]{0,20}://|(?i:www\.|mailto:|xmpp:))[^\s`<>&|]*|[^\s`<>&|@]{1,64}@[^\s`<>&|@]{1,255}"
+)
+_KEPT = re.compile(rf"(?P<code>`[^`<>&|]+`)|(?P<address>{_ADDRESS})")
+_ENTITIES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;"})
+_LINK = re.compile(r"https?://[A-Za-z0-9.-]+(?:[:/?#][A-Za-z0-9._~:/?#@!&'()+,;=%-]*)?")
+
+
+def printable(text: str) -> str:
+    """Text without what does not print: control characters, escapes, marks that turn the direction of writing.
+
+    Lone surrogates, which no file can be written with, become replacement characters, all others a space each.
+
+    Examples
+    --------
+    >>> printable("no\\x1b[0m \\u202eway \\x9b1m"), printable("at \\udcff")
+    ('no [0m  way  1m', 'at \\ufffd')
+    """
+    plain = str.__str__(text)
+    if plain.isprintable():
+        return plain
+    return "".join(c if c.isprintable() else "\ufffd" if "\ud800" <= c <= "\udfff" else " " for c in plain)
+
+
+def one_line(text: str) -> str:
+    """Printable text in one line, blanks in a row as one."""
+    return " ".join(printable(text).split())
+
+
+def message(text: str) -> str:
+    """One line for a terminal; of one that is too long the middle is left out.
+
+    Examples
+    --------
+    >>> message("bad key\\n'\\x1b[31mred'"), len(message("x" * 60_000))
+    ("bad key ' [31mred'", 2000)
+    """
+    line = one_line(text)
+    if len(line) <= LONGEST_LINE:
+        return line
+    tail = LONGEST_LINE // 4
+    return line[: LONGEST_LINE - tail - len(ELLIPSIS)] + ELLIPSIS + line[-tail:]
+
+
+def markdown(text: str) -> str:
+    """One line of text that a page shows as it is: no tag, link, image, formula or list is made of it.
+
+    Short pieces of code between backticks stay; addresses are set as code, so that they are no links.
+
+    Examples
+    --------
+    >>> markdown("a_b [x](http://a.b/c) <img src=x> `x = 1`")
+    'a_b \\\\[x\\\\]\\\\(`http://a.b/c)` &lt;img src=x&gt; `x = 1`'
+    >>> markdown("# one"), markdown("1. one"), markdown("_one_ $x$")
+    ('\\\\# one', '1\\\\. one', '\\\\_one\\\\_ \\\\$x\\\\$')
+    """
+    line, shown, end = one_line(text), [], 0
+    for found in _KEPT.finditer(line):
+        shown.append(_escaped(line[end : found.start()]))
+        shown.append(found["code"] or f"`{found['address']}`")
+        end = found.end()
+    escaped = "".join([*shown, _escaped(line[end:])])
+    return re.sub(r"^(#{1,6}|[-+=]+|\d{1,9}(?=[.)]))(?=[.)]?(\s|$))", _first_escaped, escaped)
+
+
+def _escaped(text: str) -> str:
+    """Marks of markdown behind a backslash (an underscore within a word is none), and those of HTML as entities."""
+    marked = re.sub(r"[\\`*\[\]~$]|(?<=\])\(|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])", r"\\\g<0>", text)
+    return marked.translate(_ENTITIES)
+
+
+def _first_escaped(found: re.Match[str]) -> str:
+    return f"{found[0]}\\" if found[0].isdigit() else f"\\{found[0]}"
+
+
+def paragraphs(text: str) -> str:
+    """Several lines of text as a page shows them, each by :func:`markdown`; empty lines part paragraphs."""
+    return "\n".join(markdown(line) for line in text.strip().split("\n"))
+
+
+def code(text: str) -> str:
+    """A name as code; one that cannot stand between backticks as text.
+
+    Examples
+    --------
+    >>> code("scipy-rk45"), code("a`<b>")
+    ('`scipy-rk45`', 'a\\\\`&lt;b&gt;')
+    """
+    line = one_line(text)
+    return f"`{line}`" if line and not set(line) & set("`<>&|") else markdown(line)
+
+
+def link(address: str) -> str:
+    """An address that a case gives as one, as it is; what is no plain web address as text.
+
+    Examples
+    --------
+    >>> link("https://doi.org/10.1/x(1)"), link("javascript:alert(1)"), link("http://a/![x](y)")
+    ('https://doi.org/10.1/x(1)', 'javascript:alert(1)', '`http://a/![x](y)`')
+    """
+    return address if _LINK.fullmatch(address) else markdown(address)
+
+
+def cell(text: str) -> str:
+    """Text of a cell of a table that spreadsheets open: nothing in it is taken for a formula.
+
+    Numbers stay, whatever their sign.
+
+    Examples
+    --------
+    >>> cell("=1+1"), cell("-x"), cell("-1"), cell("s=-1")
+    ("'=1+1", "'-x", '-1', 's=-1')
+    """
+    line = printable(text)
+    return _LITERAL + line if line.lstrip(f" {_LITERAL}").startswith(_FORMULA) and not _is_number(line) else line
+
+
+def from_cell(text: str) -> str:
+    """The text that :func:`cell` has made a cell of."""
+    return text[1:] if text.startswith(_LITERAL) and cell(text[1:]) == text else text
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

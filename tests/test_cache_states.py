@@ -1,0 +1,113 @@
+"""Whatever state the cache is in, the command gives the same row, and one line tells what is wrong with the cache."""
+
+from __future__ import annotations
+
+import csv
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CASE = """\
+schema: 1
+name: leaving
+title: Leaving a slide
+source: none
+system: {state: [x], surfaces: {s: "x"}, field: ["t - s"]}
+initial: {t: 0, x: 0}
+until: 3
+exact: {transition_times: ["1"]}
+tolerances: [1e-6]
+"""
+SAME = ("status", "status_reason", "found_transitions", "matched", "max_time_error_s", "steps", "rhs_evaluations")
+COMMAND = [sys.executable, "-m", "henon_ref.compare"]
+
+Seen = tuple[dict[str, str], list[str]]
+"""The row of the case, and the lines on standard error."""
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
+    """A folder with a case and with a cache in which everything is compiled; the row of the case."""
+    place = tmp_path_factory.mktemp("warm")
+    (place / "leaving.yaml").write_text(CASE)
+    row, told = compared(place)
+    assert row["status"] == "ok"
+    assert told == []
+    return place, row
+
+
+@pytest.fixture
+def place(warm: tuple[Path, dict[str, str]], tmp_path: Path) -> Path:
+    """A copy of it."""
+    shutil.copytree(warm[0], tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+@pytest.fixture
+def before(warm: tuple[Path, dict[str, str]]) -> dict[str, str]:
+    """The row as it was."""
+    return warm[1]
+
+
+def compared(place: Path, *launcher: str) -> Seen:
+    """Run the command."""
+    environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    done = subprocess.run(
+        [*launcher, *COMMAND, "leaving.yaml", "--solvers", "henon", "--repeats", "1", "--no-figures", "--out", "out"],
+        env={**environment, "XDG_CACHE_HOME": str(place / "cache")},
+        cwd=place,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    with (place / "out" / "leaving" / "runs.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    return {key: row[key] for key in SAME}, done.stderr.splitlines()
+
+
+def flip_every_file(cache: Path) -> None:
+    for file in [*cache.rglob("*.nb?"), *(cache / "henon_ref" / "objects").iterdir()]:
+        found = bytearray(file.read_bytes())
+        found[len(found) // 2] ^= 255
+        file.write_bytes(found)
+
+
+def assert_named(told: list[str], place: Path) -> None:
+    (line,) = told
+    assert str(place / "cache" / "henon_ref") in line
+
+
+def test_what_is_damaged_is_compiled_anew_and_kept(place: Path, before: dict[str, str]) -> None:
+    flip_every_file(place / "cache")
+    row, told = compared(place)
+    assert row == before
+    assert_named(told, place)
+    assert compared(place) == (before, [])
+
+
+def test_a_file_in_the_place_of_the_folder_is_no_failure(place: Path, before: dict[str, str]) -> None:
+    shutil.rmtree(place / "cache")
+    (place / "cache").write_text("")
+    row, told = compared(place)
+    assert row == before
+    assert_named(told, place)
+
+
+LIMITED = """
+import os, resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (16384, 16384))
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits as on Unix")
+def test_a_disk_that_takes_no_more_is_no_failure(place: Path, before: dict[str, str]) -> None:
+    """As with a full disk, larger files fail while they are written."""
+    shutil.rmtree(place / "cache" / "henon_ref")
+    row, told = compared(place, sys.executable, "-c", LIMITED)
+    assert row == before
+    assert_named(told, place)
