@@ -21,6 +21,7 @@ from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced
 from henon_ref.model.switching import Switching
 from henon_ref.model.system import FilippovSystem
+from henon_ref.processor_time import compiling
 from henon_ref.trajectory import Status
 
 CLEAR = 1e-9
@@ -65,7 +66,8 @@ class ModeEntry:
     def exit(self, guard: int) -> Exit | None:
         """What follows where this guard fell alone and two signs settle it; None where they never do."""
         if guard not in self._exits:
-            self._exits[guard] = self._exit(self.model.guards[guard])
+            with compiling():
+                self._exits[guard] = self._exit(self.model.guards[guard])
         return self._exits[guard]
 
     def still_fresh(self, before: ModeEntry, unsettled: Sequence[Fresh], fresh: Sequence[Fresh]) -> tuple[Fresh, ...]:
@@ -153,10 +155,11 @@ class ModeTable:
 
     def __getitem__(self, mode: Mode) -> ModeEntry:
         if mode not in self._entries:
-            if mode not in self._models:
-                self._models[mode] = ModeFunctions(self.system, mode)
-            model = self._models[mode]
-            self._entries[mode] = ModeEntry(model, self._library.flow(model, self._work, self._horizon))
+            with compiling():
+                if mode not in self._models:
+                    self._models[mode] = ModeFunctions(self.system, mode)
+                model = self._models[mode]
+                self._entries[mode] = ModeEntry(model, self._library.flow(model, self._work, self._horizon))
         return self._entries[mode]
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from time import perf_counter
 
+from henon_ref.processor_time import Deadline
 from henon_ref.trajectory import Counts
 
 
@@ -25,12 +26,12 @@ class Work:
     Parameters
     ----------
     deadline : float, optional
-        Seconds a run may take.
+        Processor time that a run may take [s], what is compiled in it apart.
     budget : int, optional
         Right-hand sides a run may take.
     """
 
-    __slots__ = ("budget", "deadline", "events", "rhs", "steps", "stop_at")
+    __slots__ = ("budget", "clock", "deadline", "events", "rhs", "steps", "stop_at")
 
     def __init__(self, deadline: float | None, budget: int | None = None) -> None:
         self.deadline = deadline
@@ -42,7 +43,8 @@ class Work:
         self.steps = 0
         self.rhs = 0
         self.events = 0
-        self.stop_at = float("inf") if self.deadline is None else perf_counter() + self.deadline
+        self.clock = Deadline(self.deadline)
+        self.stop_at = self.clock.look_at
 
     def count_rhs(self) -> None:
         """One right-hand side.
@@ -53,7 +55,7 @@ class Work:
         """
         self.rhs += 1
         if perf_counter() > self.stop_at:
-            raise DeadlinePassed
+            self._look()
         if self.budget is not None and self.rhs > self.budget:
             raise BudgetSpent
 
@@ -66,7 +68,7 @@ class Work:
         """
         self.events += 1
         if perf_counter() > self.stop_at:
-            raise DeadlinePassed
+            self._look()
 
     def check(self) -> None:
         """Look at the clock only.
@@ -76,7 +78,13 @@ class Work:
         DeadlinePassed
         """
         if perf_counter() > self.stop_at:
+            self._look()
+
+    def _look(self) -> None:
+        """The deadline may have passed."""
+        if self.clock.passed():
             raise DeadlinePassed
+        self.stop_at = self.clock.look_at
 
     @property
     def counts(self) -> Counts:

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 
 from henon_ref.cachefolder import watched_cache
 from henon_ref.commandline import DONE, NOT_MET, exit_status, parsed, say, writing_into
-from henon_ref.score.nursery import begin_nursery
-from henon_ref.score.upkeep import collect_seldom
+from henon_ref.score.forkserver import begin_server, collect_seldom
 
 # One run is one thread: BLAS's own threads would only disturb the timings. Set before numpy is imported.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -56,7 +55,7 @@ def _run(request: Request) -> int:
 
 def _program() -> int:
     with watched_cache():  # its processes use the folder that is found usable here
-        begin_nursery()  # while it is at work, this process imports what the command needs
+        begin_server()  # while it is at work, this process imports what the command needs
         return _act(None)
 
 

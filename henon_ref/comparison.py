@@ -95,7 +95,7 @@ def compare(
 ) -> Comparison:
     """Run every solver on every reading of a case and score it against the truth.
 
-    Each run stands behind a fence (a process of its own with limits on time and memory): a solver that hangs or
+    Each run is done by a worker (a process of its own with limits on time and memory): a solver that hangs or
     crashes is a row that says so.
 
     Parameters
@@ -109,7 +109,7 @@ def compare(
     repeats : int, optional
         Timing samples a row, 1 or more; None: as many as fit a fraction of a second.
     timeout : float
-        Seconds one run may take, 0.01 or more.
+        Processor time that one run may take [s], 0.01 or more.
     processes : int
         Runs at work at once, 1 or more.
 
@@ -151,6 +151,7 @@ def compare_all(
     deliver: Callable[[Comparison], None],
     *,
     draw: Draw | None = None,
+    ready: Callable[[], None] | None = None,
     observer: Observer | None = None,
 ) -> None:
     """Compare several cases; each one's comparison is delivered as soon as its last run is in.
@@ -162,6 +163,8 @@ def compare_all(
     deliver : callable
     draw : callable, optional
         Makes the job that draws a reading's figures; None: no figures.
+    ready : callable, optional
+        Imports what such a job needs, see :class:`henon_ref.score.campaign.Campaign`.
     observer : Observer, optional
         Is told how it gets on.
     """
@@ -170,7 +173,7 @@ def compare_all(
         deliver(Comparison(case, readings, records, options))
 
     cache_root()  # workers use the folder that is found usable here
-    Campaign(cases, options, hand_over, draw=draw, observer=observer).run()
+    Campaign(cases, options, hand_over, draw=draw, ready=ready, observer=observer).run()
 
 
 def _frame(columns: Sequence[str], rows: Sequence[Row]) -> pd.DataFrame:

@@ -158,7 +158,7 @@ _REFUSED: dict[EntryPoint, str] = {}
 
 @cache
 def _asked(point: EntryPoint) -> bool:
-    """What a third party's solver says of itself, asked behind a fence; no, where it cannot be loaded."""
+    """What a third party's solver says of itself, asked in a worker; no, where it cannot be loaded."""
     from henon_ref.score.asked import ask
 
     fixed, reason = ask(point)

@@ -73,7 +73,9 @@ class Solver(Protocol):
         sample_times : ndarray, shape (k,), optional
             Increasing times at which the state is wanted (figures only); solvers that cannot sample ignore it.
         deadline : float, optional
-            Seconds a run may take; past it the run returns status ``timeout`` with what it has.
+            Processor time that a run may take [s] (:func:`time.process_time`), what it compiles on the way apart; past
+            it the run returns status ``timeout`` with what it has. One that goes on for a quarter more, or for several
+            times as much wall time, is stopped from outside: a defect.
         """
         ...
 

@@ -9,9 +9,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jobs import Act, burn, grandchild, send_all
 
 from henon_ref.errors import UnsupportedError
 from henon_ref.model.case import Case, parse_case
+from henon_ref.processor_time import compiling
 from henon_ref.score.metrics import Expected
 from henon_ref.score.truthjob import Statement
 from henon_ref.trajectory import Counts, Problem, Trajectory, Transition
@@ -169,6 +171,60 @@ def _answers(error: float, deadline: float) -> int:
     return 42
 
 
+def _burns(error: float, deadline: float) -> Trajectory:
+    burn(1.5 * deadline + 1.0)
+    return _right(error, deadline)
+
+
+def _sleeps(error: float, deadline: float) -> Trajectory:
+    time.sleep(1.5 * deadline)
+    return _right(error, deadline)
+
+
+def _compiles(error: float, deadline: float) -> Trajectory:
+    with compiling():
+        burn(1.5 * deadline + 1.0)
+    return _right(error, deadline)
+
+
+def _act(what: str) -> Callable[[float, float], Trajectory]:
+    """Does what a hostile job does, then answers rightly, if it comes to that."""
+
+    def run(error: float, deadline: float) -> Trajectory:
+        getattr(Act(what, notes=os.devnull), f"do_{what}")(None)
+        return _right(error, deadline)
+
+    return run
+
+
+def _forks(error: float, deadline: float) -> Trajectory:
+    """The child comes back as well, late, with a wrong answer."""
+    if os.fork() == 0:
+        time.sleep(0.5)
+        return _right(0.1, deadline)
+    return _right(error, deadline)
+
+
+def _forges(error: float, deadline: float) -> Trajectory:
+    child = os.fork()
+    if child == 0:
+        send_all(b"\0" * 100)
+        os._exit(0)
+    os.waitpid(child, 0)
+    return _right(error, deadline)
+
+
+def _prints_much(error: float, deadline: float) -> Trajectory:
+    for _ in range(100):
+        os.write(1, b"x" * 2**16)
+    return _right(error, deadline)
+
+
+def _leaves_a_daemon(error: float, deadline: float) -> Trajectory:
+    grandchild(lambda: time.sleep(60))
+    return _right(error, deadline)
+
+
 def _numpy(error: float, deadline: float) -> Trajectory:
     """As a solver that works in arrays writes it down."""
     events = [
@@ -192,6 +248,21 @@ _BEHAVIOURS: dict[str, Callable[[float, float], Trajectory]] = {
     "crashes later": _once(_crashes),
     "hangs later": _once(_hangs),
     "answers": _answers,
+    "burns": _burns,
+    "sleeps": _sleeps,
+    "compiles": _compiles,
+    "stops itself": _act("stop"),
+    "prints": _act("print"),
+    "crashes beside a child": _act("crash_while_a_child_holds_the_way"),
+    "sends stray bytes": _act("stray"),
+    "sends stray bytes later": _once(_act("stray")),
+    "sends done": _act("stray_done"),
+    "allocates elsewhere": _act("eat_elsewhere"),
+    "uses a pool": _act("pool"),
+    "forks": _forks,
+    "forges": _forges,
+    "prints much": _prints_much,
+    "leaves a daemon": _leaves_a_daemon,
     "numpy": _numpy,
 }
 

@@ -9,7 +9,7 @@ from fakes import case, expected, found, statement, trajectory
 from henon_ref.comparison import Comparison
 from henon_ref.score.options import Options
 from henon_ref.score.results import ReadingResult
-from henon_ref.score.rows import Outcome, Record, record, score_outcome
+from henon_ref.score.rows import Outcome, Record, record, scored
 from henon_ref.score.settings import Setting
 from henon_ref.score.worker import Failure
 
@@ -20,17 +20,19 @@ def made(solver: str, rtol: float, wall: float, *, what: str = "right", truth=No
     reading = reading or case().readings[0]
     outcome = Outcome("made_up", reading, solver, Setting(rtol=rtol, atol=rtol), compile_s=0.1)
     if what == "unavailable":
-        outcome.failure = Failure("unavailable", "it is not installed")
+        outcome = replace(outcome, failure=Failure("unavailable", "it is not installed"))
     elif what == "untried":
-        outcome.failure = Failure("timeout", "not tried: it took too long before")
+        outcome = replace(outcome, failure=Failure("timeout", "not tried: it took too long before"))
     else:
         transitions = found(error=0.99 * rtol)
-        outcome.trajectory = trajectory(transitions[:2] + transitions[3:] if what == "misses" else transitions)
+        outcome = replace(
+            outcome, trajectory=trajectory(transitions[:2] + transitions[3:] if what == "misses" else transitions)
+        )
         if what == "fails later":
-            outcome.repeat_failure = Failure("failed", "it died")
+            outcome = replace(outcome, repeat_failure=Failure("failed", "it died"))
         else:
-            outcome.samples = (wall, wall * 1.01, wall * 0.99)
-        score_outcome(outcome, truth)
+            outcome = replace(outcome, samples=(wall, wall * 1.01, wall * 0.99))
+        outcome = scored(outcome, truth)
     return record(outcome, truth)
 
 

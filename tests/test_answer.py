@@ -13,7 +13,7 @@ from made_reports import compared, made, usual
 from henon_ref.comparison import Comparison
 from henon_ref.model.answers import Orbit
 from henon_ref.report.answer import answer
-from henon_ref.score.rows import Outcome, record, score_outcome
+from henon_ref.score.rows import Outcome, record, scored
 from henon_ref.score.settings import Setting
 from henon_ref.trajectory import Transition
 
@@ -94,8 +94,8 @@ def test_a_run_that_only_touches_is_told_from_one_where_nothing_happens():
         records = []
         for solver, transitions in (("henon", seen), ("scipy-rk45", ())):
             outcome = Outcome("made_up", case().readings[0], solver, Setting(rtol=1e-6, atol=1e-6))
-            outcome.trajectory = trajectory(transitions)
-            score_outcome(outcome, truth)
+            outcome = replace(outcome, trajectory=trajectory(transitions))
+            outcome = scored(outcome, truth)
             records.append(record(outcome, truth))
         whole = compared(*records, expected=truth)
         return answer(whole, whole.readings[0])[0]
@@ -164,8 +164,8 @@ def _decimals(*texts: str) -> tuple[Decimal, ...]:
 def test_an_exact_run_that_ends_early_is_told_first():
     truth = expected(TIMES[:3], status="nonunique", end_time=2.7)
     outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6))
-    outcome.trajectory = trajectory(found(TIMES[:3]), "nonunique", end_time=2.7)
-    score_outcome(outcome, truth)
+    outcome = replace(outcome, trajectory=trajectory(found(TIMES[:3]), "nonunique", end_time=2.7))
+    outcome = scored(outcome, truth)
     whole = compared(record(outcome, truth), expected=truth, reason="both sides repel")
     text = answer(whole, whole.readings[0])[0]
     assert text.startswith("The exact run ends at t = 2.7 s, nonunique: both sides repel. `henon` says so, with all 3")

@@ -9,16 +9,18 @@ from importlib.metadata import EntryPoint
 
 import pytest
 from fakes import TIMES, Fake, case, expected, statement
+from jobs import memory
 
 from henon_ref import registry
 from henon_ref.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.comparison import Comparison, compare, compare_all
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.score import runjob, truthjob
-from henon_ref.score.gate import demand, gate_failures
+from henon_ref.score.gate import Demand, demand, gate_failures
 from henon_ref.score.options import Options
-from henon_ref.score.runjob import RunJob
+from henon_ref.score.runjob import TimeJob
 from henon_ref.score.truthjob import Statement
+from henon_ref.score.worker import Job
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
 
@@ -125,6 +127,46 @@ def test_a_run_that_hangs_is_a_timeout_and_is_not_tried_at_tighter_tolerances():
     assert "not tried: with rtol 0.001 it took more than 0.2 s" in result.runs["status_reason"][1]
 
 
+@pytest.mark.parametrize(
+    ("what", "status", "words"),
+    [
+        ("hangs", "timeout", "stopped from outside"),
+        ("burns", "timeout", "stopped from outside"),
+        ("stops itself", "timeout", "stopped from outside"),
+        ("prints", "timeout", "stopped from outside"),
+        ("crashes beside a child", "failed", "SIGSEGV"),
+        ("sends stray bytes", "failed", "the worker sent something that is no reply"),
+        ("sends done", "failed", "the worker sent something that is no reply"),
+        ("allocates elsewhere", "failed", "memory: "),
+    ],
+)
+def test_what_is_hostile_is_the_solver_s_own_defect_and_nobody_else_s(what, status, words):
+    found: list[Comparison] = []
+    timeout = 0.3 if status == "timeout" else 20.0
+    options = Options(solvers=(Fake("bad", what), Fake()), repeats=1, timeout=timeout, memory=memory())
+    compare_all([case()], options, found.append)
+    runs = found[0].runs.set_index("solver")
+    assert list(runs.loc["bad", "status"]) == [status, status]
+    assert list(runs.loc["bad", "verdict"]) == ["solver defect"] * 2
+    assert words in runs.loc["bad", "status_reason"].iloc[0]
+    assert list(runs.loc["fake", "verdict"]) == ["right"] * 2
+    assert demand("bad", found[0].run_rows).failures
+    assert demand("fake", found[0].run_rows) == Demand(right=1, judged=1)
+
+
+@pytest.mark.parametrize("what", ["forks", "forges", "prints much", "uses a pool", "leaves a daemon"])
+def test_a_solver_whose_own_answers_are_right_is_right_whatever_its_children_do(what):
+    runs = run(Fake("odd", what), Fake(), timeout=20.0, repeats=1).runs
+    assert list(runs["verdict"]) == ["right"] * 4
+    assert runs["max_time_error_s"].to_list() == pytest.approx([1e-3, 1e-6] * 2)
+
+
+@pytest.mark.parametrize(("what", "status"), [("sleeps", "ok"), ("compiles", "ok"), ("burns", "timeout")])
+def test_a_deadline_is_processor_time_without_what_is_compiled(what, status):
+    """Each takes half as long again as it may, of the one or the other."""
+    assert run(Fake(what=what), timeout=0.5, tolerances=[1e-6], repeats=1).runs["status"][0] == status
+
+
 def test_a_run_that_keeps_its_deadline_keeps_what_it_found():
     result = run(Fake("partial", "stops"))
     assert result.runs["status"][0] == "timeout"
@@ -145,11 +187,16 @@ def test_only_a_right_answer_is_timed_again(tmp_path):
         ("raises later", "failed: ArithmeticError: the Newton iteration failed"),
         ("crashes later", "failed: the library was ended by signal SIGSEGV"),
         ("hangs later", "timeout: stopped from outside"),
+        ("sends stray bytes later", "failed: the worker sent something that is no reply"),
     ],
 )
 def test_a_right_run_that_fails_when_it_is_repeated_stays_right_and_says_how_it_failed(monkeypatch, what, words):
-    monkeypatch.setattr(RunJob, "timing_seconds", lambda job, first: 0.5)
-    runs = run(Fake(what=what)).runs
+    if what == "hangs later":
+        monkeypatch.setattr(TimeJob, "seconds", 0.5)
+    found = run(Fake(what=what))
+    runs = found.runs
+    (failure,) = demand("fake", found.run_rows).failures  # all the same nobody can rely on it
+    assert words in failure
     assert list(runs["verdict"]) == ["right", "right"]
     assert list(runs["status"]) == ["ok", "ok"]
     assert runs["wall_s"].isna().all()
@@ -272,15 +319,15 @@ def test_cases_are_delivered_as_they_are_done():
 
 
 @dataclass(frozen=True)
-class Drawing:
+class Drawing(Job):
     reading: str
     seconds: float = 20.0
 
-    def stages(self):
-        yield "drawn", {f"{self.reading}.svg": b"<svg/>"}
+    def run(self, state):
+        return {f"{self.reading}.svg": b"<svg/>"}
 
 
-def test_figures_are_drawn_behind_the_fence_too(monkeypatch):
+def test_figures_are_drawn_by_a_worker_too(monkeypatch):
     monkeypatch.setattr(registry, "solver", lambda name: Fake(name))
     found: list[Comparison] = []
     compare_all(

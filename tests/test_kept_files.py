@@ -200,8 +200,6 @@ def test_an_interrupt_keeps_finished_rows_and_says_how_to_go_on(made_up, tmp_pat
         from henon_ref import compare, registry
         from henon_ref.score import truthjob
         truthjob.statement_of = statement
-        from henon_ref.report import command
-        command.preload = lambda: None
         registry.solver = lambda name: Fake(name, "right" if name == "henon" else "hangs")
         sys.exit(compare.command(["made_up.yaml", "--out", "out", "--timeout", "60"]))
         """)

@@ -31,9 +31,10 @@ from henon_ref.report.write import write_report
 from henon_ref.score.gate import Tally
 from henon_ref.score.options import Options
 from henon_ref.score.results import ReadingResult
-from henon_ref.score.rows import Outcome, record, score_outcome
+from henon_ref.score.rows import Outcome, record, scored
 from henon_ref.score.runjob import Samples
 from henon_ref.score.settings import Setting
+from henon_ref.score.worker import WorkerState
 
 ORIGIN = Provenance(
     "python -m henon_ref.compare made_up.yaml",
@@ -89,8 +90,8 @@ def test_the_stick_table_has_truth_source_and_the_best_run(comparison):
 )
 def test_a_time_says_how_far_its_samples_scatter_or_how_few_they_are(samples, words):
     outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6), samples=samples)
-    outcome.trajectory = trajectory(found(error=1e-7))
-    score_outcome(outcome, expected())
+    outcome = replace(outcome, trajectory=trajectory(found(error=1e-7)))
+    outcome = scored(outcome, expected())
     assert words in run_table([record(outcome, expected())]).markdown
 
 
@@ -98,8 +99,8 @@ def test_a_time_says_how_far_its_samples_scatter_or_how_few_they_are(samples, wo
 def test_a_time_that_scatters_is_marked_wherever_it_stands(shaken, marked):
     """In the answer, in the table of prices, with the legend below it, and among all runs; however few samples."""
     outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6), samples=shaken)
-    outcome.trajectory = trajectory(found(error=1e-7))
-    score_outcome(outcome, expected())
+    outcome = replace(outcome, trajectory=trajectory(found(error=1e-7)))
+    outcome = scored(outcome, expected())
     text = report_text(compared(record(outcome, expected()), made("heyoka", 1e-6, 9.0)), ORIGIN)
     time = duration(median(shaken)) + (" †" if marked else "")
     assert f"in **{time}**; next" in text
@@ -212,8 +213,7 @@ def job(comparison: Comparison, **changes: object) -> FigureJob:
 
 
 def drawn(job: FigureJob) -> dict[str, bytes]:
-    ((_, files),) = job.stages()
-    return files
+    return job.run(WorkerState(lambda kind, value: None))
 
 
 def test_figures_are_the_same_bytes_for_the_same_data(comparison):

@@ -24,6 +24,7 @@ from henon_ref.rivals.match import Entry, Match, compiled_matches
 from henon_ref.rivals.page import LIBRARIES, OTHERS, cheapest, read_ratios, slower_table, spread_table, write_page
 from henon_ref.score.options import Options, Silent
 from henon_ref.score.settings import Setting
+from henon_ref.score.worker import WorkerState
 
 CASE = case()
 READING = CASE.readings[0]
@@ -146,7 +147,7 @@ def test_answers_that_nobody_has_checked_are_checked_before_they_are_timed(monke
         Match(9, LIBRARIES, own, (wrong,)),
     )
     duel = Duel("c", "r", READING.problem, matches, 0.01, 1.0, expected())
-    ((_, (rows, refused)),) = duel.stages()
+    rows, refused = duel.run(WorkerState(lambda kind, value: None))
     assert refused == [
         "c, r, c+numba at rtol 1e-10 for 6 digits: it is not right",
         "c, r, a+numba at rtol 1e-07 for 7 digits: it gets 6.9",

@@ -8,7 +8,7 @@ import pytest
 from fakes import TIMES, case, expected, found, reference, trajectory
 
 from henon_ref.score.metrics import score
-from henon_ref.score.rows import Outcome, record, score_outcome
+from henon_ref.score.rows import Outcome, record, scored
 from henon_ref.score.settings import Setting
 from henon_ref.score.verdict import graze_distance
 from henon_ref.score.worker import Failure
@@ -96,15 +96,15 @@ def test_what_went_wrong_before_the_time_was_up_is_the_solver_s(wrong):
 )
 def test_a_run_without_an_answer_is_the_solver_s_fault_only_where_it_failed(status, word):
     outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6))
-    outcome.failure = Failure(status, "why")
+    outcome = replace(outcome, failure=Failure(status, "why"))
     assert record(outcome, expected()).run["verdict"] == word
 
 
 def test_every_transition_says_what_became_of_it_and_what_the_verdict_rests_on():
     outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6))
-    outcome.trajectory = trajectory((*found()[:2], *found()[3:], crossing(4.5)))
+    outcome = replace(outcome, trajectory=trajectory((*found()[:2], *found()[3:], crossing(4.5))))
     truth = expected()
-    score_outcome(outcome, truth)
+    outcome = scored(outcome, truth)
     rows = record(outcome, truth).transitions
     assert [row["outcome"] for row in rows] == ["matched", "matched", "missed", "matched", "matched", "spurious"]
     assert [row.get("verdict") for row in rows] == [None, None, "solver defect", None, None, "solver defect"]

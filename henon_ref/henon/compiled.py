@@ -38,6 +38,7 @@ from henon_ref.model.contacts import SwitchedEquations, switched_equations
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced
 from henon_ref.model.system import FilippovSystem
+from henon_ref.processor_time import compiling
 from henon_ref.taylor.tape import Tape, build_tape
 
 SURFACES = 8
@@ -167,7 +168,8 @@ class CompiledSystem:
         """Row of a mode, compiled on first sight; None where the mode has no equations."""
         if mode not in self.index:
             try:
-                made = self._switched.row(mode) if self._switched else self._row(mode)
+                with compiling():
+                    made = self._switched.row(mode) if self._switched else self._row(mode)
             except ModelError:
                 return None
             row = len(self.modes)

@@ -62,8 +62,6 @@ class Engine:
         self.near = NearPrograms(system, self.compiled.places)
         self.closer = CloserLook(system)
         self.scratch = _scratch(self.compiled)
-        self.loading_s = 0.0
-        """Seconds that went into loading functions that stand apart, while a run was waiting: no run's own time."""
         self.several = self.compiled.rows.size > 0
         """Whether the compiled loop decides events of several surfaces."""
         self._settling = settling_space(len(system.states), len(system.surfaces))
@@ -141,6 +139,6 @@ class Engine:
             Of this engine's system.
         sample_times : ndarray, shape (k,), optional
         deadline : float, optional
-            Seconds after which the run stops with status ``timeout``.
+            Processor time after which the run stops with status ``timeout`` [s].
         """
         return Session(self, start, sample_times, deadline).run()

@@ -17,6 +17,7 @@ from henon_ref.henon.registers import L_NUMBERS, L_OPERATIONS, L_PLACED, L_ROWS,
 from henon_ref.henon.window import HALVINGS
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
+from henon_ref.processor_time import compiling
 from henon_ref.taylor.tape import build_tape
 
 
@@ -37,7 +38,8 @@ class NearPrograms:
     def address(self, mode: Mode) -> int:
         """Where it is in memory what :func:`henon_ref.henon.near.look_near` works with in a mode."""
         if mode not in self._made:
-            arrays = self._arrays(mode)
+            with compiling():
+                arrays = self._arrays(mode)
             self._made[mode] = (_register(*arrays), *arrays)
         return int(self._made[mode][0].ctypes.data)
 

@@ -9,8 +9,6 @@ end of a stick. The method is Hénon's, *Physica D* 5 (1982) 412-413.
 
 from __future__ import annotations
 
-import math
-import time
 from collections import deque
 from collections.abc import Iterable, Sequence
 from weakref import WeakKeyDictionary
@@ -27,6 +25,7 @@ from henon_ref.model.equations import TIME, Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import Switching
 from henon_ref.model.system import FilippovSystem
+from henon_ref.processor_time import Deadline, compiling
 from henon_ref.solver import Run
 from henon_ref.trajectory import Counts, Problem, Status, Trajectory, Transition
 
@@ -116,7 +115,8 @@ class _Plan:
 
     def kernel(self, mode: Mode) -> Kernel:
         if mode not in self._kernels:
-            self._kernels[mode] = Kernel(self.problem.system, mode)
+            with compiling():
+                self._kernels[mode] = Kernel(self.problem.system, mode)
         return self._kernels[mode]
 
     def after_event(self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard]) -> Decision:
@@ -145,7 +145,7 @@ class _Integration:
     def __init__(self, plan: _Plan, wanted: Floats, deadline: float | None) -> None:
         problem = plan.problem
         self.plan = plan
-        self.stop_at = math.inf if deadline is None else time.perf_counter() + deadline
+        self.deadline = Deadline(deadline)
         self.time, self.time_low = float(problem.start), 0.0
         self.until = float(problem.until)
         self.x: Floats = np.array([float(v) for v in problem.initial])
@@ -199,7 +199,7 @@ class _Integration:
                 done, last, h = 0, 1, self.until - self.time
                 if h <= 0 or self.time + h == self.time:
                     return "ok", ""
-            elif time.perf_counter() > self.stop_at:
+            elif self.deadline.passed():
                 self._move(done * h)
                 return "timeout", f"out of time at t = {self.time:.17g}"
 
@@ -226,7 +226,7 @@ class _Integration:
         decision = self.plan.after_event(self.time, state, self.mode, hits)
         if decision.mode is not None:
             self._report(decision.mode, hits, state, first.how)
-        if time.perf_counter() > self.stop_at:
+        if self.deadline.passed():
             return "timeout", f"out of time at t = {self.time:.17g}"
         return decision
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from struct import Struct
 from typing import TYPE_CHECKING, cast
@@ -60,6 +59,7 @@ from henon_ref.jit import in_python
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
 from henon_ref.model.switching import ZERO
+from henon_ref.processor_time import Deadline, compiling
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ class Session(State):
         Of one system.
     sample_times : ndarray, shape (k,), optional
     deadline : float, optional
-        Seconds after which the run stops with status ``timeout``.
+        Processor time after which the run stops with status ``timeout`` [s], what is compiled in the run apart.
     block : int
         Transitions kept in one block of memory, CHUNK at most; 1 to stop at each.
 
@@ -128,11 +128,13 @@ class Session(State):
 
     def run(self) -> Trajectory:
         """Go to the horizon (or to where the run ends before it)."""
-        deadline, engine = self.deadline, self.engine
-        began = 0.0 if deadline is None else time.perf_counter() - engine.loading_s
+        end = self._advance()
+        if end is not None:  # short, as most are: no clock is needed
+            return end
+        deadline = Deadline(self.deadline)
         while (end := self._advance()) is None:
-            if deadline is not None and time.perf_counter() - began - engine.loading_s > deadline:
-                return self._end("timeout", f"stopped after {deadline:g} s at t = {self.time:.17g}")
+            if deadline.passed():
+                return self._end("timeout", f"stopped after {self.deadline:g} s at t = {self.time:.17g}")
         return end
 
     def stream(self) -> Iterator[TransitionBlock]:
@@ -211,10 +213,9 @@ class Session(State):
 
     def _load(self) -> None:
         """Load a function that the loop has not found."""
-        began = time.perf_counter()
-        load(self.integers.item(I_MISSING))
+        with compiling():
+            load(self.integers.item(I_MISSING))
         self.integers[I_MISSING] = 0
-        self.engine.loading_s += time.perf_counter() - began
 
     def _closest_look(self) -> bool:
         """Go to a doubtful event in multiprecision; True if there is an event to resolve there.

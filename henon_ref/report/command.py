@@ -86,8 +86,6 @@ def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unme
     failures: list[str] = []
     tallies: list[Tally] = []
     demands = dict.fromkeys(request.required, Demand())
-    if request.figures:
-        preload()
     environment()
     origin = provenance(rerun_command(request))
 
@@ -100,7 +98,7 @@ def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unme
 
     with Shown() as shown:
         draw = figure_job if request.figures else None
-        compare_all(cases, options, deliver, draw=draw, observer=shown)
+        compare_all(cases, options, deliver, draw=draw, ready=preload, observer=shown)
         if request.whole:
             written += experiments(cases, options, origin, request.out, shown)
     with locked_for_a_moment(request.out):

@@ -10,14 +10,14 @@ from henon_ref.model.case import Reading
 from henon_ref.score.metrics import Expected
 from henon_ref.score.results import ReadingResult
 from henon_ref.score.rows import Record
-from henon_ref.score.runjob import DRAWN, Samples
-from henon_ref.score.worker import Stages
+from henon_ref.score.runjob import Samples
+from henon_ref.score.worker import Job, WorkerState
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DRAW_SECONDS = 120.0
-"""Time that a reading's figures may take [s]."""
+"""Processor time that a reading's figures may take [s]."""
 PORTRAIT, MODES, ERRORS, COST = "portrait", "modes", "errors", "cost"
 """The figures of a reading, as their file names name them."""
 READINGS = "readings.svg"
@@ -25,8 +25,8 @@ READINGS = "readings.svg"
 
 
 @dataclass(frozen=True)
-class FigureJob:
-    """Draw the figures of one reading."""
+class FigureJob(Job):
+    """Draw the figures of one reading; the result is the files, by name."""
 
     content: Reading
     expected: Expected | None
@@ -42,8 +42,8 @@ class FigureJob:
     def seconds(self) -> float:
         return DRAW_SECONDS
 
-    def stages(self) -> Stages:
-        yield DRAWN, {file_name(self.reading, kind): svg(drawn) for kind, drawn in self._figures().items()}
+    def run(self, state: WorkerState) -> dict[str, bytes]:
+        return {file_name(self.reading, kind): svg(drawn) for kind, drawn in self._figures().items()}
 
     def _figures(self) -> dict[str, Figure]:
         from henon_ref.report.cost_figure import draw_cost
@@ -83,9 +83,10 @@ def svg(figure: Figure) -> bytes:
 
 def preload() -> None:
     """Import what drawing needs, so that workers forked from here on have it, and nobody waits for it."""
-    import matplotlib.backends.backend_svg
-    import matplotlib.figure
-    import matplotlib.lines  # noqa: F401
     from matplotlib.mathtext import MathTextParser
+
+    import henon_ref.report.cost_figure
+    import henon_ref.report.errors_figure
+    import henon_ref.report.motion  # noqa: F401
 
     MathTextParser("path").parse("$x$")  # makes the grammar, and finds the fonts

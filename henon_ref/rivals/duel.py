@@ -1,24 +1,22 @@
-"""A reading's matches, timed in turn behind the fence."""
+"""A reading's matches, timed in turn by a worker."""
 
 from __future__ import annotations
 
 import logging
 import math
-from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from henon_ref import registry
 from henon_ref.columns import Row
 from henon_ref.rivals.match import Entry, Match
-from henon_ref.score.fence import Answer, Fence, Lane
 from henon_ref.score.metrics import Expected, score
 from henon_ref.score.options import Observer, Options
+from henon_ref.score.pool import Jobs, WorkerPool
 from henon_ref.score.timing import median_interval
 from henon_ref.score.turns import Turns, in_turn
 from henon_ref.score.verdict import RIGHT
-from henon_ref.score.worker import Failure, Job, Stages
+from henon_ref.score.worker import Failure, Job, WorkerState
 from henon_ref.solver import Run
 from henon_ref.trajectory import Problem
 
@@ -35,16 +33,13 @@ FEWEST, MOST = 9, 200
 TURN = 1e-3
 """Seconds for which a short run is repeated when it is its turn."""
 PREPARE_SECONDS = 300.0
-"""Time that a duel's preparation may take [s]."""
-KIN = "duels"
-TIMED = "timed"
-"""Stage of the message with the rows."""
+"""Processor time that a duel's preparation may take [s]."""
 
 _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Duel:
+class Duel(Job):
     """Time the settings of matches on one reading in turn, and set them against each other."""
 
     case: str
@@ -76,11 +71,10 @@ class Duel:
 
     @property
     def seconds(self) -> float:
-        """Time until the message [s]."""
         return PREPARE_SECONDS + 10.0 * (self.rounds + 1) * self.round_s
 
-    def stages(self) -> Stages:
-        """Rows of all matches at once, and which rivals have not been timed, a sentence each."""
+    def run(self, state: WorkerState) -> tuple[list[Row], list[str]]:
+        """Rows of all matches, and which rivals have not been timed, a sentence each."""
         runs = {entry: self._prepared(entry) for entry in self.entries}
         matches, refused = self.matches, []
         if self.expected is not None:
@@ -89,7 +83,7 @@ class Duel:
             matches = _able(matches, digits)
         timed = dict.fromkeys(entry for match in matches for entry in (*match.own, *match.rival))
         times = in_turn({entry: runs[entry] for entry in timed}, rounds=self.rounds, turn=TURN)
-        yield TIMED, ([self._row(match, times) for match in matches], refused)
+        return [self._row(match, times) for match in matches], refused
 
     def _prepared(self, entry: Entry) -> Run:
         own = entry.setting
@@ -145,7 +139,7 @@ def _refused(matches: Sequence[Match], digits: Mapping[Entry, float]) -> Iterato
 
 
 def fight(duels: Mapping[str, Sequence[Duel]], options: Options, observer: Observer) -> tuple[list[Row], list[str]]:
-    """Time duels, those of one case by one worker; their rows, and what could not be timed, a sentence each.
+    """Time duels, each by one worker; their rows, and what could not be timed, a sentence each.
 
     Parameters
     ----------
@@ -155,34 +149,22 @@ def fight(duels: Mapping[str, Sequence[Duel]], options: Options, observer: Obser
         Processes and memory are taken from it.
     observer : Observer
     """
-    heard = _Heard(observer)
-    lanes = [Lane(case, deque(jobs), kin=KIN) for case, jobs in duels.items() if jobs]
-    Fence(processes=options.processes, memory=options.memory).run(lanes, heard)
-    return [row for case in duels for row in heard.rows if row["case"] == case], heard.failed
+    rows: list[Row] = []
+    failed: list[str] = []
 
+    def timed(own: Sequence[Duel]) -> Jobs:
+        for duel in own:
+            result = yield duel
+            if isinstance(result, Failure):
+                whom = ", ".join(dict.fromkeys(match.against for match in duel.matches))
+                failed.append(f"{duel.case}, {duel.reading}, against {whom}: {result.reason}")
+                _LOG.info("cannot be timed in turn: %s", failed[-1])
+            else:
+                rows.extend(result[0])
+                failed.extend(result[1])
 
-class _Heard:
-    """Collects the rows."""
-
-    def __init__(self, observer: Observer) -> None:
-        self.observer = observer
-        self.rows: list[Row] = []
-        self.failed: list[str] = []
-
-    def receive(self, lane: Lane, job: Job, stage: str, payload: Any) -> Answer:
-        """A duel's rows are in."""
-        rows, refused = payload
-        self.rows += rows
-        self.failed += refused
-        return Answer(None, job.seconds)
-
-    def finished(self, lane: Lane, job: Job, failure: Failure | None) -> None:
-        """A duel is over."""
-        if failure is not None and isinstance(job, Duel):
-            whom = ", ".join(dict.fromkeys(match.against for match in job.matches))
-            self.failed.append(f"{job.case}, {job.reading}, against {whom}: {failure.reason}")
-            _LOG.info("cannot be timed in turn: %s", self.failed[-1])
-
-    def tick(self) -> None:
-        """Some time has passed."""
-        self.observer.tick()
+    pool = WorkerPool(workers=options.processes, memory=options.memory)
+    for own in duels.values():
+        pool.add("duels", timed(own))
+    pool.run(observer.tick)
+    return [row for case in duels for row in rows if row["case"] == case], failed

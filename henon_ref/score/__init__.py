@@ -1,1 +1,1 @@
-"""Scoring: transitions matched against the truth, errors, timing, and the fence each run stands behind."""
+"""Scoring: transitions matched against the truth, errors, timing, and the pool of workers that does the runs."""

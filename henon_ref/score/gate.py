@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from henon_ref.columns import Row
 from henon_ref.model.case import Gate, Reading
+from henon_ref.score.rows import REPEATED
 
 
 class LeftOut(NamedTuple):
@@ -144,7 +145,7 @@ class Demand:
 def demand(solver: str, rows: Sequence[Row]) -> Demand:
     """Whether a solver is right in every reading of a case, at its tightest setting.
 
-    What it does not support, and what is ill-conditioned, not unique or out of time, is not judged.
+    What it does not support, and what is ill-conditioned, not unique or out of time by its own word, is not judged.
     """
     found = Demand()
     by_reading: dict[object, list[Row]] = {}
@@ -156,6 +157,8 @@ def demand(solver: str, rows: Sequence[Row]) -> Demand:
         words = f"{row['case']}: {reading}: {solver}{_setting(row)}: {_status(row)}"
         if row["status"] == "unavailable":
             found += Demand(failures=(words,))
+        elif REPEATED in str(row["status_reason"]):  # right once, and then a crash, or a deadline ignored
+            found += Demand(judged=1, failures=(words,))
         elif row["verdict"] == "right":
             found += Demand(right=1, judged=1)
         elif row["verdict"] == "solver defect":

@@ -38,11 +38,11 @@ class Options:
     repeats: int | None = None
     """Timing samples a row; None: as many as fit a fraction of a second."""
     timeout: float = 10.0
-    """Seconds one run may take."""
+    """Processor time that one run may take [s]."""
     processes: int = 2
     """Runs at work at once."""
     memory: int = 4 * 2**30
-    """Bytes one worker may hold."""
+    """Bytes one worker may hold, with all that it has started."""
     folder: Path | None = None
     """Where journals are kept, a folder a case; None: no journal."""
     resume: bool = False
@@ -86,18 +86,11 @@ MOST_DRAWN = 6
 """Readings of a case that figures are drawn for; a family of dozens would be a heap of look-alikes."""
 
 
-class ReadingJob(Job, Protocol):
-    """A job that belongs to a reading."""
-
-    @property
-    def reading(self) -> str: ...
-
-
 Deliver = Callable[[Case, list[ReadingResult], list[Record]], None]
 """Takes a case, its readings' results and its rows, once the last of them is in."""
 
-Draw = Callable[[ReadingResult, list[Record]], ReadingJob]
-"""Makes the job that draws a reading's figures."""
+Draw = Callable[[ReadingResult, list[Record]], Job]
+"""Makes the job that draws a reading's figures: its result is the files, by name."""
 
 
 class Observer(Protocol):

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import groupby
+from dataclasses import dataclass
 
 from henon_ref import registry
 from henon_ref.errors import CaseError
 from henon_ref.model.case import Case, Reading
-from henon_ref.score.fence import Lane
 from henon_ref.score.journal import Journal, reading_key, row_key
-from henon_ref.score.options import MOST_DRAWN, Options, ReadingJob
+from henon_ref.score.options import MOST_DRAWN, Options
 from henon_ref.score.results import CaseState, ReadingResult
-from henon_ref.score.runjob import RunJob, SampleJob, most_transitions, sample_times
+from henon_ref.score.runjob import SampleJob, sample_times
 from henon_ref.score.settings import Setting, settings, state_scale
 from henon_ref.score.truthjob import Statement
 from henon_ref.solver import Solver
@@ -23,18 +20,17 @@ SAMPLERS = ("henon", "scipy-dop853")
 """Solvers that draw the motion for the figures: the first that can."""
 
 
-@dataclass(eq=False)
-class CaseLane(Lane):
-    """A lane that knows its case."""
+@dataclass(frozen=True)
+class Ladder:
+    """What one solver is still to run on one reading."""
 
-    state: CaseState | None = None
-
-    @property
-    def case(self) -> CaseState:
-        """The case that the lane belongs to."""
-        if self.state is None:
-            raise TypeError(f"the lane {self.name} belongs to no case")
-        return self.state
+    result: ReadingResult
+    name: str
+    """Name of the solver."""
+    solver: str | Solver
+    """The solver, or the name under which a worker finds it."""
+    settings: tuple[Setting, ...]
+    """From the loosest to the tightest."""
 
 
 def check_solvers(cases: Sequence[Case], options: Options) -> None:
@@ -92,33 +88,26 @@ def _restarted(solver: str, options: Options) -> list[str]:
     return [registry.with_restart(solver, habit) for habit in options.restarts] or [solver]
 
 
-def case_lanes(
-    case: Case, statements: dict[tuple[str, str], Statement], options: Options, *, figures: bool
-) -> tuple[CaseState, list[CaseLane]]:
-    """One lane a solver (or, where those are few, a solver and reading), the slow ones first.
-
-    A row that the journal has is taken from there.
-    """
+def case_state(case: Case, statements: dict[tuple[str, str], Statement], options: Options) -> CaseState:
+    """What is known of a case before it runs."""
     journal = Journal(options.folder / case.name, resume=options.resume) if options.folder else None
     results = {
         reading.name: ReadingResult(reading, statements[case.name, reading.name])
         for reading in case.readings
         if chosen_solvers(reading, options)
     }
-    state = CaseState(case, results, journal)
-    jobs: dict[str, deque[ReadingJob]] = {}
-    for result in results.values():
-        key = reading_key(case.name, result.reading, result.expected)
-        for name, solver in chosen_solvers(result.reading, options).items():
-            jobs.setdefault(name, deque()).extend(_run_jobs(state, result, key, name, solver, options))
-        if figures and reading_is_drawn(state, result):
-            jobs.setdefault(SAMPLERS[0], deque()).append(sample_job(result, SAMPLERS[0], options))
-    state.pending = Counter(job.reading for queue in jobs.values() for job in queue)
-    # The registry names the fast solvers first: begun last, they fill the gaps that the slow ones leave.
-    queues = [(name, queue) for name, queue in reversed(jobs.items()) if queue]
-    if len(queues) < options.processes:
-        queues = [(name, deque(own)) for name, queue in queues for _, own in groupby(queue, lambda job: job.reading)]
-    return state, [CaseLane(case.name, deque(queue), f"{case.name} {name}", state=state) for name, queue in queues]
+    return CaseState(case, results, journal)
+
+
+def ladders(state: CaseState, result: ReadingResult, options: Options) -> list[Ladder]:
+    """What is to be run on a reading; rows that the journal has are taken from there."""
+    key = reading_key(state.case.name, result.reading, result.expected)
+    found: list[Ladder] = []
+    for name, solver in chosen_solvers(result.reading, options).items():
+        waiting = _settings_to_run(state, result, key, name, solver, options)
+        if waiting:
+            found.append(Ladder(result, name, solver, waiting))
+    return found
 
 
 def reading_is_drawn(state: CaseState, result: ReadingResult) -> bool:
@@ -126,16 +115,14 @@ def reading_is_drawn(state: CaseState, result: ReadingResult) -> bool:
     return list(state.results.values()).index(result) < MOST_DRAWN
 
 
-def _run_jobs(
+def _settings_to_run(
     state: CaseState, result: ReadingResult, key: str, name: str, solver: str | Solver, options: Options
-) -> list[RunJob]:
-    """The runs of one solver on one reading (of this :func:`reading_key`) still to be made, loosest first."""
+) -> tuple[Setting, ...]:
+    """The settings of one solver on one reading (of this :func:`reading_key`) without a row, loosest first."""
     reading = result.reading
-    fixed = registry.fixed_step(solver) if isinstance(solver, str) else solver.fixed_step
-    most = most_transitions(0 if result.expected is None else len(result.expected.transitions))
-    jobs: list[RunJob] = []
+    waiting: list[Setting] = []
     for setting in settings(
-        fixed_step=fixed,
+        fixed_step=registry.fixed_step(solver) if isinstance(solver, str) else solver.fixed_step,
         tolerances=options.tolerances or reading.tolerances,
         steps=reading.steps,
         scale=state_scale(reading.problem, result.expected),
@@ -151,12 +138,11 @@ def _run_jobs(
             timed=options.timed,
         )
         kept = state.journal.get(state.keys[slot]) if state.journal else None
-        if kept is not None:
+        if kept is None:
+            waiting.append(setting)
+        else:
             state.rows[slot] = kept
-            continue
-        run = RunJob(reading.name, name, solver, reading.problem, setting, options.timeout, options.repeats, most)
-        jobs.append(replace(run, cold=not jobs))
-    return jobs
+    return tuple(waiting)
 
 
 def sample_job(result: ReadingResult, name: str, options: Options) -> SampleJob:
@@ -170,4 +156,4 @@ def sample_job(result: ReadingResult, name: str, options: Options) -> SampleJob:
     )
     rtol = min(options.tolerances or result.reading.tolerances)
     setting = Setting(rtol=rtol, atol=rtol * state_scale(problem, expected))
-    return SampleJob(result.reading.name, name, name, problem, setting, times, options.timeout)
+    return SampleJob(name, problem, setting, times, options.timeout)

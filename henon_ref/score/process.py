@@ -1,104 +1,95 @@
-"""Worker processes: how they are begun and ended, and what they hold.
-
-A program that has chosen multiprocessing's fork server, as the command has (:mod:`henon_ref.score.nursery`), has its
-workers from there. Else they are forked on Linux while the caller has a single thread; elsewhere they are spawned, and
-a script that begins one needs the usual ``if __name__ == "__main__"`` guard.
-"""
+"""A worker's process: what goes to it and comes from it, what it holds and has used, and how it ends."""
 
 from __future__ import annotations
 
-import multiprocessing
 import os
+import select
 import signal
-import sys
-import tempfile
-import threading
-import warnings
-from multiprocessing.context import BaseContext
-from multiprocessing.process import BaseProcess
-from pathlib import Path
-from typing import IO
+import time
+from contextlib import suppress
 
+from henon_ref.score.channel import Channel
+from henon_ref.score.forkserver import ForkServer
 from henon_ref.score.plaintext import plain_text
-from henon_ref.score.worker import Descriptor, serve
+from henon_ref.score.procfs import KNOWN, family, kill_family, own_bytes, processor_seconds, resident_bytes
+from henon_ref.score.worker import Failure, Job
 
 LOG_TAIL = 4000
-"""Bytes of a dead worker's output that are searched for its last words."""
+"""Bytes of a worker's output that are kept, for its last words."""
+_AT_ONCE = 1 << 16
 
 
-class Process:
-    """A worker's process, and the parent's end of its connection.
+class WorkerProcess:
+    """A worker, from the pool's side.
 
     Parameters
     ----------
+    server : ForkServer
+        Begins it, in its own time.
     memory : int
-        Bytes that it may hold.
-    here : bool
-        Whether to fork it from this process where that can be, so that it has all that this has imported.
+        Bytes that it may allocate.
     """
 
-    def __init__(self, memory: int, *, here: bool = False) -> None:
-        context = _context(here=here)
-        self.log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in stop()
-        self.connection, theirs = multiprocessing.Pipe()
-        log = None if sys.platform == "win32" else Descriptor(self.log.fileno())
-        self._process: BaseProcess = context.Process(  # type: ignore[attr-defined]
-            target=serve, args=(theirs, memory, log), daemon=True
-        )
-        with warnings.catch_warnings():
-            # BLAS keeps threads of its own, which survive a fork by its own handlers.
-            warnings.simplefilter("ignore", DeprecationWarning)
-            self._process.start()
-        theirs.close()
-        self._began_with = self.resident or 0
+    def __init__(self, server: ForkServer, memory: int) -> None:
+        self.channel = Channel()
+        self.log, theirs = os.pipe()
+        os.set_blocking(self.log, False)
+        server.fork(self.channel.theirs, theirs, memory)
+        os.close(theirs)
+        self.channel.theirs.close()
+        self.pid: int | None = None
+        """Its process; None until the server has begun it."""
+        self.ended: int | None = None
+        """Exit status, once it has ended."""
+        self.asked = time.monotonic()
+        self.began_with = 0
+        self.prepared: Job | None = None
+        """The job whose preparation it holds."""
+        self._tail, self._silent = b"", False
 
     @property
-    def resident(self) -> int | None:
-        """Bytes that it holds; None where the system does not tell."""
-        return resident_bytes(self._process.pid)
+    def resident(self) -> int:
+        """Bytes that it holds, with all that it has started."""
+        return resident_bytes(family(self.pid)) if KNOWN and self.pid else 0
 
     @property
-    def grown(self) -> int:
-        """Bytes that it holds beyond those that it began with (a fork begins with its parent's)."""
-        return (self.resident or 0) - self._began_with
+    def own(self) -> int:
+        """The same, what they share counted once (slower to tell)."""
+        return own_bytes(family(self.pid)) if KNOWN and self.pid else 0
 
-    def ended(self) -> int | None:
-        """Exit status of a process whose connection has broken; None where it has not ended."""
-        self._process.join(timeout=5)
-        return self._process.exitcode
+    @property
+    def used(self) -> float:
+        """Processor time that it has used, with all that it has started [s]."""
+        return processor_seconds(family(self.pid)) if KNOWN and self.pid else 0.0
+
+    def register(self, poll: select.poll) -> None:
+        """Have what it sends and prints looked for, and room for what it is sent."""
+        if not self.channel.closed:
+            poll.register(self.channel, select.POLLIN | (select.POLLOUT if self.channel.waiting else 0))
+        if not self._silent:
+            poll.register(self.log, select.POLLIN)
+
+    def read_log(self) -> None:
+        """Take what it has printed, and keep the end of that."""
+        with suppress(BlockingIOError):
+            printed = os.read(self.log, _AT_ONCE)
+            self._silent = not printed
+            self._tail = (self._tail + printed)[-LOG_TAIL:]
+
+    def crash(self) -> Failure:
+        """What it died of."""
+        how = f"the worker ended with code {self.ended}"
+        if self.ended is not None and self.ended < 0:
+            how = f"the library was ended by signal {signal.Signals(-self.ended).name}"
+        self.read_log()
+        lines = map(plain_text, self._tail.decode(errors="replace").split("\n"))
+        words = next((line for line in reversed([*lines]) if line), "")
+        return Failure("failed", f"{how}: {words}" if words else how)
 
     def stop(self) -> None:
-        """Kill the process and everything it started."""
-        pid = self._process.pid
-        try:
-            os.killpg(pid, signal.SIGKILL)  # type: ignore[arg-type]
-        except (ProcessLookupError, PermissionError):  # it is gone, or has not made its group yet
-            self._process.kill()
-        self._process.join()
-        self._process.close()
-        self.connection.close()
-        self.log.close()
-
-    def last_words(self) -> str:
-        """The last line that the process printed, for the reason of a crash."""
-        size = self.log.seek(0, os.SEEK_END)
-        self.log.seek(max(0, size - LOG_TAIL))
-        lines = map(plain_text, self.log.read().decode(errors="replace").split("\n"))
-        return next((line for line in reversed([*lines]) if line), "")
-
-
-def resident_bytes(pid: int | None) -> int | None:
-    """Memory that a process holds; None where the system does not tell."""
-    try:
-        pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
-    except (OSError, IndexError):
-        return None
-    return pages * os.sysconf("SC_PAGE_SIZE")
-
-
-def _context(*, here: bool) -> BaseContext:
-    served = multiprocessing.get_start_method(allow_none=True) == "forkserver"
-    forkable = sys.platform == "linux" and threading.active_count() == 1
-    if served and not (here and forkable):
-        return multiprocessing.get_context("forkserver")
-    return multiprocessing.get_context("fork" if forkable else "spawn")
+        """Kill it and everything it has started."""
+        if self.pid is not None and self.ended is None:
+            kill_family(self.pid)
+        self.channel.close()
+        with suppress(OSError):
+            os.close(self.log)

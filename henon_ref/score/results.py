@@ -27,6 +27,8 @@ class ReadingResult:
     samples: Samples | None = None
     """The motion on a grid of times, where figures are asked for and a solver could sample."""
     sampled_by: str = ""
+    drawn: bool = False
+    """Whether its figures have been asked for."""
     figures: dict[str, bytes] = field(default_factory=dict)
     """File name -> SVG."""
     figures_reason: str = ""
@@ -49,7 +51,7 @@ class CaseState:
     keys: dict[Slot, str] = field(default_factory=dict)
     """Journal key of every row that is to be made."""
     pending: Counter[str] = field(default_factory=Counter)
-    """Reading -> jobs still to come."""
+    """Reading -> sequences of jobs that are not over."""
     delivered: bool = False
 
     def keep(self, slot: Slot, record: Record) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from henon_ref.columns import RUN_COLUMNS, STICK_COLUMNS, Row
 from henon_ref.model.case import Reading
@@ -22,12 +22,14 @@ SCORED = ("ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "failed"
 """Statuses of runs that have an answer, whole or in part."""
 
 FAILURES = {"unsupported": "not run", "unavailable": "not run", "timeout": "not judged"}
-"""Verdicts on runs without an answer, by status; any other is the solver's fault."""
+"""Verdicts on runs without an answer, by status; any other is the solver's fault, and so is an ignored deadline."""
+REPEATED = "a repeated run ended otherwise than the first one, "
+"""How a row's reason tells of that."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Outcome:
-    """Everything that is known of one run, filled in stage by stage."""
+    """Everything that is known of one run."""
 
     case: str
     reading: Reading
@@ -44,6 +46,12 @@ class Outcome:
     """What happened after the answer, when the run was repeated for its wall time."""
     score: Score | None = None
 
+    @property
+    def timed_out(self) -> bool:
+        """Whether it took too long, by its own word or by ours."""
+        known = self.failure or self.trajectory
+        return known is not None and known.status == "timeout"
+
 
 @dataclass(frozen=True)
 class Record:
@@ -55,14 +63,15 @@ class Record:
     samples: list[float] = field(default_factory=list)
 
 
-def score_outcome(outcome: Outcome, expected: Expected | None) -> None:
-    """Score the outcome's trajectory, where there is one and something to score it against."""
-    if outcome.trajectory is not None and expected is not None:
-        outcome.score = score(outcome.trajectory, expected, tolerance=outcome.setting.rtol)
+def scored(outcome: Outcome, expected: Expected | None) -> Outcome:
+    """The outcome with its trajectory's score, where there is one and something to score it against."""
+    if outcome.trajectory is None or expected is None:
+        return outcome
+    return replace(outcome, score=score(outcome.trajectory, expected, tolerance=outcome.setting.rtol))
 
 
 def record(outcome: Outcome, expected: Expected | None) -> Record:
-    """The rows of one outcome; :func:`score_outcome` comes first."""
+    """The rows of one outcome; :func:`scored` comes first."""
     identity: Row = {
         "case": outcome.case,
         "reading": outcome.reading.name,
@@ -98,7 +107,8 @@ def _run_row(outcome: Outcome, expected: Expected | None, identity: Row, stick_r
         row.update(max_stick_error_s=max(errors, default=None))
     if outcome.failure is not None:
         row.update(status=outcome.failure.status, status_reason=outcome.failure.reason or None)
-        row.update(verdict=FAILURES.get(outcome.failure.status, "solver defect"))
+        forgiven = None if outcome.failure.ignored else FAILURES.get(outcome.failure.status)
+        row.update(verdict=forgiven or "solver defect")
     if outcome.repeat_failure is not None:
         row.update(status_reason=_and_then(row["status_reason"], outcome.repeat_failure))
     timing = summarise(outcome.samples)
@@ -110,7 +120,7 @@ def _run_row(outcome: Outcome, expected: Expected | None, identity: Row, stick_r
 
 def _and_then(reason: object, failure: Failure) -> str:
     """The reason of a row, and what happened when its run was repeated."""
-    how = f"a repeated run ended otherwise than the first one, {failure.status}: {failure.reason}"
+    how = f"{REPEATED}{failure.status}: {failure.reason}"
     return plain_text(f"{reason}; {how}" if reason else how)
 
 

@@ -1,37 +1,40 @@
-"""The jobs that a worker does: a solver's run with its timing, and the samples that figures are drawn from."""
+"""The jobs that a solver's row is made of, done by one worker: prepare, run, time; and the samples for figures.
+
+What the first one prepares stays in the worker, for the others; whether it is worth timing is decided in between.
+"""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from time import perf_counter
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref import registry
 from henon_ref.model.modes import Mode
+from henon_ref.processor_time import run_time
 from henon_ref.score.returned import check_prepared, check_returned
 from henon_ref.score.settings import Setting
 from henon_ref.score.timing import repeat
-from henon_ref.score.worker import Stages
-from henon_ref.solver import Solver
+from henon_ref.score.worker import Job, WorkerState
+from henon_ref.solver import Run, Solver
 from henon_ref.trajectory import Problem, Trajectory
 
 PREPARE_SECONDS = 120.0
-"""Time that the preparation of a run may take [s]."""
-LOADING_SECONDS = 20.0
-"""Time that a first run of a reading may take for what its preparation could not foresee (compiling, loading) [s]."""
+"""Processor time that the preparation of a run may take [s]."""
 BUDGET = 0.3
 """Seconds that the samples of one row may take where the caller does not say how many to take."""
 FOLD, SPARE = 10, 100_000
-"""A run may return so many times the truth's transitions, and so many more: scoring takes time outside of the fence."""
+"""A run may return so many times the truth's transitions, and so many more: scoring takes the caller's own time."""
 MOST_SHOWN = 40
 """Transitions in a figure of the motion; more cannot be told apart."""
 SAMPLE_COUNT = 1201
 """Points of a curve in a figure."""
-PREPARED, RAN, TIMED, SAMPLED, DRAWN = "prepared", "ran", "timed", "sampled", "drawn"
-"""Stages of the messages."""
+KEPT = "run"
+"""Name under which a worker keeps what it has prepared."""
 
 
 @dataclass(frozen=True)
@@ -49,62 +52,100 @@ class Ran:
 
     trajectory: Trajectory
     wall_s: float
+    """Without what was compiled in it [s]."""
 
 
 @dataclass(frozen=True)
-class RunJob:
-    """One row: prepare, run, and once the answer has been checked, time."""
+class PrepareJob(Job):
+    """Prepare a run, and keep it; the result is :class:`Prepared`."""
 
-    reading: str
-    """Name of the reading."""
-    name: str
-    """Name of the solver."""
+    prepares: ClassVar[bool] = True
+
     solver: str | Solver
     """The solver, or the name under which the worker finds it."""
     problem: Problem
     setting: Setting
     timeout: float
-    """Seconds that one run may take."""
-    repeats: int | None
-    """Samples to time; None: as many as fit the budget."""
-    most: int
-    """Transitions that it may return."""
-    cold: bool = False
-    """The solver's first run of this reading: whatever it loads on the way is not what a run costs."""
+    """Processor time that one run may take [s]."""
 
     @property
     def seconds(self) -> float:
         return PREPARE_SECONDS
 
-    @property
-    def grace(self) -> float:
-        """Seconds after which a run that does not keep its deadline is stopped from outside."""
-        return 1.25 * self.timeout + 1.0 + (LOADING_SECONDS if self.cold else 0.0)
-
-    def timing_seconds(self, first: float) -> float:
-        """Time that all samples may take, given the first run's."""
-        return 5.0 + 4.0 * (BUDGET + first * (self.repeats or 3))
-
-    def stages(self) -> Stages:
-        chosen = registry.solver(self.solver) if isinstance(self.solver, str) else self.solver
+    def run(self, state: WorkerState) -> Prepared:
+        state.kept.clear()
+        chosen = _found(self.solver)
         version = chosen.version
-        begin = time.perf_counter()
-        run = chosen.prepare(
-            self.problem,
-            rtol=self.setting.rtol,
-            atol=self.setting.atol,
-            step=self.setting.step,
-            deadline=self.timeout,
-        )
-        took = time.perf_counter() - begin
+        begin = perf_counter()
+        run = _prepare(chosen, self)
+        took = perf_counter() - begin
         landing, version = check_prepared(run, landing=chosen.landing, version=version)
-        yield PREPARED, Prepared(landing, version, took)
-        begin = time.perf_counter()
-        returned = run()
-        first = time.perf_counter() - begin
-        again = yield RAN, Ran(check_returned(returned, self.problem, most=self.most), first)
-        if again:
-            yield TIMED, repeat(run, first=first, repeats=self.repeats, budget=BUDGET, cold=self.cold)
+        state.kept[KEPT] = run, self.problem
+        return Prepared(landing, version, took)
+
+
+@dataclass(frozen=True)
+class RunJob(Job):
+    """Do the prepared run once; the result is :class:`Ran`."""
+
+    rests: ClassVar[bool] = True
+
+    timeout: float
+    most: int
+    """Transitions that it may return."""
+
+    @property
+    def seconds(self) -> float:
+        """One that does not keep its deadline is stopped a little later."""
+        return 1.25 * self.timeout + 1.0
+
+    def run(self, state: WorkerState) -> Ran:
+        run, problem = _kept(state)
+        with state.off_the_clock():
+            begin = run_time()
+            returned = run()
+            took = run_time() - begin
+        return Ran(check_returned(returned, problem, most=self.most), took)
+
+
+@dataclass(frozen=True)
+class TimeJob(Job):
+    """Repeat the prepared run for its wall time; the result is the samples [s]."""
+
+    rests: ClassVar[bool] = True
+
+    first: float
+    """Wall time of the first run [s]."""
+    repeats: int | None
+    """Samples to take; None: as many as fit the budget."""
+    cold: bool
+    """It was the solver's first run of this reading: whatever it loaded on the way is not what a run costs."""
+
+    @property
+    def seconds(self) -> float:
+        """For all samples, given the first run's time."""
+        return 5.0 + 4.0 * (BUDGET + self.first * (self.repeats or 3))
+
+    def run(self, state: WorkerState) -> tuple[float, ...]:
+        run, _ = _kept(state)
+        with state.off_the_clock():
+            return repeat(run, first=self.first, repeats=self.repeats, budget=BUDGET, cold=self.cold)
+
+
+def _found(solver: str | Solver) -> Solver:
+    return registry.solver(solver) if isinstance(solver, str) else solver
+
+
+def _kept(state: WorkerState) -> tuple[Run, Problem]:
+    kept: tuple[Run, Problem] = state.kept[KEPT]
+    return kept
+
+
+def _prepare(solver: Solver, job: PrepareJob | SampleJob, times: NDArray[np.float64] | None = None) -> Run:
+    own = job.setting
+    return solver.prepare(
+        job.problem, rtol=own.rtol, atol=own.atol, step=own.step, sample_times=times, deadline=job.timeout
+    )
 
 
 def most_transitions(exact: int) -> int:
@@ -125,11 +166,9 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class SampleJob:
-    """The trajectory on a grid of times, by one solver at one setting."""
+class SampleJob(Job):
+    """Run on a grid of times, by one solver at one setting; the result is :class:`Samples`, or None where it cannot."""
 
-    reading: str
-    name: str
     solver: str | Solver
     problem: Problem
     setting: Setting
@@ -140,19 +179,12 @@ class SampleJob:
     def seconds(self) -> float:
         return PREPARE_SECONDS + self.timeout
 
-    def stages(self) -> Stages:
-        chosen = registry.solver(self.solver) if isinstance(self.solver, str) else self.solver
+    def run(self, state: WorkerState) -> Samples | None:
         times = np.array(self.times)
-        trajectory = chosen.prepare(
-            self.problem,
-            rtol=self.setting.rtol,
-            atol=self.setting.atol,
-            step=self.setting.step,
-            sample_times=times,
-            deadline=self.timeout,
-        )()
-        if trajectory.samples is not None:
-            yield SAMPLED, Samples(times, trajectory.samples, trajectory.sample_modes)
+        trajectory = _prepare(_found(self.solver), self, times)()
+        if trajectory.samples is None:
+            return None
+        return Samples(times, trajectory.samples, trajectory.sample_modes)
 
 
 def sample_times(start: float, after: float, until: float, transitions: Sequence[float]) -> tuple[float, ...]:

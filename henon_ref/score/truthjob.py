@@ -1,4 +1,4 @@
-"""What a reading is scored against, fetched (or computed, where nothing is stored) behind a fence."""
+"""What a reading is scored against, fetched (or computed, where nothing is stored) by a worker."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING
 
 from henon_ref.model.case import Case, Reading
 from henon_ref.score.metrics import Expected
-from henon_ref.score.worker import Stages
+from henon_ref.score.worker import Job, WorkerState
 
 if TYPE_CHECKING:
     from henon_ref.truth import Truth
 
-KNOWN = "known"
-"""Stage at which the truth is known; its payload is a :class:`Statement`."""
 TRUTH_SECONDS = 900.0
-"""Time that a truth which is not stored may take [s]."""
+"""Processor time that a truth which is not stored may take [s]."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +38,8 @@ class Statement:
 
 
 @dataclass(frozen=True)
-class TruthJob:
-    """Fetch the truth of one reading."""
+class TruthJob(Job):
+    """Fetch the truth of one reading; the result is a :class:`Statement`."""
 
     case: Case
     reading: Reading
@@ -50,8 +48,8 @@ class TruthJob:
     def seconds(self) -> float:
         return TRUTH_SECONDS
 
-    def stages(self) -> Stages:
-        yield KNOWN, statement_of(self.case, self.reading)
+    def run(self, state: WorkerState) -> Statement:
+        return statement_of(self.case, self.reading)
 
 
 def statement_of(case: Case, reading: Reading) -> Statement:

@@ -1,127 +1,115 @@
-"""The inside of a fence: a process of its own that does one job after another and reports each stage.
+"""The inside of a worker: a process of its own that does one job after another, a request and a reply each.
 
-A job is a generator: what it yields goes to the parent as a message, and the parent's answer comes back as the
-value of the ``yield``. Whatever goes wrong in a job, a library's own exceptions included, becomes one last
-message; only a signal ends the worker without one.
+What a job leaves in the worker's state the next one finds there. Whatever goes wrong in a job, a library's own
+exceptions included, becomes its reply; only a signal ends the worker without one.
 """
 
 from __future__ import annotations
 
 import faulthandler
 import gc
-import multiprocessing
 import os
+import pickle
 import signal
+import socket
 import sys
-from collections.abc import Generator
-from dataclasses import dataclass
-from multiprocessing import reduction
-from multiprocessing.connection import Connection
-from types import TracebackType
-from typing import Any, Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
+from henon_ref.processor_time import told_of_compiling
+from henon_ref.score.channel import framed, read_message
 from henon_ref.score.plaintext import plain_text
-from henon_ref.score.upkeep import die_with_parent
+from henon_ref.score.procfs import KNOWN, adopt_orphans, signal_with_parent
 from henon_ref.trajectory import Status
 
-Message = tuple[str, Any]
-"""Stage and payload."""
-Stages = Generator[Message, Any, None]
-
-FAILURE = "failure"
-"""Stage of the message that reports a failure; its payload is a :class:`Failure`."""
-DONE = "done"
-"""Stage of the message that says that the job is done."""
+REPLY, COMPILING = "reply", "compiling"
+"""Kinds of messages: a job's result; and that its run's clock stands still (None) or goes on (seconds it stood)."""
 
 
-class Job(Protocol):
-    """A piece of work for a worker."""
+@dataclass
+class WorkerState:
+    """What a worker keeps from job to job."""
+
+    tell: Callable[[str, Any], None]
+    """Sends a message on the present job to the pool."""
+    kept: dict[str, Any] = field(default_factory=dict)
+    """What jobs leave for those that follow, by name."""
+
+    def off_the_clock(self) -> AbstractContextManager[None]:
+        """Where what is compiled does not count for the deadline of the job."""
+        return told_of_compiling(lambda seconds: self.tell(COMPILING, seconds))
+
+
+class Job(ABC):
+    """A piece of work for a worker; goes into a pickle."""
+
+    prepares: ClassVar[bool] = False
+    """Whether it leaves something in the worker that later jobs rest on."""
+    rests: ClassVar[bool] = False
+    """Whether it rests on what the last job that prepares has left."""
 
     @property
+    @abstractmethod
     def seconds(self) -> float:
-        """Time until its first message [s]."""
-        ...
+        """Its deadline: processor time that the worker, and all that it starts, may use for it [s]."""
 
-    def stages(self) -> Stages:
-        """The work itself, done in the worker."""
-        ...
+    @abstractmethod
+    def run(self, state: WorkerState) -> Any:
+        """Do the work, in the worker; what it returns is the job's result."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a job did not come to its end."""
+    """The result of a job that did not come to its end."""
 
     status: Status
     reason: str
+    ignored: bool = False
+    """The deadline was ignored: the job was stopped from outside."""
 
 
-class Descriptor:
-    """A file descriptor on its way to another process, however that is begun."""
-
-    def __init__(self, number: int) -> None:
-        self.number = number
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _arrived, (reduction.DupFd(self.number),)
-
-
-def _arrived(descriptor: Any) -> Descriptor:
-    return Descriptor(descriptor.detach())
-
-
-def serve(connection: Connection, memory: int, log: Descriptor | None) -> None:
-    """Do jobs until the parent closes the connection.
+def serve(theirs: socket.socket, log: int, memory: int, server: int) -> None:
+    """Do jobs until the pool closes the channel.
 
     Parameters
     ----------
-    connection : Connection
-        Brings jobs and answers, takes messages.
+    theirs : socket
+        The worker's end of a :class:`~henon_ref.score.channel.Channel`.
+    log : int
+        File descriptor that takes the place of standard output and standard error.
     memory : int
         Bytes of data that the worker may allocate.
-    log : Descriptor, optional
-        What takes the place of standard output and standard error; None: they are thrown away.
+    server : int
+        The process that it was forked from.
     """
-    _isolate(memory, log)
+    _isolate(memory, log, server)
     gc.freeze()  # what a fork has brought along stays: it need not be looked through again and again
-    while True:
+    state = WorkerState(lambda kind, value: None)
+    while (request := read_message(theirs)) is not None:
+        token, pickled = request
+        me = os.getpid()
+
+        def tell(kind: str, value: Any, token: bytes = token, me: int = me) -> None:
+            if os.getpid() == me:  # a fork of the worker has nothing to say
+                theirs.sendall(framed(token, pickle.dumps((kind, value), pickle.HIGHEST_PROTOCOL)))
+
+        state.tell = tell
         try:
-            job: Job = connection.recv()
-        except EOFError:
-            return
-        with _Reported(connection):
-            _work(job, connection)
-
-
-def _work(job: Job, connection: Connection) -> None:
-    stages = job.stages()
-    answer: Any = None
-    while True:
+            result = pickle.loads(pickled).run(state)
+        except BaseException as error:  # noqa: BLE001 - a library's failure is a row, not the end of the others
+            result = failure_of(error)
+        if os.getpid() != me:  # a fork that came back out of the solver: it is none
+            os._exit(1)
         try:
-            message = stages.send(answer)
-        except StopIteration:
-            connection.send((DONE, None))
+            tell(REPLY, result)
+        except (BrokenPipeError, ConnectionResetError):
             return
-        connection.send(message)
-        answer = connection.recv()
-
-
-class _Reported:
-    """Turns any exception of a job into a message: a library's failure is a row, not the end of the others."""
-
-    def __init__(self, connection: Connection) -> None:
-        self.connection = connection
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> bool:
-        if error is None or isinstance(error, EOFError | BrokenPipeError):
-            return False
-        self.connection.send((FAILURE, failure_of(error)))
-        return True
+        except Exception as error:  # noqa: BLE001 - whatever the solver's own classes do on the way into a pickle
+            tell(REPLY, failure_of(error))
 
 
 def failure_of(error: BaseException) -> Failure:
@@ -146,34 +134,29 @@ def _said(error: BaseException) -> str:
         return ""
 
 
-def _isolate(memory: int, log: Descriptor | None) -> None:
-    """A session and a process group of its own, quiet, bounded, and never outliving the parent."""
+def _isolate(memory: int, log: int, server: int) -> None:
+    """A session of its own, quiet, bounded, and never outliving the process that it was forked from."""
     faulthandler.disable()  # a crash is told by its signal; the parent's handler would write to its terminal
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    if hasattr(os, "setsid"):
-        os.setsid()
-    if sys.platform == "linux":
-        _die_with_parent()
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    os.setsid()
+    adopt_orphans()
+    signal_with_parent(signal.SIGKILL)
+    if KNOWN and os.getppid() != server:  # it ended before the request was in force
+        os._exit(1)
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:  # as where the shell has closed it
             stream.flush()
-    target = os.open(os.devnull, os.O_WRONLY) if log is None else log.number
-    os.dup2(target, 1)
-    os.dup2(target, 2)
-    if sys.platform != "win32":
-        import resource
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    for descriptor, target in ((nothing, 0), (log, 1), (log, 2)):
+        os.dup2(descriptor, target)
+    os.close(nothing)
+    os.close(log)
+    import resource
 
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        # Not RLIMIT_AS: LLVM and thread stacks reserve far more address space than they use.
-        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-        limit = memory if hard == resource.RLIM_INFINITY else min(memory, hard)
-        resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
-
-
-def _die_with_parent() -> None:
-    """Make sure that this process ends when the one that wants its work does, however that ends."""
-    die_with_parent()
-    parent = multiprocessing.parent_process()
-    if parent is not None and not parent.is_alive():  # it ended before the request was in force
-        os._exit(1)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    # Not RLIMIT_AS: LLVM and thread stacks reserve far more address space than they use.
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    limit = memory if hard == resource.RLIM_INFINITY else min(memory, hard)
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
