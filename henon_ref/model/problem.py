@@ -8,6 +8,7 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.model.bounds import put
 from henon_ref.model.equations import TIME
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.exponents import with_rational_exponents
@@ -101,7 +102,10 @@ def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int,
             message = f"'{name}' is no surface{did_you_mean(name, order)}; surfaces: {listed(order)}"
             raise source.error(path, message, key=True)
         index = order.index(name)
-        side = _side_at_start(problem, problem.system, index)
+        try:
+            side = _side_at_start(problem, problem.system, index)
+        except ModelError as error:
+            raise source.error(path, f"the surface of '{name}' has no value at the start: {error}") from error
         if side not in (0, entry):
             raise source.error(path, f"the start is not on the surface of '{name}', whose sign is {side:+d} there")
         modes[index] = entry
@@ -115,5 +119,5 @@ def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int,
 
 def _side_at_start(problem: Problem, system: FilippovSystem, index: int) -> int:
     at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
-    value = system.numeric(system.surfaces[index]).subs(at, simultaneous=True)
+    value = put(system.numeric(system.surfaces[index]), at)
     return 0 if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo) else exact_sign(value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 import sympy as sp
 
@@ -31,6 +32,7 @@ def symbol(name: str) -> str:
     return f"{head}_{{{index}}}" if index else head
 
 
+@lru_cache(maxsize=1024)
 def latex(expression: sp.Expr) -> str:
     """LaTeX of an expression, begun with a term that has no minus where there is one.
 
