@@ -75,11 +75,6 @@ def _check_rates(exponent: sp.Expr, offset: int) -> None:
             raise ExpressionError(f"the factor {shown(rate)} in an exponent is too large; at most {MAX_RATE}", offset)
 
 
-def is_zero_in_disguise(number: sp.Expr) -> bool:
-    """Whether 100 digits show nothing of a number: SymPy would look for its minimal polynomial, without end."""
-    return number.evalf(5)._prec == 1
-
-
 def check_domain(name: str, argument: sp.Expr, offset: int) -> None:
     """Refuse numbers that a function is not defined at, or that SymPy cannot reduce."""
     if name in ("sin", "cos", "tan") and abs(argument.evalf(_DIGITS)) > MAX_ANGLE:
@@ -120,7 +115,10 @@ def checked(value: sp.Expr, offset: int) -> sp.Expr:
 
 
 def check_constant(value: sp.Expr, offset: int) -> None:
-    """Refuse a number that is not real, not finite, or too large."""
+    """Refuse a number that is not real, not finite, or too large, and a sum that cannot be told from zero.
+
+    Of such a sum 100 digits show nothing: SymPy would look for its minimal polynomial, without end.
+    """
     _check_extent(value, offset)
     if value.has(sp.zoo, sp.nan, sp.oo, -sp.oo):
         raise ExpressionError("division by zero, or another value that is not finite", offset)
@@ -132,6 +130,8 @@ def check_constant(value: sp.Expr, offset: int) -> None:
         number = value.evalf(_DIGITS)
         if not number.is_Float and not number.is_Rational:
             raise ExpressionError(f"the value {shown(value)} is not a real number", offset)
+        if value.is_Add and number.is_Float and number._prec == 1:
+            raise ExpressionError(f"{shown(value)} cannot be told from zero; write 0", offset)
     if abs(number) > LARGEST:
         raise ExpressionError("the value is larger than the largest double, 1.8e308", offset)
 

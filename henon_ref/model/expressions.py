@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 
 import sympy as sp
 
@@ -22,14 +23,12 @@ from henon_ref.model.bounds import (
     check_exponential,
     check_smooth,
     checked,
-    is_zero_in_disguise,
     power,
-    shown,
     terms,
     with_known_functions,
 )
 from henon_ref.model.grammar import CONSTANT_FUNCTIONS, CONSTANTS, FUNCTIONS, MAX_DEPTH, MAX_NESTING, Scanned, scan
-from henon_ref.model.work import IRRATIONAL, Work, key_of
+from henon_ref.model.work import LOOK_UP, OPERATION, SCAN, Work, key_of, names_in
 
 _SYMPY: dict[str, Callable[..., sp.Expr]] = {
     **{name: getattr(sp, name) for name in FUNCTIONS},
@@ -65,9 +64,10 @@ def parse_expression(text: str, names: Mapping[str, sp.Expr], work: Work | None 
         With the offset of what is not allowed and what is.
     """
     work = Work() if work is None else work
+    work.charge(LOOK_UP, 0)
     key = key_of("expression", text, names)
     if key not in work.values:
-        work.values[key] = _smooth(_Walker(scan(text, names), names, work).value())
+        work.values[key] = _smooth(_Walker(_read(text, names, work), names, work).value())
     return work.values[key]
 
 
@@ -96,17 +96,17 @@ def check_sides(text: str, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.
     key = key_of("sides", text, {**names, **signs})
     if key in work.values or not any(name in text for name in signs):
         return
-    walker = _Walker(scan(text, {**names, **signs}), {**names, **signs}, work)
-    delicate = walker.delicate(signs)
+    names = {**names, **signs}
+    read = _read(text, names, work)
+    delicate = _Walker(read, names, work).delicate(signs)
     harmless = {name: symbol for name, symbol in signs.items() if not any(name in found for _, found in delicate)}
     for side in (-1, 1):
-        parse_expression(text, {**names, **signs, **dict.fromkeys(harmless, sp.Integer(side))}, work)
+        parse_expression(text, {**names, **dict.fromkeys(harmless, sp.Integer(side))}, work)
     for node, found in delicate:
         for name in sorted(found):
             for side in (-1, 1):
-                values = {**names, **signs, name: sp.Integer(side)}
                 try:
-                    _Walker(walker.scanned, values, work).of(node)
+                    _Walker(read, {**names, name: sp.Integer(side)}, work).of(node)
                 except ExpressionError as error:
                     raise ExpressionError(f"{error.message} (at {name} = {side:+d})", error.offset) from None
     work.values[key] = sp.S.Zero
@@ -135,36 +135,53 @@ def parse_number(text: str, names: Mapping[str, sp.Expr], work: Work | None = No
         Also where the value is complex, infinite, undefined, or beyond the largest double.
     """
     work = Work() if work is None else work
+    work.charge(LOOK_UP, 0)
     key = key_of("number", text, names)
     if key not in work.values:
-        value = _Walker(scan(text, names, constant=True), names, work).value()
+        value = _Walker(_read(text, names, work, constant=True), names, work).value()
         check_constant(value, 0)
         work.values[key] = value
     return work.values[key]
 
 
-def _reciprocal(quotient: ast.BinOp) -> ast.expr:
-    """1/b of a/b, at the same places in the text."""
-    one = ast.copy_location(ast.Constant(1), quotient.left)
-    return ast.copy_location(ast.BinOp(one, ast.Div(), quotient.right), quotient)
+@dataclass
+class _Text:
+    """A text that reads well, and what has been made of it whatever its names stand for."""
+
+    scanned: Scanned
+    tree: ast.expr | None = None
+    delicate: dict[tuple[str, ...], list[tuple[ast.expr, set[str]]]] = field(default_factory=dict)
+
+
+def _read(text: str, names: Mapping[str, sp.Expr], work: Work, *, constant: bool = False) -> _Text:
+    key = (text, constant, tuple(name in names for name in names_in(text)))
+    if key not in work.texts:
+        work.charge(SCAN * len(text), 0)
+        work.texts[key] = _Text(scan(text, names, constant=constant))
+    found: _Text = work.texts[key]
+    return found
 
 
 class _Walker:
     """The whitelisted walk over the syntax tree."""
 
-    def __init__(self, scanned: Scanned, names: Mapping[str, sp.Expr], work: Work) -> None:
-        self.scanned = scanned
+    def __init__(self, text: _Text, names: Mapping[str, sp.Expr], work: Work) -> None:
+        self.text = text
+        self.scanned = text.scanned
         self.names = names
         self.work = work
 
     def value(self) -> sp.Expr:
+        """The value of all of the text."""
         return self.of(None)
 
     def of(self, node: ast.expr | None) -> sp.Expr:
-        """The value of a part of the tree, or of all of it."""
+        """The value of all of the text, or of a power, a function or what a quotient's divisor makes of 1."""
         try:
             if node is None:
-                node = self._tree()
+                return self._of(self._tree(), 0)
+            if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
+                return power(self._of(node.right, 0), sp.Integer(-1), self._operator_offset(node))
             return self._of(node, 0)
         except SyntaxError as error:
             offset = self.scanned.origin[min((error.offset or 1) - 1, len(self.scanned.origin) - 1)]
@@ -175,28 +192,35 @@ class _Walker:
             raise ExpressionError(f"SymPy cannot work this out ({type(error).__name__})", 0) from None
 
     def _tree(self) -> ast.expr:
-        tree = ast.parse(self.scanned.python, mode="eval").body
-        self._check_nesting(tree)
-        return tree
+        if self.text.tree is None:
+            tree = ast.parse(self.scanned.python, mode="eval").body
+            self._check_nesting(tree)
+            self.text.tree = tree
+        return self.text.tree
 
     def delicate(self, signs: Collection[str]) -> list[tuple[ast.expr, set[str]]]:
-        """Divisors, powers and functions that hold some names, those inside another left out; with these names."""
+        """Quotients, powers and functions that hold some names (in the divisor), outermost ones, with these names."""
+        key = tuple(signs)
+        if key not in self.text.delicate:
+            self.text.delicate[key] = self._delicate(signs)
+        return self.text.delicate[key]
+
+    def _delicate(self, signs: Collection[str]) -> list[tuple[ast.expr, set[str]]]:
         found = []
         waiting = [self._tree()]
         while waiting:
             node = waiting.pop()
             inner = [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
-            if isinstance(node, ast.Call) or (isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow)):
-                divided, inner = [node], []
-            elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
-                # The divisor alone, as a power: 1/(...).
-                divided, inner = [_reciprocal(node)], [node.left]
-            else:
-                divided = []
-            for part in divided:
+            part: ast.expr | None = None
+            match node:
+                case ast.BinOp(op=ast.Div(), left=left, right=right):
+                    part, inner = right, [left]
+                case ast.Call() | ast.BinOp(op=ast.Pow()):
+                    part, inner = node, []
+            if part is not None:
                 held = {n.id for n in ast.walk(part) if isinstance(n, ast.Name) and n.id in signs}
                 if held:
-                    found.append((part, held))
+                    found.append((node, held))
             waiting += inner
         return found
 
@@ -228,10 +252,10 @@ class _Walker:
             begin, end = node.col_offset, node.end_col_offset or 0
             key = key_of(type(node).__name__, self.scanned.python[begin:end], self.names)
             if key not in self.work.values:
-                self.work.charge(end - begin, self._offset(node))
+                self.work.charge(OPERATION + end - begin, self._offset(node))
                 value = self._operation(node, depth)
-                if value.is_number and not value.is_Rational:
-                    self.work.charge(IRRATIONAL * (end - begin), self._offset(node))
+                if value.is_number and not value.is_Rational:  # its digits have been computed
+                    self.work.charge(2 * (OPERATION + end - begin), self._offset(node))
                 self.work.values[key] = value
             return self.work.values[key]
         return self._operation(node, depth)
@@ -275,10 +299,7 @@ class _Walker:
             terms.append(-term if isinstance(node.op, ast.Sub) else term)
             node = node.left
         terms.append(self._of(node, depth + 1))
-        value = sp.Add(*reversed(terms))
-        if value.is_number and not value.is_Rational and is_zero_in_disguise(value):
-            raise ExpressionError(f"{shown(value)} cannot be told from zero; write 0", self._offset(start))
-        return checked(value, self._offset(start))
+        return checked(sp.Add(*reversed(terms)), self._offset(start))
 
     def _product(self, node: ast.expr, depth: int) -> sp.Expr:
         start, factors = node, []

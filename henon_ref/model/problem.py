@@ -29,6 +29,16 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
     CaseError
         At the place of the first thing that does not fit.
     """
+    system, names = source.once(("system", "scene", "sliding"), lambda: _system(source, form))
+    start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
+    until = source.number(("until",), names.values)
+    if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
+        raise source.error(("until",), f"'until' must be later than the start, t = {start}")
+    problem = Problem(system, start, _initial(source, form, names), until)
+    return replace(problem, initial_mode=_initial_mode(source, form, problem)), names
+
+
+def _system(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
     if form.scene is not None:
         system, names = build_scene(source, form.scene)
     else:
@@ -37,13 +47,7 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
     overrides = build_overrides(source, form, names)
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})
-    system = with_rational_exponents(system)
-    start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
-    until = source.number(("until",), names.values)
-    if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
-        raise source.error(("until",), f"'until' must be later than the start, t = {start}")
-    problem = Problem(system, start, _initial(source, form, names), until)
-    return replace(problem, initial_mode=_initial_mode(source, form, problem)), names
+    return with_rational_exponents(system), names
 
 
 def mathematics(problem: Problem) -> dict[str, Any]:
