@@ -49,7 +49,7 @@ def attraction_guards(system: FilippovSystem, sliding: Sequence[int], slopes: sp
 def _determinant(system: FilippovSystem, matrix: sp.Matrix) -> sp.Expr:
     """The determinant of a matrix; of a large one that is constant in numbers."""
     if matrix.rows > EXPLICIT and not matrix.free_symbols & {TIME, *system.states, *system.signs}:
-        return sp.sympify(rational(system, matrix.tolist()).det().element)
+        return sp.QQ.to_sympy(rational(system, matrix.tolist()).det())
     return determinant(matrix)
 
 

@@ -108,7 +108,7 @@ def _normal_velocities(
     if any(not row or any(entry.has(*signs) for entry in row) for row in slope):
         raise ModelError(
             "signs that multiply each other on the intersection of "
-            + ", ".join(s.name for s in signs)
+            + listed([s.name for s in signs])
             + ": Filippov's combination is not unique there; write the field so that each sign stands alone"
         )
     none = {s: sp.Integer(0) for s in signs}
@@ -121,10 +121,10 @@ def _equivalent_signs(
     """The signs that keep the state on the surfaces, and what ends that."""
     signs = tuple(system.signs[i] for i in sliding)
     guards: list[Guard] = []
+    names = listed([s.name for s in signs])
     if any(slope[i][j] != 0 for i in range(len(signs)) for j in range(len(signs)) if i != j):
         found = solution(system, slope, [-r for r in rest])
         if found is None:
-            names = ", ".join(s.name for s in signs)
             raise ModelError(f"the field does not settle the signs of the surfaces it should slide on: {names}")
         equivalent = dict(zip(signs, found, strict=True))
         for i, s in zip(sliding, signs, strict=True):

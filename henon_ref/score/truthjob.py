@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 KNOWN = "known"
 """Stage at which the truth is known; its payload is a :class:`Statement`."""
-TRUTH_SECONDS = 900.0
+TRUTH_SECONDS = 300.0
 """Time that a truth which is not stored may take [s]."""
 
 
