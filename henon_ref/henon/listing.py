@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
 from henon_ref.henon.listing_program import EDGES, effective_changes, run_listing
+from henon_ref.model.algebra import simplified
 from henon_ref.model.equations import TIME
 from henon_ref.model.modes import Mode, transition_kind
 from henon_ref.model.system import FilippovSystem
@@ -162,7 +163,7 @@ def _difference(system: FilippovSystem, p: Mapping[str, sp.Symbol]) -> str:
 
 
 def _same(system: FilippovSystem, one: sp.Expr, other: sp.Expr) -> bool:
-    return bool(sp.simplify(system.numeric(one - other)) == 0)
+    return bool(simplified(system.numeric(one - other)) == 0)
 
 
 def _start(problem: Problem) -> tuple[float, float]:

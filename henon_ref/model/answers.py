@@ -8,7 +8,7 @@ from decimal import Decimal
 
 import sympy as sp
 
-from henon_ref.model.exact import exact_sign
+from henon_ref.model.exact import Rounded, exact_sign
 from henon_ref.model.grammar import did_you_mean, listed
 from henon_ref.model.modes import Mode
 from henon_ref.model.schema import CaseForm, ExpectedStatus, ExpectedVerdict, GateStatus
@@ -87,15 +87,16 @@ def exact(source: Source, form: CaseForm, names: Names, problem: Problem) -> Exa
     if form.exact is None:
         return None
     times: list[sp.Expr] = []
+    before, until = Rounded(problem.start), Rounded(problem.until)
     for i in range(len(form.exact.transition_times)):
         path = ("exact", "transition_times", i)
-        time = source.number(path, names.values)
-        before = times[-1] if times else problem.start
-        if exact_sign(time - before) < 0:
+        time = Rounded(source.number(path, names.values))
+        if time < before:
             raise source.error(path, "exact transition times come in order, from the start on")
-        if exact_sign(problem.until - time) < 0:
+        if until < time:
             raise source.error(path, "this exact transition time lies beyond 'until'")
-        times.append(time)
+        times.append(time.exact)
+        before = time
     modes = tuple(tuple(mode) for mode in form.exact.modes)
     for i, mode in enumerate(modes):
         if len(mode) != len(problem.system.surfaces):

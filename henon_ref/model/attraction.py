@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING
 import sympy as sp
 from sympy.utilities.iterables import strongly_connected_components
 
-from henon_ref.model.equations import Guard, Refusal
+from henon_ref.model.algebra import known_positive
+from henon_ref.model.equations import TIME, Guard, Refusal
+from henon_ref.model.linearsystem import EXPLICIT, determinant, rational
 
 if TYPE_CHECKING:
     from henon_ref.model.system import FilippovSystem
@@ -37,11 +39,18 @@ def attraction_guards(system: FilippovSystem, sliding: Sequence[int], slopes: sp
     for group in strongly_connected_components((range(matrix.rows), edges)):
         sizes = range(1, len(group) + 1) if len(group) <= EXHAUSTIVE else (1, len(group))
         for chosen in (c for size in sizes for c in combinations(sorted(group), size) if _joined(c, edges)):
-            minor = matrix.extract(chosen, chosen).det()
-            if not system.numeric(minor).is_positive:
+            minor = _determinant(system, matrix.extract(chosen, chosen))
+            if not known_positive(system.numeric(minor)):
                 ends: Refusal = "nonunique" if len(chosen) == len(group) else "none"
                 found.append(Guard("attracts", sliding[chosen[0]], 0, minor, ends=ends))
     return found
+
+
+def _determinant(system: FilippovSystem, matrix: sp.Matrix) -> sp.Expr:
+    """The determinant of a matrix; of a large one that is constant in numbers."""
+    if matrix.rows > EXPLICIT and not matrix.free_symbols & {TIME, *system.states, *system.signs}:
+        return sp.QQ.to_sympy(rational(system, matrix.tolist()).det())
+    return determinant(matrix)
 
 
 def _joined(chosen: Sequence[int], edges: Iterable[tuple[int, int]]) -> bool:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import comb
 
 import sympy as sp
 
-from henon_ref.errors import ExpressionError
+from henon_ref.errors import ExpressionError, ModelError
 from henon_ref.model.grammar import shortened
 
 MAX_BITS = 4_096
@@ -74,11 +75,6 @@ def _check_rates(exponent: sp.Expr, offset: int) -> None:
             raise ExpressionError(f"the factor {shown(rate)} in an exponent is too large; at most {MAX_RATE}", offset)
 
 
-def is_zero_in_disguise(number: sp.Expr) -> bool:
-    """Whether 100 digits show nothing of a number: SymPy would look for its minimal polynomial, without end."""
-    return number.evalf(5)._prec == 1
-
-
 def check_domain(name: str, argument: sp.Expr, offset: int) -> None:
     """Refuse numbers that a function is not defined at, or that SymPy cannot reduce."""
     if name in ("sin", "cos", "tan") and abs(argument.evalf(_DIGITS)) > MAX_ANGLE:
@@ -119,7 +115,10 @@ def checked(value: sp.Expr, offset: int) -> sp.Expr:
 
 
 def check_constant(value: sp.Expr, offset: int) -> None:
-    """Refuse a number that is not real, not finite, or too large."""
+    """Refuse a number that is not real, not finite, or too large, and a sum that cannot be told from zero.
+
+    Of such a sum 100 digits show nothing: SymPy would look for its minimal polynomial, without end.
+    """
     _check_extent(value, offset)
     if value.has(sp.zoo, sp.nan, sp.oo, -sp.oo):
         raise ExpressionError("division by zero, or another value that is not finite", offset)
@@ -131,6 +130,8 @@ def check_constant(value: sp.Expr, offset: int) -> None:
         number = value.evalf(_DIGITS)
         if not number.is_Float and not number.is_Rational:
             raise ExpressionError(f"the value {shown(value)} is not a real number", offset)
+        if value.is_Add and number.is_Float and number._prec == 1:
+            raise ExpressionError(f"{shown(value)} cannot be told from zero; write 0", offset)
     if abs(number) > LARGEST:
         raise ExpressionError("the value is larger than the largest double, 1.8e308", offset)
 
@@ -170,19 +171,50 @@ def _bits(value: sp.Expr) -> int:
     return max((max(abs(n.p).bit_length(), n.q.bit_length()) for n in value.atoms(sp.Rational)), default=1)
 
 
-def terms(value: sp.Expr) -> int:
+def terms(value: sp.Expr, limit: int = MAX_TERMS) -> int:
     """Terms of an expression multiplied out, at most; counting stops past the limit."""
     if value.is_Add:
-        return min(sum(terms(a) for a in value.args), MAX_TERMS + 1)
+        return min(sum(terms(a, limit) for a in value.args), limit + 1)
     if value.is_Mul:
         total = 1
         for a in value.args:
-            total = min(total * terms(a), MAX_TERMS + 1)
+            total = min(total * terms(a, limit), limit + 1)
         return total
     if value.is_Pow and value.exp.is_Integer:
         n = abs(int(value.exp))
-        return min(comb(terms(value.base) + n - 1, n), MAX_TERMS + 1)
+        return min(comb(terms(value.base, limit) + n - 1, n), limit + 1)
     return 1
+
+
+def put(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
+    """An expression with values in place of symbols, once it is known that SymPy will not compute a giant.
+
+    Raises
+    ------
+    ModelError
+        Where the values make a power that is not finite, not real, or has too many digits.
+    """
+    symbols = set(values)
+    if not any(p.exp.free_symbols & symbols for p in expression.atoms(sp.Pow)):
+        return expression.xreplace(dict(values))
+    known: dict[sp.Basic, sp.Expr] = dict(values)
+
+    def walk(e: sp.Expr) -> sp.Expr:
+        if e not in known:
+            known[e] = e if not e.free_symbols & symbols else made(e, [walk(a) for a in e.args])
+        return known[e]
+
+    def made(e: sp.Expr, arguments: list[sp.Expr]) -> sp.Expr:
+        if e.is_Pow:
+            check_power(arguments[0], arguments[1], 0)
+        elif e.func == sp.exp:
+            check_exponential(arguments[0], 0)
+        return e.func(*arguments)
+
+    try:
+        return walk(expression)
+    except ExpressionError as error:
+        raise ModelError(f"in {shown(expression)}: {error.message}") from None
 
 
 def shown(value: sp.Expr) -> str:

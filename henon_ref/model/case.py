@@ -31,6 +31,8 @@ from henon_ref.model.yamlfile import parse_yaml, read_yaml
 from henon_ref.trajectory import Problem
 
 DEFAULT_READING = "default"
+MAX_WRITTEN_OUT = 500_000
+"""Keys and values that all readings may have together, each with those of the case that it keeps."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +172,7 @@ def _sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
     if not isinstance(readings, MappingNode) or not readings.entries:
         raise whole.error(("readings",), "'readings' must be a mapping, as in {name: {key: value}}")
     base = MappingNode(tree.place, {k: v for k, v in tree.entries.items() if k != "readings"}, tree.keys, tree.size)
-    found = []
+    found, size = [], 0
     for name, overrides in readings.entries.items():
         path = ("readings", name)
         _checked(whole, path, file_name, name, key=True)
@@ -180,7 +182,12 @@ def _sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
             if key not in READING_KEYS:
                 message = f"a reading cannot change the key '{key}'{did_you_mean(key, READING_KEYS)}"
                 raise whole.error((*path, key), f"{message}; allowed: {listed(sorted(READING_KEYS))}", key=True)
-        found.append((name, Source(merged(base, overrides), file, f" [reading '{name}']")))
+        source = Source(merged(base, overrides), file, f" [reading '{name}']", whole.work)
+        size += source.tree.size
+        if size > MAX_WRITTEN_OUT:
+            message = f"with this reading the readings, written out, hold more than {MAX_WRITTEN_OUT} keys and values"
+            raise whole.error(path, f"{message}; at most {MAX_WRITTEN_OUT} are allowed: give fewer readings", key=True)
+        found.append((name, source))
     return found
 
 

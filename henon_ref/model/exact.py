@@ -13,3 +13,16 @@ def exact_sign(number: sp.Expr) -> int:
     if abs(value) < sp.Float("1e-55", 60):
         return 0
     return 1 if value > 0 else -1
+
+
+class Rounded:
+    """An exact number that is compared by its first digits, and by all of them only where these are the same."""
+
+    def __init__(self, exact: sp.Expr) -> None:
+        self.exact = exact
+        self.value = float(exact)
+
+    def __lt__(self, other: Rounded) -> bool:
+        if abs(self.value - other.value) > 1e-12 * (abs(self.value) + abs(other.value)):
+            return self.value < other.value
+        return self.exact != other.exact and exact_sign(other.exact - self.exact) > 0

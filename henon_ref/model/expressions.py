@@ -3,13 +3,15 @@
 The text is scanned (:mod:`henon_ref.model.grammar`), parsed by Python's ``ast`` and walked node by node
 through a whitelist. ``eval``, ``sympify`` and ``parse_expr`` are never called. Every operation is checked
 before SymPy does it, so that the work is bounded by the length of the text: ``9**9**9**9`` is refused, not
-computed.
+computed. What the texts of one file cost together is bounded too (:mod:`henon_ref.model.work`), and none is worked
+out twice.
 """
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 
 import sympy as sp
 
@@ -21,13 +23,12 @@ from henon_ref.model.bounds import (
     check_exponential,
     check_smooth,
     checked,
-    is_zero_in_disguise,
     power,
-    shown,
     terms,
     with_known_functions,
 )
 from henon_ref.model.grammar import CONSTANT_FUNCTIONS, CONSTANTS, FUNCTIONS, MAX_DEPTH, MAX_NESTING, Scanned, scan
+from henon_ref.model.work import LOOK_UP, OPERATION, SCAN, Work, key_of, names_in
 
 _SYMPY: dict[str, Callable[..., sp.Expr]] = {
     **{name: getattr(sp, name) for name in FUNCTIONS},
@@ -39,7 +40,7 @@ _NUMBERS: dict[str, sp.Expr] = dict(zip(CONSTANTS, (sp.pi, sp.E), strict=True))
 _SYMPY_FAILS = (ArithmeticError, AttributeError, NotImplementedError, TypeError, ValueError)
 
 
-def parse_expression(text: str, names: Mapping[str, sp.Expr]) -> sp.Expr:
+def parse_expression(text: str, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
     """Read a smooth expression, such as a component of a field.
 
     Parameters
@@ -49,6 +50,8 @@ def parse_expression(text: str, names: Mapping[str, sp.Expr]) -> sp.Expr:
         sin cos tan asin acos atan sinh cosh tanh exp log sqrt.
     names : mapping
         Name -> what it stands for: a real symbol, or an exact number.
+    work : Work, optional
+        That of the file which the text stands in.
 
     Returns
     -------
@@ -60,8 +63,17 @@ def parse_expression(text: str, names: Mapping[str, sp.Expr]) -> sp.Expr:
     ExpressionError
         With the offset of what is not allowed and what is.
     """
-    walker = _Walker(scan(text, names), names)
-    value = with_known_functions(walker.value())
+    work = Work() if work is None else work
+    work.charge(LOOK_UP, 0)
+    key = key_of("expression", text, names)
+    if key not in work.values:
+        work.values[key] = _smooth(_Walker(_read(text, names, work), names, work).value())
+    return work.values[key]
+
+
+def _smooth(value: sp.Expr) -> sp.Expr:
+    """The value of a text, if it may stand in a field."""
+    value = with_known_functions(value)
     check_smooth(value)
     if value.is_number:
         check_constant(value, 0)
@@ -70,7 +82,37 @@ def parse_expression(text: str, names: Mapping[str, sp.Expr]) -> sp.Expr:
     return value
 
 
-def parse_number(text: str, names: Mapping[str, sp.Expr]) -> sp.Expr:
+def check_sides(text: str, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.Symbol], work: Work) -> None:
+    """Check that an expression has values with each sign at -1 and at +1.
+
+    A sign that stands in sums and products alone can do no harm but by the size of the numbers: all such signs are
+    tried at once. What else it stands in (divisors, powers, functions) is worked out with each sign by itself.
+
+    Raises
+    ------
+    ExpressionError
+        With the sign and its side.
+    """
+    key = key_of("sides", text, {**names, **signs})
+    if key in work.values or not any(name in text for name in signs):
+        return
+    names = {**names, **signs}
+    read = _read(text, names, work)
+    delicate = _Walker(read, names, work).delicate(signs)
+    harmless = {name: symbol for name, symbol in signs.items() if not any(name in found for _, found in delicate)}
+    for side in (-1, 1):
+        parse_expression(text, {**names, **dict.fromkeys(harmless, sp.Integer(side))}, work)
+    for node, found in delicate:
+        for name in sorted(found):
+            for side in (-1, 1):
+                try:
+                    _Walker(read, {**names, name: sp.Integer(side)}, work).of(node)
+                except ExpressionError as error:
+                    raise ExpressionError(f"{error.message} (at {name} = {side:+d})", error.offset) from None
+    work.values[key] = sp.S.Zero
+
+
+def parse_number(text: str, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
     """Read an expression whose value is a number: a parameter, an initial value, a time.
 
     Parameters
@@ -79,6 +121,8 @@ def parse_number(text: str, names: Mapping[str, sp.Expr]) -> sp.Expr:
         As for :func:`parse_expression`, with ``abs`` and ``atan2`` besides.
     names : mapping
         Name -> exact number.
+    work : Work, optional
+        That of the file which the text stands in.
 
     Returns
     -------
@@ -90,23 +134,55 @@ def parse_number(text: str, names: Mapping[str, sp.Expr]) -> sp.Expr:
     ExpressionError
         Also where the value is complex, infinite, undefined, or beyond the largest double.
     """
-    value = _Walker(scan(text, names, constant=True), names).value()
-    check_constant(value, 0)
-    return value
+    work = Work() if work is None else work
+    work.charge(LOOK_UP, 0)
+    key = key_of("number", text, names)
+    if key not in work.values:
+        value = _Walker(_read(text, names, work, constant=True), names, work).value()
+        check_constant(value, 0)
+        work.values[key] = value
+    return work.values[key]
+
+
+@dataclass
+class _Text:
+    """A text that reads well, and what has been made of it whatever its names stand for."""
+
+    scanned: Scanned
+    tree: ast.expr | None = None
+    delicate: dict[tuple[str, ...], list[tuple[ast.expr, set[str]]]] = field(default_factory=dict)
+
+
+def _read(text: str, names: Mapping[str, sp.Expr], work: Work, *, constant: bool = False) -> _Text:
+    key = (text, constant, tuple(name in names for name in names_in(text)))
+    if key not in work.texts:
+        work.charge(SCAN * len(text), 0)
+        work.texts[key] = _Text(scan(text, names, constant=constant))
+    found: _Text = work.texts[key]
+    return found
 
 
 class _Walker:
     """The whitelisted walk over the syntax tree."""
 
-    def __init__(self, scanned: Scanned, names: Mapping[str, sp.Expr]) -> None:
-        self.scanned = scanned
+    def __init__(self, text: _Text, names: Mapping[str, sp.Expr], work: Work) -> None:
+        self.text = text
+        self.scanned = text.scanned
         self.names = names
+        self.work = work
 
     def value(self) -> sp.Expr:
+        """The value of all of the text."""
+        return self.of(None)
+
+    def of(self, node: ast.expr | None) -> sp.Expr:
+        """The value of all of the text, or of a power, a function or what a quotient's divisor makes of 1."""
         try:
-            tree = ast.parse(self.scanned.python, mode="eval")
-            self._check_nesting(tree.body)
-            return self._of(tree.body, 0)
+            if node is None:
+                return self._of(self._tree(), 0)
+            if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
+                return power(self._of(node.right, 0), sp.Integer(-1), self._operator_offset(node))
+            return self._of(node, 0)
         except SyntaxError as error:
             offset = self.scanned.origin[min((error.offset or 1) - 1, len(self.scanned.origin) - 1)]
             raise ExpressionError("this does not read as an expression", offset) from None
@@ -114,6 +190,39 @@ class _Walker:
             raise ExpressionError("nested too deeply", 0) from None
         except _SYMPY_FAILS as error:
             raise ExpressionError(f"SymPy cannot work this out ({type(error).__name__})", 0) from None
+
+    def _tree(self) -> ast.expr:
+        if self.text.tree is None:
+            tree = ast.parse(self.scanned.python, mode="eval").body
+            self._check_nesting(tree)
+            self.text.tree = tree
+        return self.text.tree
+
+    def delicate(self, signs: Collection[str]) -> list[tuple[ast.expr, set[str]]]:
+        """Quotients, powers and functions that hold some names (in the divisor), outermost ones, with these names."""
+        key = tuple(signs)
+        if key not in self.text.delicate:
+            self.text.delicate[key] = self._delicate(signs)
+        return self.text.delicate[key]
+
+    def _delicate(self, signs: Collection[str]) -> list[tuple[ast.expr, set[str]]]:
+        found = []
+        waiting = [self._tree()]
+        while waiting:
+            node = waiting.pop()
+            inner = [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
+            part: ast.expr | None = None
+            match node:
+                case ast.BinOp(op=ast.Div(), left=left, right=right):
+                    part, inner = right, [left]
+                case ast.Call() | ast.BinOp(op=ast.Pow()):
+                    part, inner = node, []
+            if part is not None:
+                held = {n.id for n in ast.walk(part) if isinstance(n, ast.Name) and n.id in signs}
+                if held:
+                    found.append((node, held))
+            waiting += inner
+        return found
 
     def _check_nesting(self, root: ast.expr) -> None:
         # A long sum is a deep tree: no recursion here.
@@ -139,6 +248,19 @@ class _Walker:
     def _of(self, node: ast.expr, depth: int) -> sp.Expr:
         if depth > MAX_DEPTH:
             raise ExpressionError(f"nested deeper than {MAX_DEPTH}", self._offset(node))
+        if isinstance(node, ast.BinOp | ast.Call):
+            begin, end = node.col_offset, node.end_col_offset or 0
+            key = key_of(type(node).__name__, self.scanned.python[begin:end], self.names)
+            if key not in self.work.values:
+                self.work.charge(OPERATION + end - begin, self._offset(node))
+                value = self._operation(node, depth)
+                if value.is_number and not value.is_Rational:  # its digits have been computed
+                    self.work.charge(2 * (OPERATION + end - begin), self._offset(node))
+                self.work.values[key] = value
+            return self.work.values[key]
+        return self._operation(node, depth)
+
+    def _operation(self, node: ast.expr, depth: int) -> sp.Expr:
         match node:
             case ast.Constant():
                 return self._number(node)
@@ -177,10 +299,7 @@ class _Walker:
             terms.append(-term if isinstance(node.op, ast.Sub) else term)
             node = node.left
         terms.append(self._of(node, depth + 1))
-        value = sp.Add(*reversed(terms))
-        if value.is_number and not value.is_Rational and is_zero_in_disguise(value):
-            raise ExpressionError(f"{shown(value)} cannot be told from zero; write 0", self._offset(start))
-        return checked(value, self._offset(start))
+        return checked(sp.Add(*reversed(terms)), self._offset(start))
 
     def _product(self, node: ast.expr, depth: int) -> sp.Expr:
         start, factors = node, []

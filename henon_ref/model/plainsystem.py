@@ -47,6 +47,10 @@ def build_system(source: Source, form: SystemForm) -> tuple[FilippovSystem, Name
         field=tuple(field),
         parameters=names.exact_parameters(),
         valid=tuple(valid),
+        written={
+            **{x: source.text(("system", "field", i)) for i, x in enumerate(names.states.values())},
+            **{s: source.text(("system", "surfaces", name)) for name, s in names.signs.items()},
+        },
     )
     return system, names
 

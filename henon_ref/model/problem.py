@@ -8,6 +8,7 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.model.bounds import put
 from henon_ref.model.equations import TIME
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.exponents import with_rational_exponents
@@ -28,6 +29,16 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
     CaseError
         At the place of the first thing that does not fit.
     """
+    system, names = source.once(("system", "scene", "sliding"), lambda: _system(source, form))
+    start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
+    until = source.number(("until",), names.values)
+    if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
+        raise source.error(("until",), f"'until' must be later than the start, t = {start}")
+    problem = Problem(system, start, _initial(source, form, names), until)
+    return replace(problem, initial_mode=_initial_mode(source, form, problem)), names
+
+
+def _system(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
     if form.scene is not None:
         system, names = build_scene(source, form.scene)
     else:
@@ -36,13 +47,7 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
     overrides = build_overrides(source, form, names)
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})
-    system = with_rational_exponents(system)
-    start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
-    until = source.number(("until",), names.values)
-    if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
-        raise source.error(("until",), f"'until' must be later than the start, t = {start}")
-    problem = Problem(system, start, _initial(source, form, names), until)
-    return replace(problem, initial_mode=_initial_mode(source, form, problem)), names
+    return with_rational_exponents(system), names
 
 
 def mathematics(problem: Problem) -> dict[str, Any]:
@@ -101,7 +106,10 @@ def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int,
             message = f"'{name}' is no surface{did_you_mean(name, order)}; surfaces: {listed(order)}"
             raise source.error(path, message, key=True)
         index = order.index(name)
-        side = _side_at_start(problem, problem.system, index)
+        try:
+            side = _side_at_start(problem, problem.system, index)
+        except ModelError as error:
+            raise source.error(path, f"the surface of '{name}' has no value at the start: {error}") from error
         if side not in (0, entry):
             raise source.error(path, f"the start is not on the surface of '{name}', whose sign is {side:+d} there")
         modes[index] = entry
@@ -115,5 +123,5 @@ def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int,
 
 def _side_at_start(problem: Problem, system: FilippovSystem, index: int) -> int:
     at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
-    value = system.numeric(system.surfaces[index]).subs(at, simultaneous=True)
+    value = put(system.numeric(system.surfaces[index]), at)
     return 0 if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo) else exact_sign(value)

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
+from typing import TypeVar
 
 import sympy as sp
 
 from henon_ref.errors import CaseError, ExpressionError
 from henon_ref.model.equations import TIME
-from henon_ref.model.expressions import parse_expression, parse_number
+from henon_ref.model.expressions import check_sides, parse_expression, parse_number
 from henon_ref.model.grammar import name_problem, scan
 from henon_ref.model.tree import MappingNode, ScalarNode, child, locate
+from henon_ref.model.work import Work
 
+T = TypeVar("T")
 Path = Sequence[str | int]
 """Keys and indices from the top of the file, as ``("system", "field", 0)``."""
 
@@ -26,6 +29,8 @@ class Source:
     file: str | None = None
     within: str = ""
     """Added to every message: which reading it is about."""
+    work: Work = field(default_factory=Work, compare=False)
+    """What has been read of the file so far, in all readings."""
 
     def error(self, path: Path, message: str, *, key: bool = False) -> CaseError:
         """An error at what a path leads to (``key``: at its key rather than its value)."""
@@ -48,14 +53,30 @@ class Source:
     def expression(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> sp.Expr:
         """A smooth expression (see :func:`henon_ref.model.expressions.parse_expression`)."""
         try:
-            return parse_expression(self.text(path), names)
+            return parse_expression(self.text(path), names, self.work)
         except ExpressionError as error:
             raise self._placed(path, error, note) from None
 
     def number(self, path: Path, names: Mapping[str, sp.Expr]) -> sp.Expr:
         """An expression whose value is a number (see :func:`henon_ref.model.expressions.parse_number`)."""
         try:
-            return parse_number(self.text(path), names)
+            return parse_number(self.text(path), names, self.work)
+        except ExpressionError as error:
+            raise self._placed(path, error, "") from None
+
+    def once(self, keys: Sequence[str], build: Callable[[], T]) -> T:
+        """What is built of the values of some keys at the top, once for all readings that have the same ones."""
+        nodes = tuple(self.tree.entries.get(key) for key in keys)
+        known = tuple(map(id, nodes))
+        if known not in self.work.built:
+            self.work.built[known] = nodes, build()  # the nodes are kept, so that none of another reading has their id
+        found: T = self.work.built[known][1]
+        return found
+
+    def check_sides(self, path: Path, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.Symbol]) -> None:
+        """Check that an expression has values at both sides of each sign."""
+        try:
+            check_sides(self.text(path), names, signs, self.work)
         except ExpressionError as error:
             raise self._placed(path, error, "") from None
 
@@ -133,11 +154,7 @@ class Names:
         expression = source.expression(path, {**moving, **self.parameters, **own})
         if self.values:
             source.expression(path, {**moving, **self.values, **own}, " (with the values of the parameters)")
-        for name, symbol in own.items():
-            if expression.has(symbol):
-                for sign in (-1, 1):
-                    fixed = {**own, name: sp.Integer(sign)}
-                    source.expression(path, {**moving, **self.values, **fixed}, f" (at {name} = {sign:+d})")
+        source.check_sides(path, {**moving, **self.values}, own)
         return expression
 
 

@@ -16,6 +16,7 @@ from typing import Literal
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.model.bounds import put
 from henon_ref.model.equations import Guard, ModeEquations, along
 from henon_ref.model.modes import Mode
 from henon_ref.model.sliding import filippov_sliding
@@ -72,6 +73,8 @@ class FilippovSystem:
     """The model holds while these are > 0."""
     overrides: Mapping[int, SlidingOverride] = dataclass_field(default_factory=dict)
     """Surface index -> its own sliding."""
+    written: Mapping[sp.Symbol, str] = dataclass_field(default_factory=dict)
+    """State or sign -> the text of its rate or surface, as the case file has it (empty for a scene)."""
     effects: tuple[str, ...] = ()
     """Names of the effects a scene was built from (empty for a plain system)."""
 
@@ -102,16 +105,16 @@ class FilippovSystem:
             shared = self.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
             slip = {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
             self._cache[key] = ModeEquations(
-                field=tuple(e.xreplace(slip) for e in shared.field),
+                field=tuple(put(e, slip) for e in shared.field),
                 guards=tuple(
                     replace(
                         g,
                         to_sign=-mode[g.index] if g.kind == "surface" else g.to_sign,
-                        expression=g.expression.xreplace(slip),
+                        expression=put(g.expression, slip),
                     )
                     for g in shared.guards
                 ),
-                equivalent_signs={i: e.xreplace(slip) for i, e in shared.equivalent_signs.items()},
+                equivalent_signs={i: put(e, slip) for i, e in shared.equivalent_signs.items()},
             )
         return self._cache[key]
 

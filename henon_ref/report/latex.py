@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 import sympy as sp
 
@@ -37,6 +38,7 @@ def symbol(name: str) -> str:
     return letter + "".join(f"_{{{index}" for index in indices) + "}" * len(indices)
 
 
+@lru_cache(maxsize=1024)
 def latex(expression: sp.Expr) -> str:
     """LaTeX of an expression, begun with a term that has no minus where there is one.
 

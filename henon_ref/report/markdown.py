@@ -11,7 +11,7 @@ from henon_ref.model.case import DEFAULT_READING
 from henon_ref.report.answer import answer
 from henon_ref.report.figures import COST, ERRORS, MODES, PORTRAIT, file_name
 from henon_ref.report.manifest import Provenance
-from henon_ref.report.modeltext import general_form, mode_equations, modes_of, parameters, truth_sentences
+from henon_ref.report.modeltext import as_written, general_form, mode_equations, modes_of, parameters, truth_sentences
 from henon_ref.report.overview import overview
 from henon_ref.report.ranking import name
 from henon_ref.report.tables import MARK, price_table, reason_table, run_table, samples_of, stick_table
@@ -106,6 +106,7 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
         "story": paragraphs(reading.story or ""),
         "effects": ", ".join(f"`{effect}`" for effect in system.effects),
         "equations": general_form(system),
+        "written": as_written(system),
         "modes": [mode_equations(system, mode) for mode in modes_of(result)],
         "parameters": parameters(result),
     }

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.model.algebra import size, total_size
 from henon_ref.model.equations import TIME
 from henon_ref.model.modes import Mode, mode_text
 from henon_ref.model.system import FilippovSystem
@@ -17,6 +19,9 @@ from henon_ref.text import markdown
 
 MOST_MODES = 9
 """Modes whose equations are printed."""
+MOST_OPERATIONS, MOST_IN_ALL = 500, 2_500
+"""Operations up to which an expression, and all that stand together, are set as formulas: a printer sorts their terms,
+and asks of each many questions."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +36,34 @@ class ModeText:
 
 
 def general_form(system: FilippovSystem) -> str:
-    """The field with its sign symbols, and the surfaces, as LaTeX."""
-    lines = [_derivative(x, f) for x, f in zip(system.states, system.field, strict=True)]
+    """The field with its sign symbols, and the surfaces, as LaTeX; without those that are too long for it."""
+    lines = [_derivative(x, f) for x, f in zip(system.states, system.field, strict=True) if _printable(f)]
     for sign, surface in zip(system.signs, system.surfaces, strict=True):
-        lines.append(rf"{symbol(sign.name)} &= \operatorname{{sgn}}\left({latex(surface)}\right)")
-    return _aligned(lines)
+        if _printable(surface):
+            lines.append(rf"{symbol(sign.name)} &= \operatorname{{sgn}}\left({latex(surface)}\right)")
+    return _aligned(lines) if lines and _few([*system.field, *system.surfaces]) else ""
+
+
+def as_written(system: FilippovSystem) -> list[str]:
+    """What :func:`general_form` leaves out, as the case file has it, in markdown."""
+    pairs = [(f"{x.name}' = ", x, f) for x, f in zip(system.states, system.field, strict=True)]
+    pairs += [(f"{s.name} = sign of ", s, h) for s, h in zip(system.signs, system.surfaces, strict=True)]
+    every = not _few([*system.field, *system.surfaces])
+    left_out = [
+        (start, system.written.get(x, "(too long to be printed)"))
+        for start, x, e in pairs
+        if every or not _printable(e)
+    ]
+    return [f"`{start}{' '.join(text.split())}`" for start, text in left_out]
+
+
+def _printable(expression: sp.Expr) -> bool:
+    return size(expression, MOST_OPERATIONS) <= MOST_OPERATIONS
+
+
+def _few(expressions: Sequence[sp.Expr]) -> bool:
+    """Whether expressions have few enough operations, all together, to be printed."""
+    return total_size((e for e in expressions if _printable(e)), MOST_IN_ALL) <= MOST_IN_ALL
 
 
 def modes_of(result: ReadingResult) -> list[Mode]:
@@ -57,6 +85,10 @@ def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
         equations = system.equations(mode)
     except ModelError as error:
         return ModeText(title, "", [markdown(str(error))])
+    shown = [*equations.field, *equations.equivalent_signs.values()]
+    shown += [guard.expression for guard in equations.guards if guard.kind == "release"]
+    if not (_few(shown) and all(map(_printable, shown))):
+        return ModeText(title, "", ["its equations are too long to be printed"])
     lines = [_derivative(x, f) for x, f in zip(system.states, equations.field, strict=True)]
     notes = []
     for index, value in equations.equivalent_signs.items():
@@ -93,6 +125,8 @@ def parameters(result: ReadingResult) -> list[str]:
 
 def _value(value: sp.Expr) -> str:
     """An exact number, with its decimals where they are not plain to see."""
+    if size(value, MOST_OPERATIONS) > MOST_OPERATIONS:
+        return f"{float(value):.10g}"
     if value.is_Rational:
         decimal = float(value)
         return f"{decimal:g}" if sp.Rational(f"{decimal:g}") == value else f"{latex(value)} \\approx {decimal:.10g}"

@@ -10,6 +10,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.model.algebra import size
 from henon_ref.model.case import Reading
 from henon_ref.model.equations import TIME
 from henon_ref.model.modes import Mode
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+LONGEST_LABEL = 100
+"""Operations of a surface that stands beside its curve."""
 MOST_SURFACES = 4
 """Surfaces that one figure shows, one panel each."""
 REST = 1e-6
@@ -237,7 +240,9 @@ def _draw_surface(axes: Axes, system: FilippovSystem, motion: Motion, k: int) ->
     axes.plot(motion.times, values, color=style.BLACK, lw=1.1, zorder=2)
     axes.set_ylim(*_limits(values))
     axes.grid(visible=False)
-    axes.set_ylabel(f"${latex(system.signs[k])}$:  $h = {latex(system.surfaces[k])}$")
+    surface = system.surfaces[k]
+    formula = f" = {latex(surface)}" if size(surface, LONGEST_LABEL) <= LONGEST_LABEL else ""
+    axes.set_ylabel(f"${latex(system.signs[k])}$:  $h{formula}$")
 
 
 def _entry(mode: Mode, k: int) -> int:

@@ -12,7 +12,7 @@ from henon_ref.score.worker import Job, WorkerState
 if TYPE_CHECKING:
     from henon_ref.truth import Truth
 
-TRUTH_SECONDS = 900.0
+TRUTH_SECONDS = 300.0
 """Processor time that a truth which is not stored may take [s]."""
 
 

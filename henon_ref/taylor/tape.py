@@ -14,8 +14,11 @@ from dataclasses import dataclass, replace
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.model.algebra import size
 from henon_ref.model.equations import TIME
 
+MAX_CLOCK = 100
+"""Size up to which a function of time alone is differentiated to see whether it is linear."""
 INFINITE = 1 << 30
 """Degree in time of a node that is no polynomial in time by its form alone."""
 
@@ -129,7 +132,7 @@ class _Builder:
     def _make(self, e: sp.Expr) -> int:
         if self._is_constant(e):
             return self._op("constant", constants=(e,))
-        if not e.free_symbols & (self.moving - {TIME}) and sp.diff(e, TIME, 2) == 0:
+        if not e.free_symbols & (self.moving - {TIME}) and size(e, MAX_CLOCK) <= MAX_CLOCK and sp.diff(e, TIME, 2) == 0:
             slope = sp.cancel(sp.diff(e, TIME))  # of a quotient that is linear, but not by its form
             start = sp.expand(sp.cancel(e - slope * TIME) if e.is_rational_function(TIME) else e - slope * TIME)
             if not slope.has(TIME) and not start.has(TIME):

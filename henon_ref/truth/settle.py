@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-PROOF_SECONDS = 120.0
+PROOF_SECONDS = 60.0
 """Time a proof may take where a truth is computed because none is stored [s]."""
 
 CLAIM_BITS = 320

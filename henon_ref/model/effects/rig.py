@@ -8,10 +8,13 @@ form ``x2' = -x1 - xi1 (xi2 (x2 + x4) + x3 + T)``; ``signs_as_printed`` turns it
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
+from henon_ref.model.affine import coefficients
+from henon_ref.model.algebra import MAX_EXPANDED, factored
+from henon_ref.model.bounds import terms
 from henon_ref.model.effects.base import Body, Contact, Effect, EffectParameter, Stage
 from henon_ref.model.effects.drives import MOVING_BELT
 from henon_ref.model.effects.friction import STATIC_FRICTION, STRIBECK_FRICTION
@@ -51,9 +54,8 @@ class Rig(Contact):
         """Forces with one coefficient a state, so that nothing is multiplied twice in a run."""
         # The root of omega stays out of the algebra: SymPy would take it apart.
         root = sp.Dummy()
-        expanded = sp.expand(forces.xreplace({self.frequency: root}))
-        terms = [sp.factor(factor * expanded.coeff(x)).xreplace({root: self.frequency}) * x for x in self.states]
-        return sp.Add(*terms)
+        slopes = _slopes(forces.xreplace({self.frequency: root}), self.states)
+        return sp.Add(*(factored(factor * slope).xreplace({root: self.frequency}) * x for x, slope in slopes.items()))
 
     def _block_acceleration(self) -> sp.Expr:
         return self._linear(self.block_factor, self.block)
@@ -72,6 +74,15 @@ class Rig(Contact):
     def holding_load(self) -> sp.Expr:
         rest = self._block_acceleration().xreplace({self.velocity: self.belt})
         return (rest - self.belt_acceleration) / -self.friction_factor
+
+
+def _slopes(forces: sp.Expr, states: Sequence[sp.Symbol]) -> dict[sp.Symbol, sp.Expr]:
+    """Coefficients of the states in forces that are linear in them, multiplied out where they are short."""
+    if terms(forces, MAX_EXPANDED) <= MAX_EXPANDED:
+        forces = sp.expand(forces)
+        return {x: forces.coeff(x) for x in states}
+    found = coefficients(forces, states) or {}
+    return {x: found.get(x, sp.S.Zero) for x in states}
 
 
 def _block_spring(body: Rig, values: _Values) -> None:
@@ -105,7 +116,7 @@ def _load_coupling(body: Rig, values: _Values) -> None:
 
 
 def _signs_as_printed(body: Rig, _: _Values) -> None:
-    coupling = sp.expand(body.block).coeff(body.x3)
+    coupling = _slopes(body.block, (body.x3,))[body.x3]
     body.block += -2 * coupling * body.x3
     body.friction_factor = -body.friction_factor
 
