@@ -145,14 +145,14 @@ class Act(Job):
             time.sleep(0.01)
 
     def do_eat_elsewhere(self, state):
-        """Two processes, neither of which holds too much alone."""
+        """Three processes, none of which holds too much alone."""
 
         def eat():
             note(self.notes)
             held = b"x" * (400 * 2**20)
             time.sleep(60 + len(held) % 2)
 
-        for _ in range(2):
+        for _ in range(3):
             grandchild(eat)
         time.sleep(60)
 
