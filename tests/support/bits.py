@@ -1,11 +1,13 @@
 """Runs of the reference over the suite, written down to the last bit, and two such records compared.
 
-    python -m tests.support.bits dump RECORD [--tolerances 1e-6,1e-9,1e-12,own] [--only fig8,hard] [--solver henon]
+    python -m tests.support.bits dump RECORD [--tolerances 1e-6,1e-9,1e-12,own] [--only fig8,hard] [--first]
+                                             [--solver henon]
     python -m tests.support.bits compare RECORD RECORD
 
-``own`` is the tightest tolerance that a reading itself names. With ``NUMBA_CPU_NAME=haswell`` in front, the record is
-that of machine code for another processor (:mod:`henon_ref.target`). ``compare`` ends with status 1 unless all runs
-have equal bits, and names those that have not, the worst class first.
+``own`` is the tightest tolerance that a reading itself names; ``--first`` takes the first reading of each case alone.
+With ``NUMBA_CPU_NAME=haswell`` in front, the record is that of machine code for another processor
+(:mod:`henon_ref.target`). ``compare`` ends with status 1 unless all runs have equal bits, and names those that have
+not, the worst class first.
 """
 
 from __future__ import annotations
@@ -14,10 +16,12 @@ import argparse
 import json
 import sys
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from enum import IntEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from henon_ref.errors import UnsupportedError
 from henon_ref.model.case import Reading, load_case
 from henon_ref.model.catalogue import case_files
 from henon_ref.registry import fixed_step, solver
@@ -33,8 +37,12 @@ Record = dict[str, dict[str, Any]]
 """By ``case.reading@tolerance`` what the run came to, every double in hexadecimal."""
 
 
-def record(tolerances: Sequence[str] = TOLERANCES, only: Collection[str] = (), name: str = "henon") -> Record:
-    """Run every reading of the suite.
+def record(
+    tolerances: Sequence[str] = TOLERANCES, only: Collection[str] = (), name: str = "henon", *, first: bool = False
+) -> Record:
+    """Run the readings of the suite.
+
+    What a solver does not support is left out.
 
     Parameters
     ----------
@@ -44,11 +52,11 @@ def record(tolerances: Sequence[str] = TOLERANCES, only: Collection[str] = (), n
         Cases, or folders of cases, by name; none: all.
     name : str
         The solver.
+    first : bool
+        Of each case the first reading alone that the solver is to run.
     """
     found: Record = {}
-    for key, reading in _readings(only):
-        if reading.solvers is not None and name not in reading.solvers:
-            continue
+    for key, reading in _readings(only, name, first):
         if fixed_step(name):
             settings = [{"step": step} for step in reading.steps]
         else:
@@ -56,16 +64,18 @@ def record(tolerances: Sequence[str] = TOLERANCES, only: Collection[str] = (), n
             settings = [{"rtol": rtol} for rtol in sorted(chosen, reverse=True)]
         for setting in settings:
             (size,) = setting.values()
-            run = solver(name).prepare(reading.problem, deadline=DEADLINE, **setting)
-            found[f"{key}@{size:g}"] = as_text(run())
+            with suppress(UnsupportedError):
+                run = solver(name).prepare(reading.problem, deadline=DEADLINE, **setting)
+                found[f"{key}@{size:g}"] = as_text(run())
     return found
 
 
-def _readings(only: Collection[str]) -> Iterator[tuple[str, Reading]]:
+def _readings(only: Collection[str], name: str, first: bool) -> Iterator[tuple[str, Reading]]:
     for path in case_files(CASES):
         if not only or path.stem in only or path.parent.name in only:
             case = load_case(path)
-            for reading in case.readings:
+            readings = [each for each in case.readings if each.solvers is None or name in each.solvers]
+            for reading in readings[:1] if first else readings:
                 yield f"{case.name}.{reading.name}", reading
 
 
@@ -161,11 +171,13 @@ def main() -> int:
     dump.add_argument("--tolerances", default=",".join(TOLERANCES))
     dump.add_argument("--only", default="")
     dump.add_argument("--solver", default="henon")
+    dump.add_argument("--first", action="store_true")
     beside = commands.add_parser("compare")
     beside.add_argument("records", type=Path, nargs=2)
     given = parser.parse_args()
     if given.command == "dump":
-        runs = record(given.tolerances.split(","), [name for name in given.only.split(",") if name], given.solver)
+        only = [name for name in given.only.split(",") if name]
+        runs = record(given.tolerances.split(","), only, given.solver, first=given.first)
         given.record.write_text(json.dumps({"target": list(target()), "runs": runs}, indent=1))
         print(f"{len(runs)} runs for {target().processor}: {given.record}")
         return 0
