@@ -2,6 +2,15 @@
 
 It is this machine's processor with its features, unless numba's variables ``NUMBA_CPU_NAME`` and ``NUMBA_CPU_FEATURES``
 name another. A name alone means that processor's own features, as in LLVM (numba would keep this machine's).
+
+Whatever the target, the reference's digits are the same. The optimiser has no licence to fuse, reorder or approximate
+(no ``fastmath``, no flags in our own LLVM IR): fused operations are said (``fma``, which a processor without them
+leaves to the C library), sums are written in the order, or the independent parts, in which they are added, and what is
+vectorised is so lane by lane. What cannot be had is another C library: of the functions that it computes (exponential,
+logarithm, power, tangent, the inverse and hyperbolic functions, and the sines of states beyond 1e15) glibc has one
+version for processors with FMA and AVX2 and one for those without, others again from release to release, and other
+systems have their own. They, and Python's ``math``, call that one library; NumPy's own, which depend on the processor,
+decide nothing.
 """
 
 from __future__ import annotations

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import time
-from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
 
 import numba
 import numpy as np
 import pytest
 from numba import float64, int64
-from numba.core.dispatcher import Dispatcher
 
-from henon_ref import henon
 from henon_ref.henon import apart, polynomial
 from henon_ref.henon import registers as k
 from henon_ref.henon import session as sessions
@@ -65,16 +61,6 @@ def test_no_function_that_stands_apart_is_left_out_of_this() -> None:
     asked = {place for place, *_ in NEEDED.values()}
     together = {place for group in apart.TOGETHER if asked & {*group} for place in group}
     assert asked | together | {*k.ALWAYS} == {*range(1, k.A_SIZE)} == {*apart.FUNCTIONS}
-
-
-def test_what_the_compiler_may_fuse_is_compiled_in_one_place() -> None:
-    """In the process that compiles it would be there twice, by itself and in who calls it, with other last digits."""
-    modules = [import_module(f"henon_ref.henon.{each.name}") for each in iter_modules(henon.__path__)]
-    compiled = {made for module in modules for made in vars(module).values() if isinstance(made, Dispatcher)}
-    fused = {made for made in compiled if made.targetoptions.get("fastmath")}
-    inlined = {made for made in fused if made.targetoptions.get("forceinline")}
-    assert fused - inlined == {apart.FUNCTIONS[k.A_LAND][0], apart.FUNCTIONS[k.A_BRENT][0]}
-    assert len(inlined) > 10
 
 
 @pytest.mark.parametrize(("file", "reading"), [("stribeck_belt.yaml", "default"), ("hard/grazing.yaml", "inside1e10")])

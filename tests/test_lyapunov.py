@@ -70,18 +70,30 @@ def test_samples_of_the_henon_map_give_its_exponents() -> None:
 
 
 def test_nolds_finds_the_same_largest_exponent_of_the_chaotic_rig() -> None:
-    """An independent estimator (Rosenstein et al. 1993, one coordinate embedded in five) on the same samples."""
-    problem = load_case(CASES / "rig_chaotic.yaml").readings[0].problem
+    """An independent estimator (Rosenstein et al. 1993, one coordinate embedded in five) on the same samples.
+
+    One orbit's estimate is no constant: over starts a thousandth apart ours is 0.078 with a standard deviation of
+    0.005, theirs 0.061 with 0.005, where the equations say 0.0737. So it is their means that are held to it, within a
+    fifth for what finite samples bias, and three standard errors.
+    """
+    rig = load_case(CASES / "rig_chaotic.yaml").readings[0].problem
     times = 500.0 + 0.4 * np.arange(4000)
-    run = HENON_SOLVER.prepare(replace(problem, until=sp.Integer(2100)), rtol=1e-12, sample_times=times)()
-    ours = time_series_spectrum(run.samples, 0.4, Settings(radius=0.05, delay=5))
+    ours, theirs = [], []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # its imports and fits warn, whatever the samples
         import nolds
 
-        theirs = nolds.lyap_r(run.samples[:, 0], emb_dim=5, lag=4, min_tsep=50, tau=0.4, trajectory_len=40, fit="poly")
-    assert ours.exponents[0] == pytest.approx(0.0737, rel=0.25)
-    assert theirs == pytest.approx(0.0737, rel=0.25)
+        for k in range(6):
+            start = (*rig.initial[:2], rig.initial[2] + sp.Rational(k, 1000), *rig.initial[3:])
+            orbit = replace(rig, initial=start, until=sp.Integer(2100))
+            samples = HENON_SOLVER.prepare(orbit, rtol=1e-12, sample_times=times)().samples
+            ours.append(time_series_spectrum(samples, 0.4, Settings(radius=0.05, delay=5)).exponents[0])
+            embedding = {"emb_dim": 5, "lag": 4, "min_tsep": 50, "tau": 0.4, "trajectory_len": 40}
+            theirs.append(nolds.lyap_r(samples[:, 0], fit="poly", **embedding))
+    for found in (ours, theirs):
+        spread = np.std(found, ddof=1)
+        assert spread < 0.02
+        assert np.mean(found) == pytest.approx(0.0737, abs=0.2 * 0.0737 + 3 * spread / math.sqrt(len(found)))
 
 
 def test_samples_with_gaps_are_refused() -> None:

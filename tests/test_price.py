@@ -225,11 +225,11 @@ def test_crossings_near_a_crest_are_found_by_every_landing() -> None:
 
 def test_operations_are_counted_by_lane_and_fused_ones_twice() -> None:
     ir = """\
-declare <4 x double> @llvm.fmuladd.v4f64(<4 x double>, <4 x double>, <4 x double>)
-  %a = fmul contract double %x, %y
-  %b = fadd contract <4 x double> %v, %w
-  %c = call contract <4 x double> @llvm.fmuladd.v4f64(<4 x double> %v, <4 x double> %w, <4 x double> %b)
-  %d = call contract double @llvm.fmuladd.f64(double %a, double %x, double %y)
+declare <4 x double> @llvm.fma.v4f64(<4 x double>, <4 x double>, <4 x double>)
+  %a = fmul double %x, %y
+  %b = fadd <4 x double> %v, %w
+  %c = call <4 x double> @llvm.fma.v4f64(<4 x double> %v, <4 x double> %w, <4 x double> %b)
+  %d = call double @llvm.fma.f64(double %a, double %x, double %y)
   %e = fcmp ogt double %a, %x
 """
     assert count(ir) == 1 + 4 + 8 + 2

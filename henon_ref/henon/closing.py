@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from henon_ref.henon.emitter import LANES, ONE, ZERO, Writer, literal
+from henon_ref.henon.emitter import LANES, ONE, ZERO, Writer
 from henon_ref.henon.rows import row_length
 
 
@@ -16,10 +16,10 @@ def closing_ir(states: int, outputs: int, order: int, name: str) -> str:
     w = Writer()
     vector = f"<{LANES} x double>"
     width = row_length(order)
-    square = w.exact("fmul", "%theta", "%theta")
-    fourth = w.exact("fmul", square, square)
+    square = w.binary("fmul", "%theta", "%theta")
+    fourth = w.binary("fmul", square, square)
     strides = [w.vector([fourth] * LANES)]
-    powers = w.vector([ONE, "%theta", square, w.exact("fmul", square, "%theta")])
+    powers = w.vector([ONE, "%theta", square, w.binary("fmul", square, "%theta")])
     zero = w.vector([ZERO] * LANES)
     for r in range(states + outputs):
         terms = []
@@ -32,13 +32,8 @@ def closing_ir(states: int, outputs: int, order: int, name: str) -> str:
                 term = w.emit(f"select <{LANES} x i1> {below}, {vector} {term}, {vector} {zero}")
             terms.append(term)
         total = _estrin(w, terms, strides)
-        total = w.lanewise("fmul", LANES, total, powers)
-        start = w.load("%C", r * width) if r >= states else literal(-0.0)
-        w.store(
-            w.emit(f"call reassoc double @llvm.vector.reduce.fadd.v{LANES}f64(double {start}, {vector} {total})"),
-            "%out",
-            r,
-        )
+        total = w.across(LANES, w.lanewise("fmul", LANES, total, powers))
+        w.store(w.plus(w.load("%C", r * width), total) if r >= states else total, "%out", r)
     body = "\n".join(w.lines)
     return f"define void @{name}(double %theta, ptr noalias %C, ptr noalias %out) {{\nentry:\n{body}\n  ret void\n}}\n"
 

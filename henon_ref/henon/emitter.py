@@ -1,4 +1,8 @@
-"""Writing LLVM IR: instructions that know structural zeros, and nothing of what they are for."""
+"""Writing LLVM IR: instructions that know structural zeros, and nothing of what they are for.
+
+The optimiser has no licence to fuse, reorder or approximate: what is fused is said (``llvm.fma``), a sum has the order
+in which it is written, and so the digits are the same whatever the processor.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,9 @@ from collections.abc import Callable, Sequence
 
 LANES = 4
 """Doubles in a vector."""
-FAST = "nsz arcp"
-"""The order of a sum stays as written, and what is fused is said."""
 LIBM = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log")
+_OF_LIBM = "nobuiltin readnone nounwind"
+"""Called as they are named: not replaced by a vector library's (SVML), say, which has other last digits."""
 _INTRINSICS = ("sqrt", "fabs", "fma", "rint")
 
 Value = str | None
@@ -26,16 +30,14 @@ def literal(value: float) -> str:
 
 def declarations() -> str:
     """LLVM declarations of the functions that generated code calls."""
-    lines = [f"declare double @{f}(double) readnone nounwind" for f in LIBM]
-    lines.append("declare double @pow(double, double) readnone nounwind")
+    lines = [f"declare double @{f}(double) {_OF_LIBM}" for f in LIBM]
+    lines.append(f"declare double @pow(double, double) {_OF_LIBM}")
     lines += [f"declare double @llvm.{f}.f64(double)" for f in _INTRINSICS if f != "fma"]
     lines.append("declare double @llvm.fma.f64(double, double, double)")
-    lines.append("declare double @llvm.fmuladd.f64(double, double, double)")
     for n in (2, 4):
         kind = f"<{n} x double>"
-        lines.append(f"declare {kind} @llvm.fmuladd.v{n}f64({kind}, {kind}, {kind})")
+        lines.append(f"declare {kind} @llvm.fma.v{n}f64({kind}, {kind}, {kind})")
     lines.append("declare i64 @llvm.ctpop.i64(i64)")
-    lines.append(f"declare double @llvm.vector.reduce.fadd.v{LANES}f64(double, <{LANES} x double>)")
     return "\n".join(lines) + "\n"
 
 
@@ -57,10 +59,6 @@ class Writer:
         return name
 
     def binary(self, op: str, a: str, b: str) -> str:
-        return self.emit(f"{op} {FAST} double {a}, {b}")
-
-    def exact(self, op: str, a: str, b: str) -> str:
-        """Without any licence to the optimiser: for double-double arithmetic."""
         return self.emit(f"{op} double {a}, {b}")
 
     def mul(self, a: Value, b: Value) -> Value:
@@ -76,14 +74,14 @@ class Writer:
         return self.binary("fadd", a, b)
 
     def fused(self, a: Value, b: Value, c: Value) -> Value:
-        """a b + c, in one instruction where the machine has it."""
+        """a b + c, rounded once."""
         if c is None or a is None or b is None:
             return c if a is None or b is None else self.mul(a, b)
         if ONE in (a, b):
             return self.add(c, b if a == ONE else a)
         if MINUS in (a, b):
             return self.sub(c, b if a == MINUS else a)
-        return self.emit(f"call {FAST} double @llvm.fmuladd.f64(double {a}, double {b}, double {c})")
+        return self.call("fma", a, b, c)
 
     def sub(self, a: Value, b: Value) -> Value:
         if b is None:
@@ -91,7 +89,7 @@ class Writer:
         return self.neg(b) if a is None else self.binary("fsub", a, b)
 
     def neg(self, a: Value) -> Value:
-        return None if a is None else self.emit(f"fneg {FAST} double {a}")
+        return None if a is None else self.emit(f"fneg double {a}")
 
     def scaled(self, factor: float, a: Value) -> Value:
         return self.mul(literal(factor), a)
@@ -140,11 +138,11 @@ class Writer:
         return result
 
     def lanewise(self, op: str, lanes: int, a: str, b: str) -> str:
-        return self.emit(f"{op} {FAST} <{lanes} x double> {a}, {b}")
+        return self.emit(f"{op} <{lanes} x double> {a}, {b}")
 
     def lanewise_fused(self, lanes: int, a: str, b: str, c: str) -> str:
         kind = f"<{lanes} x double>"
-        return self.emit(f"call {FAST} {kind} @llvm.fmuladd.v{lanes}f64({kind} {a}, {kind} {b}, {kind} {c})")
+        return self.emit(f"call {kind} @llvm.fma.v{lanes}f64({kind} {a}, {kind} {b}, {kind} {c})")
 
     def shuffled(self, lanes: int, a: str, order: Sequence[int]) -> str:
         kind = f"<{lanes} x double>"
@@ -153,6 +151,14 @@ class Writer:
 
     def lane(self, lanes: int, a: str, at: int) -> str:
         return self.emit(f"extractelement <{lanes} x double> {a}, i64 {at}")
+
+    def across(self, lanes: int, a: str) -> str:
+        """Sum of a vector's lanes: its upper half on its lower one, until one is left."""
+        while lanes > 1:
+            half = lanes // 2
+            low, high = (self.shuffled(lanes, a, range(first, first + half)) for first in (0, half))
+            a, lanes = self.lanewise("fadd", half, low, high), half
+        return self.lane(1, a, 0)
 
     # -- sums -------------------------------------------------------------------------------------------
 

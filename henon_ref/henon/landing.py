@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from henon_ref.henon.polynomial import POLY, at_end, value
-from henon_ref.henon.primitives import larger, smaller
+from henon_ref.henon.polynomial import at_end, value
+from henon_ref.henon.primitives import fma, larger, smaller
 from henon_ref.henon.registers import BRACKET, EPS, NEWTON
 from henon_ref.jit import inner
 
@@ -13,7 +13,7 @@ STEEP = 3.0
 """How many times less steep than the chord an end may be for an inverse cubic: it is monotone then."""
 
 
-@inner(fastmath=POLY)
+@inner()
 def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     """Put the step's end on the root of q that [low, high], within [0, 1], brackets, q falling.
 
@@ -46,7 +46,7 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     tau = 0.5 * (low + high)
     if below > 0.0 and above < -0.01 * below:  # else another root next to ``high`` may have left nothing but rounding
         part, fall = below / (below - above), above - below
-        tau = low + (high - low) * part
+        tau = fma(high - low, part, low)
         if low == 0.0 and high == 1.0 and STEEP * q[1] < fall and STEEP * slope < fall:
             tau = _interpolated(part, fall / q[1], fall / slope)
     order_one, before = method == NEWTON, 1.0
@@ -57,7 +57,7 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
             left = tau
         else:
             right = tau
-        bend = g1 * g1 - 4.0 * g0 * g2
+        bend = fma(g1, g1, -4.0 * g0 * g2)
         if g1 >= 0.0 and (order_one or not (g2 < 0.0 and bend > 0.0)):  # not yet, or no longer, on the way down
             tau = 0.5 * (left + right)
             continue
@@ -90,31 +90,31 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     return tau, BRACKET, evaluations + more
 
 
-@inner(forceinline=True, fastmath=POLY)
+@inner(forceinline=True)
 def _interpolated(part, first, last):  # type: ignore[no-untyped-def]
     """Root by the cubic in h that has the guard's values and slopes at both ends of [0, 1] (Hermite's interpolation).
 
     ``part`` of its fall lies before the root; ``first``, ``last``: slopes of the inverse, in units of the chord's.
     """
     rest = 1.0 - part
-    return part * (part * (1.0 + 2.0 * rest) + rest * (rest * first - part * last))
+    return part * fma(part, fma(2.0, rest, 1.0), rest * fma(rest, first, -part * last))
 
 
-@inner(forceinline=True, fastmath=POLY)
+@inner(forceinline=True)
 def _around(q, degree, tau, order_one):  # type: ignore[no-untyped-def]
     """Taylor coefficients 0 to 4 of q around tau; 0 and 1 only where no more are wanted."""
     g0, g1, g2, g3, g4 = q[degree], 0.0, 0.0, 0.0, 0.0
     for k in range(degree - 1, -1, -1):
         if not order_one:
-            g4 = g4 * tau + g3
-            g3 = g3 * tau + g2
-            g2 = g2 * tau + g1
-        g1 = g1 * tau + g0
-        g0 = g0 * tau + q[k]
+            g4 = fma(g4, tau, g3)
+            g3 = fma(g3, tau, g2)
+            g2 = fma(g2, tau, g1)
+        g1 = fma(g1, tau, g0)
+        g0 = fma(g0, tau, q[k])
     return g0, g1, g2, g3, g4
 
 
-@inner(forceinline=True, fastmath=POLY)
+@inner(forceinline=True)
 def _reverted(u, inverse, g2, g3, g4):  # type: ignore[no-untyped-def]
     """Step to the zero by the reversed series in h, of order 4, and its relative error; 1 where it is no good.
 
@@ -125,11 +125,13 @@ def _reverted(u, inverse, g2, g3, g4):  # type: ignore[no-untyped-def]
     second, third, fourth = abs(b2 * u), abs(b3 * u * u), abs(b4 * u * u * u)
     if second > 0.125 or third > 0.015 or fourth > 0.002:
         return u, 1.0
-    step = u * (1.0 + u * (-b2 + u * ((2.0 * b2 * b2 - b3) + u * (5.0 * b2 * b3 - b4 - 5.0 * b2**3))))
+    # 1 - b2 u + (2 b2^2 - b3) u^2 + (5 b2 b3 - b4 - 5 b2^3) u^3
+    three, four = fma(2.0 * b2, b2, -b3), fma(5.0 * b2, fma(-b2, b2, b3), -b4)
+    step = u * fma(u, fma(u, fma(u, four, three), -b2), 1.0)
     return step, second**4 + third**2 + fourth * larger(second, third)
 
 
-@inner(forceinline=True, fastmath=POLY)
+@inner(forceinline=True)
 def _bisect(q, degree, left, right):  # type: ignore[no-untyped-def]
     evaluations = 0
     while right - left > 2.0 * EPS * right and evaluations < 200:
@@ -144,7 +146,7 @@ def _bisect(q, degree, left, right):  # type: ignore[no-untyped-def]
     return 0.5 * (left + right), evaluations
 
 
-@inner(fastmath=POLY)
+@inner()
 def brent(q, degree, low, high):  # type: ignore[no-untyped-def]
     """Bracketing alone, by Brent's method (*Algorithms for Minimization without Derivatives*, 1973, Ch. 4).
 

@@ -31,7 +31,7 @@ def inverse_size(w: Writer, row: Sequence[Value]) -> str:
     for value in row[:3]:
         if value is not None:
             size = w.binary("fadd", size, w.call("fabs", value))
-    return w.exact("fdiv", ONE, size)
+    return w.binary("fdiv", ONE, size)
 
 
 def longest(w: Writer, exponentials: Sequence[tuple[str, Sequence[Value]]]) -> str:
@@ -64,13 +64,13 @@ def longest(w: Writer, exponentials: Sequence[tuple[str, Sequence[Value]]]) -> s
         if name in ASLEEP:
             start = argument[0] or ZERO
             depth = w.neg(start) if name == "exp" else w.call("fabs", start)
-            asleep = w.exact("fmul", literal(0.5), w.exact("fsub", depth or ZERO, literal(ASLEEP[name])))
+            asleep = w.binary("fmul", literal(0.5), w.binary("fsub", depth or ZERO, literal(ASLEEP[name])))
             swing = w.larger(asleep, swing)
-        inside = w.exact(
-            "fadd", w.exact("fmul", slope, slope), w.exact("fmul", literal(4.0), w.exact("fmul", bend, swing))
+        inside = w.binary(
+            "fadd", w.binary("fmul", slope, slope), w.binary("fmul", literal(4.0), w.binary("fmul", bend, swing))
         )
-        below = w.exact("fadd", w.exact("fadd", slope, w.call("sqrt", inside)), literal(1e-300))
-        root = w.exact("fdiv", w.exact("fmul", literal(2.0), swing), below)
+        below = w.binary("fadd", w.binary("fadd", slope, w.call("sqrt", inside)), literal(1e-300))
+        root = w.binary("fdiv", w.binary("fmul", literal(2.0), swing), below)
         result = w.smaller(root, result)
         if bend != quadratic:  # there are terms of order 3 and higher; none of them counts where they add nothing
             free = w.emit(f"fcmp oeq double {bend}, {quadratic}")

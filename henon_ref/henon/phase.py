@@ -27,8 +27,8 @@ def sin_cos(w: Writer, high: str, low: str) -> tuple[str, str]:
     s, c = _reduced(w, high, low)
     w.lines += [f"  br label %{done}", f"{far}:"]
     sin, cos = w.call("sin", high), w.call("cos", high)
-    s_far = w.exact("fadd", sin, w.exact("fmul", low, cos))
-    c_far = w.exact("fsub", cos, w.exact("fmul", low, sin))
+    s_far = w.binary("fadd", sin, w.binary("fmul", low, cos))
+    c_far = w.binary("fsub", cos, w.binary("fmul", low, sin))
     w.lines += [f"  br label %{done}", f"{done}:"]
     return (
         w.emit(f"phi double [ {s}, %{near} ], [ {s_far}, %{far} ]"),
@@ -37,25 +37,25 @@ def sin_cos(w: Writer, high: str, low: str) -> tuple[str, str]:
 
 
 def _reduced(w: Writer, high: str, low: str) -> tuple[str, str]:
-    n = w.call("rint", w.exact("fmul", high, literal(1.0 / _HALF_PI[0])))
+    n = w.call("rint", w.binary("fmul", high, literal(1.0 / _HALF_PI[0])))
     minus = w.emit(f"fneg double {n}")
     first = w.call("fma", minus, literal(_HALF_PI[0]), high)  # exact: a multiple of 2^-52 (or of high's last place)
-    product = w.exact("fmul", n, literal(_HALF_PI[1]))
+    product = w.binary("fmul", n, literal(_HALF_PI[1]))
     lost = w.call("fma", n, literal(_HALF_PI[1]), w.emit(f"fneg double {product}"))
     # two-sum of first - product
-    total = w.exact("fsub", first, product)
-    part = w.exact("fsub", total, first)
-    error = w.exact("fsub", w.exact("fsub", first, w.exact("fsub", total, part)), w.exact("fadd", product, part))
-    tail = w.exact("fsub", w.exact("fadd", error, low), lost)
+    total = w.binary("fsub", first, product)
+    part = w.binary("fsub", total, first)
+    error = w.binary("fsub", w.binary("fsub", first, w.binary("fsub", total, part)), w.binary("fadd", product, part))
+    tail = w.binary("fsub", w.binary("fadd", error, low), lost)
     tail = w.call("fma", minus, literal(_HALF_PI[2]), tail)
-    r = w.exact("fadd", total, tail)
-    rest = w.exact("fadd", w.exact("fsub", total, r), tail)
-    early = w.exact("fadd", w.call("fma", minus, literal(_HALF_PI[1]), first), low)  # r but for its last bits
-    z = w.exact("fmul", early, early)
-    square = w.exact("fmul", z, z)
-    powers = z, square, w.exact("fmul", square, square)
+    r = w.binary("fadd", total, tail)
+    rest = w.binary("fadd", w.binary("fsub", total, r), tail)
+    early = w.binary("fadd", w.call("fma", minus, literal(_HALF_PI[1]), first), low)  # r but for its last bits
+    z = w.binary("fmul", early, early)
+    square = w.binary("fmul", z, z)
+    powers = z, square, w.binary("fmul", square, square)
     s = _sine(w, r, rest, powers)
-    c = _cosine(w, early, w.exact("fadd", w.exact("fsub", r, early), rest), powers)
+    c = _cosine(w, early, w.binary("fadd", w.binary("fsub", r, early), rest), powers)
     quadrant = w.emit(f"fptosi double {n} to i64")
     odd = w.emit(f"trunc i64 {quadrant} to i1")
     sine = w.emit(f"select i1 {odd}, double {c}, double {s}")
@@ -84,16 +84,16 @@ def _sine(w: Writer, r: str, rest: str, powers: tuple[str, str, str]) -> str:
     z = powers[0]
     series = [float(Fraction((-1) ** k, math.factorial(2 * k + 1))) for k in range(2, 9)]
     tail = w.call("fma", _polynomial(w, powers, series), z, literal(-1.0 / 6.0))
-    cube = w.exact("fmul", z, r)
+    cube = w.binary("fmul", z, r)
     slope = w.call("fma", literal(-0.5), z, ONE)
-    return w.exact("fadd", r, w.call("fma", cube, tail, w.exact("fmul", rest, slope)))
+    return w.binary("fadd", r, w.call("fma", cube, tail, w.binary("fmul", rest, slope)))
 
 
 def _cosine(w: Writer, r: str, rest: str, powers: tuple[str, str, str]) -> str:
     z, square, _ = powers
     series = [float(Fraction((-1) ** k, math.factorial(2 * k))) for k in range(2, 9)]
-    half = w.exact("fmul", z, literal(0.5))
-    head = w.exact("fsub", ONE, half)
-    lost = w.exact("fsub", w.exact("fsub", ONE, head), half)
+    half = w.binary("fmul", z, literal(0.5))
+    head = w.binary("fsub", ONE, half)
+    lost = w.binary("fsub", w.binary("fsub", ONE, head), half)
     correction = w.call("fma", w.emit(f"fneg double {r}"), rest, lost)
-    return w.exact("fadd", head, w.call("fma", square, _polynomial(w, powers, series), correction))
+    return w.binary("fadd", head, w.call("fma", square, _polynomial(w, powers, series), correction))

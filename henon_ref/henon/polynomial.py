@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from henon_ref.henon.primitives import larger, smaller
+from henon_ref.henon.primitives import fma, larger, smaller
 from henon_ref.henon.registers import EPS
 from henon_ref.jit import inner
 
@@ -28,10 +28,6 @@ STEPS = 6
 """Steps of Newton's method towards the minimum of a piece."""
 CLOSE, FAR = 2.0**-20, 2.0**-3
 """What is cut out around a minimum: at least the one and at most the other of its piece, to either side."""
-POLY = {"contract", "nsz"}
-"""A product and a sum may be one operation."""
-SUM = {*POLY, "reassoc"}
-"""And terms may be added in any order, several at a time."""
 
 
 @inner(forceinline=True)
@@ -45,21 +41,24 @@ def powers_of(theta, powers, order):  # type: ignore[no-untyped-def]
         a, b, c, d = a * fourth, b * fourth, c * fourth, d * fourth
 
 
-@inner(forceinline=True, fastmath=SUM)
+@inner(forceinline=True)
 def excluded(q, powers, degree):  # type: ignore[no-untyped-def]
     """True if q > 0 on the whole step by its negative terms alone (q[k] * powers[k] at the step's end)."""
-    total = q[0]
-    for k in range(1, degree + 1):
-        total += smaller(q[k] * powers[k], 0.0)
-    return total > 0.0
+    odd, even = 0.0, 0.0  # in two sums, which do not wait for each other; so below
+    for k in range(1, degree, 2):
+        odd += smaller(q[k] * powers[k], 0.0)
+        even += smaller(q[k + 1] * powers[k + 1], 0.0)
+    if degree % 2 == 1:
+        odd += smaller(q[degree] * powers[degree], 0.0)
+    return q[0] + (odd + even) > 0.0
 
 
-@inner(forceinline=True, fastmath=POLY)
+@inner(forceinline=True)
 def value(q, degree, tau):  # type: ignore[no-untyped-def]
     """q(tau) by Horner's rule."""
     total = q[degree]
     for k in range(degree - 1, -1, -1):
-        total = total * tau + q[k]
+        total = fma(total, tau, q[k])
     return total
 
 
@@ -91,16 +90,16 @@ def factored(c, zeros, degree, factor, quotient):  # type: ignore[no-untyped-def
     return True
 
 
-@inner(forceinline=True, fastmath=POLY)
+@inner(forceinline=True)
 def _cut(left, right, degree, part):  # type: ignore[no-untyped-def]
     """Bernstein coefficients of both parts of what ``right`` stands for (de Casteljau, in place)."""
     for i in range(degree + 1):
         left[i] = right[0]
         for j in range(degree - i):
-            right[j] += part * (right[j + 1] - right[j])
+            right[j] = fma(part, right[j + 1] - right[j], right[j])
 
 
-@inner(forceinline=True, fastmath=POLY)
+@inner(forceinline=True)
 def _around_minimum(a, degree, low, high, noise):  # type: ignore[no-untyped-def]
     """Two places on a piece, one on each side of a minimum, next to it and clear of it where possible; else its middle.
 
@@ -112,13 +111,13 @@ def _around_minimum(a, degree, low, high, noise):  # type: ignore[no-untyped-def
     for _ in range(STEPS):
         slope, bend, twist = degree * a[degree], 0.0, 0.0  # twist is half the third derivative
         for k in range(degree - 1, 0, -1):
-            twist = twist * tau + bend
-            bend = bend * tau + slope
-            slope = slope * tau + k * a[k]
+            twist = fma(twist, tau, bend)
+            bend = fma(bend, tau, slope)
+            slope = fma(slope, tau, k * a[k])
         if abs(slope) <= noise:
             shift = 0.0
             break
-        below = bend * bend - 2.0 * slope * twist
+        below = fma(bend, bend, -2.0 * slope * twist)
         if not (bend > 0.0 and below > 0.0):
             return middle, middle
         shift = -slope * bend / below
@@ -215,26 +214,30 @@ def first_falling_root(a, degree, stack, bounds):  # type: ignore[no-untyped-def
     return NONE, 0.0, 0.0
 
 
-@inner(forceinline=True, fastmath=SUM)
+@inner(forceinline=True)
 def steepness(q, degree, tau, powers):  # type: ignore[no-untyped-def]
     """How steeply q falls at tau, relative to the size of its terms there: small near a double root.
 
     ``powers``: room for those of tau.
     """
     powers_of(tau, powers, degree)
-    slope, size = 0.0, 0.0
-    for k in range(degree + 1):
-        term = q[k] * powers[k]
-        slope += k * term
-        size += abs(term)
-    return -slope / size
+    slope, slope_between, size, size_between = 0.0, 0.0, 0.0, 0.0
+    for k in range(degree, 0, -2):
+        term, between = q[k] * powers[k], q[k - 1] * powers[k - 1]
+        slope, slope_between = fma(k, term, slope), fma(k - 1, between, slope_between)
+        size, size_between = size + abs(term), size_between + abs(between)
+    if degree % 2 == 0:
+        size_between += abs(q[0])
+    return -(slope + slope_between) / (size + size_between)
 
 
-@inner(forceinline=True, fastmath=SUM)
+@inner(forceinline=True)
 def at_end(q, degree):  # type: ignore[no-untyped-def]
     """Value and slope of q at 1."""
-    total, slope = 0.0, 0.0
-    for k in range(degree + 1):
-        total += q[k]
-        slope += k * q[k]
-    return total, slope
+    total, total_between, slope, slope_between = 0.0, 0.0, 0.0, 0.0
+    for k in range(degree, 0, -2):
+        total, total_between = total + q[k], total_between + q[k - 1]
+        slope, slope_between = fma(k, q[k], slope), fma(k - 1, q[k - 1], slope_between)
+    if degree % 2 == 0:
+        total_between += q[0]
+    return total + total_between, slope + slope_between

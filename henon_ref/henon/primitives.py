@@ -33,6 +33,16 @@ def from_bits(typing, pattern):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
+def fma(typing, a, b, c):  # type: ignore[no-untyped-def]
+    """a b + c, rounded once: compiled loops fuse nothing that is not said to be fused."""
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        return builder.fma(*args)
+
+    return types.float64(types.float64, types.float64, types.float64), codegen
+
+
+@intrinsic
 def smaller(typing, a, b):  # type: ignore[no-untyped-def]
     """The smaller one of two doubles."""
 

@@ -80,7 +80,7 @@ class Recurrences:
 
     def _inverse(self, value: Value) -> str:
         start = value or ZERO
-        made = self.made("inverse of", start, make=lambda: self.w.exact("fdiv", ONE, start))
+        made = self.made("inverse of", start, make=lambda: self.w.binary("fdiv", ONE, start))
         return made or ZERO
 
     def _divided(self, base: int, at: int, k: int, minus: Value) -> Value:
@@ -140,21 +140,21 @@ class Recurrences:
             return w.mul(slope, "%sigma")
         if k > 1:
             return None
-        product = w.exact("fmul", slope, "%t_hi")
+        product = w.binary("fmul", slope, "%t_hi")
         error = w.call("fma", slope, "%t_hi", w.emit(f"fneg double {product}"))
-        error = w.exact("fadd", error, w.exact("fmul", self.constant(c1, True), "%t_hi"))
-        error = w.exact("fadd", error, w.exact("fmul", slope, "%t_lo"))
+        error = w.binary("fadd", error, w.binary("fmul", self.constant(c1, True), "%t_hi"))
+        error = w.binary("fadd", error, w.binary("fmul", slope, "%t_lo"))
         shift = self.constant(c0, False)
-        total = w.exact("fadd", product, shift)  # two-sum
-        part = w.exact("fsub", total, product)
-        lost = w.exact(
+        total = w.binary("fadd", product, shift)  # two-sum
+        part = w.binary("fsub", total, product)
+        lost = w.binary(
             "fadd",
-            w.exact("fsub", product, w.exact("fsub", total, part)),
-            w.exact("fsub", shift, part),
+            w.binary("fsub", product, w.binary("fsub", total, part)),
+            w.binary("fsub", shift, part),
         )
-        low = w.exact("fadd", w.exact("fadd", error, lost), self.constant(c0, True))
+        low = w.binary("fadd", w.binary("fadd", error, lost), self.constant(c0, True))
         self._phase[at] = total, low
-        return w.exact("fadd", total, low)
+        return w.binary("fadd", total, low)
 
     def _turning(self, at: int, node: Node) -> list[Value]:
         """All coefficients of the sine or cosine of c0 + c1 t: (c1 sigma)^k / k! times a value that turns."""
@@ -223,7 +223,7 @@ class Recurrences:
                 weight = w.sub(w.scaled(float(j), exponent), literal(float(k - j)))
                 terms.append((w.mul(weight, a[j]), y[k - j]))
         start = a[0] or ZERO
-        inverse = self.made("inverse of", start, make=lambda: w.exact("fdiv", ONE, start))
+        inverse = self.made("inverse of", start, make=lambda: w.binary("fdiv", ONE, start))
         return w.scaled(1.0 / k, w.mul(w.total(terms[:-1], terms[-1:]), inverse))
 
     def _weighted(self, node: int, j: int) -> Value:
@@ -233,10 +233,10 @@ class Recurrences:
 
 def powers_of(w: Writer, x: str, vectors: int) -> list[str]:
     """x^0, x^1, ... in vectors."""
-    square = w.exact("fmul", x, x)
-    powers = [w.vector([ONE, x, square, w.exact("fmul", square, x)])]
+    square = w.binary("fmul", x, x)
+    powers = [w.vector([ONE, x, square, w.binary("fmul", square, x)])]
     if vectors > 1:
-        jump = w.exact("fmul", square, square)
+        jump = w.binary("fmul", square, square)
         stride = w.vector([jump] * LANES)
         powers.append(w.lanewise("fmul", LANES, powers[0], stride))
     if vectors > 2:

@@ -8,7 +8,7 @@ from numba import float64, int64
 from henon_ref.henon.apart import apart, missing
 from henon_ref.henon.calls import call_closing, call_expand
 from henon_ref.henon.clock import add_time, lost, remaining, stands
-from henon_ref.henon.primitives import bits, from_bits, larger, smaller
+from henon_ref.henon.primitives import bits, fma, from_bits, larger, smaller
 from henon_ref.henon.registers import (
     A_FLAT,
     EPS,
@@ -59,13 +59,13 @@ def _root(above, below, power):  # type: ignore[no-untyped-def]
     return from_bits((bits(shifted) + 1023) << 52) * (1.0 + part * (0.6931471805599453 + 0.24022650695910072 * part))
 
 
-@inner(forceinline=True, fastmath={"contract", "nsz"})
+@inner(forceinline=True)
 def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
     """Largest relative size of the last two coefficients over states and guards on a step of theta sigma."""
     last, before = 0.0, 0.0
     for r in range(rows):
         row = c[r]
-        scale = abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2])) + 1e-300
+        scale = fma(theta, fma(theta, abs(row[2]), abs(row[1])), abs(row[0])) + 1e-300
         last = larger(last, abs(row[order]) / scale)
         before = larger(before, abs(row[order - 1]) / scale)
     return last, before

@@ -115,8 +115,9 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
     Where terms grow the step is shortened until they fall: then it ends within their circle of convergence. Terms
     that only sink below rounding, are zero or end in a gap promise nothing (a high power seen from where it is flat),
     nor do those below rounding on a step much longer than the last one (``leap``). There the expansion is made anew
-    on the step and at its end: guards and slopes must be what was foretold. A step much shorter than the last one,
-    whose terms fall, needs no such trust in guards (where one is next to zero rounding alone may disagree).
+    on the step and at its end: guards and slopes must be what was foretold, or the step is shortened and asked again.
+    A step whose terms fall, or one much shorter than the last, needs no such trust in guards (where one is next to zero
+    rounding alone may disagree); in slopes it does, for behind a branch point the terms of a root may fall as well.
 
     Without ``doubt`` terms are not looked at: the field has branch points (T_WARY), behind which a square root's
     series, a polynomial perhaps, goes on as if there were none. Slopes alone are held against it.
@@ -167,12 +168,12 @@ def trusted(floats, integers, x, layout, constants, c, ahead, change, point, ord
                         shorter *= SHORTER
         if agreed:
             break
-        ask = not LEAST * theta < shorter < theta
-        if ask:  # terms that fall, or are none, are no better on a shorter step
-            theta *= larger(QUARTER, 0.95 * worst ** (-1.0 / order)) if worst < np.inf else SHORTER
-            nowhere = theta <= SHORTEST or (worst < np.inf and lost(floats, theta * sigma))
-            enough = theta <= LEAST if kept else nowhere
-            ask = not enough or swells(c, n + guards, order, theta)
-        else:
-            theta = shorter
+        falls = LEAST * theta < shorter < theta
+        if falls and kept:
+            return shorter
+        theta *= larger(QUARTER, 0.95 * worst ** (-1.0 / order)) if worst < np.inf else SHORTER
+        theta = smaller(theta, shorter) if falls else theta
+        nowhere = theta <= SHORTEST or (worst < np.inf and lost(floats, theta * sigma))
+        enough = theta <= LEAST if kept else nowhere
+        ask = not enough or swells(c, n + guards, order, theta)
     return theta
