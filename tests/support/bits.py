@@ -1,0 +1,179 @@
+"""Runs of the reference over the suite, written down to the last bit, and two such records compared.
+
+    python -m tests.support.bits dump RECORD [--tolerances 1e-6,1e-9,1e-12,own] [--only fig8,hard] [--solver henon]
+    python -m tests.support.bits compare RECORD RECORD
+
+``own`` is the tightest tolerance that a reading itself names. With ``NUMBA_CPU_NAME=haswell`` in front, the record is
+that of machine code for another processor (:mod:`henon_ref.target`). ``compare`` ends with status 1 unless all runs
+have equal bits, and names those that have not, the worst class first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Collection, Iterator, Sequence
+from enum import IntEnum
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from henon_ref.model.case import Reading, load_case
+from henon_ref.model.catalogue import case_files
+from henon_ref.registry import fixed_step, solver
+from henon_ref.target import target
+from henon_ref.trajectory import Trajectory, Transition
+
+CASES = Path(__file__).parents[2] / "cases"
+TOLERANCES = ("1e-6", "1e-9", "1e-12", "own")
+DEADLINE = 60.0
+"""A run that takes longer [s] says so (``timeout``), on a machine that does other things as well."""
+
+Record = dict[str, dict[str, Any]]
+"""By ``case.reading@tolerance`` what the run came to, every double in hexadecimal."""
+
+
+def record(tolerances: Sequence[str] = TOLERANCES, only: Collection[str] = (), name: str = "henon") -> Record:
+    """Run every reading of the suite.
+
+    Parameters
+    ----------
+    tolerances : sequence of str
+        Relative tolerances, or ``own``; for a solver with fixed steps it is the reading's own steps that count.
+    only : collection of str
+        Cases, or folders of cases, by name; none: all.
+    name : str
+        The solver.
+    """
+    found: Record = {}
+    for key, reading in _readings(only):
+        if reading.solvers is not None and name not in reading.solvers:
+            continue
+        if fixed_step(name):
+            settings = [{"step": step} for step in reading.steps]
+        else:
+            chosen = {min(reading.tolerances) if t == "own" else float(t) for t in tolerances}
+            settings = [{"rtol": rtol} for rtol in sorted(chosen, reverse=True)]
+        for setting in settings:
+            (size,) = setting.values()
+            run = solver(name).prepare(reading.problem, deadline=DEADLINE, **setting)
+            found[f"{key}@{size:g}"] = as_text(run())
+    return found
+
+
+def _readings(only: Collection[str]) -> Iterator[tuple[str, Reading]]:
+    for path in case_files(CASES):
+        if not only or path.stem in only or path.parent.name in only:
+            case = load_case(path)
+            for reading in case.readings:
+                yield f"{case.name}.{reading.name}", reading
+
+
+def as_text(run: Trajectory) -> dict[str, Any]:
+    """A run as JSON can hold it."""
+    return {
+        "status": run.status,
+        "transitions": [_transition(each) for each in run.transitions],
+        "end": [run.end_time.hex(), [float(v).hex() for v in run.end_state], list(run.end_mode)],
+        "counts": [int(count) for count in run.counts],
+    }
+
+
+def _transition(each: Transition) -> dict[str, Any]:
+    return {
+        "what": [each.kind, each.surface, list(each.from_mode), list(each.to_mode), each.landing],
+        "time": [float(each.time).hex(), float(each.time_low).hex()],
+        "state": [float(v).hex() for v in each.state],
+    }
+
+
+class Likeness(IntEnum):
+    """How far two runs are alike: each class holds what those above it say, but for the first."""
+
+    DIFFERENT = 0
+    SEQUENCE = 1
+    """The same status, transitions and modes."""
+    TIMES = 2
+    """And every time is the same double."""
+    BITS = 3
+    """And everything else: what rounding lost of the times, states, the end, landings, counts."""
+
+
+class Compared(NamedTuple):
+    """One run of two records beside the other."""
+
+    likeness: Likeness
+    time: float
+    """Largest difference of a time [s]; 0 where the transitions are not the same."""
+    state: float
+    """Largest difference of a state at a transition; 0 where the transitions are not the same."""
+
+
+def compared(one: dict[str, Any], other: dict[str, Any]) -> Compared:
+    """Two runs beside each other."""
+    if one == other:
+        return Compared(Likeness.BITS, 0.0, 0.0)
+    if _sequence(one) != _sequence(other):
+        return Compared(Likeness.DIFFERENT, 0.0, 0.0)
+    pairs = list(zip(one["transitions"], other["transitions"], strict=True))
+    times = [(_number(a["time"][0]), _number(b["time"][0])) for a, b in pairs]
+    lows = [(_number(a["time"][1]), _number(b["time"][1])) for a, b in pairs]
+    late = [abs((a - b) + (c - d)) for (a, b), (c, d) in zip(times, lows, strict=True)]
+    off = [abs(_number(p) - _number(q)) for a, b in pairs for p, q in zip(a["state"], b["state"], strict=True)]
+    same = all(a == b for a, b in times)
+    return Compared(Likeness.TIMES if same else Likeness.SEQUENCE, max(late, default=0.0), max(off, default=0.0))
+
+
+def _sequence(run: dict[str, Any]) -> tuple[Any, ...]:
+    return run["status"], run["end"][2], [each["what"][:4] for each in run["transitions"]]
+
+
+def _number(text: str) -> float:
+    return float.fromhex(text)
+
+
+def compare(one: Record, other: Record) -> dict[str, Compared]:
+    """All runs of two records, those that are least alike first; one that only one record has is different."""
+    missing = Compared(Likeness.DIFFERENT, 0.0, 0.0)
+    found = {
+        key: compared(one[key], other[key]) if key in one and key in other else missing
+        for key in sorted(one.keys() | other.keys())
+    }
+    return dict(sorted(found.items(), key=lambda item: (item[1].likeness, -item[1].time)))
+
+
+def report(found: dict[str, Compared]) -> str:
+    """How many runs are how much alike, then a line for each one whose bits are not equal."""
+    counts = (f"{sum(each.likeness is kind for each in found.values())} {kind.name.lower()}" for kind in Likeness)
+    lines = [f"{len(found)} runs: {', '.join(counts)}"]
+    for key, each in found.items():
+        if each.likeness is not Likeness.BITS:
+            lines.append(f"{each.likeness.name.lower():9} {key}: time {each.time:.2g} s, state {each.state:.2g}")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Command line; see the module's text."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    dump = commands.add_parser("dump")
+    dump.add_argument("record", type=Path)
+    dump.add_argument("--tolerances", default=",".join(TOLERANCES))
+    dump.add_argument("--only", default="")
+    dump.add_argument("--solver", default="henon")
+    beside = commands.add_parser("compare")
+    beside.add_argument("records", type=Path, nargs=2)
+    given = parser.parse_args()
+    if given.command == "dump":
+        runs = record(given.tolerances.split(","), [name for name in given.only.split(",") if name], given.solver)
+        given.record.write_text(json.dumps({"target": list(target()), "runs": runs}, indent=1))
+        print(f"{len(runs)} runs for {target().processor}: {given.record}")
+        return 0
+    one, other = (json.loads(path.read_text())["runs"] for path in given.records)
+    found = compare(one, other)
+    print(report(found))
+    return int(any(each.likeness is not Likeness.BITS for each in found.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
