@@ -57,10 +57,10 @@ def test_two_processes_share_the_work(problem: tuple[Any, ...], tmp_path: Path) 
 TOGETHER = """
 import json
 from henon_ref.henon import apart
-from henon_ref.henon.registers import A_LOOK
+from henon_ref.henon.registers import ALWAYS
 from henon_ref.henon import kernel
-apart.load(A_LOOK)
-functions = [apart.FUNCTIONS[place][0] for place in apart.TOGETHER[1]]
+apart.load(ALWAYS[0])
+functions = [apart.FUNCTIONS[place][0] for place in ALWAYS]
 print(json.dumps([sum(function.stats.cache_misses.values()) for function in functions]))
 """
 

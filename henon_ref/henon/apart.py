@@ -20,14 +20,6 @@ from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 from henon_ref.henon.registers import (
-    A_ABOUT,
-    A_CLEAR,
-    A_DECIDE,
-    A_FINE,
-    A_FLAT_ROOT,
-    A_LOOK,
-    A_MINIMUM,
-    A_QUAD,
     A_SIZE,
     ALWAYS,
     I_APART,
@@ -41,8 +33,6 @@ TABLES, NUMBERS = int64[:, :, ::1], float64[:, :, ::1]
 """Types of arrays; what the loop itself works with are views of them (:mod:`henon_ref.henon.views`)."""
 FUNCTIONS: dict[int, Compiled] = {}
 """By its place, each such function and the types that it is called with."""
-TOGETHER = ALWAYS, (A_LOOK, A_FINE, A_DECIDE, A_CLEAR), (A_QUAD, A_FLAT_ROOT, A_MINIMUM, A_ABOUT)
-"""Places of functions that are needed together: who needs one of them loads them all."""
 _table = np.zeros(A_SIZE, dtype=np.int64)
 
 
@@ -103,8 +93,8 @@ def _entry(context: Any, builder: Any, integers: Any, place: Any) -> Any:
 
 
 def load(place: int) -> None:
-    """Compile a function, and those that are needed with it, or read them from the disk."""
-    places = next((group for group in TOGETHER if place in group), (place,))
+    """Compile a function, or read it from the disk; with one that is always needed all of those."""
+    places = ALWAYS if place in ALWAYS else (place,)
     compile_all([FUNCTIONS[each] for each in places])
     for each in places:
         function, given = FUNCTIONS[each]

@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.henon.closer import CloserLook
 from henon_ref.henon.compiled import CompiledSystem, double_double
-from henon_ref.henon.near_program import NearPrograms
+from henon_ref.henon.multiprecision import PreciseModes
 from henon_ref.henon.registers import R_STATE
 from henon_ref.henon.session import Session
 from henon_ref.henon.settling import settling_space
@@ -59,8 +58,7 @@ class Engine:
         self.order = order
         self.compiled = CompiledSystem(system, order)
         self.switching = Switching(system)
-        self.near = NearPrograms(system, self.compiled.places)
-        self.closer = CloserLook(system)
+        self.precise = PreciseModes(system, self.switching)
         self.scratch = _scratch(self.compiled)
         self.several = self.compiled.rows.size > 0
         """Whether the compiled loop decides events of several surfaces."""

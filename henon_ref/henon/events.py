@@ -61,6 +61,7 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, natur
     """
     powers, scaled, stack = work[0], work[1], rest_of(work, 2)
     best, hit, doubtful, used = 2.0, -1, False, 0
+    begin = 2.0  # of a touch somewhere on a piece of the step
     powers[0] = 0.0
     for g in range(layout[0, T_GUARDS]):
         zeros = multiplicity[g]
@@ -95,9 +96,10 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, natur
             if tau < 0.0:
                 tau, landing, evaluations = _land(integers, scaled, degree, low, high, method)
         integers[I_EVENTS] += evaluations
-        if tau < best:
+        first = low if outcome == TOUCH else tau
+        if first < begin:
             flat = outcome == TOUCH or steepness(scaled, degree, tau, stack[0]) < FLAT
-            best, hit, doubtful, used = tau, g, flat, landing
+            begin, best, hit, doubtful, used = first, tau, g, flat, landing
     return best, hit, doubtful, used
 
 

@@ -8,30 +8,26 @@ from __future__ import annotations
 
 from numba import boolean, float64, int64, types
 
-from henon_ref.henon.apart import NUMBERS, ROWS, TABLES, apart, missing
+from henon_ref.henon.apart import ROWS, apart, missing
 from henon_ref.henon.calls import call_closing
 from henon_ref.henon.clock import add_time, remaining, stands
-from henon_ref.henon.doubt import look_closer
 from henon_ref.henon.events import at_limit, at_zero, ends_at_zero, fails_at_once, first_event
 from henon_ref.henon.passage import through_event
 from henon_ref.henon.polynomial import DEPTH
 from henon_ref.henon.primitives import smaller
 from henon_ref.henon.recording import sample
 from henon_ref.henon.registers import (
-    A_LOOK,
     A_POLISH,
     A_SAMPLE,
     A_STEADY,
     A_TRUSTED,
     BRACKET,
     DIVERGED,
-    DOUBTED,
     DOUBTFUL,
     EVENT,
     F_CAP,
     F_LOW,
     F_NEAR,
-    F_NEAR_LOW,
     F_REACH,
     F_SIGMA,
     F_SIZE,
@@ -44,7 +40,6 @@ from henon_ref.henon.registers import (
     G_KIND,
     G_RISING,
     HORIZON,
-    I_ARRIVED,
     I_BLOCK,
     I_COUNT,
     I_GUARD,
@@ -70,9 +65,7 @@ from henon_ref.henon.registers import (
     T_CLOSING,
     T_EXACT,
     T_GUARDS,
-    T_LOOK,
     T_WARY,
-    UNREAD,
 )
 from henon_ref.henon.stepping import CUT, LEAP, glide, grows, move, polish
 from henon_ref.henon.trust import steady, swells, trusted
@@ -84,7 +77,6 @@ BUDGET = 50_000
 """Steps between two looks at the clock, in Python."""
 
 
-call_look = apart(A_LOOK, look_closer, int64, DOUBLES, INTEGERS, GRID, TABLES, NUMBERS)
 _sample = apart(A_SAMPLE, sample, types.void, DOUBLES, INTEGERS, GRID, int64, float64, int64, ROWS)
 _polish = apart(
     A_POLISH, polish, types.void,
@@ -125,9 +117,8 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
     Returns
     -------
     int
-        HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED or UNKNOWN; DOUBTFUL where a closer look
-        has left an event open (I_WHAT says what), FOUND where it has found one that is to be resolved, UNREAD where the
-        mode has nothing yet for it to look at; or MISSING, and the run is where it was, and I_MISSING says what has to
+        HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED or UNKNOWN; DOUBTFUL where an event ahead
+        cannot be decided in double precision; or MISSING, and the run is where it was, and I_MISSING says what has to
         be loaded.
     """
     most = tables.shape[1] - 1
@@ -145,15 +136,8 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
     for i in range(state.size):
         before[i] = state[i]
     stop_at = integers[I_STEPS] + BUDGET
-    arrived = integers[I_ARRIVED]
-    code = DOUBTFUL if arrived == DOUBTED else EVENT if arrived > 0 else ON
+    code = ON
     while True:
-        if code == DOUBTFUL:
-            if tables[integers[I_MODE], 0, T_LOOK] == 0:
-                return UNREAD
-            if missing(integers, A_LOOK):
-                break
-            code = call_look(integers, floats, integers, records, tables, numbers)
         if code == EVENT:
             code = through_event(floats, integers, records, tables, numbers, settling, band, room)
         if integers[I_MISSING] > 0:
@@ -234,11 +218,10 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
             _sample(integers, floats, integers, c, order, part, mode, samples)
         integers[I_GUARD], integers[I_LANDING] = hit, BRACKET if doubtful else used
         if doubtful:
-            floats[F_NEAR], floats[F_NEAR_LOW], floats[F_REACH] = part * sigma, 0.0, theta * sigma
+            floats[F_NEAR], floats[F_REACH] = part * sigma, theta * sigma
             if layout[0, T_WARY] > 0:
                 floats[F_CAP] = 1e3 * theta * sigma
-            code = DOUBTFUL
-            continue
+            return DOUBTFUL
         if hit >= 0:
             for g in range(guards):
                 at_once = g == hit or at_zero(c[n + g], multiplicity[g], order, part, layout[1 + g, G_RISING])

@@ -13,7 +13,6 @@ from henon_ref.henon.registers import (
     A_HELD,
     ACCUMULATED,
     CROSS,
-    F_BEYOND,
     F_LOW,
     F_SIGMA,
     F_STATE,
@@ -25,7 +24,6 @@ from henon_ref.henon.registers import (
     G_INDEX,
     G_KIND,
     G_STUCK,
-    I_ARRIVED,
     I_GUARD,
     I_GUARDS,
     I_LANDING,
@@ -44,7 +42,6 @@ from henon_ref.henon.registers import (
     T_GUARDS,
     T_PROBE,
     TANGENT,
-    TOLD,
     UNKNOWN,
     VALID,
 )
@@ -61,8 +58,6 @@ def through_event(floats, integers, records, tables, numbers, settling, band, ro
     n, most = integers[I_STATES], integers[I_GUARDS]
     x, speeds = rest_of(floats, F_STATE), rest_of(room, 2 * n + most)
     multiplicity, hits = rest_of(integers, I_SIZE), rest_of(integers, I_SIZE + most)
-    told = integers[I_ARRIVED] == TOLD
-    integers[I_ARRIVED] = 0
     mode, hit, used = integers[I_MODE], integers[I_GUARD], integers[I_LANDING]
     layout = rows_in(tables, mode)
     kind, index = layout[1 + hit, G_KIND], layout[1 + hit, G_INDEX]
@@ -82,11 +77,9 @@ def through_event(floats, integers, records, tables, numbers, settling, band, ro
             ):
                 return RESOLVE
             return ACCUMULATED if crowded(floats, integers) else ON
-        inside, beyond = 1.0, floats[F_BEYOND]
-        if not told:
-            call_expand(layout[0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, rows_in(numbers, mode)[1], speeds)
-            integers[I_RHS] += 1
-            inside, beyond = speeds[n + 2 * hit], speeds[n + 2 * hit + 1]
+        call_expand(layout[0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, rows_in(numbers, mode)[1], speeds)
+        integers[I_RHS] += 1
+        inside, beyond = speeds[n + 2 * hit], speeds[n + 2 * hit + 1]
         if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
             return RESOLVE
         stuck = beyond < 0.0
