@@ -70,8 +70,8 @@ def inner(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """:func:`njit` for functions that only compiled code calls: no wrappers for Python, a third less to compile.
 
     What every step passes through is asked to be inlined (``forceinline=True``): calls would take some percent of a
-    run. So is what the compiler may fuse or reorder (``fastmath``), unless it stands apart
-    (:mod:`henon_ref.henon.apart`): a process that compiles has such a function twice, with other last digits.
+    run. So is what the compiler may fuse or reorder (``fastmath``), unless it is a compile unit
+    (:mod:`henon_ref.henon.compile_units`): a process that compiles has such a function twice, with other last digits.
     """
     return njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.henon.compile_units import link
 from henon_ref.henon.compiled import CompiledSystem, double_double
 from henon_ref.henon.multiprecision import PreciseModes
 from henon_ref.henon.registers import R_STATE
@@ -38,7 +39,7 @@ class Scratch(NamedTuple):
 
 def _scratch(compiled: CompiledSystem) -> Scratch:
     n, most = len(compiled.system.states), compiled.most_guards
-    width, room, _, records = work_places(n, most, compiled.order)
+    width, room, records = work_places(n, most, compiled.order)
     work = np.zeros(records + CHUNK * (R_STATE + n))
     return Scratch(work, work[:room].reshape(-1, width), work[records:].reshape(CHUNK, -1))
 
@@ -54,6 +55,7 @@ class Engine:
     """
 
     def __init__(self, system: FilippovSystem, order: int) -> None:
+        link()  # before anything that calls a compile unit is compiled or loaded: a missing symbol ends the process
         self.system = system
         self.order = order
         self.compiled = CompiledSystem(system, order)

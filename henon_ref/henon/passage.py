@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from numba import float64, int64
 
-from henon_ref.henon.apart import apart, missing
 from henon_ref.henon.calls import call_expand
+from henon_ref.henon.compile_units import unit
 from henon_ref.henon.events import zeros_at_release
 from henon_ref.henon.holding import held
 from henon_ref.henon.recording import crowded, record, settle, start
 from henon_ref.henon.registers import (
-    A_HELD,
     ACCUMULATED,
     CROSS,
     F_LOW,
@@ -34,7 +33,6 @@ from henon_ref.henon.registers import (
     I_STATES,
     I_WHAT,
     INVALID,
-    MISSING,
     ON,
     RESOLVE,
     STICK,
@@ -49,7 +47,7 @@ from henon_ref.henon.settling import decided
 from henon_ref.henon.views import DOUBLES, GRID, TABLE, rest_of, rows_in
 from henon_ref.jit import inner
 
-_held = apart(A_HELD, held, int64, float64, float64, float64, int64, DOUBLES, int64, TABLE, DOUBLES, GRID, int64)
+_held = unit(held, int64, float64, float64, float64, int64, DOUBLES, int64, TABLE, DOUBLES, GRID, int64)
 
 
 @inner(forceinline=True)
@@ -85,10 +83,8 @@ def through_event(floats, integers, records, tables, numbers, settling, band, ro
         stuck = beyond < 0.0
         if layout[1 + hit, G_HOLD] == 1:
             stick = layout[1 + hit, G_STUCK]
-            if missing(integers, A_HELD):
-                return MISSING
             zone = 0 if stick < 0 else _held(
-                integers, floats[F_TIME], floats[F_LOW], floats[F_SIGMA], n, x, index, rows_in(tables, stick),
+                floats[F_TIME], floats[F_LOW], floats[F_SIGMA], n, x, index, rows_in(tables, stick),
                 rows_in(numbers, stick)[0], rest_of(band, n + most + 1), integers[I_ORDER],
             )  # fmt: skip
             if zone == 0 or (stuck and zone < 0):

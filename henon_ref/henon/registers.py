@@ -14,10 +14,9 @@ from __future__ import annotations
     ACCUMULATED,
     DOUBTFUL,
     UNKNOWN,
-    MISSING,
-) = range(11)
+) = range(10)
 # Between its own parts: an event is to be gone through, or there is nothing to say.
-EVENT, ON = 11, 12
+EVENT, ON = 10, 11
 # Kinds of guards.
 SURFACE, RELEASE, VALID = 0, 1, 2
 # Kinds of transitions.
@@ -48,8 +47,8 @@ F_STATE = F_SIZE + REMEMBERED
 """Where the state stands, followed by what rounding it lost."""
 # Integers of a run: mode; counts; last guard hit and its landing; steps that time cannot tell apart, events that it
 # cannot tell apart; next sample; mode of the last step; kind of the event that leads to a mode not known yet; order;
-# method of landing; transitions that a block of memory holds; a function that is not there yet (A_...); address of the
-# table of those that stand apart, and of the work space; states, and guards of the largest mode.
+# method of landing; transitions that a block of memory holds; address of the work space; states, and guards of the
+# largest mode.
 (
     I_MODE,
     I_STEPS,
@@ -66,34 +65,13 @@ F_STATE = F_SIZE + REMEMBERED
     I_ORDER,
     I_METHOD,
     I_BLOCK,
-    I_MISSING,
-    I_APART,
     I_WORK,
     I_STATES,
     I_GUARDS,
     I_SIZE,
-) = range(21)
+) = range(19)
 # Behind them, an integer a guard each: known zeros at the present point (the surface just left), which are divided
 # out; 1 for a guard that is at zero.
-
-# Functions that stand apart (see henon_ref.henon.apart), by their places in a table of addresses; there is no place 0.
-(
-    A_NONE,
-    A_LAND,
-    A_POLISH,
-    A_SAMPLE,
-    A_ISOLATE,
-    A_FACTORED,
-    A_BRENT,
-    A_FLAT,
-    A_TRUSTED,
-    A_STEADY,
-    A_HELD,
-    A_BELOW,
-    A_SIZE,
-) = range(13)
-ALWAYS = (A_LAND, A_POLISH, A_SAMPLE)
-"""Functions that are loaded with the loop."""
 
 # A mode's table: its own row, then a row a guard. T_EXACT: degree of the motion where that is a polynomial which the
 # expansion holds whole, else 0. T_WARY: where the field has branch points, the code of its first coefficients alone,
@@ -111,4 +89,4 @@ NOWHERE = -1
 EPS = 2.220446049250313e-16
 """Distance from 1 to the next double."""
 TANGENT = 1e-9
-"""Relative normal velocity below which a contact is left to Python's closer look."""
+"""Relative normal velocity below which a contact is left to Python's mode selection."""

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.henon.apart import load
 from henon_ref.henon.blocks import KINDS, TransitionBlock
 from henon_ref.henon.endings import why_ended
 from henon_ref.henon.kernel import advance
@@ -35,12 +34,10 @@ from henon_ref.henon.registers import (
     I_EVENTS,
     I_GUARD,
     I_LANDING,
-    I_MISSING,
     I_MODE,
     I_SAMPLE,
     I_STEPS,
     I_WHAT,
-    MISSING,
     NOWHERE,
     PAUSE,
     RESOLVE,
@@ -52,7 +49,7 @@ from henon_ref.jit import in_python
 from henon_ref.model.decision import Decision
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
-from henon_ref.processor_time import Deadline, compiling
+from henon_ref.processor_time import Deadline
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 if TYPE_CHECKING:
@@ -182,17 +179,9 @@ class Session(State):
             else:
                 why = self._locate()
             return None if why is None else self._end(*why)
-        elif code == MISSING:
-            self._load()
         elif code not in (FULL, PAUSE):
             return self._end(*why_ended(self, code))
         return None
-
-    def _load(self) -> None:
-        """Load a function that the loop has not found."""
-        with compiling():
-            load(self.integers.item(I_MISSING))
-        self.integers[I_MISSING] = 0
 
     def _locate(self) -> tuple[Status, str] | None:
         """Go to an event that double precision leaves undecided, in multiprecision; None if the run goes on."""
