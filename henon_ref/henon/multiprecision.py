@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import sympy as sp
@@ -54,11 +55,19 @@ class PreciseModes:
 
     def __init__(self, system: FilippovSystem, switching: Switching) -> None:
         self.system, self.switching = system, switching
-        self.precise_switching = BallSwitching(system)
         self._tapes: dict[Mode, _ModeTape] = {}
-        states, surfaces = system.states, system.surfaces
+
+    @cached_property
+    def precise_switching(self) -> BallSwitching:
+        """What decides modes in balls."""
+        return BallSwitching(self.system)
+
+    @cached_property
+    def _surfaces(self) -> Callable[..., list[Any]]:
+        """(t, *states) -> the surfaces, and the slopes of each in every state."""
+        states, surfaces = self.system.states, self.system.surfaces
         slopes = [sp.diff(h, x) for h in surfaces for x in states]
-        self._surfaces = self.precise_switching.function(states, [*surfaces, *slopes])
+        return self.precise_switching.function(states, [*surfaces, *slopes])
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Guards of a mode, in the order of :meth:`FilippovSystem.equations`."""

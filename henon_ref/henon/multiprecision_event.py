@@ -177,6 +177,7 @@ def _events(
 
 
 def _look(guard: int, series: Sequence[arb], zeros: int, near: int, *, whole: bool) -> _Event:
+    """What a guard does up to a place on the step; ``series``: its coefficients, of which the known zeros are 0."""
     q = fixed(series[zeros:])
     what, lowest, place = decided(q, zeros, near)
     polynomial = arb_poly([0] * zeros + [arb(c) / ONE for c in q])
