@@ -30,7 +30,7 @@ from henon_ref.henon.isolation import (
     fixed_point,
     lift,
 )
-from henon_ref.henon.multiprecision import PreciseModes
+from henon_ref.henon.multiprecision import QUIET, PreciseModes
 from henon_ref.henon.polynomial import BESIDE
 from henon_ref.henon.registers import EPS
 from henon_ref.model.decision import Decision
@@ -158,17 +158,16 @@ def _events(
 ) -> list[_Event]:
     """What the guards do up to the first event of any of them; that one comes first. ``whole``: no term is left out."""
     own, longer = step.known_zeros[step.guard], step.length / float(unit)
-    suspected, series = fixed_point(arb(step.suspect) / unit), _zeros_apart(outputs[step.guard], own)
-    found = [_look(step.guard, series, own, suspected, whole=whole)]
+    suspected = fixed_point(arb(step.suspect) / unit)
+    found = [_look(step.guard, _Series(outputs[step.guard], own, whole), suspected)]
     for g, guard in enumerate(guards):
         first = found[0]
         if g == step.guard or _at_limit(guards, outputs, g, longer) or _clear(outputs[g], guard, first.place):
             continue
-        zeros = step.known_zeros[g]
-        series = _zeros_apart(outputs[g], zeros)
-        if _positive(series[zeros:], first.place):
+        series = _Series(outputs[g], step.known_zeros[g], whole)
+        if series.positive(first.place):
             continue
-        event = _look(g, series, zeros, first.place, whole=whole)
+        event = _look(g, series, first.place)
         if event.what != "miss" and event.place < first.place and not event.meets(first):
             found.insert(0, event)
         else:
@@ -176,16 +175,49 @@ def _events(
     return found
 
 
-def _look(guard: int, series: Sequence[arb], zeros: int, near: int, *, whole: bool) -> _Event:
-    """What a guard does up to a place on the step; ``series``: its coefficients, of which the known zeros are 0."""
-    q = fixed(series[zeros:])
-    what, lowest, place = decided(q, zeros, near)
-    polynomial = arb_poly([0] * zeros + [arb(c) / ONE for c in q])
-    part = place / ONE
-    local = [float(c) for c in polynomial(arb_poly([arb(place) / ONE, 1])).coeffs()]
-    terms = [abs(c / ONE) * part ** (zeros + k) for k, c in enumerate(q)]
-    radius, order = lift(local, DOUBTS * max(NOTHING, 0.0 if whole else terms[-1]))
-    slope, size = (abs(local[1]) if len(local) > 1 else 0.0), sum(terms)
+class _Series:
+    """A guard over its size on the step, in fixed point, its known zeros put apart.
+
+    Parameters
+    ----------
+    coefficients : sequence of arb
+        In units of the step.
+    zeros : int
+        Known zeros at its start.
+    whole : bool
+        Whether no term is left out.
+    """
+
+    def __init__(self, coefficients: Sequence[arb], zeros: int, whole: bool) -> None:
+        self.zeros, self.q = zeros, fixed(_zeros_apart(coefficients, zeros)[zeros:])
+        self._order = len(coefficients) - 1
+        last = [] if whole else [abs(float(c)) for c in coefficients[-QUIET:]]
+        self._last = max(last, default=0.0) / (sum(abs(float(c)) for c in coefficients) or 1.0)
+
+    def positive(self, place: int) -> bool:
+        """Whether it is clearly positive up to a little behind a place, by its Bernstein coefficients."""
+        return min(bernstein_on(self.q, 0, min(ONE, place + (place >> 30) + 1))) > DOUBTS * ZERO
+
+    def around(self, place: int) -> list[float]:
+        """Its Taylor coefficients at a place."""
+        polynomial = arb_poly([0] * self.zeros + [arb(c) / ONE for c in self.q])
+        return [float(c) for c in polynomial(arb_poly([arb(place) / ONE, 1])).coeffs()]
+
+    def size(self, part: float) -> float:
+        """Sum of the sizes of its terms at a place."""
+        return sum(abs(c / ONE) * part ** (self.zeros + k) for k, c in enumerate(self.q))
+
+    def noise(self, part: float) -> float:
+        """What its value at a place may be off: what counts as zero, or what is left out of the series."""
+        return DOUBTS * max(NOTHING, self._last * part**self._order)
+
+
+def _look(guard: int, series: _Series, near: int) -> _Event:
+    """What a guard does up to a place on the step."""
+    what, lowest, place = decided(series.q, series.zeros, near)
+    part, local = place / ONE, series.around(place)
+    radius, order = lift(local, series.noise(part))
+    slope, size = (abs(local[1]) if len(local) > 1 else 0.0), series.size(part)
     rounding = ROUNDING * size / slope if what == "root" and slope * part > STEEP * size else 0.0
     return _Event(guard, what, lowest, place, max(radius, FINEST), order - order % 2 if lowest else order, rounding)
 
@@ -238,11 +270,6 @@ def _clear(series: Sequence[arb], guard: Guard, place: int) -> bool:
     if guard.rising_only and first < 0.0:
         first = -first
     return not first - size <= CLEAR * (abs(first) + size)
-
-
-def _positive(q: Sequence[arb], place: int) -> bool:
-    """Whether a polynomial is clearly positive up to a little behind a place, by its Bernstein coefficients."""
-    return min(bernstein_on(fixed(q), 0, min(ONE, place + (place >> 30) + 1))) > DOUBTS * ZERO
 
 
 def _ends(modes: PreciseModes, guards: Sequence[Guard], event: _Event) -> bool:
