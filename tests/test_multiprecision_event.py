@@ -271,6 +271,15 @@ def test_where_the_series_is_cut_off_the_place_is_known_to_less(surface: str) ->
     assert found.decision.mode == (-1,)
 
 
+def test_a_guard_that_is_a_polynomial_is_whole_beside_one_that_is_none() -> None:
+    """Its last term is no measure for what is left out: a pair behind a zero that is divided out is two crossings."""
+    pair = X * ((X - 1) ** 2 - sp.Rational(1, 10**24))
+    system = FilippovSystem((X,), (S, sp.Symbol("u", real=True)), (pair, 9 + sp.exp(X)), (2 + S,))
+    found = locate(system, 1 / 3, 0.6, zeros=1)
+    assert found.decision is not None
+    assert (found.decision.mode, found.known_zeros) == ((-1, 1), (1, 0))
+
+
 ROOTS = {
     "(x - 1)**4": [("graze", 1.0)],
     "(1 - x)**3": [("crossing", 1.0)],
