@@ -15,6 +15,7 @@ from henon_ref.model.modes import Mode
 from henon_ref.model.switching import ORDER as DERIVATIVES
 from henon_ref.model.switching import Switching
 from henon_ref.model.system import FilippovSystem
+from henon_ref.processor_time import compiling
 from henon_ref.taylor.expand import Ring, expand
 from henon_ref.taylor.tape import INFINITE, Tape, build_tape
 
@@ -60,7 +61,8 @@ class PreciseModes:
     @cached_property
     def precise_switching(self) -> BallSwitching:
         """What decides modes in balls."""
-        return BallSwitching(self.system)
+        with compiling():
+            return BallSwitching(self.system)
 
     @cached_property
     def _surfaces(self) -> Callable[..., list[Any]]:
@@ -107,13 +109,18 @@ class PreciseModes:
 
     def _made(self, mode: Mode) -> _ModeTape:
         if mode not in self._tapes:
-            equations = self.system.equations(mode)
-            tape = build_tape(self.system.states, equations.field, [g.expression for g in equations.guards])
-            nodes = tape.nodes
-            degrees = [nodes[row].degree + 1 for row in tape.field] + [nodes[row].degree for row in tape.outputs]
-            degree = max(degrees) if max(degrees) <= ORDER < INFINITE else 0
-            self._tapes[mode] = _ModeTape(tape, equations.guards, _numbers(self.system, tape), degree)
+            with compiling():
+                self._tapes[mode] = _mode_tape(self.system, mode)
         return self._tapes[mode]
+
+
+def _mode_tape(system: FilippovSystem, mode: Mode) -> _ModeTape:
+    equations = system.equations(mode)
+    tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+    nodes = tape.nodes
+    degrees = [nodes[row].degree + 1 for row in tape.field] + [nodes[row].degree for row in tape.outputs]
+    degree = max(degrees) if max(degrees) <= ORDER < INFINITE else 0
+    return _ModeTape(tape, equations.guards, _numbers(system, tape), degree)
 
 
 def _numbers(system: FilippovSystem, tape: Tape) -> list[arb]:
