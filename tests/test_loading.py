@@ -54,23 +54,19 @@ def test_two_processes_share_the_work(problem: tuple[Any, ...], tmp_path: Path) 
     assert all(all(signatures) for _, made, signatures in results if made[0])
 
 
-TOGETHER = """
+UNITS = """
 import json
-from henon_ref.henon import apart
-from henon_ref.henon.registers import A_LOOK
-from henon_ref.henon import kernel
-apart.load(A_LOOK)
-functions = [apart.FUNCTIONS[place][0] for place in apart.TOGETHER[1]]
+from henon_ref.henon import compile_units, kernel
+compile_units.link()
+functions = [function for function, _ in compile_units.UNITS.values()]
 print(json.dumps([sum(function.stats.cache_misses.values()) for function in functions]))
 """
 
 
-def test_what_is_needed_together_is_compiled_by_whoever_comes_first(tmp_path: Path) -> None:
+def test_a_unit_is_compiled_by_whoever_comes_first(tmp_path: Path) -> None:
     """Each function by one of two processes, and none of them does it all."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    both = [
-        subprocess.Popen([sys.executable, "-c", TOGETHER], env=environment, stdout=subprocess.PIPE) for _ in range(2)
-    ]
+    both = [subprocess.Popen([sys.executable, "-c", UNITS], env=environment, stdout=subprocess.PIPE) for _ in range(2)]
     printed = [process.communicate(timeout=120)[0] for process in both]
     one, other = (json.loads(text) for text in printed)
     assert [a + b for a, b in zip(one, other, strict=True)] == [1] * len(one)

@@ -129,10 +129,11 @@ def _check_times(reading: Reading, run: Trajectory) -> None:
 
 
 def _check_truth(case: Case, reading: Reading, run: Trajectory) -> None:
-    """Hold the run against the stored truth, where there is one of these mathematics."""
-    truth = stored_truth(case, reading, folder_of(case.path))
-    if truth is None or (reading.expect is not None and reading.expect.status != "ok"):
+    """Hold the run against the stored truth, which has to be there and of these mathematics."""
+    if reading.expect is not None and reading.expect.status != "ok":
         return
+    truth = stored_truth(case, reading, folder_of(case.path))
+    assert truth is not None, "no truth of this is stored: run python -m henon_ref.truth with its case file"
     found = [(t.kind, t.surface, t.from_mode, t.to_mode) for t in run.transitions]
     assert found == [(t.kind, t.surface, t.from_mode, t.to_mode) for t in truth.transitions]
     unit = _unit(reading.problem)

@@ -38,6 +38,13 @@ def test_a_tangency_is_decided_by_the_next_derivative() -> None:
     assert decide(["-t**3 + 1 - s"], [0]).mode == (0,)
 
 
+def test_where_the_gradient_vanishes_fields_that_lead_through_the_surface_cross() -> None:
+    """x' = 2 + s runs on at x = 1, however the surface is written; a slide would have the sign -2 (0/0 here)."""
+    for surface in ("x - 1", "(x - 1)**3", "(x - 1)**5*(1 + x)"):
+        assert decide(["2 + s"], [1], surfaces={"s": surface}).mode == (1,)
+        assert decide(["-s"], [1], surfaces={"s": surface}).mode == (0,)
+
+
 def test_off_the_surface_the_sign_is_exact() -> None:
     assert decide(["-s"], ["10**(-40)"]).mode == (1,)
     assert decide(["-s"], ["-10**(-200)"]).mode == (-1,)

@@ -9,7 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from flint import arb, arb_poly
+from flint import arb
 
 from henon_ref.errors import ModelError
 from henon_ref.henon.codegen import expansion_ir
@@ -18,7 +18,6 @@ from henon_ref.henon.machine import MachineCode
 from henon_ref.henon.rows import row_length
 from henon_ref.model.equations import TIME
 from henon_ref.taylor.expand import Ring, expand
-from henon_ref.taylor.polynomials import function, plan, polynomials
 from henon_ref.taylor.tape import INFINITE, build_tape
 
 x, y = sp.symbols("x y", real=True)
@@ -127,57 +126,16 @@ def test_motion_that_is_a_polynomial_in_time_is_known_by_its_form() -> None:
     assert build_tape((x, y), (), [x * y]).nodes[0].degree == INFINITE  # of no field nothing is known
 
 
-def test_polynomial_motion_is_that_of_the_expansion() -> None:
+def test_an_expansion_has_the_unit_of_time_that_is_asked_for_and_ends_where_that_is_enough() -> None:
     tape = build_tape((x, y), [y**2 - t, 2 * t + a], [x * y - 3 * x**3, sp.exp(x), 1 - t * y])
     numbers = [arb(str(sp.N(c.subs(a, 5)))) for c in tape.constants]
     start, state, unit = arb("0.3"), [arb("0.2"), arb("-0.4")], arb(5) / 4
     ring = Ring({"exp": arb.exp}, arb.__pow__)
-    states, outputs = expand(tape, numbers, start, state, 20, ring, unit)
+    states, _ = expand(tape, numbers, start, state, 20, ring, unit)
     plain, _ = expand(tape, numbers, start, state, 20, ring, enough=lambda x, _: len(x[0]) == 9)
     assert [len(series) for series in plain] == [9, 9]
     for series, scaled in zip(plain, states, strict=True):
         assert all((c * unit**k - scaled[k]).contains(0) for k, c in enumerate(series))
-    for output in (0, 2):
-        found = plan(tape, output)
-        assert found is not None
-        assert found.functions == ()
-        values = polynomials(found.motion, tape, [arb_poly([c]) for c in numbers], start, state, unit)
-        made = [values[0], values[1], values[tape.outputs[output]]]
-        for series, polynomial in zip([*states, outputs[output]], made, strict=True):
-            assert polynomial.degree() <= tape.nodes[tape.outputs[0]].degree
-            assert all((c - polynomial[k]).contains(0) for k, c in enumerate(series))
-            assert max(float(c.rad()) for c in series) < 1e-9
-
-
-FUNCTIONS = [
-    sp.exp(x / 3), sp.log(2 + x), sp.sin(x), sp.cos(x * y), sp.tan(x), sp.sqrt(3 + x), sp.asin(x / 2), sp.acos(x / 2),
-    sp.atan(y), 1 / (2 + x), x / (3 - y), (2 + x) ** sp.Rational(5, 2), (y - 3) ** -3, x * sp.exp(sp.sin(y)) - t,
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("expression", FUNCTIONS)
-def test_functions_of_polynomial_motions_are_those_of_the_expansion(expression: sp.Expr) -> None:
-    tape = build_tape((x, y), [y**2 - t, 2 * t + a], [x + y, expression])
-    numbers = [arb(str(sp.N(c.subs(a, 5)))) for c in tape.constants]
-    start, state, unit = arb("0.3"), [arb("0.2"), arb("-0.4")], arb(1) / 4
-    names = ("exp", "log", "sin", "cos", "tan", "sqrt", "asin", "acos", "atan")
-    ring = Ring({name: getattr(arb, name) for name in names}, arb.__pow__)
-    _, outputs = expand(tape, numbers, start, state, 20, ring, unit)
-    found = plan(tape, 1)
-    assert found is not None
-    values = polynomials(found.motion, tape, [arb_poly([c]) for c in numbers], start, state, unit)
-    series = function(found, tape, numbers, values, 1, 20).coeffs()
-    assert len(series) == len(outputs[1]) == 21
-    for ours, theirs in zip(series, outputs[1], strict=True):
-        assert (ours - theirs).contains(0)
-        assert float(ours.rad()) < 1e-8
-
-
-def test_a_function_without_a_series_has_no_plan() -> None:
-    tape = build_tape((x, y), [sp.Integer(1), -y], [x, sp.exp(x), sp.sinh(x), y])
-    assert [plan(tape, i) for i in range(4)] == [None] * 4  # y is no polynomial
-    tape = build_tape((x,), [sp.Integer(1)], [sp.sinh(x)])
-    assert plan(tape, 0) is None
 
 
 def test_what_is_linear_in_time_but_not_by_its_form_is_a_clock_without_time_in_its_numbers() -> None:

@@ -72,6 +72,15 @@ def test_a_tie_within_the_radius_counts_as_a_tie() -> None:
     assert decider.after_event(within, (1,), [guard]).mode == (1,)
 
 
+@pytest.mark.parametrize("surface", [(X - 1) ** 3, X - 1 - sp.sin(X - 1), (X - 1) ** 5 * (1 + X)])
+def test_where_the_gradient_vanishes_fields_that_lead_through_the_surface_cross(surface: sp.Expr) -> None:
+    """x' = 2 + s: x(t) is one and only, whatever expression's sign s is. A slide would have the sign -2 (0/0 here)."""
+    for field, mode in ((2 + S, (1,)), (-S, (0,))):
+        decider = Decider(FilippovSystem((X,), (S,), (surface,), (field,)), 128)
+        decision = decider.after_event(Point(arb(1), (arb(1),)), (-1,), [Guard("surface", 0, 1, -surface)])
+        assert (decision.status, decision.mode) == ("unique", mode)
+
+
 def test_two_surfaces_at_once() -> None:
     system = FilippovSystem((X, V), (S, U), (X, V), (-S, 2 - U))
     assert initial(system, ZERO, ZERO) == ("unique", (0, 1))

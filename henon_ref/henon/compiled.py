@@ -58,25 +58,11 @@ def double_double(number: sp.Expr) -> tuple[float, float]:
     ModelError
         If it is not a finite real number.
     """
-    high, low = _doubles(number, 2)
-    return high, low
-
-
-def quad_double(number: sp.Expr) -> list[float]:
-    """An exact number as four doubles, each the nearest to what those before it leave (see :func:`double_double`)."""
-    return _doubles(number, 4)
-
-
-def _doubles(number: sp.Expr, count: int) -> list[float]:
-    digits = 20 * count + 10
-    rest = sp.N(number, digits)
+    rest = sp.N(number, 50)
     if not rest.is_number or not rest.is_real or not rest.is_finite:
         raise ModelError(f"not a finite real number: {number}")
-    parts: list[float] = []
-    for _ in range(count):
-        parts.append(float(rest))
-        rest -= sp.Float(parts[-1], digits)
-    return parts
+    high = float(rest)
+    return high, float(rest - sp.Float(high, 50))
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.henon.closer import CloserLook
+from henon_ref.henon.compile_units import link
 from henon_ref.henon.compiled import CompiledSystem, double_double
-from henon_ref.henon.near_program import NearPrograms
+from henon_ref.henon.multiprecision import PreciseModes
 from henon_ref.henon.registers import R_STATE
 from henon_ref.henon.session import Session
 from henon_ref.henon.settling import settling_space
@@ -39,7 +39,7 @@ class Scratch(NamedTuple):
 
 def _scratch(compiled: CompiledSystem) -> Scratch:
     n, most = len(compiled.system.states), compiled.most_guards
-    width, room, _, records = work_places(n, most, compiled.order)
+    width, room, records = work_places(n, most, compiled.order)
     work = np.zeros(records + CHUNK * (R_STATE + n))
     return Scratch(work, work[:room].reshape(-1, width), work[records:].reshape(CHUNK, -1))
 
@@ -55,12 +55,12 @@ class Engine:
     """
 
     def __init__(self, system: FilippovSystem, order: int) -> None:
+        link()  # before anything that calls a compile unit is compiled or loaded: a missing symbol ends the process
         self.system = system
         self.order = order
         self.compiled = CompiledSystem(system, order)
         self.switching = Switching(system)
-        self.near = NearPrograms(system, self.compiled.places)
-        self.closer = CloserLook(system)
+        self.precise = PreciseModes(system, self.switching)
         self.scratch = _scratch(self.compiled)
         self.several = self.compiled.rows.size > 0
         """Whether the compiled loop decides events of several surfaces."""

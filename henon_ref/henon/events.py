@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from numba import boolean, float64, int64, types
 
-from henon_ref.henon.apart import apart, missing
 from henon_ref.henon.calls import call_bernstein
+from henon_ref.henon.compile_units import unit
 from henon_ref.henon.landing import brent, land
 from henon_ref.henon.polynomial import (
     LOOK,
@@ -19,11 +19,6 @@ from henon_ref.henon.polynomial import (
     value,
 )
 from henon_ref.henon.registers import (
-    A_BELOW,
-    A_BRENT,
-    A_FACTORED,
-    A_ISOLATE,
-    A_LAND,
     BRACKET,
     BRENT,
     EPS,
@@ -41,26 +36,24 @@ from henon_ref.henon.views import DOUBLES, GRID, rest_of
 from henon_ref.jit import inner
 
 FLAT = 1e-5
-"""Relative steepness of a guard at its root below which the root is left to a closer look in multiprecision."""
+"""Relative steepness of a guard at its root below which the root is located in multiprecision."""
 EQUAL = 1e-13
 """Part of the friction by which a force may be off that counts as equal to it."""
-_isolate = apart(
-    A_ISOLATE, first_falling_root, types.Tuple((int64, float64, float64)), DOUBLES, int64, GRID, GRID
-)  # fmt: skip
-call_factored = apart(A_FACTORED, factored, boolean, DOUBLES, int64, int64, DOUBLES, DOUBLES)
-_land = apart(A_LAND, land, types.Tuple((float64, int64, int64)), DOUBLES, int64, float64, float64, int64)
-_brent = apart(A_BRENT, brent, types.Tuple((float64, int64)), DOUBLES, int64, float64, float64)
+_isolate = unit(first_falling_root, types.Tuple((int64, float64, float64)), DOUBLES, int64, GRID, GRID)
+_factored = unit(factored, boolean, DOUBLES, int64, int64, DOUBLES, DOUBLES)
+_land = unit(land, types.Tuple((float64, int64, int64)), DOUBLES, int64, float64, float64, int64)
+_brent = unit(brent, types.Tuple((float64, int64)), DOUBLES, int64, float64, float64)
 
 
 @inner(forceinline=True)
 def first_event(integers, c, n, order, layout, multiplicity, lower, theta, natural, method, work, bounds):  # type: ignore[no-untyped-def]
     """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used).
 
-    ``natural``: theta of the step that nothing has cut short. Whatever the event is, it counts for nothing where a
-    function turns out to be missing.
+    ``natural``: theta of the step that nothing has cut short.
     """
     powers, scaled, stack = work[0], work[1], rest_of(work, 2)
     best, hit, doubtful, used = 2.0, -1, False, 0
+    begin = 2.0  # of a touch somewhere on a piece of the step
     powers[0] = 0.0
     for g in range(layout[0, T_GUARDS]):
         zeros = multiplicity[g]
@@ -73,15 +66,11 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, natur
         if zeros > 0:
             if q[0] > 0.0 and excluded(q, powers, degree):
                 continue
-            if missing(integers, A_FACTORED):
-                break
-            if call_factored(integers, c[n + g], zeros, order, stack[1], stack[2]):  # rows that are free until cuts
+            if _factored(c[n + g], zeros, order, stack[1], stack[2]):  # rows that are free until cuts
                 q = stack[2]
         outcome, low, high = call_bernstein(layout[0, T_BERNSTEIN], q, powers, degree, scaled, stack[0]), 0.0, 1.0
         if outcome == LOOK:
-            if missing(integers, A_ISOLATE):
-                break
-            outcome, low, high = _isolate(integers, scaled, order, stack, bounds)
+            outcome, low, high = _isolate(scaled, order, stack, bounds)
         if outcome == NONE or at_limit(c, n, order, layout, g, natural):
             continue
         if outcome == TOUCH:
@@ -89,15 +78,14 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, natur
         else:
             tau, landing, evaluations = -1.0, BRENT, 0
             if method == BRENT:
-                if missing(integers, A_BRENT):
-                    break
-                tau, evaluations = _brent(integers, scaled, degree, low, high)
+                tau, evaluations = _brent(scaled, degree, low, high)
             if tau < 0.0:
-                tau, landing, evaluations = _land(integers, scaled, degree, low, high, method)
+                tau, landing, evaluations = _land(scaled, degree, low, high, method)
         integers[I_EVENTS] += evaluations
-        if tau < best:
+        first = low if outcome == TOUCH else tau
+        if first < begin:
             flat = outcome == TOUCH or steepness(scaled, degree, tau, stack[0]) < FLAT
-            best, hit, doubtful, used = tau, g, flat, landing
+            begin, best, hit, doubtful, used = first, tau, g, flat, landing
     return best, hit, doubtful, used
 
 
@@ -119,7 +107,7 @@ def below_zero(row, order, surface):  # type: ignore[no-untyped-def]
     return 0, abs(row[0]) + size != 0.0
 
 
-_below_zero = apart(A_BELOW, below_zero, types.Tuple((int64, boolean)), DOUBLES, int64, boolean)
+_below_zero = unit(below_zero, types.Tuple((int64, boolean)), DOUBLES, int64, boolean)
 
 
 @inner()
@@ -145,20 +133,15 @@ def at_limit(c, n, order, layout, guard, natural):  # type: ignore[no-untyped-de
 
 
 @inner(forceinline=True)
-def fails_at_once(integers, c, n, order, layout, multiplicity, hits, natural):  # type: ignore[no-untyped-def]
-    """True if a guard is below zero where the step begins, and is not being left; ``hits``: which ones.
-
-    Whatever it is, it counts for nothing where a function turns out to be missing.
-    """
+def fails_at_once(c, n, order, layout, multiplicity, hits, natural):  # type: ignore[no-untyped-def]
+    """True if a guard is below zero where the step begins, and is not being left; ``hits``: which ones."""
     found = False
     for g in range(layout[0, T_GUARDS]):
         row = c[n + g]
         hits[g] = 0
         if row[multiplicity[g]] <= 0.0 and layout[1 + g, G_RISING] == 0:
-            if missing(integers, A_BELOW):
-                break
             surface = multiplicity[g] == 0 and layout[1 + g, G_KIND] == SURFACE
-            zeros, fails = _below_zero(integers, row, order, surface)
+            zeros, fails = _below_zero(row, order, surface)
             fails = fails and not at_limit(c, n, order, layout, g, natural)
             multiplicity[g] += zeros
             hits[g] = 1 if fails else 0

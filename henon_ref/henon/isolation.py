@@ -11,9 +11,10 @@ from itertools import accumulate, pairwise
 from math import comb, factorial
 from typing import Literal
 
-from flint import arb, arb_poly, ctx
+from flint import arb, arb_poly
 
 from henon_ref.henon.registers import EPS
+from henon_ref.precision import working_precision
 
 BITS = 220
 """Bits after the point of a polynomial's coefficients, its size on the step being 1, and of places on the step."""
@@ -22,7 +23,8 @@ NOTHING = 2.0**-166
 """What counts as zero: 1e-50 of the polynomial's size."""
 ROUNDS = 20
 """Steps of Newton's method after which it is not found."""
-_ZERO = int(ONE * NOTHING)
+ZERO = int(ONE * NOTHING)
+"""The same in fixed point."""
 DOUBTS = 4
 """A piece no larger than so many times what counts as zero is a touch, one larger than that is none."""
 CLOSE = 2 ** (BITS - 160)
@@ -35,7 +37,7 @@ HIGHEST = 16
 """Highest order of a root that is told."""
 LEAST = ONE >> 200
 """What is left of the step when it counts as a point."""
-NEGLIGIBLE = _ZERO >> 20
+NEGLIGIBLE = ZERO >> 20
 """Coefficients that do not count."""
 PIECES = 64
 """Pieces looked at after which they are only halved."""
@@ -70,12 +72,12 @@ def decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
     if outcome == "touch" or (outcome == "root" and low == high):  # all is next to nothing there
         crossed = outcome == "root" or _falls_behind(q, low, high)
         if crossed and (bottom is None or bottom >= low):
-            return "root", False, _odd_root(q, middle, exact=outcome == "root")
+            return "root", False, _flat_root(q, middle, 1, exact=outcome == "root")
     if outcome == "touch":
         touched = _minimum(whole, middle)
         touched = middle if touched is None else touched
         if bottom is None or touched <= bottom + SAME:
-            return "touch", True, touched
+            return "touch", True, _flat_root(whole, touched, 0, exact=True)
     if outcome != "root" or (bottom is not None and low > bottom):  # what lies behind a minimum has to wait
         return "miss", bottom is not None, near if bottom is None else bottom
     return "root", False, rising_root([-c for c in q], low, high)
@@ -86,14 +88,14 @@ def _falls_behind(q: Fixed, low: int, high: int) -> bool:
     apart = max(high - low, CLOSE)
     while high + apart <= ONE:
         value = horner(q, high + apart)
-        if abs(value) > DOUBTS * _ZERO:
+        if abs(value) > DOUBTS * ZERO:
             return value < 0
         apart *= 2
     return False
 
 
-def _odd_root(q: Fixed, place: int, *, exact: bool) -> int:
-    """The root of odd order that all is next to nothing about: the place itself where several of them are told as one.
+def _flat_root(q: Fixed, place: int, parity: int, *, exact: bool) -> int:
+    """The root of even or odd order that all is next to nothing about, or the mean of several that are told as one.
 
     Its order is that of the term that lifts the polynomial from there. A root of order m is one of order 1 of
     derivative m - 1, which tells where it is. ``exact``: it is at the place, which else is next to it.
@@ -103,7 +105,7 @@ def _odd_root(q: Fixed, place: int, *, exact: bool) -> int:
         derivatives.append(_derivative(derivatives[-1]))
     near = place if exact else _exactly_flat(derivatives, place)
     order = lift([horner(d, near) / ONE / factorial(k) for k, d in enumerate(derivatives)], NOTHING)[1]
-    if order % 2 == 0:
+    if order % 2 != parity or order == 0:
         return place
     for _ in range(8):
         near -= (horner(derivatives[order - 1], near) << BITS) // horner(derivatives[order], near)
@@ -142,7 +144,7 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
     Descartes' rule of signs on Bernstein coefficients, as in the compiled
     :func:`henon_ref.henon.polynomial.first_falling_root`.
     """
-    with ctx.workprec(BITS):
+    with working_precision(BITS):
         whole = arb_poly([arb(c) / ONE for c in q])
         stack = [(0, ONE)]
         before, looked = False, 0
@@ -153,9 +155,9 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
             b = bernstein(piece)
             signs = signs_of(b)
             changes = sum(x != y for x, y in pairwise(signs))
-            if max(map(abs, b)) <= DOUBTS * _ZERO or high - low <= LEAST:
+            if max(map(abs, b)) <= DOUBTS * ZERO or high - low <= LEAST:
                 return "touch", low, high
-            if before and abs(b[0]) <= _ZERO:  # zero where the step was cut: what comes next decides
+            if before and abs(b[0]) <= ZERO:  # zero where the step was cut: what comes next decides
                 if changes == 0:
                     return ("root" if not signs[0] else "touch"), low, low
             elif before and not signs[0]:
@@ -163,11 +165,16 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
             elif (changes == 0 and not _unclear(b)) or (changes == 1 and not signs[0]):
                 before = signs[-1]
                 continue
-            elif changes == 1 and abs(b[-1]) > DOUBTS * _ZERO:
+            elif changes == 1 and abs(b[-1]) > DOUBTS * ZERO:
                 return "root", low, high
             places = _around_minimum(q, piece, low, high) if signs[0] and looked < PIECES else []
             stack += reversed([*pairwise([low, *(places or [_middle(q, low, high)]), high])])
     return "none", 0, 0
+
+
+def bernstein_on(q: Fixed, low: int, high: int) -> list[int]:
+    """Coefficients of a polynomial on [low, high] in Bernstein's basis."""
+    return bernstein(_piece(arb_poly([arb(c) / ONE for c in q]), low, high))
 
 
 def _piece(whole: arb_poly, low: int, high: int) -> list[int]:
@@ -182,7 +189,7 @@ def _piece(whole: arb_poly, low: int, high: int) -> list[int]:
 def _middle(q: Fixed, low: int, high: int) -> int:
     """A place about half way that is clear of zero, where there is one."""
     places = [low + (high - low) * part // 16 for part in (8, 7, 9, 6, 10)]
-    return next((at for at in places if abs(horner(q, at)) > DOUBTS * _ZERO), places[0])
+    return next((at for at in places if abs(horner(q, at)) > DOUBTS * ZERO), places[0])
 
 
 def _around_minimum(q: Fixed, piece: Fixed, low: int, high: int) -> list[int]:
@@ -194,7 +201,7 @@ def _around_minimum(q: Fixed, piece: Fixed, low: int, high: int) -> list[int]:
     middle, apart = (int(part * 2.0**53) * width >> 53 for part in found)
     while apart < FAR * width:
         places = [at for at in (low + middle - apart, low + middle + apart) if low < at < high]
-        if all(abs(horner(q, at)) > DOUBTS * _ZERO for at in places):
+        if all(abs(horner(q, at)) > DOUBTS * ZERO for at in places):
             return places
         apart *= 4
     return []
@@ -244,12 +251,12 @@ def bernstein(q: Fixed) -> list[int]:
 
 def signs_of(b: Sequence[int]) -> list[bool]:
     """For each coefficient that is not next to nothing whether it is positive."""
-    return [c > 0 for c in b if abs(c) > _ZERO]
+    return [c > 0 for c in b if abs(c) > ZERO]
 
 
 def _unclear(b: Sequence[int]) -> bool:
     """True where rounding may have hidden roots of even number; the ends are looked at where pieces meet."""
-    return b[0] > _ZERO and len(b) > 2 and min(b[1:-1]) <= _ZERO
+    return b[0] > ZERO and len(b) > 2 and min(b[1:-1]) <= ZERO
 
 
 def rising_root(rising: Fixed, low: int, high: int) -> int:
@@ -301,8 +308,3 @@ def horner(series: Fixed, place: int) -> int:
 
 def _derivative(series: Fixed) -> list[int]:
     return [k * c for k, c in enumerate(series)][1:]
-
-
-def curvature(series: Fixed, place: int) -> int:
-    """Second derivative of a polynomial at a place."""
-    return horner(_derivative(_derivative(series)), place)

@@ -8,30 +8,22 @@ from __future__ import annotations
 
 from numba import boolean, float64, int64, types
 
-from henon_ref.henon.apart import NUMBERS, ROWS, TABLES, apart, missing
 from henon_ref.henon.calls import call_closing
 from henon_ref.henon.clock import add_time, remaining, stands
-from henon_ref.henon.doubt import look_closer
+from henon_ref.henon.compile_units import ROWS, unit
 from henon_ref.henon.events import at_limit, at_zero, ends_at_zero, fails_at_once, first_event
 from henon_ref.henon.passage import through_event
 from henon_ref.henon.polynomial import DEPTH
 from henon_ref.henon.primitives import smaller
 from henon_ref.henon.recording import sample
 from henon_ref.henon.registers import (
-    A_LOOK,
-    A_POLISH,
-    A_SAMPLE,
-    A_STEADY,
-    A_TRUSTED,
     BRACKET,
     DIVERGED,
-    DOUBTED,
     DOUBTFUL,
     EVENT,
     F_CAP,
     F_LOW,
     F_NEAR,
-    F_NEAR_LOW,
     F_REACH,
     F_SIGMA,
     F_SIZE,
@@ -44,13 +36,11 @@ from henon_ref.henon.registers import (
     G_KIND,
     G_RISING,
     HORIZON,
-    I_ARRIVED,
     I_BLOCK,
     I_COUNT,
     I_GUARD,
     I_LANDING,
     I_METHOD,
-    I_MISSING,
     I_MODE,
     I_ORDER,
     I_SAMPLE,
@@ -59,7 +49,6 @@ from henon_ref.henon.registers import (
     I_STEPPED,
     I_STEPS,
     I_WORK,
-    MISSING,
     NOWHERE,
     ON,
     PAUSE,
@@ -70,9 +59,7 @@ from henon_ref.henon.registers import (
     T_CLOSING,
     T_EXACT,
     T_GUARDS,
-    T_LOOK,
     T_WARY,
-    UNREAD,
 )
 from henon_ref.henon.stepping import CUT, LEAP, glide, grows, move, polish
 from henon_ref.henon.trust import steady, swells, trusted
@@ -84,19 +71,18 @@ BUDGET = 50_000
 """Steps between two looks at the clock, in Python."""
 
 
-call_look = apart(A_LOOK, look_closer, int64, DOUBLES, INTEGERS, GRID, TABLES, NUMBERS)
-_sample = apart(A_SAMPLE, sample, types.void, DOUBLES, INTEGERS, GRID, int64, float64, int64, ROWS)
-_polish = apart(
-    A_POLISH, polish, types.void,
+_sample = unit(sample, types.void, DOUBLES, INTEGERS, GRID, int64, float64, int64, ROWS)
+_polish = unit(
+    polish, types.void,
     DOUBLES, INTEGERS, DOUBLES, DOUBLES, TABLE, DOUBLES, GRID, DOUBLES, int64, float64, float64,
 )  # fmt: skip
-_trusted = apart(
-    A_TRUSTED, trusted, float64,
+_trusted = unit(
+    trusted, float64,
     DOUBLES, INTEGERS, DOUBLES, TABLE, DOUBLES, GRID, GRID, DOUBLES, DOUBLES, int64, float64, boolean, boolean,
 )  # fmt: skip
 
 
-_steady = apart(A_STEADY, steady, float64, GRID, int64, int64, float64, float64)
+_steady = unit(steady, float64, GRID, int64, int64, float64, float64)
 
 
 @njit()
@@ -125,39 +111,26 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
     Returns
     -------
     int
-        HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED or UNKNOWN; DOUBTFUL where a closer look
-        has left an event open (I_WHAT says what), FOUND where it has found one that is to be resolved, UNREAD where the
-        mode has nothing yet for it to look at; or MISSING, and the run is where it was, and I_MISSING says what has to
-        be loaded.
+        HORIZON, RESOLVE, FULL, DIVERGED, STALLED, PAUSE, INVALID, ACCUMULATED or UNKNOWN; DOUBTFUL where an event ahead
+        cannot be decided in double precision.
     """
     most = tables.shape[1] - 1
     n = (state.size - F_STATE - I_SIZE - 2 * most) // 2
     floats = row_of(state)
     integers = integers_in(rest_of(floats, F_STATE + 2 * n))
     order = integers[I_ORDER]
-    band, room, before, records = work_space(integers[I_WORK], n, most, order)
+    band, room, records = work_space(integers[I_WORK], n, most, order)
     x, x_low = rest_of(floats, F_STATE), rest_of(floats, F_STATE + n)
     multiplicity, hits = rest_of(integers, I_SIZE), rest_of(integers, I_SIZE + most)
     rows = n + most + 1
     c, ahead, work = band, rest_of(band, rows), rest_of(band, 2 * rows)
     bounds = rest_of(work, 4 + DEPTH)
     change, lower, point = room, rest_of(room, n), rest_of(room, n + most)
-    for i in range(state.size):
-        before[i] = state[i]
     stop_at = integers[I_STEPS] + BUDGET
-    arrived = integers[I_ARRIVED]
-    code = DOUBTFUL if arrived == DOUBTED else EVENT if arrived > 0 else ON
+    code = ON
     while True:
-        if code == DOUBTFUL:
-            if tables[integers[I_MODE], 0, T_LOOK] == 0:
-                return UNREAD
-            if missing(integers, A_LOOK):
-                break
-            code = call_look(integers, floats, integers, records, tables, numbers)
         if code == EVENT:
             code = through_event(floats, integers, records, tables, numbers, settling, band, room)
-        if integers[I_MISSING] > 0:
-            break
         if code != ON:
             return code
 
@@ -176,8 +149,6 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
         sampled = integers[I_SAMPLE] < samples.shape[0]
         theta = glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change, sampled, stop_at)
         if theta == 0.0:
-            if integers[I_MISSING] > 0:
-                break
             return PAUSE
         if theta < 0.0:
             return STALLED if theta > -1.5 else DIVERGED
@@ -192,10 +163,8 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
         leap = natural > LEAP * sigma
         doubt = layout[0, T_EXACT] == 0 and (leap or swells(c, n + guards, order, theta))
         if doubt or layout[0, T_WARY] > 0:
-            if missing(integers, A_TRUSTED):
-                break
             believed = _trusted(
-                integers, floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap, doubt
+                floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap, doubt
             )
             if believed < theta:
                 theta, final = believed, False
@@ -203,22 +172,16 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
                 if stands(floats, natural) and not grows(c, n, theta):
                     integers[I_STALLED] += CUT
         call_closing(layout[0, T_CLOSING], theta, c, change)
-        if fails_at_once(integers, c, n, order, layout, multiplicity, hits, natural / sigma):  # Python looks closer
-            if integers[I_MISSING] > 0:
-                break
+        if fails_at_once(c, n, order, layout, multiplicity, hits, natural / sigma):  # Python looks closer
             integers[I_GUARD] = NOWHERE
             return RESOLVE
         best, hit, doubtful, used = first_event(
             integers, c, n, order, layout, multiplicity, lower, theta, natural / sigma, integers[I_METHOD], work, bounds
         )
-        if integers[I_MISSING] > 0:
-            break
         if not doubtful and layout[0, T_EXACT] > 2:
-            if missing(integers, A_STEADY):
-                break
             reach = theta if hit < 0 else best * theta
-            shorter = _steady(integers, c, n + guards, layout[0, T_EXACT], reach, floats[F_TOLERANCE])
-            if shorter < reach and hit >= 0:  # a closer look has the digits
+            shorter = _steady(c, n + guards, layout[0, T_EXACT], reach, floats[F_TOLERANCE])
+            if shorter < reach and hit >= 0:  # multiprecision has the digits
                 doubtful = True
             elif shorter < reach:
                 theta, final = shorter, False
@@ -231,14 +194,13 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
                     best, hit, doubtful = 1.0, g, True
         part = theta if hit < 0 else best * theta
         if sampled:
-            _sample(integers, floats, integers, c, order, part, mode, samples)
+            _sample(floats, integers, c, order, part, mode, samples)
         integers[I_GUARD], integers[I_LANDING] = hit, BRACKET if doubtful else used
         if doubtful:
-            floats[F_NEAR], floats[F_NEAR_LOW], floats[F_REACH] = part * sigma, 0.0, theta * sigma
+            floats[F_NEAR], floats[F_REACH] = part * sigma, theta * sigma
             if layout[0, T_WARY] > 0:
                 floats[F_CAP] = 1e3 * theta * sigma
-            code = DOUBTFUL
-            continue
+            return DOUBTFUL
         if hit >= 0:
             for g in range(guards):
                 at_once = g == hit or at_zero(c[n + g], multiplicity[g], order, part, layout[1 + g, G_RISING])
@@ -257,16 +219,10 @@ def advance(state, tables, numbers, settling, samples):  # type: ignore[no-untyp
         if hit >= 0:
             code = EVENT
             if layout[1 + hit, G_KIND] == RELEASE:
-                _polish(integers, floats, integers, x, x_low, layout, constants, ahead, change, n + hit, sigma, theta)
+                _polish(floats, integers, x, x_low, layout, constants, ahead, change, n + hit, sigma, theta)
             continue
         for g in range(guards):
             multiplicity[g] = 0
         if final:
             floats[F_TIME], floats[F_LOW] = floats[F_UNTIL], floats[F_UNTIL_LOW]
             return HORIZON
-
-    lacking = integers[I_MISSING]
-    for i in range(state.size):
-        state[i] = before[i]
-    integers[I_MISSING] = lacking
-    return MISSING

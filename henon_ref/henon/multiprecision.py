@@ -1,96 +1,177 @@
-"""The motion of a mode in multiprecision, as polynomials: exact ones where it is one, else Taylor's of high order."""
+"""The motion of a mode, and what follows an event, in multiprecision: Taylor series in balls of python-flint."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import sympy as sp
 from flint import arb, arb_poly
 
+from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode
+from henon_ref.model.switching import ORDER as DERIVATIVES
+from henon_ref.model.switching import Switching
 from henon_ref.model.system import FilippovSystem
+from henon_ref.processor_time import compiling
 from henon_ref.taylor.expand import Ring, expand
-from henon_ref.taylor.polynomials import Plan, function, plan, polynomials
-from henon_ref.taylor.tape import Tape, build_tape
+from henon_ref.taylor.tape import INFINITE, Tape, build_tape
 
-ORDER = 192
-"""Highest order of an expansion; it ends before where its terms count for nothing."""
+ORDER = 320
+"""Highest order of an expansion; it ends before where its terms count for nothing, or the motion is a polynomial."""
 NEGLIGIBLE = 1e-50
 """What counts for nothing, relative to the sum of all terms on the step."""
-ORDERS = (48, 96, ORDER)
-"""Orders of a function of polynomials."""
 LEAST = 48
 """Order before which it does not end: terms may be missing at first."""
 QUIET = 4
 """So many orders in a row that count for nothing end an expansion."""
+DIGITS = 75
+"""Of the constants: more than the precision holds."""
 _NAMES = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log", "sqrt")
 _RING = Ring({name: getattr(arb, name) for name in _NAMES}, arb.__pow__)
 
 
 @dataclass(frozen=True)
 class _ModeTape:
-    """A mode's tape with its constants, and what there is to do for each guard whose motion is a polynomial."""
+    """A mode's tape with its constants."""
 
     tape: Tape
+    guards: tuple[Guard, ...]
     numbers: list[arb]
-    constants: list[arb_poly]
-    plans: dict[int, Plan | None] = field(default_factory=dict)
+    degree: int
+    """Of the motion and its guards, where all of it is a polynomial in time; else 0."""
 
 
-class Motions:
-    """Multiprecision tapes of one system, made when they are first needed."""
+class PreciseModes:
+    """Modes of one system in multiprecision, made when they are first needed.
 
-    def __init__(self, system: FilippovSystem) -> None:
-        self.system = system
+    Parameters
+    ----------
+    system : FilippovSystem
+    switching : Switching
+        What decides modes in double precision.
+    """
+
+    def __init__(self, system: FilippovSystem, switching: Switching) -> None:
+        self.system, self.switching = system, switching
         self._tapes: dict[Mode, _ModeTape] = {}
 
-    def polynomials(
-        self, mode: Mode, guard: int, time: arb, state: Sequence[arb], unit: arb
-    ) -> tuple[list[arb_poly], arb_poly]:
-        """The states and a guard as polynomials in the time since the start, in units of ``unit``.
+    @cached_property
+    def precise_switching(self) -> BallSwitching:
+        """What decides modes in balls."""
+        with compiling():
+            return BallSwitching(self.system)
+
+    @cached_property
+    def _surfaces(self) -> Callable[..., list[Any]]:
+        """(t, *states) -> the surfaces, and the slopes of each in every state."""
+        states, surfaces = self.system.states, self.system.surfaces
+        slopes = [sp.diff(h, x) for h in surfaces for x in states]
+        return self.precise_switching.function(states, [*surfaces, *slopes])
+
+    def guards(self, mode: Mode) -> tuple[Guard, ...]:
+        """Guards of a mode, in the order of :meth:`FilippovSystem.equations`."""
+        return self._made(mode).guards
+
+    def expand(
+        self, mode: Mode, time: arb, state: Sequence[arb], unit: arb
+    ) -> tuple[list[arb_poly], list[list[arb]], bool]:
+        """Taylor coefficients of the states and of the mode's guards, in units of ``unit`` of time; if these are all.
 
         Parameters
         ----------
-        mode, guard
-            Which guard of which mode, in the order of :meth:`FilippovSystem.equations`.
+        mode : Mode
         time, state
             The start.
         unit : arb
-            How far on the polynomials have to hold.
+            How far on the series have to hold.
         """
-        if mode not in self._tapes:
-            self._tapes[mode] = self._made(mode)
-        made = self._tapes[mode]
-        tape = made.tape
-        if guard not in made.plans:
-            made.plans[guard] = plan(tape, guard)
-        known = made.plans[guard]
-        if known is not None:
-            values = polynomials(known.motion, tape, made.constants, time, state, unit)
-            if not known.functions:
-                return values[: len(state)], values[tape.outputs[guard]]
-            for order in ORDERS:
-                series = function(known, tape, made.numbers, values, guard, order)
-                if series.length() <= order or _faded([series.coeffs()]):
-                    break
-            return values[: len(state)], series
+        made = self._made(mode)
 
         def enough(x: Sequence[Sequence[arb]], y: Sequence[Sequence[arb]]) -> bool:
             """Looked at now and then."""
-            return len(x[0]) > LEAST and len(x[0]) % QUIET == 1 and _faded([*x, y[guard]])
+            return len(x[0]) > LEAST and len(x[0]) % QUIET == 1 and _faded([*x, *y])
 
-        states, outputs = expand(tape, made.numbers, time, state, ORDER, _RING, unit, enough)
-        return [arb_poly(series) for series in states], arb_poly(outputs[guard])
+        order, end = (made.degree, None) if made.degree else (ORDER, enough)
+        states, outputs = expand(made.tape, made.numbers, time, state, order, _RING, unit, end)
+        return [arb_poly(series) for series in states], outputs, made.degree > 0
+
+    def off_surfaces(self, surfaces: Sequence[int], time: arb, state: Sequence[arb]) -> float:
+        """How far a state is from surfaces that it slides on: what rounding has left of zero there."""
+        if not surfaces:
+            return 0.0
+        n, values = len(state), [abs(float(v)) for v in self._surfaces(time.mid(), *(v.mid() for v in state))]
+        slopes = values[len(self.system.surfaces) :]
+        steepest = [max(slopes[i * n : i * n + n]) for i in surfaces]
+        return max(values[i] / slope if slope > 0 else 0.0 for i, slope in zip(surfaces, steepest, strict=True))
 
     def _made(self, mode: Mode) -> _ModeTape:
-        equations = self.system.equations(mode)
-        tape = build_tape(self.system.states, equations.field, [g.expression for g in equations.guards])
-        numbers = [arb(str(sp.N(self.system.numeric(c), 75))).mid() for c in tape.constants]
-        return _ModeTape(tape, numbers, [arb_poly([number]) for number in numbers])
+        if mode not in self._tapes:
+            with compiling():
+                self._tapes[mode] = _mode_tape(self.system, mode)
+        return self._tapes[mode]
+
+
+def _mode_tape(system: FilippovSystem, mode: Mode) -> _ModeTape:
+    equations = system.equations(mode)
+    tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+    nodes = tape.nodes
+    degrees = [nodes[row].degree + 1 for row in tape.field] + [nodes[row].degree for row in tape.outputs]
+    degree = max(degrees) if max(degrees) <= ORDER < INFINITE else 0
+    return _ModeTape(tape, equations.guards, _numbers(system, tape), degree)
+
+
+def _numbers(system: FilippovSystem, tape: Tape) -> list[arb]:
+    return [_number(system.numeric(c)) for c in tape.constants]
+
+
+def _number(constant: sp.Expr) -> arb:
+    return arb(str(sp.N(constant, DIGITS))).mid()
 
 
 def _faded(rows: Sequence[Sequence[arb]]) -> bool:
     """True if the last terms of some series count for nothing where their variable is 1."""
     sizes = (list(map(abs, map(float, row))) for row in rows)
     return all(max(terms[-QUIET:]) <= NEGLIGIBLE * sum(terms) for terms in sizes)
+
+
+class BallSwitching(Switching):
+    """Decides modes at a point that is known to a radius: what cannot be told from zero there is zero."""
+
+    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        """(t, *names) -> values of expressions."""
+        return self._function(names, expressions)
+
+    def _number(self, expression: sp.Expr) -> Any:
+        return _number(expression)
+
+    def _function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        tape = build_tape(tuple(names), (), list(expressions))
+        numbers = _numbers(self.system, tape)
+
+        def values(t: arb, *x: arb | int) -> list[arb]:
+            outputs = expand(tape, numbers, t, [arb(v) for v in x], 0, _RING)[1]
+            return [series[0] for series in outputs]
+
+        return values
+
+    def _series(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> tuple[list[list[Any]], float]:
+        outputs = expand(tape, numbers, t, x, DERIVATIVES, _RING)[1]
+        if not all(c.is_finite() for series in outputs for c in series):
+            raise ValueError("a derivative is not finite")
+        return outputs, 1.0
+
+    def _leading(self, series: Sequence[Any], first: int, rate: float, size: float, zero: float) -> int | None:
+        return next((k for k in range(first, len(series)) if not series[k].contains(0)), None)
+
+    def _holds_by(self, tape: Tape, numbers: Sequence[Any], ends: Sequence[int], t: Any, x: Any, zero: float) -> bool:
+        outputs, _ = self._series(tape, numbers, t, x)
+        return all(self._sign(outputs[end], 0, 1.0, 0.0, zero) >= 0 for end in ends)
+
+    def _attracts_by(self, below: Any, above: Any) -> bool:
+        return not below < 0 and not above > 0
+
+    def _size(self, t: Any, x: Sequence[Any], mode: Mode, index: int) -> float:
+        return 0.0

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from numba import float64, int64
 
-from henon_ref.henon.apart import apart, missing
 from henon_ref.henon.calls import call_expand
+from henon_ref.henon.compile_units import unit
 from henon_ref.henon.events import zeros_at_release
 from henon_ref.henon.holding import held
 from henon_ref.henon.recording import crowded, record, settle, start
 from henon_ref.henon.registers import (
-    A_HELD,
     ACCUMULATED,
     CROSS,
-    F_BEYOND,
     F_LOW,
     F_SIGMA,
     F_STATE,
@@ -25,7 +23,6 @@ from henon_ref.henon.registers import (
     G_INDEX,
     G_KIND,
     G_STUCK,
-    I_ARRIVED,
     I_GUARD,
     I_GUARDS,
     I_LANDING,
@@ -36,7 +33,6 @@ from henon_ref.henon.registers import (
     I_STATES,
     I_WHAT,
     INVALID,
-    MISSING,
     ON,
     RESOLVE,
     STICK,
@@ -44,7 +40,6 @@ from henon_ref.henon.registers import (
     T_GUARDS,
     T_PROBE,
     TANGENT,
-    TOLD,
     UNKNOWN,
     VALID,
 )
@@ -52,7 +47,7 @@ from henon_ref.henon.settling import decided
 from henon_ref.henon.views import DOUBLES, GRID, TABLE, rest_of, rows_in
 from henon_ref.jit import inner
 
-_held = apart(A_HELD, held, int64, float64, float64, float64, int64, DOUBLES, int64, TABLE, DOUBLES, GRID, int64)
+_held = unit(held, int64, float64, float64, float64, int64, DOUBLES, int64, TABLE, DOUBLES, GRID, int64)
 
 
 @inner(forceinline=True)
@@ -61,8 +56,6 @@ def through_event(floats, integers, records, tables, numbers, settling, band, ro
     n, most = integers[I_STATES], integers[I_GUARDS]
     x, speeds = rest_of(floats, F_STATE), rest_of(room, 2 * n + most)
     multiplicity, hits = rest_of(integers, I_SIZE), rest_of(integers, I_SIZE + most)
-    told = integers[I_ARRIVED] == TOLD
-    integers[I_ARRIVED] = 0
     mode, hit, used = integers[I_MODE], integers[I_GUARD], integers[I_LANDING]
     layout = rows_in(tables, mode)
     kind, index = layout[1 + hit, G_KIND], layout[1 + hit, G_INDEX]
@@ -82,20 +75,16 @@ def through_event(floats, integers, records, tables, numbers, settling, band, ro
             ):
                 return RESOLVE
             return ACCUMULATED if crowded(floats, integers) else ON
-        inside, beyond = 1.0, floats[F_BEYOND]
-        if not told:
-            call_expand(layout[0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, rows_in(numbers, mode)[1], speeds)
-            integers[I_RHS] += 1
-            inside, beyond = speeds[n + 2 * hit], speeds[n + 2 * hit + 1]
+        call_expand(layout[0, T_PROBE], floats[F_TIME], floats[F_LOW], 1.0, x, rows_in(numbers, mode)[1], speeds)
+        integers[I_RHS] += 1
+        inside, beyond = speeds[n + 2 * hit], speeds[n + 2 * hit + 1]
         if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
             return RESOLVE
         stuck = beyond < 0.0
         if layout[1 + hit, G_HOLD] == 1:
             stick = layout[1 + hit, G_STUCK]
-            if missing(integers, A_HELD):
-                return MISSING
             zone = 0 if stick < 0 else _held(
-                integers, floats[F_TIME], floats[F_LOW], floats[F_SIGMA], n, x, index, rows_in(tables, stick),
+                floats[F_TIME], floats[F_LOW], floats[F_SIGMA], n, x, index, rows_in(tables, stick),
                 rows_in(numbers, stick)[0], rest_of(band, n + most + 1), integers[I_ORDER],
             )  # fmt: skip
             if zone == 0 or (stuck and zone < 0):

@@ -13,13 +13,10 @@ from __future__ import annotations
     INVALID,
     ACCUMULATED,
     DOUBTFUL,
-    FOUND,
     UNKNOWN,
-    MISSING,
-    UNREAD,
-) = range(13)
+) = range(10)
 # Between its own parts: an event is to be gone through, or there is nothing to say.
-EVENT, ON = 13, 14
+EVENT, ON = 10, 11
 # Kinds of guards.
 SURFACE, RELEASE, VALID = 0, 1, 2
 # Kinds of transitions.
@@ -27,11 +24,9 @@ STICK, FREE, CROSS, GRAZE = range(4)
 # Ways of landing.
 HENON, NEWTON, BRENT, BRACKET = range(4)
 LANDINGS = ("henon", "newton", "brent", "bracket")
-# Floats of a run: t and what rounding it lost, sigma, time of the last event and what it lost; where on the step a
-# doubtful event is, what rounding that lost, up to where there is no doubt, and the step's end, all counted from its
-# start; the speed away from a surface beyond it, where a closer look has told it, in units of that towards it; the
-# longest step that a mode just entered, or one with branch points, may begin with; horizon and what rounding it lost;
-# tolerance.
+# Floats of a run: t and what rounding it lost, sigma, time of the last event and what it lost; where on the step an
+# undecided event is, and the step's end, both counted from its start; the longest step that a mode just entered, or one
+# with branch points, may begin with; horizon and what rounding it lost; tolerance.
 (
     F_TIME,
     F_LOW,
@@ -39,26 +34,21 @@ LANDINGS = ("henon", "newton", "brent", "bracket")
     F_LAST,
     F_LAST_LOW,
     F_NEAR,
-    F_NEAR_LOW,
-    F_CLEAR,
     F_REACH,
-    F_BEYOND,
     F_CAP,
     F_UNTIL,
     F_UNTIL_LOW,
     F_TOLERANCE,
     F_SIZE,
-) = range(15)
+) = range(12)
 REMEMBERED = 64
 """Modes of which the last step is kept, in the floats behind those above: a mode seen before begins with it."""
 F_STATE = F_SIZE + REMEMBERED
 """Where the state stands, followed by what rounding it lost."""
 # Integers of a run: mode; counts; last guard hit and its landing; steps that time cannot tell apart, events that it
-# cannot tell apart; next sample; mode of the last step; kind of the event that leads to a mode not known yet, or what a
-# closer look has left open; LANDED or TOLD where the run stands at an event that a closer look has decided, DOUBTED
-# where it stands before one that is to be looked at closer; order; method of landing; transitions that a
-# block of memory holds; a function that is not there yet (A_...); address of the table of those that stand apart, and
-# of the work space; states, and guards of the largest mode.
+# cannot tell apart; next sample; mode of the last step; kind of the event that leads to a mode not known yet; order;
+# method of landing; transitions that a block of memory holds; address of the work space; states, and guards of the
+# largest mode.
 (
     I_MODE,
     I_STEPS,
@@ -72,82 +62,31 @@ F_STATE = F_SIZE + REMEMBERED
     I_SAMPLE,
     I_STEPPED,
     I_WHAT,
-    I_ARRIVED,
     I_ORDER,
     I_METHOD,
     I_BLOCK,
-    I_MISSING,
-    I_APART,
     I_WORK,
     I_STATES,
     I_GUARDS,
     I_SIZE,
-) = range(22)
+) = range(19)
 # Behind them, an integer a guard each: known zeros at the present point (the surface just left), which are divided
 # out; 1 for a guard that is at zero.
 
-# Functions that stand apart (see henon_ref.henon.apart), by their places in a table of addresses; there is no place 0.
-(
-    A_NONE,
-    A_LAND,
-    A_POLISH,
-    A_SAMPLE,
-    A_ISOLATE,
-    A_FACTORED,
-    A_BRENT,
-    A_FLAT,
-    A_TRUSTED,
-    A_STEADY,
-    A_HELD,
-    A_BELOW,
-    A_LOOK,
-    A_FINE,
-    A_START,
-    A_DECIDE,
-    A_CLEAR,
-    A_QUAD,
-    A_MINIMUM,
-    A_FLAT_ROOT,
-    A_ABOUT,
-    A_BEYOND,
-    A_SIZE,
-) = range(23)
-ALWAYS = (A_LAND, A_POLISH, A_SAMPLE)
-"""Functions that are loaded with the loop."""
-
 # A mode's table: its own row, then a row a guard. T_EXACT: degree of the motion where that is a polynomial which the
 # expansion holds whole, else 0. T_WARY: where the field has branch points, the code of its first coefficients alone,
-# else 0. T_LOOK: address of what a closer look works with (L_...), 0 where there is none yet.
-T_GUARDS, T_EXPANSION, T_CLOSING, T_PROBE, T_BERNSTEIN, T_EXACT, T_WARY, T_LOOK, T_SIZE = range(9)
+# else 0.
+T_GUARDS, T_EXPANSION, T_CLOSING, T_PROBE, T_BERNSTEIN, T_EXACT, T_WARY, T_SIZE = range(8)
 # Kind, index, whether only its rise counts, whether it has a hold zone, whether it acts on a sliding surface; row of
 # the mode after a crossing (or a release) and after a stick, -1 where not known yet. For a release the last is the
 # number of zeros that the surface is left with.
 G_KIND, G_INDEX, G_RISING, G_HOLD, G_ACTS, G_AFTER, G_STUCK = range(7)
-# What a closer look at a mode works with (see henon_ref.henon.near_program): addresses of arrays, then how many
-# operations, constants, places and rows there are.
-(
-    L_CODES,
-    L_CONSTANTS,
-    L_PLACES,
-    L_HIGH,
-    L_LOW,
-    L_QUADS,
-    L_SIZES,
-    L_WORK,
-    L_OPERATIONS,
-    L_NUMBERS,
-    L_PLACED,
-    L_ROWS,
-    L_SIZE,
-) = range(13)
 # A transition.
 R_TIME, R_LOW, R_KIND, R_SURFACE, R_FROM, R_TO, R_LANDING, R_STATE = range(8)
 
-LANDED, TOLD, DOUBTED = 1, 2, 3
-"""The run stands at an event; with TOLD what is beyond its surface is known, too. DOUBTED: it is to be looked at."""
 NOWHERE = -1
 """In place of the guard last hit: nothing was hit, a guard is at zero where a step begins."""
 EPS = 2.220446049250313e-16
 """Distance from 1 to the next double."""
 TANGENT = 1e-9
-"""Relative normal velocity below which a contact is left to Python's closer look."""
+"""Relative normal velocity below which a contact is left to Python's mode selection."""

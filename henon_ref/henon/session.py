@@ -9,65 +9,52 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.henon.apart import load
-from henon_ref.henon.arrival import arrive, settle_touch
 from henon_ref.henon.blocks import KINDS, TransitionBlock
 from henon_ref.henon.endings import why_ended
 from henon_ref.henon.kernel import advance
-from henon_ref.henon.near import TOGETHER
+from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
 from henon_ref.henon.recording import crowded, record
 from henon_ref.henon.registers import (
     ACCUMULATED,
     CROSS,
-    DOUBTED,
     DOUBTFUL,
     F_LOW,
+    F_NEAR,
     F_REACH,
     F_STATE,
     F_TIME,
-    FOUND,
     FREE,
     FULL,
     G_AFTER,
-    G_INDEX,
     G_STUCK,
     GRAZE,
     HORIZON,
-    I_ARRIVED,
     I_BLOCK,
     I_COUNT,
     I_EVENTS,
     I_GUARD,
     I_LANDING,
-    I_MISSING,
     I_MODE,
     I_SAMPLE,
     I_STEPS,
     I_WHAT,
-    MISSING,
     NOWHERE,
     PAUSE,
     RESOLVE,
     STICK,
-    T_LOOK,
     UNKNOWN,
-    UNREAD,
 )
 from henon_ref.henon.state import CHUNK, Start, State
-from henon_ref.henon.window import OPEN, PASSED, ROOT, TOUCH
 from henon_ref.jit import in_python
+from henon_ref.model.decision import Decision
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode, replaced, transition_kind
-from henon_ref.model.switching import ZERO
-from henon_ref.processor_time import Deadline, compiling
+from henon_ref.processor_time import Deadline
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 if TYPE_CHECKING:
-    from henon_ref.henon.closer import Finding, Pair
     from henon_ref.henon.engine import Engine
 
-PROVEN = 1e-15
-"""Relative size below which a derivative counts as zero at a root that was found in multiprecision."""
 _tuple = tuple.__new__
 _head: Callable[..., tuple[int, ...]] = Struct(f"{I_GUARD}q").unpack_from
 _STATE = 8 * F_STATE
@@ -158,16 +145,6 @@ class Session(State):
                 return TransitionBlock(self.engine.scratch.records[:1], self.engine.compiled.modes)[0]
         return end
 
-    def _enter(self, mode: Mode, active: Sequence[int], zero: float) -> bool:
-        """Make a mode the present one; ``active`` are the surfaces the state is on."""
-        row = self.engine.compiled.compile(mode)
-        if row is None:
-            return False
-        self.integers[I_MODE] = row
-        orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, active, zero=zero)
-        self.multiplicity[: len(orders)] = orders
-        return True
-
     @property
     def guards(self) -> tuple[Guard, ...]:
         """Guards of the present mode, in the order of its row."""
@@ -193,79 +170,75 @@ class Session(State):
             return self._end("ok", "")
         if code == FULL and not stop:
             self._close_block()
-        elif code in (RESOLVE, FOUND, DOUBTFUL, UNKNOWN):
+        elif code in (RESOLVE, DOUBTFUL, UNKNOWN):
             why = None
             if code == UNKNOWN:
                 why = self._go_on()
             elif code == RESOLVE:
                 why = self._resolve()
-            elif code == FOUND or self._closest_look():
-                why = self._resolve(zero=PROVEN)
+            else:
+                why = self._locate()
             return None if why is None else self._end(*why)
-        elif code == MISSING:
-            self._load()
-        elif code == UNREAD:
-            engine.compiled.tables[self.integers[I_MODE], 0, T_LOOK] = engine.near.address(self.mode)
-            self.integers[I_ARRIVED] = DOUBTED
         elif code not in (FULL, PAUSE):
             return self._end(*why_ended(self, code))
         return None
 
-    def _load(self) -> None:
-        """Load a function that the loop has not found."""
-        with compiling():
-            load(self.integers.item(I_MISSING))
-        self.integers[I_MISSING] = 0
-
-    def _closest_look(self) -> bool:
-        """Go to a doubtful event in multiprecision; True if there is an event to resolve there.
-
-        With OPEN double-double has found a minimum, whose sign is open, and nothing else is but a window before it.
-        """
-        row, guard, at_minimum = self.integers.item(I_MODE), self.integers.item(I_GUARD), self.integers[I_WHAT] == OPEN
-        mode = self.mode
-        compiled, floats, zeros = self.engine.compiled, self.floats, self.multiplicity.item(guard)
-        time, low, *_, near, near_low, clear, reach = floats[: F_REACH + 1].tolist()
-        where, known = compiled.places(mode)[guard], clear if at_minimum else None
-        state = list(zip(self.x.tolist(), self.x_low.tolist(), strict=True))
-        found = self.engine.closer.look(mode, where, zeros, (time, low), state, (near, near_low), reach, known)
+    def _locate(self) -> tuple[Status, str] | None:
+        """Go to an event that double precision leaves undecided, in multiprecision; None if the run goes on."""
+        engine, floats, mode, row = self.engine, self.floats, self.mode, self.integers.item(I_MODE)
+        places = engine.compiled.places(mode)
+        zeros = dict(zip(places, self.multiplicity.tolist(), strict=False))
+        time, low, near, reach = floats[[F_TIME, F_LOW, F_NEAR, F_REACH]].tolist()
+        found = locate_event(
+            engine.precise,
+            UndecidedStep(
+                mode=mode,
+                time=(time, low),
+                state=tuple(zip(self.x.tolist(), self.x_low.tolist(), strict=True)),
+                length=reach,
+                suspect=near,
+                guard=places[self.integers.item(I_GUARD)],
+                known_zeros=tuple(zeros.get(g, 0) for g in range(len(engine.system.equations(mode).guards))),
+            ),
+        )
         floats[F_TIME], floats[F_LOW] = found.time
         self.x[:] = [high for high, _ in found.state]
-        self.x_low[:] = [low for _, low in found.state]
-        if found.lowest:
-            self._find_touches(guard, found, (time, low), state, reach)
-            outcome = int(settle_touch(floats, self.integers, compiled.tables[row]))
-        else:
-            outcome = ROOT if found.what == "root" else PASSED
-            arrive(floats, self.integers, outcome)
-        if outcome == TOUCH:  # a stick whose own end is touched goes on, and nothing is told
-            for g in self.hits.nonzero()[0].tolist():
-                self._record(GRAZE, compiled.tables.item(row, 1 + g, G_INDEX), row, row)
-            self.hits[:] = 0
-        return outcome == ROOT and bool(self.hits[self.integers[I_GUARD]])
+        self.x_low[:] = [lost for _, lost in found.state]
+        self.integers[I_STEPS] += 1
+        self.multiplicity[:] = 0
+        until, until_low = self.until
+        if (until - found.time[0]) + (until_low - found.time[1]) < -2e-17 * abs(until):  # more than a sum's rounding
+            floats[F_TIME], floats[F_LOW] = until, until_low
+            return None
+        guards = engine.system.equations(mode).guards
+        touched = sorted({guards[g].index for g, _ in found.touching if guards[g].kind == "surface"})
+        if found.decision is not None:
+            touched += [guards[g].index for g in found.falling if guards[g].kind == "surface"]
+            return self._follow(found.decision, found.known_zeros, sorted(set(touched)))
+        self._leave(mode, found.known_zeros)
+        for i in touched:  # a stick whose own end is touched goes on, and nothing is told
+            self._record(GRAZE, i, row, row)
+        return None
 
-    def _find_touches(self, guard: int, found: Finding, start: Pair, state: Sequence[Pair], reach: float) -> None:
-        """Write down, as hits, the orders of all guards' minima at zero where one guard has been found to have one.
+    def _leave(self, mode: Mode, zeros: Sequence[int]) -> None:
+        """Set the known zeros of the present mode's guards, given in the order of its equations."""
+        for g, place in enumerate(self.engine.compiled.places(mode)):
+            self.multiplicity[g] = zeros[place] if place >= 0 else 0
 
-        Less than 0 where the minimum is above zero. ``start``, ``state`` and ``reach`` are of the step.
-        """
-        mode = self.mode
-        places = self.engine.compiled.places(mode)
-        surfaces = range(len(self.engine.system.surfaces))
-        near = (found.time[0] - start[0]) + (found.time[1] - start[1])
-        orders = self.engine.known_zeros(self.time, self.x.tolist(), mode, surfaces)
-        for g, order in enumerate(orders):
-            other = found
-            if g != guard:
-                if order < 2:
-                    continue
-                zeros = self.multiplicity.item(g)
-                other = self.engine.closer.look(mode, places[g], zeros, start, state, (near, 0.0), reach)
-                away = (other.time[0] - found.time[0]) + (other.time[1] - found.time[1])
-                if not other.lowest or abs(away) > TOGETHER * reach:
-                    continue
-            zeros = 2 if other.parabolic else max(2, order)
-            self.hits[g] = zeros if other.what == "touch" else -zeros
+    def _follow(self, decision: Decision, zeros: Sequence[int], touched: Sequence[int]) -> tuple[Status, str] | None:
+        """Go over to the mode that follows; ``touched``: surfaces at zero, told of where none changes its sign."""
+        if decision.mode is None:
+            return decision.ending, decision.reason
+        before, source = self.mode, self.integers.item(I_MODE)
+        row = self.engine.compiled.compile(decision.mode)
+        if row is None:
+            return "failed", f"the mode after t = {self.time:.17g} has no equations"
+        self.integers[I_MODE] = row
+        self._leave(decision.mode, zeros)
+        changed = [i for i, s in enumerate(decision.mode) if s != before[i]]
+        for i in changed or touched:
+            self._record(KINDS.index(transition_kind(before[i], decision.mode[i])), i, source, row)
+        return why_ended(self, ACCUMULATED) if _accumulating(self.floats, self.integers) else None
 
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:
         if self.integers[I_COUNT] >= self.integers[I_BLOCK]:
@@ -293,31 +266,22 @@ class Session(State):
                 self.multiplicity[g] = zeros
         return why_ended(self, ACCUMULATED) if _accumulating(self.floats, self.integers) else None
 
-    def _resolve(self, zero: float = ZERO) -> tuple[Status, str] | None:
+    def _resolve(self) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
         before = self.mode
         hits: list[Guard] = [g for g, hit in zip(self.guards, self.hits, strict=False) if hit]
         x = self.x.tolist()
-        decision = self.engine.switching.after_event(self.time, x, before, hits, zero=zero)
+        switching = self.engine.switching
+        decision = switching.after_event(self.time, x, before, hits)
         if decision.mode is None:
             return decision.ending, decision.reason
         early = self.integers[I_GUARD] == NOWHERE
         # Where no step was taken, surfaces left a moment ago are still as good as touched.
         fresh = {g.index for g, zeros in zip(self.guards, self.multiplicity, strict=False) if zeros and early}
-        active = sorted(
-            fresh | {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0}
-        )
-        source = self.integers[I_MODE]
-        if not self._enter(decision.mode, active, zero):
-            return "failed", f"the mode after t = {self.time:.17g} has no equations"
-        changed = [i for i in active if decision.mode[i] != before[i]]
-        touched = changed or ([] if early else sorted({g.index for g in hits if g.kind == "surface"}))
-        for i in touched:
-            kind = KINDS.index(transition_kind(before[i], decision.mode[i]))
-            self._record(kind, i, int(source), int(self.integers[I_MODE]))
-        if _accumulating(self.floats, self.integers):
-            return why_ended(self, ACCUMULATED)
-        return None
+        active = fresh | {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0}
+        orders = switching.contact_orders(self.time, x, decision.mode, active)
+        touched = [] if early else sorted({g.index for g in hits if g.kind == "surface"})
+        return self._follow(decision, orders, touched)
 
     def _end(self, status: Status, reason: str) -> Trajectory:
         state, start, modes = self.state, self.start, self.engine.compiled.modes

@@ -31,7 +31,7 @@ Compiled = tuple[Any, tuple[Any, ...]]
 """A function and the types that it is to be compiled for."""
 
 
-def compile_all(needed: Iterable[Compiled], parts: Iterable[Compiled] = (), ahead: Iterable[Compiled] = ()) -> None:
+def compile_all(needed: Iterable[Compiled], parts: Iterable[Compiled] = ()) -> None:
     """Make functions callable.
 
     Parameters
@@ -39,25 +39,19 @@ def compile_all(needed: Iterable[Compiled], parts: Iterable[Compiled] = (), ahea
     needed : iterable of Compiled
     parts : iterable of Compiled
         What those contain: compiled first, so that several processes can share even in one function. Long ones first.
-    ahead : iterable of Compiled
-        What is compiled, too, where there is nothing to do but to wait for another process.
     """
-    needed, parts, ahead = list(needed), list(parts), list(ahead)
+    needed, parts = list(needed), list(parts)
     with compiling():
         if not all(_is_made(*each) for each in needed):
-            _share(parts, ahead)
-            _share(needed, ahead)
+            _share(parts)
+            _share(needed)
         for function, types in needed:
             function.compile(types)
 
 
-def _share(functions: list[Compiled], ahead: list[Compiled]) -> None:
+def _share(functions: list[Compiled]) -> None:
     """See to it that functions are on the disk: compile what nobody else is compiling, wait for the others."""
     waiting = [each for each in functions if not _made(*each, wait=False)]
-    for each in ahead:
-        if all(_is_made(*other) for other in waiting):
-            break
-        _made(*each, wait=False)
     for each in waiting:
         _made(*each, wait=True)
 

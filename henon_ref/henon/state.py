@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.henon import registers as k
-from henon_ref.henon.apart import table
 from henon_ref.trajectory import Trajectory
 
 CHUNK = 1024
@@ -66,7 +65,7 @@ class Start:
         integers[k.I_MODE], integers[k.I_BLOCK] = self.row, CHUNK
         integers[k.I_STATES], integers[k.I_GUARDS] = len(self.x), len(self.zeros)
         integers[k.I_ORDER], integers[k.I_METHOD] = self.order, self.landing
-        integers[k.I_APART], integers[k.I_WORK] = table(), self.work.ctypes.data
+        integers[k.I_WORK] = self.work.ctypes.data
         return np.concatenate([floats, integers.view(np.float64)])
 
 

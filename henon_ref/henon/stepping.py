@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import float64, int64
 
-from henon_ref.henon.apart import apart, missing
 from henon_ref.henon.calls import call_closing, call_expand
 from henon_ref.henon.clock import add_time, lost, remaining, stands
+from henon_ref.henon.compile_units import unit
 from henon_ref.henon.primitives import bits, fma, from_bits, larger, smaller
 from henon_ref.henon.registers import (
-    A_FLAT,
     EPS,
     F_LOW,
     F_SIGMA,
@@ -131,7 +130,7 @@ def flat_step_size(c, n, guards, multiplicity, order, tolerance):  # type: ignor
     return shortest
 
 
-_flat_step_size = apart(A_FLAT, flat_step_size, float64, GRID, int64, int64, INTEGERS, int64, float64)
+_flat_step_size = unit(flat_step_size, float64, GRID, int64, int64, INTEGERS, int64, float64)
 
 
 @inner()
@@ -162,8 +161,8 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
     """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
 
     ``alone``: look at the very first one, as where a guard stands at zero or a branch point may come. Returns the step
-    proposed in units of sigma; 0 where the budget of steps is used up or a function is missing, -1 where the step size
-    fell to zero, -2 where the state blew up.
+    proposed in units of sigma; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where
+    the state blew up.
     """
     n, guards = integers[I_STATES], layout[0, T_GUARDS]
     expansion, closing = layout[0, T_EXPANSION], layout[0, T_CLOSING]
@@ -181,9 +180,7 @@ def glide(floats, integers, x, x_low, multiplicity, layout, constants, c, change
         integers[I_RHS] += 1
         theta = step_size(c, n + guards, integers[I_ORDER], floats[F_TOLERANCE])
         if zeros > 2 and theta > 0.0:
-            if missing(integers, A_FLAT):
-                return 0.0
-            theta = _flat_step_size(integers, c, n, guards, multiplicity, integers[I_ORDER], floats[F_TOLERANCE])
+            theta = _flat_step_size(c, n, guards, multiplicity, integers[I_ORDER], floats[F_TOLERANCE])
         if theta < 1e-6 or (theta > 1e6 and sigma < left and not shrunk):
             # sigma is far from the step: bring it there and expand again before anything is read off. Where it is
             # much too long even the step is not to be believed: it shrinks by degrees, and does not grow again here.

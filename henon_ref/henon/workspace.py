@@ -5,7 +5,7 @@ from __future__ import annotations
 from numba.extending import register_jitable
 
 from henon_ref.henon.polynomial import DEPTH
-from henon_ref.henon.registers import F_STATE, I_SIZE, R_STATE
+from henon_ref.henon.registers import R_STATE
 from henon_ref.henon.rows import row_length
 from henon_ref.henon.views import rest_of, row_at, rows_of
 from henon_ref.jit import inner
@@ -16,11 +16,10 @@ BANDS = 6 + 2 * DEPTH
 
 @register_jitable
 def work_places(n, most, order):  # type: ignore[no-untyped-def]
-    """Of what the loop works on: length of a row of the band, and where the other parts begin."""
+    """Of what the loop works on: length of a row of the band, and where the other two parts begin."""
     width = row_length(order)
     room = (2 * (n + most + 1) + BANDS) * width
-    before = room + 3 * (n + most)
-    return width, room, before, before + F_STATE + 2 * n + I_SIZE + 2 * most
+    return width, room, room + 3 * (n + most)
 
 
 @inner()
@@ -41,12 +40,10 @@ def work_space(address, n, most, order):  # type: ignore[no-untyped-def]
         end of a step that is checked; what isolating roots needs.
     room : row of 3 n + 3 G doubles
         Change of the states over a step and bounds of the guards from below; a state; normal velocities.
-    before : row of F_STATE + 2 n + I_SIZE + 2 G doubles
-        The run as it was when the loop was called.
     records : rows, shape (transitions kept, R_STATE + n)
         Transitions, a row each.
     """
-    width, room, before, records = work_places(n, most, order)
+    width, room, records = work_places(n, most, order)
     work = row_at(address)
     own = rows_of(rest_of(work, records), R_STATE + n)
-    return rows_of(work, width), rest_of(work, room), rest_of(work, before), own
+    return rows_of(work, width), rest_of(work, room), own

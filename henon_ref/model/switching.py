@@ -14,11 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import product
+from typing import Any
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.model.decision import Decision, ended, explained, with_entries
+from henon_ref.model.decision import Decision, ended, explained, with_entries, without_indeterminate
 from henon_ref.model.derivatives import leading, leading_sign, rate_of, scaled
 from henon_ref.model.equations import TIME, Guard, ModeEquations
 from henon_ref.model.exact import exact_sign
@@ -51,15 +52,61 @@ _NOWHERE = _Point(())
 
 
 class Switching:
-    """Decides the modes of one system in double precision (tapes are made once a mode and kept)."""
+    """Decides the modes of one system in double precision (tapes are made once a mode and kept).
+
+    What belongs to the numbers and not to the rule is a method of its own: ``_number`` to ``_attracts_by``.
+    """
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
-        self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[float]] | None] = {}
-        self._holds: dict[int, Callable[..., list[float]]] = {}
+        self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[Any]] | None] = {}
+        self._holds: dict[int, Callable[..., list[Any]]] = {}
         self.forget()
-        normals = [system.numeric(system.normal_velocity(i)) for i in range(len(system.surfaces))]
-        self._normals = sp.lambdify([TIME, *system.states, *system.signs], normals, "math", cse=True)
+        normals = [system.normal_velocity(i) for i in range(len(system.surfaces))]
+        self._normals = self._function([*system.states, *system.signs], normals)
+
+    def _number(self, expression: sp.Expr) -> Any:
+        """A constant of the equations."""
+        return float(expression)
+
+    def _function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        """(t, *names) -> values of expressions."""
+        values = [self.system.numeric(e) for e in expressions]
+        found: Callable[..., list[Any]] = sp.lambdify([TIME, *names], values, "math", cse=True)
+        return found
+
+    def _series(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> tuple[list[list[Any]], float]:
+        """Taylor coefficients of a tape's outputs from a point, and a rate that makes them comparable.
+
+        ZeroDivisionError, ValueError or OverflowError where they are not finite.
+        """
+        states, outputs = expand(tape, numbers, t, x, ORDER)
+        return outputs, rate_of(states, outputs)
+
+    def _leading(self, series: Sequence[Any], first: int, rate: float, size: float, zero: float) -> int | None:
+        """Index of the first coefficient from ``first`` on that is not zero, or None."""
+        return leading(series, first, rate, size, zero)
+
+    def _sign(self, series: Sequence[Any], first: int, rate: float, size: float, zero: float) -> int:
+        """Sign of that coefficient; 0 if there is none."""
+        k = self._leading(series, first, rate, size, zero)
+        return 0 if k is None else (1 if series[k] > 0 else -1)
+
+    def _holds_by(self, tape: Tape, numbers: Sequence[Any], ends: Sequence[int], t: Any, x: Any, zero: float) -> bool:
+        """Whether these outputs of a tape, the ends of a hold zone, are positive just after a point (or stay zero).
+
+        A load at one end of the hold zone is small against its distance to the other; then its derivatives decide.
+        """
+        states, outputs = expand(tape, numbers, t, x, ORDER)
+        ways = [outputs[end] for end in ends]
+        rate = rate_of(states, ways)
+        width = max(abs(value) for c in ways for value in scaled(c, rate))
+        return all(c[0] > 0 if abs(c[0]) > zero * width else leading_sign(c, 1, rate, 0.0, zero) >= 0 for c in ways)
+
+    def _attracts_by(self, below: Any, above: Any) -> bool:
+        """Whether normal velocities below and above a surface point at it, or along it."""
+        zero = ZERO * (abs(below) + abs(above))
+        return bool(below >= -zero and above <= zero)
 
     def forget(self) -> None:
         """A run begins: what an earlier one has worked out at the same point is none of its own work."""
@@ -124,7 +171,7 @@ class Switching:
         The states of the surfaces hit are taken to be on them, whatever rounding says. ``zero`` is the relative
         size below which a derivative counts as zero.
         """
-        refused = ended(self.system, mode, hits, f"{t:.17g}")
+        refused = ended(self.system, mode, hits, _digits(t))
         if refused is not None:
             return refused
         if len(hits) == 1 and hits[0].kind == "release":
@@ -159,12 +206,12 @@ class Switching:
         for guard, series in zip(made[0].guards, outputs, strict=True):
             first = 1 if guard.kind == "surface" else 0
             if guard.kind == "valid" and guard.index in edges:
-                found = leading(series, 1, rate, 0.0, zero)
+                found = self._leading(series, 1, rate, 0.0, zero)
                 orders.append(found if found is not None and series[found] > 0.0 else 0)
             elif guard.ends or guard.index not in active or guard.rising_only:
                 orders.append(0)
             else:
-                found = leading(series, first, rate, self._size(t, x, mode, guard.index), zero)
+                found = self._leading(series, first, rate, self._size(t, x, mode, guard.index), zero)
                 orders.append(found if found is not None else first)
         return orders
 
@@ -188,9 +235,9 @@ class Switching:
         falling = [
             guard
             for guard, series in zip(made[0].guards, outputs, strict=True)
-            if guard.kind == "attracts" and leading_sign(series, 0, rate, 0.0, ZERO) <= 0
+            if guard.kind == "attracts" and self._sign(series, 0, rate, 0.0, ZERO) <= 0
         ]
-        return ended(self.system, mode, falling, f"{t:.17g}") or decision
+        return ended(self.system, mode, falling, _digits(t)) or decision
 
     def _decided(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:
         if len(active) > EXHAUSTIVE:
@@ -200,13 +247,24 @@ class Switching:
             for choice in product((-1, 0, 1), repeat=len(active))
             if self._violations(t, x, candidate := with_entries(mode, active, choice), active, zero) == ()
         ]
+        if len(found) > 1:
+            found = without_indeterminate(found, active, lambda mode, i: self._indeterminate(t, x, mode, i, zero))
         if len(found) == 1:
             return Decision("unique", found[0])
         names = self.system.sign_names
         if not found:
-            return Decision("none", None, f"no mode is consistent at t = {t:.17g}, x = {x}")
+            return Decision("none", None, f"no mode is consistent at t = {_digits(t)}, x = {[float(v) for v in x]}")
         modes = " or ".join(mode_text(m, names) for m in found)
-        return Decision("nonunique", None, f"the future is not unique at t = {t:.17g}: {modes}")
+        return Decision("nonunique", None, f"the future is not unique at t = {_digits(t)}: {modes}")
+
+    def _indeterminate(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float) -> bool:
+        """Whether no end of a slide on a surface is anything but zero, so far as its derivatives tell."""
+        made = self._equations(mode)
+        assert made is not None
+        outputs, rate = self._expanded(mode, t, x)
+        size = self._size(t, x, mode, index)
+        ends = [c for g, c in zip(made[0].guards, outputs, strict=True) if g.kind == "release" and g.index == index]
+        return index not in self.system.overrides and all(not self._sign(c, 0, rate, size, zero) for c in ends)
 
     def _search(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:
         """Start from sliding on all that attract; let go what cannot be held, hold what comes back, to the end."""
@@ -216,14 +274,15 @@ class Switching:
         for _ in range(4 * len(active)):
             broken = self._violations(t, x, candidate, active, zero)
             if broken is None:
-                return Decision("none", None, f"sliding on all of {active} at t = {t:.17g} has no equations")
+                return Decision("none", None, f"sliding on all of {active} at t = {_digits(t)} has no equations")
             if not broken:
                 return Decision("unique", candidate)
             for guard in broken:
                 candidate = replaced(candidate, guard.index, guard.to_sign if guard.kind == "release" else 0)
-        return Decision("none", None, f"no consistent mode found at t = {t:.17g} with {len(active)} surfaces in play")
+        count = len(active)
+        return Decision("none", None, f"no consistent mode found at t = {_digits(t)} with {count} surfaces in play")
 
-    def _equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[float]] | None:
+    def _equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]] | None:
         if mode not in self._tapes:
             system = self.system
             try:
@@ -232,7 +291,7 @@ class Switching:
                 self._tapes[mode] = None
             else:
                 tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
-                numbers = [float(system.numeric(c)) for c in tape.constants]
+                numbers = [self._number(system.numeric(c)) for c in tape.constants]
                 self._tapes[mode] = (equations, tape, numbers)
         return self._tapes[mode]
 
@@ -242,8 +301,7 @@ class Switching:
         if mode not in kept:
             made = self._equations(mode)
             assert made is not None
-            states, outputs = expand(made[1], made[2], t, x, ORDER)
-            kept[mode] = outputs, rate_of(states, outputs)
+            kept[mode] = self._series(made[1], made[2], t, x)
         return kept[mode]
 
     def _at(self, t: float, x: Sequence[float]) -> _Point:
@@ -279,7 +337,7 @@ class Switching:
                     continue
             first = 1 if guard.kind == "surface" else 0
             size = self._size(t, x, mode, guard.index)
-            head = leading_sign(series, first, rate, size, zero)
+            head = self._sign(series, first, rate, size, zero)
             # A surface that is never left is no slip; an equivalent sign that stays at its limit still holds.
             if head < 0 or (head == 0 and guard.kind == "surface"):
                 broken.append(guard)
@@ -291,23 +349,19 @@ class Switching:
             return self._attracts(t, x, mode, index)
         made = self._equations(replaced(mode, index, 0))
         if made is None:  # beside another sliding surface it has no equations: no derivatives, but the load is there
-            return min(self._hold_values(index)(t, *x)) > 0
+            return all(value > 0 for value in self._hold_values(index)(t, *x))
         equations, tape, numbers = made
+        ends = [k for k, g in enumerate(equations.guards) if g.kind == "release" and g.index == index]
         try:
-            states, outputs = expand(tape, numbers, t, x, ORDER)
+            return self._holds_by(tape, numbers, ends, t, x, zero)
         except (ZeroDivisionError, ValueError, OverflowError):
             return False
-        ways = [c for g, c in zip(equations.guards, outputs, strict=True) if g.kind == "release" and g.index == index]
-        # A load at one end of the hold zone is small against its distance to the other; then its derivatives decide.
-        rate = rate_of(states, ways)
-        width = max(abs(value) for c in ways for value in scaled(c, rate))
-        return all(c[0] > 0 if abs(c[0]) > zero * width else leading_sign(c, 1, rate, 0.0, zero) >= 0 for c in ways)
 
     def _hold_values(self, index: int) -> Callable[..., list[float]]:
         """(t, *x) -> release guards of an override."""
         if index not in self._holds:
-            guards = [self.system.numeric(g.expression) for g in self.system.hold_guards(index)]
-            self._holds[index] = sp.lambdify([TIME, *self.system.states], guards, "math", cse=True)
+            guards = [g.expression for g in self.system.hold_guards(index)]
+            self._holds[index] = self._function(self.system.states, guards)
         return self._holds[index]
 
     def _both_sides(self, t: float, x: Sequence[float], mode: Mode, index: int) -> tuple[float, float]:
@@ -328,9 +382,7 @@ class Switching:
         return 1 if below > 0 and above > 0 else -1 if below < 0 and above < 0 else 0
 
     def _attracts(self, t: float, x: Sequence[float], mode: Mode, index: int) -> bool:
-        below, above = self._both_sides(t, x, mode, index)
-        zero = ZERO * (abs(below) + abs(above))
-        return below >= -zero and above <= zero
+        return self._attracts_by(*self._both_sides(t, x, mode, index))
 
     def _size(self, t: float, x: Sequence[float], mode: Mode, index: int) -> float:
         """What dh/dt is small or large against."""
@@ -339,3 +391,8 @@ class Switching:
         except (ZeroDivisionError, ValueError, OverflowError):
             return 0.0
         return abs(below) + abs(above)
+
+
+def _digits(t: Any) -> str:
+    """A time as messages have it."""
+    return f"{float(t):.17g}"

@@ -15,7 +15,7 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.errors import ModelError
-from henon_ref.model.decision import Decision, ended, explained
+from henon_ref.model.decision import Decision, ended, explained, without_indeterminate
 from henon_ref.model.equations import TIME, Guard
 from henon_ref.model.exact import exact_sign
 from henon_ref.model.modes import Mode, mode_text, replaced
@@ -129,12 +129,22 @@ class Decider:
                 candidate = replaced(candidate, index, value)
             if self._violations(point, candidate, active) == ():
                 found.append(candidate)
+        if len(found) > 1:
+            found = without_indeterminate(found, active, lambda mode, i: self._indeterminate(point, mode, i))
         if len(found) == 1:
             return Decision("unique", found[0])
         if not found:
             return Decision("none", None, f"no mode is consistent at t = {_short(point)}")
         modes = " or ".join(mode_text(m, self.system.sign_names) for m in found)
         return Decision("nonunique", None, f"the future is not unique at t = {_short(point)}: {modes}")
+
+    def _indeterminate(self, point: Point, mode: Mode, index: int) -> bool:
+        """Whether no end of a slide on a surface is anything but zero, so far as its derivatives tell."""
+        heads = self.heads(point, mode, frozenset((index,)))
+        guards = self.system.equations(mode).guards
+        assert heads is not None
+        ends = [h for g, h in zip(guards, heads, strict=True) if g.kind == "release" and g.index == index]
+        return index not in self.system.overrides and all(head is None for head in ends)
 
     def _search(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
         """Start from all sliding; let go what cannot be held, hold what comes back, until nothing changes."""

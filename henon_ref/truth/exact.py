@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import sympy as sp
-from flint import arb, ctx
+from flint import arb
 
 from henon_ref.model.modes import Mode
+from henon_ref.precision import working_precision
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.numbers import ball_text
 from henon_ref.truth.reference import ReferenceTransition, TruthError
@@ -47,7 +48,7 @@ def with_closed_forms(
         found_mode = transitions[index].to_mode if index < len(transitions) else "none"
         if found_mode != mode:
             raise TruthError(f"transition {index}: the exact mode after it is {mode}, computed is {found_mode}")
-    with ctx.workprec(BITS):
+    with working_precision(BITS):
         balls = [enclose(time) for time in times]
         for index, (ball, found) in enumerate(zip(balls, transitions, strict=False)):
             apart = abs(ball - arb(found.time_digits))

@@ -14,9 +14,10 @@ from itertools import takewhile
 from time import perf_counter
 
 import heyoka as hy
-from flint import arb, ctx
+from flint import arb
 
 from henon_ref.model.modes import transition_kind
+from henon_ref.precision import working_precision
 from henon_ref.trajectory import Problem
 from henon_ref.truth.numbers import GUARD_BITS, ball_text, exact_ball
 from henon_ref.truth.reference import ReferenceTransition, Route
@@ -68,7 +69,7 @@ def _same(a: Event, b: Event) -> bool:
 
 def _agreed(problem: Problem, high: Run, low: Run, *, seconds: float) -> Route:
     """What two runs agree on."""
-    with ctx.workprec(high.bits + GUARD_BITS):
+    with working_precision(high.bits + GUARD_BITS):
         start, until = exact_ball(problem.start, high.bits), exact_ball(problem.until, high.bits)
         span = max(abs(float(start)), float(until - start))
         pairs = list(takewhile(lambda pair: _same(*pair), zip(high.events, low.events, strict=False)))

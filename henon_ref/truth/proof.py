@@ -7,8 +7,9 @@ from sys import float_info
 from typing import TYPE_CHECKING
 
 import flint
-from flint import arb, ctx
+from flint import arb
 
+from henon_ref.precision import working_precision
 from henon_ref.trajectory import Problem, Status
 from henon_ref.truth.certified.trajectory import CertifiedRun, CertifiedTransition, Ended, certify
 from henon_ref.truth.numbers import GUARD_BITS, ball_text
@@ -49,7 +50,7 @@ def prove(problem: Problem, *, seconds: float | None = None, progress: Progress 
             progress((time - start) / span)
 
     run = certify(problem, radius=max(RADIUS * min(1.0, span), float_info.min), deadline=seconds, progress=told)
-    with ctx.workprec(run.bits + GUARD_BITS):
+    with working_precision(run.bits + GUARD_BITS):
         return _route(run)
 
 

@@ -17,8 +17,9 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flint import arb, ctx
+from flint import arb
 
+from henon_ref.precision import working_precision
 from henon_ref.truth import store
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.reference import ReferenceTransition, Route, Truth, TruthError
@@ -140,7 +141,7 @@ def claimed(stored: Truth, reading: Reading) -> bool:
         _check_end(reading, stored)
     except TruthError:
         return False
-    with ctx.workprec(CLAIM_BITS):
+    with working_precision(CLAIM_BITS):
         return all(abs(enclose(time) - arb(t.time_digits)) <= t.radius for time, t in zip(times, known, strict=True))
 
 

@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from flint import arb, ctx
+from flint import arb
 
 from henon_ref.model.decision import Decision
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode
+from henon_ref.precision import working_precision
 from henon_ref.trajectory import Problem, Status
 from henon_ref.truth.decide import Decider, Point
 from henon_ref.truth.endings import CROWD, EndedError, Watch, written
@@ -76,7 +77,7 @@ def simulate(problem: Problem, bits: int, *, progress: Progress | None = None) -
     Run
         Every event up to the horizon, or up to where the run has to end.
     """
-    with ctx.workprec(bits + GUARD_BITS):
+    with working_precision(bits + GUARD_BITS):
         return _Simulation(problem, bits, progress).run()
 
 

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from math import ceil, inf, log2
 
 import sympy as sp
-from flint import acb, arb, arb_mat, ctx
+from flint import acb, arb, arb_mat
 
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
+from henon_ref.precision import working_precision
 from henon_ref.trajectory import Problem
 from henon_ref.truth.certified.enclosure import UNIT_BALL, UndecidedError
 from henon_ref.truth.certified.modes import EndedError
@@ -59,7 +60,7 @@ class PeriodicOrbit:
         """How long each visit to a mode lasts [s], by its entry on the period (the last may wrap around)."""
         if not self.events:
             return []
-        with ctx.workprec(self.bits):
+        with working_precision(self.bits):
             times = [*(event.time for event in self.events), self.events[0].time + self.period]
             return [times[i + 1] - times[i] for i, event in enumerate(self.events) if event.to_mode == mode]
 
@@ -84,7 +85,7 @@ def find_periodic_orbit(system: FilippovSystem, guess: Guess, *, radius: float =
     returned = ReturnMap(system, guess)
     bits = ceil(-log2(radius)) + SPARE_BITS
     try:
-        with ctx.workprec(bits):
+        with working_precision(bits):
             found = _Search(returned, bits).prove()
             worst = max(float(b.rad()) for b in (*found.state, found.period, *found.derivative.entries()))
     except (UndecidedError, EndedError) as stop:
@@ -145,7 +146,7 @@ class _Search:
         point = [arb(self.guess.state[i]).mid() for i in self.returned.free]
         bits, before = min(FIRST_BITS, self.bits), inf
         for _ in range(NEWTON_STEPS):
-            with ctx.workprec(bits):
+            with working_precision(bits):
                 made = self.returned(point, bits, sharp=False)
                 residual = arb_mat(len(point), 1, [p - q for p, q in zip(point, made.end, strict=True)])
                 try:

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 from math import log2
 
 import numpy as np
-from flint import arb, arb_mat, ctx
+from flint import arb, arb_mat
 
+from henon_ref.precision import working_precision
 from henon_ref.truth.certified.enclosure import UNIT_BALL, UndecidedError, log2_size
 
 MATRIX_BITS = 64
@@ -76,7 +77,7 @@ class PointSet:
         """
         if not all(c.is_finite() for c in centre):
             raise UndecidedError("the enclosure of the state has become unbounded", "enclosure")
-        with ctx.workprec(MATRIX_BITS):
+        with working_precision(MATRIX_BITS):
             spread = derivative * self.axes
             errors = [c.rad() for c in centre]
             axes, inverse = _axes(spread.mid(), self.radii, self.scales)

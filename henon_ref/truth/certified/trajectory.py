@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from math import ceil, log2
 from typing import Literal
 
-from flint import arb, ctx
+from flint import arb
 
 from henon_ref.model.modes import Mode, transition_kind
+from henon_ref.precision import working_precision
 from henon_ref.trajectory import Kind, Problem
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.certified.enclosure import UndecidedError
@@ -117,7 +118,7 @@ def certify(
     bits = bits if bits is not None else ceil(log2(horizon / radius)) + SPARE_BITS
     last: CertifiedRun | None = None
     for attempt in range(ATTEMPTS):
-        with ctx.workprec(bits):
+        with working_precision(bits):
             run = _Attempt(model, problem, bits, progress, until, max_transitions).run()
         final = attempt == ATTEMPTS - 1 or run.ended == "budget"
         stuck = last is not None and run.ended == last.ended == "undecided"

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from flint import arb, ctx
+from flint import arb
 
 from henon_ref.model.modes import Mode, mode_text
+from henon_ref.precision import working_precision
 from henon_ref.trajectory import Kind, Problem
 from henon_ref.truth.certified.trajectory import CertifiedRun, CertifiedTransition, certify
 
@@ -73,7 +74,7 @@ def hold_against(run: CertifiedRun, claims: Sequence[Claim], names: Sequence[str
     names : sequence of str
         Names of the sign symbols, for the reasons.
     """
-    with ctx.workprec(2 * run.bits):
+    with working_precision(2 * run.bits):
         for index in range(len(claims)):
             if index >= len(run.transitions):
                 return _beyond(run, claims, index, names)

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log2
 
-from flint import arb, arb_mat, ctx
+from flint import arb, arb_mat
 
 from henon_ref.model.equations import Guard
 from henon_ref.model.modes import Mode
+from henon_ref.precision import working_precision
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.certified.enclosure import Curve, Expansion, Tail, UndecidedError, expand
 from henon_ref.truth.certified.event import first_root, guard_curve
@@ -140,7 +141,7 @@ class Walk:
         start = [arb(int(j == i + 1)) for j in range(size) for i in range(size - 1)]
         sharp = p.tangent_order == p.order
         disc = flow.radius if sharp else TANGENT_ROOM * reach
-        with ctx.workprec(p.tangent_bits):
+        with working_precision(p.tangent_bits):
             box = [b + 0 for b in hull]
             tangent = expand(made.tangent, box[0], [*box[1:], *start], p.tangent_order, self.unit, disc)
             if sharp:
@@ -155,7 +156,7 @@ class Walk:
 
     def _derivative(self, tangent: Expansion, s: arb) -> list[list[arb]]:
         size = len(self.points.centre)
-        with ctx.workprec(self.precision.tangent_bits):
+        with working_precision(self.precision.tangent_bits):
             return self._columns(size, [tangent.state(i).at(s) for i in range(len(tangent.states))])
 
     def _guards(self, made: ModeModel, flow: Expansion, tangent: Expansion) -> list[Curve]:
@@ -170,7 +171,7 @@ class Walk:
         size = len(self.points.centre)
         first = guard * size
         offsets = [h - c for h, c in zip(self.points.hull(), self.points.centre, strict=True)]
-        with ctx.workprec(self.precision.tangent_bits):
+        with working_precision(self.precision.tangent_bits):
             columns = tangent.outputs[first : first + size]
             rows = arb_mat([[c[k] for c in columns] for k in range(tangent.order + 1)])
             stray = self.points.deviations(rows)
@@ -200,7 +201,7 @@ class Walk:
         middle = root.mid()
         stray, tails = self._stray(tangent, index, flow.output_tail(index))
         slope = guard_curve(flow.outputs[index], stray, tails, 0).slope(root)
-        with ctx.workprec(self.precision.tangent_bits):
+        with working_precision(self.precision.tangent_bits):
             row = [tangent.output(index * size + j).at(root) for j in range(size)]
         if not slope < 0:
             raise UndecidedError("the guard's slope has no strict sign at the event: a graze", "graze")

@@ -1,0 +1,68 @@
+"""Compile units: functions of the compiled loop that are compiled by themselves, and called by symbol.
+
+A function that the loop contains is compiled for itself, again in whoever calls it, and again in the loop. What is not
+called at every step is therefore no part of it: the caller's machine code has its name only, which the linker looks up
+among the symbols of the process. All units are there before the loop is compiled or read from the disk; two processes
+can compile them at one time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import llvmlite.binding as llvm
+from numba import float64, int64, types
+from numba.core import cgutils
+from numba.core.errors import TypingError
+from numba.extending import intrinsic
+
+from henon_ref.henon.sharing import Compiled, compile_all
+
+ROW, ROWS, TABLES, NUMBERS = float64[::1], float64[:, ::1], int64[:, :, ::1], float64[:, :, ::1]
+"""Types of the loop's arrays; what it works with inside are views of them (:mod:`henon_ref.henon.views`)."""
+UNITS: dict[str, Compiled] = {}
+"""By symbol, each such function and the types that it is called with."""
+_linked: set[str] = set()
+
+
+def unit(function: Any, result: Any, *given: Any) -> Callable[..., Any]:
+    """What calls a function by its symbol, in compiled code, with the function's own arguments.
+
+    The function must raise nothing.
+
+    Parameters
+    ----------
+    function : Dispatcher
+        Compiled by :func:`henon_ref.jit.inner`.
+    result, *given : numba types
+        What it returns and takes.
+    """
+    symbol = f"henon_ref.{function.__name__}"
+    assert symbol not in UNITS, f"two compile units are called {symbol}"
+    UNITS[symbol] = function, given
+
+    @intrinsic
+    def call(typing, *arguments):  # type: ignore[no-untyped-def]
+        if arguments != given:
+            raise TypingError(f"{function.__name__} takes {given}, not {arguments}")
+
+        def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
+            kind = context.call_conv.get_function_type(result, given)
+            callee = cgutils.get_or_insert_function(builder.module, kind, symbol)
+            parts = [builder.extract_value(values[0], i) for i in range(len(given))]
+            return context.call_conv.call_function(builder, callee, result, given, parts)[1]
+
+        return result(types.StarArgTuple.from_types(given)), codegen
+
+    return call
+
+
+def link() -> None:
+    """Compile all units, or read them from the disk, and tell the linker where they are."""
+    compile_all([made for symbol, made in UNITS.items() if symbol not in _linked])
+    for symbol in UNITS.keys() - _linked:
+        function, given = UNITS[symbol]
+        made = function.overloads[given]
+        llvm.add_symbol(symbol, made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
+        _linked.add(symbol)

@@ -1,0 +1,321 @@
+"""Multiprecision event location: what double precision cannot decide (a graze, a pair of roots, a flat root).
+
+The mode is expanded again with 220 bits (:mod:`henon_ref.henon.multiprecision`), from the step's start as it is, and
+the roots of its guards are isolated (:mod:`henon_ref.henon.isolation`). Expansions are cut off where their terms count
+for nothing, and roots found to about 1e-50 of the step: no proof, but far beyond what a double can tell.
+
+Every guard of the mode is looked at. The first event of any of them is gone to, and what else happens there within the
+radius to which the place is known is part of it. The mode that follows is decided there in the same arithmetic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from flint import arb, arb_poly
+
+from henon_ref.henon.isolation import (
+    BITS,
+    DOUBTS,
+    NOTHING,
+    ONE,
+    ROUNDS,
+    ZERO,
+    What,
+    bernstein_on,
+    decided,
+    fixed,
+    fixed_point,
+    lift,
+)
+from henon_ref.henon.multiprecision import QUIET, PreciseModes
+from henon_ref.henon.polynomial import BESIDE
+from henon_ref.henon.registers import EPS
+from henon_ref.model.decision import Decision
+from henon_ref.model.equations import Guard
+from henon_ref.model.modes import Mode
+from henon_ref.model.switching import Switching
+from henon_ref.precision import working_precision
+
+NOISE = 2.0**-204
+"""Coefficients below this of each other count as equal: a few roundings."""
+HEAD = 26
+"""Coefficients that tell zeros next to 0 apart from the rest, to all digits."""
+LOST = 2.0**-106
+"""What two doubles lose of a number; less than that would only make the second one miss round numbers."""
+FINEST = 1e-47
+"""No place on the step is known to less."""
+ROUNDING = 32 * EPS
+"""Part of its size within which double precision takes a guard for zero at the event of another one."""
+STEEP = 1e-5
+"""Relative steepness from which double precision decides a root."""
+CLEAR = 1e-9
+"""A guard that stays above this of its size by the sizes of its terms alone has no event."""
+AHEAD = 1.25
+"""So many times as far as the place that is suspected the motion is expanded: what lies behind has to wait."""
+EQUAL = 1e-13
+"""Part of the friction by which a force may be off that counts as equal to it (as in the compiled loop)."""
+TOGETHER = 1e-12
+"""Minima no farther from each other than this part of the step, one of them above zero, are left behind together."""
+UNPROVEN = 1e-15
+"""Relative size of zero where balls leave no mode: what rounding has left of a tie of steep guards."""
+_BEYOND = 1 + arb(2) ** -46
+"""A root that rounding has put on the step's end may lie just behind it."""
+Pair = tuple[float, float]
+"""A number as its double and what that leaves."""
+
+
+class UndecidedStep(NamedTuple):
+    """A step on which double precision sees a guard near zero. Guards are in the order of the mode's equations."""
+
+    mode: Mode
+    time: Pair
+    """Start of the step [s]."""
+    state: tuple[Pair, ...]
+    """State there."""
+    length: float
+    """How far the step is valid [s]."""
+    suspect: float
+    """Where the guard was seen near zero, from the start [s]."""
+    guard: int
+    known_zeros: tuple[int, ...]
+    """For each guard, zeros at the start that are divided out."""
+
+
+class LocatedEvent(NamedTuple):
+    """Where the step ends, and what happens there."""
+
+    time: Pair
+    """[s]"""
+    state: tuple[Pair, ...]
+    falling: tuple[int, ...]
+    """Guards that fall through zero at this instant, or end their mode where they touch it."""
+    touching: tuple[tuple[int, int], ...]
+    """(guard, even order) of those that touch zero and turn."""
+    decision: Decision | None
+    """The mode that follows; None where the mode goes on."""
+    known_zeros: tuple[int, ...]
+    """For each guard of the mode gone on with, zeros at this instant. A minimum just above zero counts as one."""
+
+
+@dataclass(frozen=True)
+class _Event:
+    """What a guard does first, up to its minimum next to a place on the step."""
+
+    guard: int
+    what: What
+    """``miss``: it stays above zero."""
+    lowest: bool
+    """Whether it has a minimum here."""
+    place: int
+    """In fixed point, of the step."""
+    radius: float
+    """To which the place is known, of the step."""
+    order: int
+    """Of the zero, or the minimum."""
+    rounding: float
+    """Where the guard is steep: how far from the place double precision takes it for zero. Else 0."""
+
+    def meets(self, other: _Event) -> bool:
+        """Whether two events are at one instant: their radii overlap, or rounding of a steep guard is all between."""
+        away = abs(self.place - other.place) / ONE
+        return away <= max(self.radius + other.radius, self.rounding, other.rounding)
+
+
+def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent:
+    """Go to the first event of a step, or past the place where one was suspected."""
+    with working_precision(BITS):
+        start = arb(step.time[0]) + arb(step.time[1])
+        unit = arb(min(step.length, AHEAD * step.suspect)) * _BEYOND
+        states, outputs, whole = modes.expand(
+            step.mode, start, [arb(high) + arb(low) for high, low in step.state], unit
+        )
+        guards = modes.guards(step.mode)
+        events = _events(guards, outputs, step, unit, whole=whole)
+        first = events[0]
+        met = [event for event in events if event is first or event.meets(first)]
+        told = [event for event in met if event.what != "miss"] or met
+        best = min(told, key=lambda event: event.radius)
+        radius = max(event.radius + abs(event.place - best.place) / ONE for event in told)
+        place = arb(best.place) / ONE
+        time, state = _split(start + unit * place), tuple(_split(series(place)) for series in states)
+        falling = [event.guard for event in met if event.what == "root" or _ends(modes, guards, event)]
+        touching = [(e.guard, e.order) for e in met if e.what == "touch" and e.guard not in falling]
+        if falling:
+            ball = arb(place, radius)
+            point = start + unit * ball, [series(ball) for series in states]
+            hits = [guards[g] for g in sorted([*falling, *(g for g, _ in touching)])]
+            decision, zeros = _next_mode(modes, step.mode, point, hits)
+        else:
+            decision, zeros = None, _zeros_behind(events, best, len(guards))
+        return LocatedEvent(time, state, tuple(falling), tuple(touching), decision, zeros)
+
+
+def _events(
+    guards: Sequence[Guard], outputs: Sequence[Sequence[arb]], step: UndecidedStep, unit: arb, *, whole: bool
+) -> list[_Event]:
+    """What the guards do up to the first event of any of them; that one comes first. ``whole``: no term is left out."""
+    own, longer = step.known_zeros[step.guard], step.length / float(unit)
+    suspected = fixed_point(arb(step.suspect) / unit)
+    found = [_look(step.guard, _Series(outputs[step.guard], own, whole), suspected)]
+    for g, guard in enumerate(guards):
+        first = found[0]
+        if g == step.guard or _at_limit(guards, outputs, g, longer) or _clear(outputs[g], guard, first.place):
+            continue
+        series = _Series(outputs[g], step.known_zeros[g], whole)
+        if series.positive(first.place):
+            continue
+        event = _look(g, series, first.place)
+        if event.what != "miss" and event.place < first.place and not event.meets(first):
+            found.insert(0, event)
+        else:
+            found.append(event)
+    return found
+
+
+class _Series:
+    """A guard over its size on the step, in fixed point, its known zeros put apart.
+
+    Parameters
+    ----------
+    coefficients : sequence of arb
+        In units of the step.
+    zeros : int
+        Known zeros at its start.
+    whole : bool
+        Whether no term is left out.
+    """
+
+    def __init__(self, coefficients: Sequence[arb], zeros: int, whole: bool) -> None:
+        self.zeros, self.q = zeros, fixed(_zeros_apart(coefficients, zeros)[zeros:])
+        self._order = len(coefficients) - 1
+        last = [] if whole else [abs(float(c)) for c in coefficients[-QUIET:]]
+        self._last = max(last, default=0.0) / (sum(abs(float(c)) for c in coefficients) or 1.0)
+
+    def positive(self, place: int) -> bool:
+        """Whether it is clearly positive up to a little behind a place, by its Bernstein coefficients."""
+        return min(bernstein_on(self.q, 0, min(ONE, place + (place >> 30) + 1))) > DOUBTS * ZERO
+
+    def around(self, place: int) -> list[float]:
+        """Its Taylor coefficients at a place."""
+        polynomial = arb_poly([0] * self.zeros + [arb(c) / ONE for c in self.q])
+        return [float(c) for c in polynomial(arb_poly([arb(place) / ONE, 1])).coeffs()]
+
+    def size(self, part: float) -> float:
+        """Sum of the sizes of its terms at a place."""
+        return sum(abs(c / ONE) * part ** (self.zeros + k) for k, c in enumerate(self.q))
+
+    def noise(self, part: float) -> float:
+        """What its value at a place may be off: what counts as zero, or what is left out of the series."""
+        return DOUBTS * max(NOTHING, self._last * part**self._order)
+
+
+def _look(guard: int, series: _Series, near: int) -> _Event:
+    """What a guard does up to a place on the step."""
+    what, lowest, place = decided(series.q, series.zeros, near)
+    part, local = place / ONE, series.around(place)
+    radius, order = lift(local, series.noise(part))
+    slope, size = (abs(local[1]) if len(local) > 1 else 0.0), series.size(part)
+    rounding = ROUNDING * size / slope if what == "root" and slope * part > STEEP * size else 0.0
+    return _Event(guard, what, lowest, place, max(radius, FINEST), order - order % 2 if lowest else order, rounding)
+
+
+def _zeros_apart(c: Sequence[arb], zeros: int) -> list[arb]:
+    """A guard with its known zeros put at 0, where rounding has left them beside it; the other roots stay.
+
+    See :func:`henon_ref.henon.polynomial.factored`.
+    """
+    q = list(c[zeros:])
+    if zeros and len(q) > 1 and all(abs(low) <= BESIDE * abs(q[0]) for low in c[:zeros]):
+        head, factor = arb_poly(c[: zeros + HEAD]), [arb(0)] * zeros
+        for _ in range(ROUNDS):
+            before = factor.copy()
+            for i in range(zeros):
+                known = [factor[j] * q[i - j] for j in range(i) if i - j < len(q)]
+                factor[i] = ((c[i] - sum(known, arb(0))) / q[0]).mid()
+            if all(abs(new - old) <= NOISE * abs(new) for new, old in zip(factor, before, strict=True)):
+                break
+            q = (head // arb_poly([*factor, 1])).coeffs()
+        q = (arb_poly(list(c)) // arb_poly([*factor, 1])).coeffs()
+    return [arb(0)] * zeros + q
+
+
+def _at_limit(guards: Sequence[Guard], outputs: Sequence[Sequence[arb]], own: int, longer: float) -> bool:
+    """Whether a guard is a slide's end at which the force equals the friction all over the step: the slide holds.
+
+    ``longer``: length of the step in units of what is expanded.
+    """
+    guard = guards[own]
+    if guard.kind != "release":
+        return False
+    ends = [g for g, end in enumerate(guards) if end.kind == "release" and end.index == guard.index]
+    friction = sum(float(outputs[end][0]) for end in ends)
+    size, power = 0.0, 1.0
+    for c in outputs[own]:
+        size += abs(float(c)) * power
+        power = min(power * longer, 1e300)
+    return size <= EQUAL * friction
+
+
+def _clear(series: Sequence[arb], guard: Guard, place: int) -> bool:
+    """Whether the sizes of its terms show that a guard has no event up to a place (True where it is not finite)."""
+    part = place / ONE
+    first, *rest = (float(c) for c in series)
+    size, power = 0.0, part
+    for c in rest:
+        size += abs(c) * power
+        power *= part
+    if guard.rising_only and first < 0.0:
+        first = -first
+    return not first - size <= CLEAR * (abs(first) + size)
+
+
+def _ends(modes: PreciseModes, guards: Sequence[Guard], event: _Event) -> bool:
+    """Whether a guard's mode ends where it only touches zero: a model's end, or a surface that is held at."""
+    guard = guards[event.guard]
+    held = guard.kind == "surface" and modes.system.held_inside(guard.index)
+    return event.what == "touch" and (guard.ends is not None or held)
+
+
+def _zeros_behind(events: Sequence[_Event], here: _Event, count: int) -> tuple[int, ...]:
+    """Zeros of a mode's guards where it goes on from a minimum of one of them."""
+    zeros = [0] * count
+    for event in events:
+        near = abs(event.place - here.place) / ONE <= TOGETHER
+        if event.lowest and (event is here or event.meets(here) or (near and event.what == "miss")):
+            zeros[event.guard] = event.order
+    return tuple(zeros)
+
+
+def _next_mode(
+    modes: PreciseModes, mode: Mode, point: tuple[arb, list[arb]], hits: Sequence[Guard]
+) -> tuple[Decision, tuple[int, ...]]:
+    """The mode after guards have fallen at a point, and the known zeros of its guards there.
+
+    A state is off the surfaces that it slides on by what rounding has left: so much wider is its ball. Where steep
+    guards are tied but for rounding no mode may fit; then double precision decides, as it does without this route.
+    """
+    time, state = point
+    sliding = [i for i, s in enumerate(mode) if s == 0]
+    off = modes.off_surfaces(sliding, time, state)
+    state = [arb(x.mid(), float(x.rad()) + off) for x in state]
+    switching: Switching = modes.precise_switching
+    decision = switching.after_event(time, state, mode, hits)
+    if decision.status == "none":
+        time, state = float(time), [float(x) for x in state]
+        switching = modes.switching
+        decision = switching.after_event(time, state, mode, hits, zero=UNPROVEN)
+    if decision.mode is None:
+        return decision, ()
+    active = {g.index for g in hits if g.kind != "valid"}
+    active |= {i for i, s in enumerate(decision.mode) if s == 0 or mode[i] == 0}
+    return decision, tuple(switching.contact_orders(time, state, decision.mode, active, zero=UNPROVEN))
+
+
+def _split(number: arb) -> Pair:
+    """A number as two doubles."""
+    high = float(number)
+    low = float(number - high)
+    return high, (low if abs(low) > LOST * abs(high) else 0.0)
