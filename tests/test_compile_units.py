@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
 from typing import Any
 
 import numba
@@ -13,23 +11,11 @@ import pytest
 from numba import float64, int64
 from numba.core.dispatcher import Dispatcher
 
-from henon_ref import henon
-from henon_ref.henon import compile_units, landing, polynomial
+from henon_ref.henon import compile_units, polynomial
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.model.case import load_case
 
 CASES = Path(__file__).parent.parent / "cases"
-
-
-def test_what_the_compiler_may_fuse_is_compiled_in_one_place() -> None:
-    """In the process that compiles it would be there twice, by itself and in who calls it, with other last digits."""
-    modules = [import_module(f"henon_ref.henon.{each.name}") for each in iter_modules(henon.__path__)]
-    compiled = {made for module in modules for made in vars(module).values() if isinstance(made, Dispatcher)}
-    fused = {made for made in compiled if made.targetoptions.get("fastmath")}
-    inlined = {made for made in fused if made.targetoptions.get("forceinline")}
-    assert fused - inlined == {landing.land, landing.brent}
-    assert {landing.land, landing.brent} <= {function for function, _ in compile_units.UNITS.values()}
-    assert len(inlined) > 10
 
 
 def test_nothing_is_compiled_but_before_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
