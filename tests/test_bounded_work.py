@@ -25,6 +25,7 @@ from henon_ref.model.case import parse_case
 from henon_ref.model.expressions import _Walker
 from henon_ref.report.modeltext import as_written, general_form, mode_equations
 from henon_ref.taylor.tape import build_tape
+from henon_ref.truth.proof import prove
 
 X, Y, S, U = (sp.Symbol(name, real=True) for name in "xysu")
 
@@ -221,6 +222,12 @@ def test_a_long_function_of_time_is_not_differentiated_twice(monkeypatch) -> Non
     derivative = sp.diff
     monkeypatch.setattr(sp, "diff", lambda e, *by: pytest.fail(f"of {e}") if e == product else derivative(e, *by))
     assert build_tape([X], [product]).counts["sin"] == 59
+
+
+def test_a_proof_whose_variational_equations_are_too_large_is_not_begun(monkeypatch) -> None:
+    problem = parse_case(belt("s")).readings[0].problem
+    monkeypatch.setattr("henon_ref.truth.certified.model.MAX_VARIED", 10)
+    assert prove(problem).undecided == "with 2 states the variational equations are too large: more than 10 operations"
 
 
 # -- what is printed -------------------------------------------------------------------------------------
