@@ -139,6 +139,14 @@ def test_an_expression_is_simplified_only_where_that_is_known_to_be_little_work(
     assert not asked[0].has(sp.sin)  # a function is a symbol to the rule
 
 
+def test_the_factors_of_a_giant_number_are_not_looked_for(monkeypatch) -> None:
+    asked: list[sp.Expr] = []
+    monkeypatch.setattr(sp, "factor", lambda e: asked.append(e) or e)
+    giant = sp.Integer(10) ** 400 + 1
+    assert factored(X * Y + giant) == X * Y + giant
+    assert [e.atoms(sp.Integer) for e in asked] == [set()]
+
+
 def test_what_is_little_work_is_simplified() -> None:
     assert simplified((X**2 - 1) / (X - 1) - sp.sin(Y) * (X - X)) == X + 1
     assert factored(X * Y + X * sp.sqrt(2)) == X * (Y + sp.sqrt(2))
