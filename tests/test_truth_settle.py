@@ -192,3 +192,20 @@ def test_differences_name_what_changed() -> None:
     assert "transition 0: times 0.1" in settle.differences(moved, old)[0]
     assert settle.differences(replace(old, transitions=()), old) == ["transitions: stored 0, now 1"]
     assert "status" in settle.differences(replace(old, status="failed"), old)[0]
+
+
+def test_a_proof_gets_little_time_where_there_is_no_transition_to_prove(monkeypatch, tmp_path: Path) -> None:
+    """A run that fails before its first transition: a proof could only go after it to the singularity."""
+    asked: list[float | None] = []
+
+    def proof(_: object, *, seconds: float | None, progress: object) -> Route:
+        asked.append(seconds)
+        return route(undecided="the deadline passed")
+
+    monkeypatch.setattr("henon_ref.truth.proof.prove", proof)
+    monkeypatch.setattr("henon_ref.truth.conditioning.conditioning", lambda *_: [])
+    text = TEXT.replace('exact: {transition_times: ["1"]}\n', "")
+    for found in (route(undecided="singular", status="failed"), route()):
+        monkeypatch.setattr("henon_ref.truth.multiprecision.multiprecision", lambda *_, found=found, **__: found)
+        settle.truth_for(case(text), reading(text), folder=tmp_path, recompute=True)
+    assert asked == [settle.BARREN_SECONDS, settle.PROOF_SECONDS]

@@ -3,8 +3,8 @@
 A call of SymPy cannot be ended safely once it runs, and one on a short text may never end: ``simplify`` of a sum of
 quotients of functions tries every identity that it knows. So an expression is measured first, and where it is large
 it stays as it is written. What is measured are the polynomials that numerator and denominator would become, in
-symbols and in what is no rational function of symbols (``sin(x)``, ``sqrt(x)``), which counts as a symbol and is not
-looked into.
+symbols and in what is no rational function of symbols (``sin(x)``, ``sqrt(x)``, a giant number), which counts as a
+symbol and is not looked into.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ MAX_TERMS, MAX_MONOMIALS = 50, 2_000
 degrees of either, where their greatest common divisor is looked for."""
 MAX_FACTORED_TERMS, MAX_FACTORED_MONOMIALS = 8, 128
 """The same where they are taken apart into factors, which is much more work."""
+MAX_COEFFICIENT = 64
+"""Bits of a number that counts as one: a larger one, whose factors would be looked for, counts as a symbol."""
 MAX_EXPANDED = 1_000
 """Terms up to which products of sums are multiplied out."""
 MAX_SIZE = 100_000
@@ -119,7 +121,7 @@ class Extent:
 def measured(expression: sp.Expr) -> tuple[Extent, Extent] | None:
     """Extent of numerator and denominator over a common denominator; None where either is large."""
     above, below = Extent(), Extent()
-    if expression.is_Rational:
+    if expression.is_Rational and max(abs(expression.p), expression.q).bit_length() <= MAX_COEFFICIENT:
         return above, below
     if expression.is_Add or expression.is_Mul:
         for i, argument in enumerate(expression.args):

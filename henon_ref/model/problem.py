@@ -8,6 +8,7 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.model.algebra import MAX_SIZE, size
 from henon_ref.model.bounds import put
 from henon_ref.model.equations import TIME
 from henon_ref.model.exact import exact_sign
@@ -29,12 +30,13 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
     CaseError
         At the place of the first thing that does not fit.
     """
-    system, names = source.once(("system", "scene", "sliding"), lambda: _system(source, form))
+    system, names = source.once("system", ("system", "scene", "sliding"), lambda: _system(source, form))
     start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
     until = source.number(("until",), names.values)
     if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
         raise source.error(("until",), f"'until' must be later than the start, t = {start}")
     problem = Problem(system, start, _initial(source, form, names), until)
+    _check_start(source, problem)
     return replace(problem, initial_mode=_initial_mode(source, form, problem)), names
 
 
@@ -97,6 +99,28 @@ def _initial(source: Source, form: CaseForm, names: Names) -> tuple[sp.Expr, ...
     return tuple(source.number(("initial", name), names.values) for name in names.states)
 
 
+def _check_start(source: Source, problem: Problem) -> None:
+    """Refuse a start at which a surface, or an expression of ``valid``, would become a giant number."""
+    delicate = source.once("exponents", ("system", "scene", "sliding"), lambda: _with_moving_exponents(problem.system))
+    for what, expression in delicate:
+        source.charge(("initial",), size(expression, MAX_SIZE))
+        try:
+            put(problem.system.numeric(expression), _start(problem))
+        except ModelError as error:
+            raise source.error(("initial",), f"{what} has no value at the start: {error}", key=True) from error
+
+
+def _with_moving_exponents(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
+    named = [(f"the surface of '{s}'", h) for s, h in zip(system.sign_names, system.surfaces, strict=True)]
+    named += [("an expression of 'valid'", v) for v in system.valid]
+    moving = {TIME, *system.states}
+    return [(what, e) for what, e in named if any(p.exp.free_symbols & moving for p in e.atoms(sp.Pow))]
+
+
+def _start(problem: Problem) -> dict[sp.Symbol, sp.Expr]:
+    return {TIME: problem.start, **dict(zip(problem.system.states, problem.initial, strict=True))}
+
+
 def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int, int]:
     order = list(problem.system.sign_names)
     modes = {}
@@ -106,10 +130,7 @@ def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int,
             message = f"'{name}' is no surface{did_you_mean(name, order)}; surfaces: {listed(order)}"
             raise source.error(path, message, key=True)
         index = order.index(name)
-        try:
-            side = _side_at_start(problem, problem.system, index)
-        except ModelError as error:
-            raise source.error(path, f"the surface of '{name}' has no value at the start: {error}") from error
+        side = _side_at_start(problem, problem.system, index)
         if side not in (0, entry):
             raise source.error(path, f"the start is not on the surface of '{name}', whose sign is {side:+d} there")
         modes[index] = entry
@@ -122,6 +143,5 @@ def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int,
 
 
 def _side_at_start(problem: Problem, system: FilippovSystem, index: int) -> int:
-    at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
-    value = put(system.numeric(system.surfaces[index]), at)
+    value = put(system.numeric(system.surfaces[index]), _start(problem))
     return 0 if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo) else exact_sign(value)

@@ -64,10 +64,17 @@ class Source:
         except ExpressionError as error:
             raise self._placed(path, error, "") from None
 
-    def once(self, keys: Sequence[str], build: Callable[[], T]) -> T:
+    def charge(self, path: Path, characters: int) -> None:
+        """Count work that is done for what a path leads to (see :class:`henon_ref.model.work.Work`)."""
+        try:
+            self.work.charge(characters, 0)
+        except ExpressionError as error:
+            raise self._placed(path, error, "") from None
+
+    def once(self, what: str, keys: Sequence[str], build: Callable[[], T]) -> T:
         """What is built of the values of some keys at the top, once for all readings that have the same ones."""
         nodes = tuple(self.tree.entries.get(key) for key in keys)
-        known = tuple(map(id, nodes))
+        known = (what, *map(id, nodes))
         if known not in self.work.built:
             self.work.built[known] = nodes, build()  # the nodes are kept, so that none of another reading has their id
         found: T = self.work.built[known][1]

@@ -30,7 +30,7 @@ class Work:
 
     texts: dict[Hashable, Any] = field(default_factory=dict)
     """What is known of a text whatever its names stand for."""
-    built: dict[tuple[int, ...], tuple[object, Any]] = field(default_factory=dict)
+    built: dict[Hashable, tuple[object, Any]] = field(default_factory=dict)
     """What is built of parts of the file, by these parts, which are kept beside it."""
 
     def charge(self, characters: int, offset: int) -> None:

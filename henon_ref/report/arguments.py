@@ -34,7 +34,7 @@ def main(
         typer.Option(
             min=0.01,
             max=LONGEST,
-            help="Processor time one run may take [s]; preparing it 120 besides, a truth that is not stored 900.",
+            help="Processor time one run may take [s]; preparing it 120 besides, a truth that is not stored 300.",
         ),
     ] = 10.0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Runs at work at once; two if there are two cores.")] = None,

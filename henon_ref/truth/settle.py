@@ -31,6 +31,8 @@ log = logging.getLogger(__name__)
 
 PROOF_SECONDS = 60.0
 """Time a proof may take where a truth is computed because none is stored [s]."""
+BARREN_SECONDS = 3.0
+"""The same where the run fails before its first transition, so that there is none whose digits could be proven [s]."""
 
 CLAIM_BITS = 320
 """Precision at which a stored closed form is held against its case's."""
@@ -78,7 +80,7 @@ def truth_for(
     """
     if not recompute and (stored := stored_truth(case, reading, folder)) is not None:
         return stored
-    truth = compute(case, reading, proof_seconds=PROOF_SECONDS, progress=progress)
+    truth = compute(case, reading, proof_seconds=PROOF_SECONDS, barren_seconds=BARREN_SECONDS, progress=progress)
     places = _places(case, folder)
     free = [place for place in places[:-1] if not os.path.lexists(store.path_of(place, case.name, reading.name))]
     for place in (*free, places[-1]):
@@ -146,7 +148,12 @@ def claimed(stored: Truth, reading: Reading) -> bool:
 
 
 def compute(
-    case: Case, reading: Reading, *, proof_seconds: float | None = None, progress: Progress | None = None
+    case: Case,
+    reading: Reading,
+    *,
+    proof_seconds: float | None = None,
+    barren_seconds: float | None = None,
+    progress: Progress | None = None,
 ) -> Truth:
     """Compute the truth of a reading by both routes.
 
@@ -154,6 +161,8 @@ def compute(
     ----------
     proof_seconds : float, optional
         Give the proof up after so long; None: never.
+    barren_seconds : float, optional
+        The same where the run fails before its first transition; None: as ever.
 
     Raises
     ------
@@ -168,7 +177,9 @@ def compute(
 
     problem = reading.problem
     computed = multiprecision(problem, progress=_stage(progress, "heyoka"))
-    proof = prove(problem, seconds=proof_seconds, progress=_stage(progress, "proof"))
+    barren = computed.status == "failed" and not computed.transitions and barren_seconds is not None
+    seconds = barren_seconds if barren else proof_seconds
+    proof = prove(problem, seconds=seconds, progress=_stage(progress, "proof"))
     where = f"{case.name}, {reading.name}"
     truth = _settled(case.name, reading, computed, proof, where)
     transitions = truth.transitions

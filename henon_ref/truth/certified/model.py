@@ -12,10 +12,13 @@ from flint import arb
 from henon_ref.model.equations import TIME
 from henon_ref.model.modes import Mode
 from henon_ref.model.system import FilippovSystem
-from henon_ref.taylor.tape import build_tape
+from henon_ref.taylor.tape import Tape, build_tape
 from henon_ref.truth.balls import enclose, proves_zero
 from henon_ref.truth.certified.enclosure import UndecidedError
 from henon_ref.truth.certified.program import Program
+
+MAX_VARIED = 15_000
+"""Operations that the variational equations of a mode may have; a step of those of 64 states takes minutes."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,11 @@ class ModeModel:
     @cached_property
     def flow(self) -> Program:
         """The solution, and every guard along it."""
-        return Program(build_tape(self.states, self.field, [g.expression for g in self.guards]))
+        return Program(self._tape)
+
+    @cached_property
+    def _tape(self) -> Tape:
+        return build_tape(self.states, self.field, [g.expression for g in self.guards])
 
     @cached_property
     def tangent(self) -> Program:
@@ -77,6 +84,9 @@ class ModeModel:
         outputs are, a guard after the other, its derivatives by the same n + 1 initial values.
         """
         size = len(self.states)
+        if (size + 1) * len(self._tape.nodes) > MAX_VARIED:
+            reason = f"with {size} states the variational equations are too large: more than {MAX_VARIED} operations"
+            raise UndecidedError(reason, "mode")
         columns = [[sp.Dummy(f"v{i}_{j}", real=True) for i in range(size)] for j in range(size + 1)]
         field = list(self.field)
         for j, column in enumerate(columns):
