@@ -205,9 +205,14 @@ def main(control: int, modules: tuple[str, ...], known: dict[str, Any]) -> None:
     """What a fresh server does."""
     global _importing
     os.setsid()  # a terminal's interrupts and stops are the command's own
+    signal_with_parent(signal.SIGKILL)  # until it can see for itself that the caller is gone
     collect_seldom()
     _importing = True
-    spawn.prepare(known)
+    try:
+        spawn.prepare(known)
+    except BaseException as error:  # noqa: BLE001 - the caller's own module, whose threads may be there already
+        print(f"workers cannot import the main module: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+        os._exit(1)
     _importing = False
     _serve(socket.socket(fileno=control), modules)
 

@@ -37,7 +37,7 @@ COMPILE_SECONDS = 120.0
 """Processor time that a job's run may take for what its preparation could not foresee [s]."""
 START_SECONDS = 20.0
 """Wall time in which a fork server begins a worker; one that takes longer is replaced [s]."""
-MOST_SERVERS = 5
+MOST_SERVERS = 3
 """Fork servers that are lost before the pool gives up."""
 ABSENCE = 1.0
 """Wall time between two looks beyond which the caller was busy itself: no worker's time [s]."""
