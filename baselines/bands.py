@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from baselines.functions import Scalar
 from baselines.record import Event
-from henon_ref.model.modes import Mode, replaced, transition_kind
+from henon_ref.filippov.modes import Mode, replaced, transition_kind
 
 SUBSTEPS = 4
 """Points looked at in each step."""

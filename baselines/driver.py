@@ -8,7 +8,7 @@ is here and the same for all. At an event the driver
    library left there (rounding after a located event, tolerance after a long slide) and no more; the
    largest such distance is the trajectory's ``max_surface_drift``;
 3. decides the next mode: by the signs of the normal velocities on the two sides where these settle it
-   (:mod:`baselines.mode_table`), by :class:`~henon_ref.model.switching.Switching` everywhere else;
+   (:mod:`baselines.mode_table`), by :class:`~henon_ref.filippov.switching.Switching` everywhere else;
 4. starts the next mode and names the guards that start at zero: what to do about those is the library's.
 
 A run ends at the horizon (an event at the horizon counts), or earlier with a status: ``diverged`` (the
@@ -32,9 +32,10 @@ from baselines.record import Record
 from baselines.restart import Fresh
 from baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
-from henon_ref.model.modes import Mode
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
-from henon_ref.trajectory import Problem, Trajectory
+from henon_ref.trajectory import Trajectory
 
 _LOG = logging.getLogger(__name__)
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sympy.printing.pycode import PythonCodePrinter
 
 from henon_ref.errors import ModelError, UnavailableError
-from henon_ref.model.equations import TIME
+from henon_ref.taylor.tape import TIME
 
 Callbacks = Literal["python", "numba"]
 """How right-hand sides, Jacobians and guards are called back: plain Python, or compiled by numba."""

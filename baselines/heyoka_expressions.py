@@ -13,7 +13,7 @@ import sympy as sp
 
 from baselines.functions import rounded
 from henon_ref.errors import UnsupportedError
-from henon_ref.model.equations import TIME
+from henon_ref.taylor.tape import TIME
 
 FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")
 

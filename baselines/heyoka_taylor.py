@@ -35,8 +35,8 @@ from baselines.mode_functions import EPSILON, ModeFunctions
 from baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
 from baselines.work import Work
 from henon_ref.errors import UnavailableError
+from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
-from henon_ref.trajectory import Problem
 
 CHUNK = 4096
 """Steps between two looks at the clock and at the size of the state."""

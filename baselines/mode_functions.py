@@ -11,11 +11,11 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from baselines.functions import ARITHMETIC, Callbacks, Jacobian, Scalar, scalar
-from henon_ref.model.equations import TIME, Guard
-from henon_ref.model.modes import Mode, replaced
-from henon_ref.model.system import FilippovSystem
-from henon_ref.taylor.expand import expand
-from henon_ref.taylor.tape import Tape, build_tape
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.taylor.series import expand
+from henon_ref.taylor.tape import TIME, Tape, build_tape
 
 EPSILON = float(np.finfo(float).eps)
 

@@ -2,7 +2,7 @@
 
 Where one guard alone has fallen, its surface and those that slide do not act on each other, and neither normal
 velocity is near zero, what follows is settled by two signs, and costs a few microseconds; every other event
-is :class:`~henon_ref.model.switching.Switching`'s.
+is :class:`~henon_ref.filippov.switching.Switching`'s.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from baselines.functions import ARITHMETIC, Scalar, scalar
 from baselines.mode_functions import EPSILON, ModeFunctions, projected
 from baselines.restart import Fresh
 from baselines.work import Work
-from henon_ref.model.equations import Guard
-from henon_ref.model.modes import Mode, replaced
-from henon_ref.model.switching import Switching
-from henon_ref.model.system import FilippovSystem
-from henon_ref.processor_time import compiling
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.jit.processor_time import compiling
 from henon_ref.trajectory import Status
 
 CLEAR = 1e-9

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from baselines.mode_functions import EPSILON
 from baselines.work import Work
-from henon_ref.model.modes import Mode, transition_kind
+from henon_ref.filippov.modes import Mode, transition_kind
 from henon_ref.trajectory import Kind, Status, Trajectory, Transition
 
 WINDOW = 32

@@ -31,8 +31,8 @@ from baselines.mode_functions import EPSILON, ModeFunctions
 from baselines.restart import STOPPED, Fresh, GatedGuards, Restart
 from baselines.work import Stalled, Work
 from henon_ref.errors import UnavailableError
+from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
-from henon_ref.trajectory import Problem
 
 Method = Literal["RK45", "DOP853", "Radau", "BDF", "LSODA"]
 

@@ -35,10 +35,11 @@ from baselines.mode_functions import EPSILON
 from baselines.record import Event, Transitions
 from baselines.work import BudgetSpent, DeadlinePassed, Work
 from henon_ref.errors import UnavailableError, UnsupportedError
-from henon_ref.model.modes import Mode
-from henon_ref.model.system import FilippovSystem
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.solver import Run
-from henon_ref.trajectory import Problem, Status, Trajectory
+from henon_ref.trajectory import Status, Trajectory
 
 WIDTH = 100.0
 """Width of the smoothing, in units of ``atol``."""

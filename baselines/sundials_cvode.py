@@ -40,8 +40,8 @@ from baselines.sundials import (
 )
 from baselines.work import Stalled, Work
 from henon_ref.errors import UnavailableError
+from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
-from henon_ref.trajectory import Problem
 
 
 @dataclass(frozen=True)

@@ -44,9 +44,9 @@ from baselines.sundials import (
 )
 from baselines.work import Stalled, Work
 from henon_ref.errors import UnavailableError
-from henon_ref.model.equations import Guard
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
-from henon_ref.trajectory import Problem
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from time import perf_counter
 
-from henon_ref.processor_time import Deadline
+from henon_ref.jit.processor_time import Deadline
 from henon_ref.trajectory import Counts
 
 

@@ -21,7 +21,7 @@ RUN_COLUMNS = (
 * ``cut_off``: transitions that the horizon cuts off;
 * ``wall_s_low``, ``wall_s_high``: 95 % bootstrap interval of the median; ``timed_runs``: samples behind it;
 * ``verdict_basis``: what the verdict on a run that is not right rests on;
-* ``cause``: name of the cause of a solver's defect, where one is known for certain (:mod:`henon_ref.score.causes`).
+* ``cause``: name of the cause of a solver's defect, where one is known for certain (:mod:`henon_ref.campaign.causes`).
 """
 
 TRANSITION_COLUMNS = (
@@ -48,3 +48,5 @@ STICK_COLUMNS = (
 
 Row = dict[str, object]
 """One row by column name; a missing value is None (an empty field in the file)."""
+REPEATED = "a repeated run ended otherwise than the first one, "
+"""How a row's reason tells of that."""

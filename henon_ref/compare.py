@@ -1,65 +1,8 @@
-"""The command: case files in, reports out.
+"""``python -m henon_ref.compare``: a door to :mod:`henon_ref.cli.compare`, which nobody imports."""
 
-``python -m henon_ref.compare CASE.yaml [...]``. Exit status 1: the gate is not met or a required solver is wrong; for
-the others see :mod:`henon_ref.commandline`.
-"""
-
-from __future__ import annotations
-
-import gc
-import os
 import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from henon_ref.cachefolder import watched_cache
-from henon_ref.commandline import DONE, NOT_MET, exit_status, parsed, say, writing_into
-from henon_ref.score.forkserver import begin_server, collect_seldom
-
-# One run is one thread: BLAS's own threads would only disturb the timings. Set before numpy is imported.
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
-
-if TYPE_CHECKING:
-    from henon_ref.report.request import Request
-
-KEPT = "finished rows are kept, --resume goes on from them"
-
-
-def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status. Whatever goes wrong is one message on standard error."""
-    return exit_status(lambda: _act(arguments), name="compare", arguments=arguments, kept=KEPT)
-
-
-def _act(arguments: Sequence[str] | None) -> int:
-    from henon_ref.report.arguments import app
-
-    collect_seldom()
-    # Run outside of typer, which has its own way with an interrupt.
-    request = parsed(app, arguments, name="compare")
-    if isinstance(request, int):
-        return request
-    with writing_into(request.out, kept=KEPT):
-        return _run(request)
-
-
-def _run(request: Request) -> int:
-    from henon_ref.report.command import run
-
-    unmet = run(request)
-    for what, failures in unmet._asdict().items():
-        for words in failures:
-            say(f"{what}: {words}")
-    return NOT_MET if unmet.required or (request.gate and unmet.gate) else DONE
-
-
-def _program() -> int:
-    with watched_cache():  # its processes use the folder that is found usable here
-        begin_server()  # while it is at work, this process imports what the command needs
-        return _act(None)
-
+from henon_ref.cli.compare import program
 
 if __name__ == "__main__":
-    _status = exit_status(_program, name="compare", arguments=None, kept=KEPT)
-    gc.freeze()  # nor is it looked through once more on the way out: a tenth of a short comparison
-    sys.exit(_status)
+    sys.exit(program())

@@ -18,8 +18,8 @@ from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, v
 from typing import Any, cast
 
 from henon_ref.errors import CaseError, UnavailableError
-from henon_ref.model.grammar import did_you_mean, listed
 from henon_ref.solver import Solver, fault
+from henon_ref.text import did_you_mean, listed
 
 GROUP = "henon_ref.solvers"
 RESTARTS = ("event-free-step", "offset", "direction", "none")
@@ -146,25 +146,27 @@ def with_restart(name: str, habit: str) -> str:
     return f"{plain_name(name)}{AT}{habit}" if restart_of(name) else name
 
 
-def fixed_step(name: str) -> bool:
-    """Whether a solver is driven by a step instead of tolerances; no, where a third party's cannot be loaded."""
-    name = plain_name(name)
-    return _BUILT_IN[name].fixed_step if name in _BUILT_IN else _asked(_third_party()[check(name)])
+def fixed_step(name: str) -> bool | None:
+    """Whether a solver is driven by a step instead of tolerances; None for a third party's, which must be imported.
+
+    (See :func:`henon_ref.campaign.plugin_probe.fixed_step`, which has a worker import it.)
+    """
+    name = plain_name(check(name))
+    return _BUILT_IN[name].fixed_step if name in _BUILT_IN else None
 
 
 _REFUSED: dict[EntryPoint, str] = {}
 """Entry points that hang or die when they are loaded, and what became of them; forked workers know them, too."""
 
 
-@cache
-def _asked(point: EntryPoint) -> bool:
-    """What a third party's solver says of itself, asked in a worker; no, where it cannot be loaded."""
-    from henon_ref.score.asked import ask
+def entry_point(name: str) -> EntryPoint:
+    """Where a third party's solver is found."""
+    return _third_party()[plain_name(check(name))]
 
-    fixed, reason = ask(point)
-    if reason:
-        _REFUSED[point] = f"the entry point {point.name} = {point.value} cannot be loaded: {reason}"
-    return fixed
+
+def refuse(point: EntryPoint, reason: str) -> None:
+    """Never load an entry point in this process, for this reason."""
+    _REFUSED[point] = f"the entry point {point.name} = {point.value} cannot be loaded: {reason}"
 
 
 def distribution(name: str) -> str:

@@ -12,7 +12,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.trajectory import Problem, Trajectory
+from henon_ref.filippov.problem import Problem
+from henon_ref.trajectory import Trajectory
 
 MEMBERS = ("name", "fixed_step", "landing", "prepare")
 """What an object must have to be a solver."""
@@ -30,9 +31,9 @@ class Solver(Protocol):
       JIT. Its time is reported as ``compile_s``; the run's time does not hold it.
     * The returned callable does the whole run and has no memory of earlier calls.
     * Transitions come in order of time; every one of them is reported, also after a failure.
-    * What the run returns is checked (:mod:`henon_ref.score.returned`): a :class:`Trajectory`, an entry a state and
-      a surface, times in order and from the start to the horizon; with status ``ok`` the end at the horizon and
-      finite states; no more transitions than ten times the truth's and 100000. NumPy's numbers will do, and words
+    * What the run returns is checked (:mod:`henon_ref.campaign.contract_check`): a :class:`Trajectory`, an entry a
+      state and a surface, times in order and from the start to the horizon; with status ``ok`` the end at the horizon
+      and finite states; no more transitions than ten times the truth's and 100000. NumPy's numbers will do, and words
       are cut to one line. What fails the check is a row ``failed``.
     * ``UnsupportedError`` from ``prepare`` where the solver cannot do the problem; ``UnavailableError``
       where its library is missing. Other failures of a library are status ``failed`` with the reason.

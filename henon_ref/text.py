@@ -7,6 +7,8 @@ for a page (what they return is safe in HTML, too), :func:`cell` for a spreadshe
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
+from difflib import get_close_matches
 
 LONGEST_LINE = 2000
 """Characters of a line on a terminal."""
@@ -144,3 +146,23 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def did_you_mean(word: str, known: Collection[str]) -> str:
+    """``"; did you mean 'x'?"`` for the nearest known word, or nothing."""
+    near = [k for k in known if k.lower() == word.lower()]
+    if not near and len(word) > 2:
+        near = get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def listed(words: Collection[str], limit: int = 24) -> str:
+    """Words with commas, a long list cut short."""
+    shown = list(words)[:limit]
+    more = len(words) - len(shown)
+    return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
+
+
+def shortened(text: str, limit: int = 60) -> str:
+    """A piece of somebody's text, quoted, fit for one line of a message."""
+    return repr(text if len(text) <= limit else text[: limit - 3] + "...")

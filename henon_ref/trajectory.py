@@ -2,38 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.model.modes import Mode
-from henon_ref.model.system import FilippovSystem
+from henon_ref.filippov.modes import Mode
 
 Kind = Literal["stick", "release", "crossing", "graze"]
 Status = Literal["ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "failed", "unsupported", "unavailable"]
-
-
-@dataclass(frozen=True)
-class Problem:
-    """One initial-value problem of a Filippov system, in exact numbers.
-
-    Every number is an exact SymPy number (``Rational(1, 10)``, ``sqrt(3)/9``); a solver rounds it once.
-    """
-
-    system: FilippovSystem
-    """The system; its ``parameters`` hold the exact values."""
-    start: sp.Expr
-    """Initial time [s]."""
-    initial: tuple[sp.Expr, ...]
-    """Initial state, in the order of ``system.states``."""
-    until: sp.Expr
-    """Horizon: the run ends here [s]."""
-    initial_mode: Mapping[int, int] = field(default_factory=dict)
-    """Surface index -> -1, 0 or +1, for a start on a surface that the fields leave open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,3 +75,15 @@ class Trajectory(NamedTuple):
     """(k, n) states at the sample times asked for (NaN past an early end), or None."""
     sample_modes: tuple[Mode, ...] | None = None
     """Mode at each sample time, or None."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A trajectory on a grid of times, for figures."""
+
+    times: NDArray[np.float64]
+    """(k,) [s]."""
+    states: NDArray[np.float64]
+    """(k, n)."""
+    modes: tuple[Mode, ...] | None
+    """Mode at each time."""

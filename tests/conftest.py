@@ -11,8 +11,8 @@ from fakes import CASE, statement
 from problems import make_problem
 
 from henon_ref import registry
-from henon_ref.report import command as report_command
-from henon_ref.score import truthjob
+from henon_ref.campaign import truth_job as truthjob
+from henon_ref.cli import compare_cases as report_command
 
 
 @pytest.fixture

@@ -11,8 +11,9 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from henon_ref import registry
+from henon_ref.campaign import plugin_probe as asked
+from henon_ref.campaign.plugin_probe import fixed_step
 from henon_ref.errors import CaseError, UnavailableError
-from henon_ref.score import asked
 
 
 class ThirdParty:
@@ -79,7 +80,7 @@ def entry_point(monkeypatch):
 def test_every_own_solver_is_found_under_its_name(name):
     found = registry.solver(name)
     assert found.name == name
-    assert found.fixed_step == registry.fixed_step(name)
+    assert found.fixed_step == fixed_step(name)
 
 
 @pytest.mark.parametrize("name", registry.names())
@@ -90,7 +91,7 @@ def test_every_built_in_solver_is_there_where_its_library_is(name):
             registry.solver(name)
         return
     found = registry.solver(name)
-    assert (found.name, found.fixed_step) == (name, registry.fixed_step(name))
+    assert (found.name, found.fixed_step) == (name, fixed_step(name))
     assert found.version
 
 
@@ -104,7 +105,7 @@ def test_a_third_party_s_instance_or_factory_is_found(entry_point, attribute):
     entry_point("third-party", f"test_registry:{attribute}")
     assert "third-party" in registry.default_names()
     assert registry.solver("third-party").name == "third-party"
-    assert registry.fixed_step("third-party")
+    assert fixed_step("third-party")
     assert registry.library_version("third-party") == ""
 
 
@@ -132,7 +133,7 @@ def test_what_is_asked_of_a_solver_before_it_runs_fails_for_no_entry_point(entry
     entry_point("third-party", "no_such_module:SOLVER")
     assert registry.check("third-party") == "third-party"
     assert "third-party" in registry.default_names()
-    assert not registry.fixed_step("third-party")
+    assert not fixed_step("third-party")
     assert registry.library_version("third-party") == ""
     assert registry.restart_of("third-party") == ""
 
@@ -143,7 +144,7 @@ def test_what_is_asked_of_a_solver_before_it_runs_fails_for_no_entry_point(entry
 def test_an_entry_point_that_hangs_or_dies_takes_nobody_with_it(entry_point, monkeypatch, value, words):
     monkeypatch.setattr(asked, "LOADING_SECONDS", 1.0)
     entry_point("third-party", value)
-    assert not registry.fixed_step("third-party")
+    assert not fixed_step("third-party")
     with pytest.raises(UnavailableError, match=f"the entry point third-party = {value} cannot be loaded: .*{words}"):
         registry.solver("third-party")
 
@@ -159,7 +160,7 @@ def test_a_third_party_s_name_may_hold_an_at(entry_point):
     assert registry.plain_name("third@party") == registry.check("third@party") == "third@party"
     assert registry.restart_of("third@party") == ""
     assert registry.solver("third@party").name == "third-party"
-    assert registry.fixed_step("third@party")
+    assert fixed_step("third@party")
 
 
 def test_an_unknown_name_is_refused_with_the_nearest():
@@ -181,7 +182,7 @@ def test_every_library_is_restarted_by_the_habit_that_its_name_asks_for(name, ha
     assert registry.solver(name).restart == registry.restart_of(name)
     found = registry.solver(registry.with_restart(name, habit))
     assert (found.name, found.restart) == (f"{name}@{habit}", habit)
-    assert not registry.fixed_step(found.name)
+    assert not fixed_step(found.name)
     assert registry.library_version(found.name) == registry.library_version(name)
 
 

@@ -14,15 +14,16 @@ from pathlib import Path
 import pytest
 import sympy as sp
 
+from henon_ref.campaign.truth_job import stored_statement
+from henon_ref.casefile.case import Case, Reading, load_case
+from henon_ref.casefile.catalogue import case_files, catalogue
+from henon_ref.filippov.modes import transition_kind
+from henon_ref.filippov.problem import Problem
 from henon_ref.henon.solvers import HENON_SOLVER
-from henon_ref.model.case import Case, Reading, load_case
-from henon_ref.model.catalogue import case_files, catalogue
-from henon_ref.model.equations import TIME
-from henon_ref.model.modes import transition_kind
-from henon_ref.score.metrics import score
-from henon_ref.score.truthjob import stored_statement
-from henon_ref.trajectory import Problem, Trajectory, Transition
-from henon_ref.truth.settle import stored_truth
+from henon_ref.score.errors import score
+from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Trajectory, Transition
+from henon_ref.truth.compute import stored_truth
 from henon_ref.truth.store import folder_of
 
 CASES = Path(__file__).parent.parent / "cases"
@@ -203,7 +204,7 @@ def test_other_units_give_the_same_digits() -> None:
 
 def test_readme_lists_the_cases() -> None:
     assert (CASES / "README.md").read_text(encoding="utf-8") == catalogue(CASES), (
-        "run python -m henon_ref.model.catalogue cases"
+        "run python -m henon_ref.casefile.catalogue cases"
     )
 
 

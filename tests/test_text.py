@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-from henon_ref.report.csvfiles import csv_text, read_rows
-from henon_ref.report.tables import Table
+from henon_ref.report.files.csv_files import csv_text, read_rows
+from henon_ref.report.text.tables import Table
 from henon_ref.text import LONGEST_LINE, cell, code, from_cell, link, markdown, message, one_line, paragraphs, printable
 
 HARMLESS = {"text", "text_special", "code_inline", "softbreak", "paragraph_open", "paragraph_close", "inline"}

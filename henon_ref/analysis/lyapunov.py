@@ -17,7 +17,8 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.analysis.variational import Matrix, Passage, TangentFlow, fundamental_matrix
-from henon_ref.trajectory import Problem, Status
+from henon_ref.filippov.problem import Problem
+from henon_ref.trajectory import Status
 
 
 @dataclass(frozen=True)

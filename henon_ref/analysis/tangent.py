@@ -17,8 +17,8 @@ from typing import Literal
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.model.equations import TIME
-from henon_ref.model.system import FilippovSystem
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.taylor.tape import TIME
 
 Visibility = Literal["visible", "invisible", "degenerate", "depends on time"]
 

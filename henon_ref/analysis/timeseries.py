@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from henon_ref.errors import ModelError
-from henon_ref.jit import njit
+from henon_ref.jit.njit import njit
 
 Matrix = NDArray[np.float64]
 _CHUNK = 2048

@@ -24,15 +24,17 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
+from henon_ref.filippov.equations import Guard, ModeEquations
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.compiled import double_double
 from henon_ref.henon.engine import Engine
 from henon_ref.henon.registers import HENON
 from henon_ref.henon.session import Session
 from henon_ref.henon.solvers import order_for
-from henon_ref.model.equations import TIME, Guard, ModeEquations
-from henon_ref.model.modes import Mode
-from henon_ref.model.system import FilippovSystem
-from henon_ref.trajectory import Problem, Trajectory, Transition
+from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Trajectory, Transition
 
 Matrix = NDArray[np.float64]
 _Function = Callable[..., list[float]]

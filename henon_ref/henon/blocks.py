@@ -8,8 +8,8 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.filippov.modes import Mode
 from henon_ref.henon.registers import LANDINGS, R_FROM, R_KIND, R_LANDING, R_LOW, R_STATE, R_SURFACE, R_TIME, R_TO
-from henon_ref.model.modes import Mode
 from henon_ref.trajectory import Kind, Transition
 
 KINDS: tuple[Kind, ...] = ("stick", "release", "crossing", "graze")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from henon_ref.henon.registers import EPS, F_LOW, F_TIME, F_UNTIL, F_UNTIL_LOW
-from henon_ref.jit import inner
+from henon_ref.henon.registers import F_LOW, F_TIME, F_UNTIL, F_UNTIL_LOW
+from henon_ref.jit.njit import inner
+from henon_ref.jit.primitives import EPS
 
 
 @inner(forceinline=True)

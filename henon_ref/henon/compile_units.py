@@ -17,10 +17,10 @@ from numba.core import cgutils
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-from henon_ref.henon.sharing import Compiled, compile_all
+from henon_ref.jit.shared_compiling import Compiled, compile_all
 
 ROW, ROWS, TABLES, NUMBERS = float64[::1], float64[:, ::1], int64[:, :, ::1], float64[:, :, ::1]
-"""Types of the loop's arrays; what it works with inside are views of them (:mod:`henon_ref.henon.views`)."""
+"""Types of the loop's arrays; what it works with inside are views of them (:mod:`henon_ref.jit.views`)."""
 UNITS: dict[str, Compiled] = {}
 """By symbol, each such function and the types that it is called with."""
 _linked: set[str] = set()
@@ -34,7 +34,7 @@ def unit(function: Any, result: Any, *given: Any) -> Callable[..., Any]:
     Parameters
     ----------
     function : Dispatcher
-        Compiled by :func:`henon_ref.jit.inner`.
+        Compiled by :func:`henon_ref.jit.njit.inner`.
     result, *given : numba types
         What it returns and takes.
     """

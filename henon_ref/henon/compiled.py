@@ -12,11 +12,11 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
-from henon_ref.henon.bernstein import bernstein_code
-from henon_ref.henon.closing import closing_ir
-from henon_ref.henon.codegen import expansion_ir
-from henon_ref.henon.emitter import declarations
-from henon_ref.henon.machine import MachineCode
+from henon_ref.filippov.attraction import EXHAUSTIVE
+from henon_ref.filippov.decoupled_contacts import SwitchedEquations, switched_equations
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.registers import (
     G_AFTER,
     G_STUCK,
@@ -32,13 +32,12 @@ from henon_ref.henon.registers import (
     T_WARY,
     VALID,
 )
-from henon_ref.henon.rows import row_length
-from henon_ref.model.attraction import EXHAUSTIVE
-from henon_ref.model.contacts import SwitchedEquations, switched_equations
-from henon_ref.model.equations import Guard
-from henon_ref.model.modes import Mode, replaced
-from henon_ref.model.system import FilippovSystem
-from henon_ref.processor_time import compiling
+from henon_ref.jit.ir_writer import declarations, row_length
+from henon_ref.jit.native_module import MachineCode
+from henon_ref.jit.processor_time import compiling
+from henon_ref.roots.bernstein import bernstein_code
+from henon_ref.taylor.llvm.expansion import expansion_ir
+from henon_ref.taylor.llvm.step_end import closing_ir
 from henon_ref.taylor.tape import Tape, build_tape
 
 SURFACES = 8

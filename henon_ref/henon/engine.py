@@ -8,20 +8,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.filippov.exact_numbers import exact_sign
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.switching import ZERO, Switching
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.compile_units import link
 from henon_ref.henon.compiled import CompiledSystem, double_double
 from henon_ref.henon.multiprecision import PreciseModes
 from henon_ref.henon.registers import R_STATE
-from henon_ref.henon.session import Session
 from henon_ref.henon.settling import settling_space
 from henon_ref.henon.state import CHUNK, Start
 from henon_ref.henon.workspace import work_places
-from henon_ref.model.equations import TIME
-from henon_ref.model.exact import exact_sign
-from henon_ref.model.modes import Mode
-from henon_ref.model.switching import ZERO, Switching
-from henon_ref.model.system import FilippovSystem
-from henon_ref.trajectory import Problem, Trajectory
+from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Trajectory
 
 
 class Scratch(NamedTuple):
@@ -124,21 +124,3 @@ class Engine:
             return (0,) * len(places)
         orders = self.switching.contact_orders(t, x, mode, active, edges, zero=zero)
         return tuple(orders[place] if place >= 0 else 0 for place in places)
-
-    def run(
-        self,
-        start: Start,
-        sample_times: NDArray[np.float64] | None = None,
-        deadline: float | None = None,
-    ) -> Trajectory:
-        """Integrate from a start to its horizon.
-
-        Parameters
-        ----------
-        start : Start
-            Of this engine's system.
-        sample_times : ndarray, shape (k,), optional
-        deadline : float, optional
-            Processor time after which the run stops with status ``timeout`` [s].
-        """
-        return Session(self, start, sample_times, deadline).run()

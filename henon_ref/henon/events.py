@@ -4,24 +4,11 @@ from __future__ import annotations
 
 from numba import boolean, float64, int64, types
 
-from henon_ref.henon.calls import call_bernstein
 from henon_ref.henon.compile_units import unit
 from henon_ref.henon.landing import brent, land
-from henon_ref.henon.polynomial import (
-    LOOK,
-    NONE,
-    TOUCH,
-    excluded,
-    factored,
-    first_falling_root,
-    powers_of,
-    steepness,
-    value,
-)
 from henon_ref.henon.registers import (
     BRACKET,
     BRENT,
-    EPS,
     G_INDEX,
     G_KIND,
     G_RISING,
@@ -32,8 +19,21 @@ from henon_ref.henon.registers import (
     T_GUARDS,
     TANGENT,
 )
-from henon_ref.henon.views import DOUBLES, GRID, rest_of
-from henon_ref.jit import inner
+from henon_ref.jit.calls import call_bernstein
+from henon_ref.jit.njit import inner
+from henon_ref.jit.primitives import EPS
+from henon_ref.jit.views import DOUBLES, GRID, rest_of
+from henon_ref.roots.double import (
+    LOOK,
+    NONE,
+    TOUCH,
+    excluded,
+    factored,
+    first_falling_root,
+    powers_of,
+    steepness,
+    value,
+)
 
 FLAT = 1e-5
 """Relative steepness of a guard at its root below which the root is located in multiprecision."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from henon_ref.henon.calls import call_expand
-from henon_ref.henon.primitives import smaller
 from henon_ref.henon.registers import G_INDEX, G_KIND, RELEASE, T_EXPANSION, T_GUARDS
-from henon_ref.jit import inner
+from henon_ref.jit.calls import call_expand
+from henon_ref.jit.njit import inner
+from henon_ref.jit.primitives import smaller
 
 EDGE = 1e-9
 """Size of the smallest release guard, relative to all their coefficients, below which Python looks closer."""

@@ -8,13 +8,10 @@ from __future__ import annotations
 
 from numba import boolean, float64, int64, types
 
-from henon_ref.henon.calls import call_closing
 from henon_ref.henon.clock import add_time, remaining, stands
 from henon_ref.henon.compile_units import ROWS, unit
 from henon_ref.henon.events import at_limit, at_zero, ends_at_zero, fails_at_once, first_event
 from henon_ref.henon.passage import through_event
-from henon_ref.henon.polynomial import DEPTH
-from henon_ref.henon.primitives import smaller
 from henon_ref.henon.recording import sample
 from henon_ref.henon.registers import (
     BRACKET,
@@ -63,9 +60,12 @@ from henon_ref.henon.registers import (
 )
 from henon_ref.henon.stepping import CUT, LEAP, glide, grows, move, polish
 from henon_ref.henon.trust import steady, swells, trusted
-from henon_ref.henon.views import DOUBLES, GRID, INTEGERS, TABLE, integers_in, rest_of, row_of, rows_in
 from henon_ref.henon.workspace import work_space
-from henon_ref.jit import njit
+from henon_ref.jit.calls import call_closing
+from henon_ref.jit.njit import njit
+from henon_ref.jit.primitives import smaller
+from henon_ref.jit.views import DOUBLES, GRID, INTEGERS, TABLE, integers_in, rest_of, row_of, rows_in
+from henon_ref.roots.double import DEPTH
 
 BUDGET = 50_000
 """Steps between two looks at the clock, in Python."""

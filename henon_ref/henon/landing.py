@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from henon_ref.henon.polynomial import at_end, value
-from henon_ref.henon.primitives import fma, larger, smaller
-from henon_ref.henon.registers import BRACKET, EPS, NEWTON
-from henon_ref.jit import inner
+from henon_ref.henon.registers import BRACKET, NEWTON
+from henon_ref.jit.njit import inner
+from henon_ref.jit.primitives import EPS, fma, larger, smaller
+from henon_ref.roots.double import at_end, value
 
 STEEP = 3.0
 """How many times less steep than the chord an end may be for an inverse cubic: it is monotone then."""

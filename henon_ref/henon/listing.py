@@ -14,13 +14,14 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
+from henon_ref.filippov.algebra import simplified
+from henon_ref.filippov.modes import Mode, transition_kind
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.listing_program import EDGES, effective_changes, run_listing
-from henon_ref.model.algebra import simplified
-from henon_ref.model.equations import TIME
-from henon_ref.model.modes import Mode, transition_kind
-from henon_ref.model.system import FilippovSystem
 from henon_ref.solver import Run
-from henon_ref.trajectory import Counts, Problem, Status, Trajectory, Transition
+from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.jit import njit
+from henon_ref.jit.njit import njit
 
 _compile = njit(allocates=True)
 

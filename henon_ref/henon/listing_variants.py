@@ -1,4 +1,4 @@
-"""The paper's program with each of its mistakes as a switch, for the audit of :mod:`henon_ref.paper.audit`.
+"""The paper's program with each of its mistakes as a switch, for the audit of :mod:`henon_ref.studies.paper.audit`.
 
 All switches off it is the method of Sec. 3 done right on Eq. (18): order 4, Filippov's sliding. All on it
 is the appendix as printed, number for number (:mod:`henon_ref.henon.listing_program`).
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.henon.listing_program import EDGES, acceleration, base_position, effective_changes, zone
-from henon_ref.jit import njit
+from henon_ref.jit.njit import njit
 
 Floats = NDArray[np.float64]
 _compile = njit(allocates=True)

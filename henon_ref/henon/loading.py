@@ -10,9 +10,9 @@ from henon_ref.henon.compile_units import NUMBERS, ROW, ROWS, TABLES, link
 from henon_ref.henon.events import ends_at_zero, fails_at_once, first_event
 from henon_ref.henon.kernel import advance
 from henon_ref.henon.passage import through_event
-from henon_ref.henon.sharing import Compiled, compile_all
 from henon_ref.henon.stepping import glide
-from henon_ref.henon.views import DOUBLES, GRID, INTEGERS, TABLE
+from henon_ref.jit.shared_compiling import Compiled, compile_all
+from henon_ref.jit.views import DOUBLES, GRID, INTEGERS, TABLE
 
 
 def called(settling: Any) -> tuple[Compiled, ...]:

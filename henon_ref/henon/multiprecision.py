@@ -10,13 +10,13 @@ from typing import Any
 import sympy as sp
 from flint import arb, arb_poly
 
-from henon_ref.model.equations import Guard
-from henon_ref.model.modes import Mode
-from henon_ref.model.switching import ORDER as DERIVATIVES
-from henon_ref.model.switching import Switching
-from henon_ref.model.system import FilippovSystem
-from henon_ref.processor_time import compiling
-from henon_ref.taylor.expand import Ring, expand
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.switching import ORDER as DERIVATIVES
+from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.jit.processor_time import compiling
+from henon_ref.taylor.series import Ring, expand
 from henon_ref.taylor.tape import INFINITE, Tape, build_tape
 
 ORDER = 320

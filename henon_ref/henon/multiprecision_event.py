@@ -1,8 +1,8 @@
 """Multiprecision event location: what double precision cannot decide (a graze, a pair of roots, a flat root).
 
 The mode is expanded again with 220 bits (:mod:`henon_ref.henon.multiprecision`), from the step's start as it is, and
-the roots of its guards are isolated (:mod:`henon_ref.henon.isolation`). Expansions are cut off where their terms count
-for nothing, and roots found to about 1e-50 of the step: no proof, but far beyond what a double can tell.
+the roots of its guards are isolated (:mod:`henon_ref.roots.multiprecision`). Expansions are cut off where their terms
+count for nothing, and roots found to about 1e-50 of the step: no proof, but far beyond what a double can tell.
 
 Every guard of the mode is looked at. The first event of any of them is gone to, and what else happens there within the
 radius to which the place is known is part of it. The mode that follows is decided there in the same arithmetic.
@@ -16,7 +16,15 @@ from typing import NamedTuple
 
 from flint import arb, arb_poly
 
-from henon_ref.henon.isolation import (
+from henon_ref.filippov.decision import Decision
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.switching import Switching
+from henon_ref.henon.multiprecision import QUIET, PreciseModes
+from henon_ref.jit.primitives import EPS
+from henon_ref.precision import working_precision
+from henon_ref.roots.double import BESIDE
+from henon_ref.roots.multiprecision import (
     BITS,
     DOUBTS,
     NOTHING,
@@ -30,14 +38,6 @@ from henon_ref.henon.isolation import (
     fixed_point,
     lift,
 )
-from henon_ref.henon.multiprecision import QUIET, PreciseModes
-from henon_ref.henon.polynomial import BESIDE
-from henon_ref.henon.registers import EPS
-from henon_ref.model.decision import Decision
-from henon_ref.model.equations import Guard
-from henon_ref.model.modes import Mode
-from henon_ref.model.switching import Switching
-from henon_ref.precision import working_precision
 
 NOISE = 2.0**-204
 """Coefficients below this of each other count as equal: a few roundings."""
@@ -225,7 +225,7 @@ def _look(guard: int, series: _Series, near: int) -> _Event:
 def _zeros_apart(c: Sequence[arb], zeros: int) -> list[arb]:
     """A guard with its known zeros put at 0, where rounding has left them beside it; the other roots stay.
 
-    See :func:`henon_ref.henon.polynomial.factored`.
+    See :func:`henon_ref.roots.double.factored`.
     """
     q = list(c[zeros:])
     if zeros and len(q) > 1 and all(abs(low) <= BESIDE * abs(q[0]) for low in c[:zeros]):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from numba import float64, int64
 
-from henon_ref.henon.calls import call_expand
 from henon_ref.henon.compile_units import unit
 from henon_ref.henon.events import zeros_at_release
 from henon_ref.henon.holding import held
@@ -44,8 +43,9 @@ from henon_ref.henon.registers import (
     VALID,
 )
 from henon_ref.henon.settling import decided
-from henon_ref.henon.views import DOUBLES, GRID, TABLE, rest_of, rows_in
-from henon_ref.jit import inner
+from henon_ref.jit.calls import call_expand
+from henon_ref.jit.njit import inner
+from henon_ref.jit.views import DOUBLES, GRID, TABLE, rest_of, rows_in
 
 _held = unit(held, int64, float64, float64, float64, int64, DOUBLES, int64, TABLE, DOUBLES, GRID, int64)
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from henon_ref.henon.polynomial import value
-from henon_ref.henon.primitives import larger
 from henon_ref.henon.registers import (
     CROSS,
-    EPS,
     F_LAST,
     F_LAST_LOW,
     F_LOW,
@@ -34,7 +31,9 @@ from henon_ref.henon.registers import (
     SURFACE,
     T_GUARDS,
 )
-from henon_ref.jit import inner
+from henon_ref.jit.njit import inner
+from henon_ref.jit.primitives import EPS, larger
+from henon_ref.roots.double import value
 
 CROWD = 64
 """Events in a row, each closer to the last than the resolution of time, before they count as accumulating."""

@@ -86,7 +86,6 @@ R_TIME, R_LOW, R_KIND, R_SURFACE, R_FROM, R_TO, R_LANDING, R_STATE = range(8)
 
 NOWHERE = -1
 """In place of the guard last hit: nothing was hit, a guard is at zero where a step begins."""
-EPS = 2.220446049250313e-16
 """Distance from 1 to the next double."""
 TANGENT = 1e-9
 """Relative normal velocity below which a contact is left to Python's mode selection."""

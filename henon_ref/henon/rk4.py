@@ -19,15 +19,17 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
+from henon_ref.filippov.decision import Decision
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode, replaced, transition_kind
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, crossed_guards, land
-from henon_ref.model.decision import Decision
-from henon_ref.model.equations import TIME, Guard
-from henon_ref.model.modes import Mode, replaced, transition_kind
-from henon_ref.model.switching import Switching
-from henon_ref.model.system import FilippovSystem
-from henon_ref.processor_time import Deadline, compiling
+from henon_ref.jit.processor_time import Deadline, compiling
 from henon_ref.solver import Run
-from henon_ref.trajectory import Counts, Problem, Status, Trajectory, Transition
+from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 CHUNK = 200_000
 """Steps between two looks at the clock."""

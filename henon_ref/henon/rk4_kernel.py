@@ -11,16 +11,16 @@ import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from henon_ref.henon.calls import call_expand
-from henon_ref.henon.codegen import expansion_ir
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.compiled import double_double
-from henon_ref.henon.emitter import declarations
-from henon_ref.henon.machine import MachineCode
-from henon_ref.jit import inner, njit
-from henon_ref.model.equations import TIME, Guard
-from henon_ref.model.modes import Mode
-from henon_ref.model.system import FilippovSystem
-from henon_ref.taylor.tape import Tape, build_tape
+from henon_ref.jit.calls import call_expand
+from henon_ref.jit.ir_writer import declarations
+from henon_ref.jit.native_module import MachineCode
+from henon_ref.jit.njit import inner, njit
+from henon_ref.taylor.llvm.expansion import expansion_ir
+from henon_ref.taylor.tape import TIME, Tape, build_tape
 
 Floats = NDArray[np.float64]
 

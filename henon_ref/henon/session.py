@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
+from itertools import takewhile
 from struct import Struct
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.filippov.decision import Decision, ended
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode, replaced, transition_kind
 from henon_ref.henon.blocks import KINDS, TransitionBlock
-from henon_ref.henon.endings import why_ended
+from henon_ref.henon.engine import Engine
 from henon_ref.henon.kernel import advance
 from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
 from henon_ref.henon.recording import crowded, record
 from henon_ref.henon.registers import (
     ACCUMULATED,
     CROSS,
+    DIVERGED,
     DOUBTFUL,
     F_LOW,
     F_NEAR,
@@ -41,19 +47,14 @@ from henon_ref.henon.registers import (
     NOWHERE,
     PAUSE,
     RESOLVE,
+    STALLED,
     STICK,
     UNKNOWN,
 )
 from henon_ref.henon.state import CHUNK, Start, State
-from henon_ref.jit import in_python
-from henon_ref.model.decision import Decision
-from henon_ref.model.equations import Guard
-from henon_ref.model.modes import Mode, replaced, transition_kind
-from henon_ref.processor_time import Deadline
+from henon_ref.jit.njit import in_python
+from henon_ref.jit.processor_time import Deadline
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
-
-if TYPE_CHECKING:
-    from henon_ref.henon.engine import Engine
 
 _tuple = tuple.__new__
 _head: Callable[..., tuple[int, ...]] = Struct(f"{I_GUARD}q").unpack_from
@@ -180,7 +181,7 @@ class Session(State):
                 why = self._locate()
             return None if why is None else self._end(*why)
         elif code not in (FULL, PAUSE):
-            return self._end(*why_ended(self, code))
+            return self._end(*_why_ended(self, code))
         return None
 
     def _locate(self) -> tuple[Status, str] | None:
@@ -238,7 +239,7 @@ class Session(State):
         changed = [i for i, s in enumerate(decision.mode) if s != before[i]]
         for i in changed or touched:
             self._record(KINDS.index(transition_kind(before[i], decision.mode[i])), i, source, row)
-        return why_ended(self, ACCUMULATED) if _accumulating(self.floats, self.integers) else None
+        return _why_ended(self, ACCUMULATED) if _accumulating(self.floats, self.integers) else None
 
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:
         if self.integers[I_COUNT] >= self.integers[I_BLOCK]:
@@ -264,7 +265,7 @@ class Session(State):
         for g, own in enumerate(compiled.guards(after)):
             if own.kind == "surface" and own.index == guard.index:
                 self.multiplicity[g] = zeros
-        return why_ended(self, ACCUMULATED) if _accumulating(self.floats, self.integers) else None
+        return _why_ended(self, ACCUMULATED) if _accumulating(self.floats, self.integers) else None
 
     def _resolve(self) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
@@ -300,3 +301,56 @@ class Session(State):
         x = start.unpacked(state, _STATE)
         fields = status, transitions, end, x, mode, reason, counts, 0.0, samples, sample_modes
         return _tuple(Trajectory, fields)
+
+
+def _why_ended(run: Session, code: int) -> tuple[Status, str]:
+    """Status and reason of a run that stands where the loop said DIVERGED, STALLED, ACCUMULATED or INVALID."""
+    at = f"t = {run.time:.17g}"
+    largest = max(map(abs, run.x.tolist()))
+    grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
+    if code == DIVERGED or (code == STALLED and grown):
+        return "diverged", f"the state leaves every bound at {at}"
+    singular = _shrunk(run) if code == STALLED else None
+    if singular is not None:
+        return _fallen(run, singular)
+    if code == STALLED:
+        return "failed", f"the step size fell to zero at {at}: {_singular(run)} there"
+    if code == ACCUMULATED:
+        return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
+    return _fallen(run, run.guards[run.integers[I_GUARD]])
+
+
+def _fallen(run: Session, guard: Guard) -> tuple[Status, str]:
+    """How the run ends here for a guard that ends it."""
+    refused = ended(run.engine.system, run.mode, [guard], f"{run.time:.17g}")
+    assert refused is not None
+    return refused.ending, refused.reason
+
+
+def _shrunk(run: Session) -> Guard | None:
+    """A guard that ends the run and has shrunk to nothing where it stalled (the field may be singular there)."""
+    next_to_nothing = 1e-14 * max(1.0, abs(run.start.time[0]), abs(run.time))
+    for g, guard in enumerate(run.guards):
+        if guard.ends and abs(run.engine.scratch.band.item(run.x.size + g, 0)) <= next_to_nothing:
+            return guard
+    return None
+
+
+def _singular(run: Session) -> str:
+    """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
+    system, order, states = run.engine.system, run.engine.order, run.x.size
+    series = run.engine.scratch.band[: states + len(run.guards), : order + 1].tolist()
+    finite = [sum(1 for _ in takewhile(math.isfinite, row)) for row in series]
+    # What is not finite spreads: to a state one order after the field that it is integrated from.
+    at = finite.index(min(finite))
+    singular = finite[at] > (1 if at < states else 0)
+    if finite[at] > order:
+        steep = [abs(row[order]) / (abs(row[0]) + abs(row[1]) + abs(row[2]) + 1e-300) for row in series]
+        at = steep.index(max(steep))
+    what = "singular" if singular else "not finite"
+    if at < states:
+        return f"the field of {system.state_names[at]} is {what}"
+    guard = run.guards[at - states]
+    of = str(system.valid[guard.index]) if guard.kind == "valid" else system.sign_names[guard.index]
+    words = {"valid": "", "surface": "the surface of ", "attracts": "whether sliding attracts on "}
+    return f"{words.get(guard.kind, 'the release of ')}{of} is {what}"

@@ -1,6 +1,6 @@
 """What follows an event where several surfaces meet or slide, decided in machine code where it is clear.
 
-The rule is that of :mod:`henon_ref.model.switching`: of all candidate modes the one whose own field keeps it.
+The rule is that of :mod:`henon_ref.filippov.switching`: of all candidate modes the one whose own field keeps it.
 At one point the normal velocities are affine in the signs of the surfaces in play, N = a + B s; so a few
 numbers settle it: for each candidate the equivalent signs of its sliding surfaces solve B s = -a, and what is
 left must point the right way. Where no surface's velocity has another one's sign in it, each surface is decided
@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.henon.calls import call_expand
 from henon_ref.henon.registers import G_INDEX, G_KIND, SURFACE, T_GUARDS
-from henon_ref.jit import inner
+from henon_ref.jit.calls import call_expand
+from henon_ref.jit.njit import inner
 
 MARGIN = 1e-6
 """Relative distance from a tie from which on a decision is clear in double precision."""

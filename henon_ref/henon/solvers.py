@@ -11,11 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
+from henon_ref.filippov.problem import Problem
 from henon_ref.henon.engine import Engine
 from henon_ref.henon.loading import load
 from henon_ref.henon.registers import BRENT, HENON, LANDINGS, NEWTON
+from henon_ref.henon.session import Session
+from henon_ref.henon.state import Start
 from henon_ref.solver import Run
-from henon_ref.trajectory import Problem
+from henon_ref.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,11 @@ class HenonSolver:
         engine = Engine(problem.system, order_for(tolerance))
         start = engine.start(problem, tolerance=tolerance, landing=self.method)
         load(engine.settling)
-        return partial(engine.run, start, sample_times, deadline)
+        return partial(_run, engine, start, sample_times, deadline)
+
+
+def _run(engine: Engine, start: Start, sample_times: NDArray[np.float64] | None, deadline: float | None) -> Trajectory:
+    return Session(engine, start, sample_times, deadline).run()
 
 
 def order_for(tolerance: float) -> int:

@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import float64, int64
 
-from henon_ref.henon.calls import call_closing, call_expand
 from henon_ref.henon.clock import add_time, lost, remaining, stands
 from henon_ref.henon.compile_units import unit
-from henon_ref.henon.primitives import bits, fma, from_bits, larger, smaller
 from henon_ref.henon.registers import (
-    EPS,
     F_LOW,
     F_SIGMA,
     F_TIME,
@@ -27,8 +24,10 @@ from henon_ref.henon.registers import (
     T_WARY,
 )
 from henon_ref.henon.trust import swells
-from henon_ref.henon.views import GRID, INTEGERS
-from henon_ref.jit import inner
+from henon_ref.jit.calls import call_closing, call_expand
+from henon_ref.jit.njit import inner
+from henon_ref.jit.primitives import EPS, bits, fma, from_bits, larger, smaller
+from henon_ref.jit.views import GRID, INTEGERS
 
 HUGE = 1e100
 """A state beyond this has blown up (no smaller bound is safe whatever the units)."""

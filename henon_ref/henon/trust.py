@@ -4,22 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from henon_ref.henon.calls import call_closing, call_expand
 from henon_ref.henon.clock import lost
-from henon_ref.henon.primitives import larger, smaller
-from henon_ref.henon.registers import (
-    EPS,
-    F_LOW,
-    F_SIGMA,
-    F_TIME,
-    I_RHS,
-    I_STATES,
-    T_CLOSING,
-    T_EXPANSION,
-    T_GUARDS,
-    T_WARY,
-)
-from henon_ref.jit import inner
+from henon_ref.henon.registers import F_LOW, F_SIGMA, F_TIME, I_RHS, I_STATES, T_CLOSING, T_EXPANSION, T_GUARDS, T_WARY
+from henon_ref.jit.calls import call_closing, call_expand
+from henon_ref.jit.njit import inner
+from henon_ref.jit.primitives import EPS, larger, smaller
 
 GAP = 1e-5
 """Terms this much smaller than those before them are no tail but a gap."""

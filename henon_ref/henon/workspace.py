@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from numba.extending import register_jitable
 
-from henon_ref.henon.polynomial import DEPTH
 from henon_ref.henon.registers import R_STATE
-from henon_ref.henon.rows import row_length
-from henon_ref.henon.views import rest_of, row_at, rows_of
-from henon_ref.jit import inner
+from henon_ref.jit.ir_writer import row_length
+from henon_ref.jit.njit import inner
+from henon_ref.jit.views import rest_of, row_at, rows_of
+from henon_ref.roots.double import DEPTH
 
 BANDS = 6 + 2 * DEPTH
 """Rows of the work space that root isolation needs."""

@@ -1,1 +1,1 @@
-"""Scoring: transitions matched against the truth, errors, timing, and the pool of workers that does the runs."""
+"""Scoring: transitions matched against the truth, errors, verdicts, sticks, the gate; pure functions."""

@@ -6,9 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from henon_ref.columns import Row
-from henon_ref.model.case import Gate, Reading
-from henon_ref.score.rows import REPEATED
+from henon_ref.casefile.case import Gate, Reading
+from henon_ref.columns import REPEATED, Row
 
 
 class LeftOut(NamedTuple):

@@ -29,7 +29,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.model.modes import Mode
+from henon_ref.filippov.modes import Mode
 from henon_ref.score.alignment import align
 
 IN_STEP_FRACTION = 1e-3

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from henon_ref.model.modes import Mode
+from henon_ref.filippov.modes import Mode
 
 
 class Located(Protocol):

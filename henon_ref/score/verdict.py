@@ -17,13 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from henon_ref.score.matching import Matching
+from henon_ref.score.reference import Expected, NearTouch, ReferenceEvent
 from henon_ref.trajectory import Transition
-
-if TYPE_CHECKING:
-    from henon_ref.score.metrics import Expected, NearTouch, ReferenceEvent
 
 Word = Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
 

@@ -2,8 +2,8 @@
 
 Every node stands for a function of time along the solution; its Taylor coefficients follow from those of
 its arguments by the classical recurrences (Jorba and Zou, *Experimental Mathematics* 14, 2005, Sec. 2).
-The same tape is turned into machine code (:mod:`henon_ref.henon.codegen`) and run over any ring
-(:mod:`henon_ref.taylor.expand`): floats, ball arithmetic.
+The same tape is turned into machine code (:mod:`henon_ref.taylor.llvm.expansion`) and run over any ring
+(:mod:`henon_ref.taylor.series`): floats, ball arithmetic.
 """
 
 from __future__ import annotations
@@ -14,8 +14,10 @@ from dataclasses import dataclass, replace
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.model.algebra import size
-from henon_ref.model.equations import TIME
+from henon_ref.taylor.size import size
+
+TIME = sp.Symbol("t", real=True)
+"""Time, in every expression of a system [s]."""
 
 MAX_CLOCK = 100
 """Size up to which a function of time alone is differentiated to see whether it is linear."""

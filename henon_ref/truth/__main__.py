@@ -2,7 +2,7 @@
 
 import sys
 
-from henon_ref.truth.command import command
+from henon_ref.cli.truth import command
 
 if __name__ == "__main__":
     sys.exit(command())

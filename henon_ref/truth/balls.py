@@ -9,8 +9,9 @@ import sympy as sp
 from flint import arb, fmpq, fmpz
 
 from henon_ref.errors import ModelError
-from henon_ref.model.algebra import simplified, size
-from henon_ref.model.bounds import terms
+from henon_ref.filippov.algebra import simplified
+from henon_ref.filippov.bounds import terms
+from henon_ref.taylor.size import size
 
 PATIENCE = 400
 """Operations in a number beyond which no proof is tried, for algebra on it may take for ever; in what holds symbols a

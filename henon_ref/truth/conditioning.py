@@ -34,12 +34,13 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.model.equations import TIME, Guard
-from henon_ref.model.modes import Mode, replaced
-from henon_ref.model.system import FilippovSystem
-from henon_ref.trajectory import Problem
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.taylor.tape import TIME
+from henon_ref.truth.multiprecision.heyoka import double_constants, to_heyoka
 from henon_ref.truth.reference import ReferenceTransition, instants
-from henon_ref.truth.translate import double_constants, to_heyoka
 
 Vector = NDArray[np.float64]
 

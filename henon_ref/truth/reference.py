@@ -9,7 +9,7 @@ from itertools import accumulate, groupby
 from math import inf
 
 from henon_ref.errors import HenonRefError
-from henon_ref.model.modes import Mode
+from henon_ref.filippov.modes import Mode
 from henon_ref.trajectory import Kind, Status
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from henon_ref.model.modes import Mode
+from henon_ref.filippov.modes import Mode
 from henon_ref.trajectory import Kind
 from henon_ref.truth.reference import NearGraze, ReferenceTransition, Truth, instants
 

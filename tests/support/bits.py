@@ -6,7 +6,7 @@
 
 ``own`` is the tightest tolerance that a reading itself names; ``--first`` takes the first reading of each case alone.
 With ``NUMBA_CPU_NAME=haswell`` in front, the record is that of machine code for another processor
-(:mod:`henon_ref.target`). ``compare`` ends with status 1 unless all runs have equal bits, and names those that have
+(:mod:`henon_ref.jit.target`). ``compare`` ends with status 1 unless all runs have equal bits, and names those that have
 not, the worst class first.
 """
 
@@ -21,11 +21,11 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from henon_ref.casefile.case import Reading, load_case
+from henon_ref.casefile.catalogue import case_files
 from henon_ref.errors import UnsupportedError
-from henon_ref.model.case import Reading, load_case
-from henon_ref.model.catalogue import case_files
+from henon_ref.jit.target import target
 from henon_ref.registry import fixed_step, solver
-from henon_ref.target import target
 from henon_ref.trajectory import Trajectory, Transition
 
 CASES = Path(__file__).parents[2] / "cases"

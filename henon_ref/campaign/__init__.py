@@ -1,0 +1,1 @@
+"""A campaign: which solver runs which reading, the worker pool, the journal, timing, rows."""

@@ -1,0 +1,183 @@
+"""Values that a solver hands back, made plain: exact ``str``, ``int``, ``float``, ``tuple``, ``Transition``.
+
+NumPy's numbers are what a solver naturally has; objects of its own classes may be anything when they are looked at
+a second time, or taken out of a pickle. None of them leaves the worker.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from itertools import islice
+from numbers import Integral, Real
+from typing import TypeVar, get_args
+
+from henon_ref.campaign.one_line import plain_text
+from henon_ref.errors import ContractError
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.trajectory import Counts, Kind, Transition
+
+KINDS: tuple[Kind, ...] = get_args(Kind)
+SIGNS = frozenset((-1, 0, 1))
+"""Entries of a mode."""
+LARGEST_COUNT = 2**63 - 1
+Word = TypeVar("Word", bound=str)
+
+
+class Plain:
+    """Makes values plain, or says what is wrong with them (:class:`~henon_ref.solver.ContractError`).
+
+    Parameters
+    ----------
+    system : FilippovSystem
+        Says how many states and surfaces there are.
+    """
+
+    def __init__(self, system: FilippovSystem) -> None:
+        self.states = len(system.states)
+        self.surfaces = len(system.surfaces)
+
+    def transitions(self, found: object, most: int) -> tuple[Transition, ...]:
+        """Transitions, no more than ``most``, each of plain values."""
+        if not isinstance(found, Sequence):
+            raise wrong("transitions", found, "a sequence of Transition")
+        events = tuple(islice(found, most + 1))
+        if len(events) > most:
+            raise ContractError(
+                f"the solver returned more than {most} transitions, the most that are scored on this reading"
+            )
+        return tuple(
+            event if self.is_plain(event) else self.transition(f"transitions[{k}]", event)
+            for k, event in enumerate(events)
+        )
+
+    def is_plain(self, event: Transition) -> bool:
+        """Whether there is nothing to convert and nothing wrong."""
+        return (
+            type(event) is Transition
+            and type(event.kind) is str
+            and event.kind in KINDS
+            and type(event.surface) is int
+            and 0 <= event.surface < self.surfaces
+            and self._is_plain_mode(event.from_mode)
+            and self._is_plain_mode(event.to_mode)
+            and type(event.time) is float
+            and type(event.time_low) is float
+            and math.isfinite(event.time)
+            and math.isfinite(event.time_low)
+            and type(event.state) is tuple
+            and len(event.state) == self.states
+            and set(map(type, event.state)) == {float}
+            and type(event.landing) is str
+            and event.landing == plain_text(event.landing)
+        )
+
+    def _is_plain_mode(self, mode: Mode) -> bool:
+        plain = type(mode) is tuple and len(mode) == self.surfaces and set(map(type, mode)) == {int}
+        return plain and SIGNS.issuperset(mode)
+
+    def transition(self, where: str, event: object) -> Transition:
+        """A transition of plain values."""
+        if not isinstance(event, Transition):
+            raise wrong(where, event, "a Transition")
+        kind = self.word(f"{where}.kind", event.kind, KINDS)
+        surface = self.whole(f"{where}.surface", event.surface)
+        if not 0 <= surface < self.surfaces:
+            raise wrong(f"{where}.surface", surface, f"the index of one of {self.surfaces} surfaces")
+        return Transition(
+            kind=kind,
+            surface=surface,
+            from_mode=self.mode(f"{where}.from_mode", event.from_mode),
+            to_mode=self.mode(f"{where}.to_mode", event.to_mode),
+            time=self.time(f"{where}.time", event.time),
+            state=self.state(f"{where}.state", event.state),
+            time_low=self.time(f"{where}.time_low", event.time_low),
+            landing=self.text(f"{where}.landing", event.landing),
+        )
+
+    def mode(self, what: str, value: object) -> Mode:
+        """An entry a surface, each -1, 0 or +1."""
+        wanted = f"{self.surfaces} entries, each -1, 0 or +1"
+        mode = tuple(self.whole(what, entry) for entry in _entries(what, value, self.surfaces, wanted))
+        if not SIGNS.issuperset(mode):
+            raise wrong(what, value, wanted)
+        return mode
+
+    def state(self, what: str, value: object) -> tuple[float, ...]:
+        """A number a state."""
+        entries = _entries(what, value, self.states, f"{self.states} numbers")
+        return tuple(self.number(what, entry) for entry in entries)
+
+    def counts(self, value: object) -> Counts:
+        """Counts that a file of integers can hold."""
+        if not isinstance(value, Counts):
+            raise wrong("counts", value, "a Counts")
+        return Counts(*(self.count(f"counts.{what}", getattr(value, what)) for what in Counts._fields))
+
+    def count(self, what: str, value: object) -> int:
+        """A whole number from 0 on."""
+        count = self.whole(what, value)
+        if not 0 <= count <= LARGEST_COUNT:
+            raise wrong(what, count, "a whole number from 0 to 2**63 - 1")
+        return count
+
+    def size(self, what: str, value: object) -> float:
+        """A finite number from 0 on, or NaN where it is not known."""
+        size = self.number(what, value)
+        if size < 0 or math.isinf(size):
+            raise wrong(what, size, "a finite number from 0 on, or NaN")
+        return size
+
+    def time(self, what: str, value: object) -> float:
+        """A finite number."""
+        time = self.number(what, value)
+        if not math.isfinite(time):
+            raise wrong(what, time, "a finite number")
+        return time
+
+    def number(self, what: str, value: object) -> float:
+        """A number, finite or not."""
+        if not isinstance(value, Real) or isinstance(value, bool):
+            raise wrong(what, value, "a number")
+        return float(value)
+
+    def whole(self, what: str, value: object) -> int:
+        """A whole number."""
+        if not isinstance(value, Integral) or isinstance(value, bool):
+            raise wrong(what, value, "a whole number")
+        return int(value)
+
+    def text(self, what: str, value: object) -> str:
+        """Words, in one line."""
+        if not isinstance(value, str):
+            raise wrong(what, value, "a str")
+        return plain_text(value)
+
+    def word(self, what: str, value: object, allowed: Sequence[Word]) -> Word:
+        """One of the words that are allowed."""
+        given = str.__str__(value) if isinstance(value, str) else None
+        found = next((word for word in allowed if word == given), None)
+        if found is None:
+            raise wrong(what, value, f"one of {', '.join(allowed)}")
+        return found
+
+
+def _entries(what: str, value: object, count: int, wanted: str) -> tuple[object, ...]:
+    if not isinstance(value, Iterable) or isinstance(value, str):
+        raise wrong(what, value, wanted)
+    entries = tuple(islice(value, count + 1))
+    if len(entries) != count:
+        raise wrong(what, value, wanted)
+    return entries
+
+
+def wrong(what: str, value: object, wanted: str) -> ContractError:
+    """The error that says which part of a trajectory is not what was wanted."""
+    return ContractError(f"the solver returned a Trajectory whose {what} is {shown(value)}, wanted {wanted}")
+
+
+def shown(value: object) -> str:
+    """A value and its type, in few words."""
+    text = " ".join(repr(value).split())
+    return f"{text if len(text) <= 60 else text[:57] + '...'} ({type(value).__name__})"

@@ -1,0 +1,61 @@
+"""What is asked of a stranger's solver before it runs, by a worker: its module may hang or die when imported."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint
+
+from henon_ref import registry
+from henon_ref.campaign.options import Options
+from henon_ref.campaign.pool import Jobs, WorkerPool
+from henon_ref.campaign.worker import Failure, Job, WorkerState
+
+LOADING_SECONDS = 60.0
+"""Processor time that importing a stranger's solver may take [s]."""
+
+
+@dataclass(frozen=True)
+class _Asking(Job):
+    """Import a solver and see whether it is driven by a step."""
+
+    point: tuple[str, str, str]
+    """Name, value and group of the entry point."""
+
+    @property
+    def seconds(self) -> float:
+        return LOADING_SECONDS
+
+    def run(self, state: WorkerState) -> bool:
+        return registry.loaded(EntryPoint(*self.point)).fixed_step
+
+
+def fixed_step(name: str) -> bool:
+    """Whether a solver is driven by a step instead of tolerances; no, where a third party's cannot be loaded."""
+    known = registry.fixed_step(name)
+    return _probed(registry.entry_point(name)) if known is None else known
+
+
+@cache
+def _probed(point: EntryPoint) -> bool:
+    fixed, reason = ask(point)
+    if reason:
+        registry.refuse(point, reason)
+    return fixed
+
+
+def ask(point: EntryPoint) -> tuple[bool, str]:
+    """Whether a solver is driven by a step, and why it must not be imported (empty where it may be)."""
+    heard: list[bool | Failure] = []
+
+    def asking() -> Jobs:
+        heard.append((yield _Asking((point.name, point.value, point.group))))
+
+    pool = WorkerPool(workers=1, memory=Options().memory)
+    pool.add(point.name, asking())
+    pool.run()
+    (answer,) = heard
+    if not isinstance(answer, Failure):
+        return answer, ""
+    # One that is unavailable says so itself, and better.
+    return False, "" if answer.status == "unavailable" else answer.reason

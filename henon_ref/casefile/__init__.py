@@ -1,0 +1,1 @@
+"""What a case file may say: YAML, schema, expressions, scenes and their effects."""

@@ -1,0 +1,236 @@
+"""Case files: what is simulated, by whom, against which published and exact answers.
+
+A case has one or more readings. ``readings: {name: overrides}`` lays overrides over the keys at the top:
+mappings merge key by key, anything else (numbers, text, lists) replaces, and ``null`` removes a key. So a
+reading that says ``system: {field: [...]}`` keeps the states and parameters of the case, and one that says
+``scene: null`` with a ``system`` of its own has no scene. Without ``readings`` there is one, ``default``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from henon_ref.casefile import expected as answers
+from henon_ref.casefile.expected import Exact, Expect, Gate, Orbit, Published
+from henon_ref.casefile.problem import build_problem, mathematics
+from henon_ref.casefile.schema import READING_KEYS, CaseForm, file_name, one_line
+from henon_ref.casefile.source import Path as KeyPath
+from henon_ref.casefile.source import Source
+from henon_ref.casefile.tree import MappingNode, ScalarNode, merged
+from henon_ref.casefile.validation import validated
+from henon_ref.casefile.yaml_file import parse_yaml, read_yaml
+from henon_ref.errors import CaseError
+from henon_ref.filippov.exact_numbers import exact_sign
+from henon_ref.filippov.problem import Problem
+from henon_ref.text import did_you_mean, listed
+
+DEFAULT_READING = "default"
+MAX_WRITTEN_OUT = 500_000
+"""Keys and values that all readings may have together, each with those of the case that it keeps."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One run of a case: a problem in exact numbers, and what it is scored against."""
+
+    name: str
+    title: str
+    problem: Problem
+    solvers: tuple[str, ...] | None
+    """Solvers to run; None: all."""
+    tolerances: tuple[float, ...]
+    steps: tuple[float, ...]
+    """Steps of fixed-step solvers [s]."""
+    measure_after: float
+    """Sticks that end before this time are left out [s]."""
+    published: Published | None = None
+    exact: Exact | None = None
+    orbit: Orbit | None = None
+    gate: Mapping[str, Gate] = field(default_factory=dict)
+    """Solver -> what it must reach."""
+    expect: Expect | None = None
+    """How a run has to end; None: at the horizon."""
+    source: str | None = None
+    story: str | None = None
+    equations: str | None = None
+    links: tuple[str, ...] = ()
+    tags: tuple[str, ...] = ()
+
+    @cached_property
+    def mathematics(self) -> dict[str, Any]:
+        """Everything that decides the solution, and nothing else, as text fit for JSON."""
+        return mathematics(self.problem)
+
+    @cached_property
+    def mathematics_hash(self) -> str:
+        """SHA-256 of :attr:`mathematics`, in hexadecimal: the key of a stored truth."""
+        text = json.dumps(self.mathematics, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case file, read and checked."""
+
+    name: str
+    title: str
+    source: str | None
+    readings: tuple[Reading, ...]
+    """In the order of the file."""
+    path: Path | None = None
+
+    def reading(self, name: str) -> Reading:
+        """The reading of this name.
+
+        Raises
+        ------
+        CaseError
+            Where there is none.
+        """
+        for reading in self.readings:
+            if reading.name == name:
+                return reading
+        names = [reading.name for reading in self.readings]
+        file = str(self.path) if self.path else None
+        raise CaseError(f"no reading '{name}'{did_you_mean(name, names)}; readings: {listed(names)}", file=file)
+
+
+def load_case(
+    path: str | Path, *, solvers: Collection[str] | None = None, fixed_step: Callable[[str], bool] | None = None
+) -> Case:
+    """Read a case file.
+
+    Parameters
+    ----------
+    path : str or Path
+    solvers : collection of str, optional
+        Solvers that exist; a name in the file that is not among them is refused. None: not checked.
+    fixed_step : callable, optional
+        Tells of a solver's name whether it is driven by a step, so that no gate asks for its row at a tolerance.
+        None: not checked.
+
+    Raises
+    ------
+    CaseError
+        With file, line and column, what is wrong and what is allowed.
+    """
+    if not isinstance(path, str | Path):
+        raise CaseError(f"path is {path!r}, wanted a str or a Path")
+    return replace(_case(read_yaml(path), str(path), solvers, fixed_step), path=Path(path))
+
+
+def parse_case(
+    text: str,
+    *,
+    file: str | None = None,
+    solvers: Collection[str] | None = None,
+    fixed_step: Callable[[str], bool] | None = None,
+) -> Case:
+    """Read a case from text (see :func:`load_case`)."""
+    return _case(parse_yaml(text, file=file), file, solvers, fixed_step)
+
+
+def _case(
+    tree: MappingNode, file: str | None, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
+) -> Case:
+    readings = tuple(_reading(name, source, solvers, fixed_step) for name, source in _sources(tree, file))
+    whole = Source(tree, file)
+    name, title, source = (_line(whole, key) for key in ("name", "title", "source"))
+    if title is None:
+        raise whole.error((), "the key 'title' is missing at the top (a reading may have its own besides)")
+    assert name is not None  # every reading has it and none may change it
+    return Case(name, title, source, readings)
+
+
+def _line(whole: Source, key: str) -> str | None:
+    """A text at the top of the file, in one line; None where there is none."""
+    node = whole.tree.entries.get(key)
+    if node is None or (isinstance(node, ScalarNode) and node.value is None):
+        return None
+    return _checked(whole, (key,), one_line, node.value if isinstance(node, ScalarNode) else node)
+
+
+def _checked(whole: Source, path: KeyPath, check: Callable[[object], str], value: object, *, key: bool = False) -> str:
+    try:
+        return check(value)
+    except ValueError as error:
+        raise whole.error(path, f"'{path[0]}': {error}", key=key) from None
+
+
+def _sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
+    """Every reading's name and its tree, overrides laid over."""
+    whole = Source(tree, file)
+    if "readings" not in tree.entries:
+        return [(DEFAULT_READING, whole)]
+    readings = tree.entries["readings"]
+    if not isinstance(readings, MappingNode) or not readings.entries:
+        raise whole.error(("readings",), "'readings' must be a mapping, as in {name: {key: value}}")
+    base = MappingNode(tree.place, {k: v for k, v in tree.entries.items() if k != "readings"}, tree.keys, tree.size)
+    found, size = [], 0
+    for name, overrides in readings.entries.items():
+        path = ("readings", name)
+        _checked(whole, path, file_name, name, key=True)
+        if not isinstance(overrides, MappingNode):
+            raise whole.error(path, f"the reading '{name}' must be a mapping of the keys it changes, {{}} for none")
+        for key in overrides.entries:
+            if key not in READING_KEYS:
+                message = f"a reading cannot change the key '{key}'{did_you_mean(key, READING_KEYS)}"
+                raise whole.error((*path, key), f"{message}; allowed: {listed(sorted(READING_KEYS))}", key=True)
+        source = Source(merged(base, overrides), file, f" [reading '{name}']", whole.work)
+        size += source.tree.size
+        if size > MAX_WRITTEN_OUT:
+            message = f"with this reading the readings, written out, hold more than {MAX_WRITTEN_OUT} keys and values"
+            raise whole.error(path, f"{message}; at most {MAX_WRITTEN_OUT} are allowed: give fewer readings", key=True)
+        found.append((name, source))
+    return found
+
+
+def _reading(
+    name: str, source: Source, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
+) -> Reading:
+    form = validated(source.tree, file=source.file, within=source.within)
+    _check_model(source, form)
+    answers.check_runs(source, form, solvers)
+    problem, names = build_problem(source, form)
+    if not problem.system.surfaces:
+        message = "without friction there is no surface, so no transition to find; name a friction effect"
+        raise source.error(("scene", "effects"), message, key=True)
+    after = source.number(("measure", "after"), names.values) if "after" in form.measure.model_fields_set else 0
+    if after != 0 and exact_sign(problem.until - after) <= 0:
+        raise source.error(("measure", "after"), f"'after' must be earlier than 'until', {problem.until}")
+    return Reading(
+        name=name,
+        title=form.title,
+        problem=problem,
+        solvers=tuple(form.solvers) if form.solvers else None,
+        tolerances=tuple(form.tolerances),
+        steps=tuple(form.steps),
+        measure_after=float(after),
+        published=answers.published(form),
+        exact=answers.exact(source, form, names, problem),
+        orbit=answers.orbit(source, form, names),
+        gate=answers.gates(source, form, fixed_step),
+        expect=answers.expectation(source, form, names, problem),
+        source=form.source,
+        story=form.story,
+        equations=form.equations,
+        links=tuple(form.links),
+        tags=tuple(form.tags),
+    )
+
+
+def _check_model(source: Source, form: CaseForm) -> None:
+    """Refuse a case with two models or none."""
+    message = "give the model once: either 'system' or 'scene'"
+    given = [key for key, model in (("system", form.system), ("scene", form.scene)) if model is not None]
+    if not given:
+        raise source.error((), message)
+    if len(given) == 2:
+        second = max(given, key=lambda key: (source.tree.keys[key].line, source.tree.keys[key].column))
+        raise source.error((second,), message, key=True)

@@ -1,0 +1,120 @@
+"""The list of cases, ``cases/README.md``, made from the case files themselves.
+
+Run ``python -m henon_ref.casefile.catalogue cases`` after a case has been added or changed.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from henon_ref.casefile.case import Case, Reading, load_case
+from henon_ref.text import link, markdown
+
+GROUPS = {
+    "": "The paper and its neighbours",
+    "classic": "Classic systems with known answers",
+    "hard": "Hard cases",
+}
+"""Folder under ``cases/`` -> heading."""
+HEADER = """\
+# Cases
+
+<!-- Made by `python -m henon_ref.casefile.catalogue cases`; edit the case files, not this page. -->
+
+One YAML file a case. Each tells its story, its equations, where it comes from, what makes it hard and what is right;
+a case with several readings is a family. *Answer* says how the truth is known: `closed form` (all transitions, times
+and modes), `first n in closed form`, `none happen`, or `computed` (to many more digits than any solver carries).
+A run that cannot reach its horizon has the status it must end with.
+"""
+
+
+def case_files(folder: str | Path) -> list[Path]:
+    """Every case file under a folder, stored truths left out, in the order of the list."""
+    root = Path(folder)
+    return [path for group in GROUPS for path in sorted((root / group).glob("*.yaml"))]
+
+
+def catalogue(folder: str | Path) -> str:
+    """The page that lists the cases of a folder, as Markdown.
+
+    Raises
+    ------
+    CaseError
+        Where a case file cannot be read.
+    """
+    root = Path(folder)
+    parts = [HEADER]
+    for group, heading in GROUPS.items():
+        cases = [load_case(path) for path in sorted((root / group).glob("*.yaml"))]
+        if cases:
+            parts += [f"\n## {heading}\n\n", *_table(cases, root)]
+    return "".join(parts)
+
+
+def _table(cases: Sequence[Case], root: Path) -> Iterable[str]:
+    yield "| case | idea | readings | answer | from |\n|---|---|---|---|---|\n"
+    for case in cases:
+        assert case.path is not None  # read from a file just now
+        link = case.path.relative_to(root).as_posix()
+        readings = str(len(case.readings))
+        cells = [f"[{case.name}]({link})", _idea(case), readings, _answers(case), _origin(case)]
+        yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
+
+
+def _idea(case: Case) -> str:
+    """Title and the first sentence of the story."""
+    story = " ".join((case.readings[0].story or "").split())
+    first, stop, _ = story.partition(". ")
+    return f"**{markdown(case.title)}.** {markdown(first)}{'.' if stop else ''}".strip()
+
+
+def _answers(case: Case) -> str:
+    found: dict[str, None] = {}
+    for reading in case.readings:
+        found[_answer(reading)] = None
+    return "; ".join(found)
+
+
+def _answer(reading: Reading) -> str:
+    """How the truth of a reading is known, and how its run ends."""
+    exact = reading.exact
+    if reading.expect is not None and reading.expect.status != "ok":
+        return f"ends `{reading.expect.status}`"
+    if exact is None:
+        return "computed"
+    if not exact.transition_times:
+        return "none happen"
+    if len(exact.modes) == len(exact.transition_times):
+        return "closed form"
+    return f"first {len(exact.transition_times)} in closed form"
+
+
+def _origin(case: Case) -> str:
+    """The reports and papers that a case links to, in short."""
+    links: dict[str, None] = {}
+    for reading in case.readings:
+        links.update(dict.fromkeys(reading.links))
+    return ", ".join(f"[{markdown(_short(own))}]({own})" if link(own) == own else link(own) for own in links)
+
+
+def _short(link: str) -> str:
+    """``scipy#9228`` for an issue or a pull request, ``doi`` for a paper."""
+    parts = link.rstrip("/").split("/")
+    if "github.com" in link and len(parts) > 2 and parts[-2] in ("issues", "pull"):
+        return f"{parts[-3].removesuffix('.jl')}#{parts[-1]}"
+    return "doi" if "doi.org" in link else parts[2]
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Write ``README.md`` into the folder of cases that is named."""
+    if len(arguments) != 1:
+        sys.stderr.write("usage: python -m henon_ref.casefile.catalogue FOLDER\n")
+        return 2
+    (Path(arguments[0]) / "README.md").write_text(catalogue(arguments[0]), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

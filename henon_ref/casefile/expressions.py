@@ -1,0 +1,324 @@
+"""Expressions of a case file to exact SymPy, without ever running text from a stranger.
+
+The text is scanned (:mod:`henon_ref.casefile.grammar`), parsed by Python's ``ast`` and walked node by node
+through a whitelist. ``eval``, ``sympify`` and ``parse_expr`` are never called. Every operation is checked
+before SymPy does it, so that the work is bounded by the length of the text: ``9**9**9**9`` is refused, not
+computed. What the texts of one file cost together is bounded too (:mod:`henon_ref.filippov.work`), and none is worked
+out twice.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+
+import sympy as sp
+
+from henon_ref.casefile.grammar import CONSTANT_FUNCTIONS, CONSTANTS, FUNCTIONS, MAX_DEPTH, MAX_NESTING, Scanned, scan
+from henon_ref.errors import ExpressionError
+from henon_ref.filippov.bounds import (
+    MAX_TERMS,
+    check_constant,
+    check_domain,
+    check_exponential,
+    check_smooth,
+    checked,
+    power,
+    terms,
+    with_known_functions,
+)
+from henon_ref.filippov.work import LOOK_UP, OPERATION, SCAN, Work, key_of, names_in
+
+_SYMPY: dict[str, Callable[..., sp.Expr]] = {
+    **{name: getattr(sp, name) for name in FUNCTIONS},
+    "abs": sp.Abs,
+    "atan2": sp.atan2,
+}
+_NUMBERS: dict[str, sp.Expr] = dict(zip(CONSTANTS, (sp.pi, sp.E), strict=True))
+# What SymPy raises where its own evaluation of an odd number fails (AttributeError: its cache, on a TypeError).
+_SYMPY_FAILS = (ArithmeticError, AttributeError, NotImplementedError, TypeError, ValueError)
+
+
+def parse_expression(text: str, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
+    """Read a smooth expression, such as a component of a field.
+
+    Parameters
+    ----------
+    text : str
+        Numbers, ``pi``, ``e``, the names given, ``+ - * / ** ^`` (the last two both mean power) and
+        sin cos tan asin acos atan sinh cosh tanh exp log sqrt.
+    names : mapping
+        Name -> what it stands for: a real symbol, or an exact number.
+    work : Work, optional
+        That of the file which the text stands in.
+
+    Returns
+    -------
+    Expr
+        Exact: ``0.1`` is ``Rational(1, 10)``.
+
+    Raises
+    ------
+    ExpressionError
+        With the offset of what is not allowed and what is.
+    """
+    work = Work() if work is None else work
+    work.charge(LOOK_UP, 0)
+    key = key_of("expression", text, names)
+    if key not in work.values:
+        work.values[key] = _smooth(_Walker(_read(text, names, work), names, work).value())
+    return work.values[key]
+
+
+def _smooth(value: sp.Expr) -> sp.Expr:
+    """The value of a text, if it may stand in a field."""
+    value = with_known_functions(value)
+    check_smooth(value)
+    if value.is_number:
+        check_constant(value, 0)
+    if terms(value) > MAX_TERMS:
+        raise ExpressionError(f"multiplied out it has more than {MAX_TERMS} terms; lower the powers of sums", 0)
+    return value
+
+
+def check_sides(text: str, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.Symbol], work: Work) -> None:
+    """Check that an expression has values with each sign at -1 and at +1.
+
+    A sign that stands in sums and products alone can do no harm but by the size of the numbers: all such signs are
+    tried at once. What else it stands in (divisors, powers, functions) is worked out with each sign by itself.
+
+    Raises
+    ------
+    ExpressionError
+        With the sign and its side.
+    """
+    key = key_of("sides", text, {**names, **signs})
+    if key in work.values or not any(name in text for name in signs):
+        return
+    names = {**names, **signs}
+    read = _read(text, names, work)
+    delicate = _Walker(read, names, work).delicate(signs)
+    harmless = {name: symbol for name, symbol in signs.items() if not any(name in found for _, found in delicate)}
+    for side in (-1, 1):
+        parse_expression(text, {**names, **dict.fromkeys(harmless, sp.Integer(side))}, work)
+    for node, found in delicate:
+        for name in sorted(found):
+            for side in (-1, 1):
+                try:
+                    _Walker(read, {**names, name: sp.Integer(side)}, work).of(node)
+                except ExpressionError as error:
+                    raise ExpressionError(f"{error.message} (at {name} = {side:+d})", error.offset) from None
+    work.values[key] = sp.S.Zero
+
+
+def parse_number(text: str, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
+    """Read an expression whose value is a number: a parameter, an initial value, a time.
+
+    Parameters
+    ----------
+    text : str
+        As for :func:`parse_expression`, with ``abs`` and ``atan2`` besides.
+    names : mapping
+        Name -> exact number.
+    work : Work, optional
+        That of the file which the text stands in.
+
+    Returns
+    -------
+    Expr
+        An exact real number within the range of a double.
+
+    Raises
+    ------
+    ExpressionError
+        Also where the value is complex, infinite, undefined, or beyond the largest double.
+    """
+    work = Work() if work is None else work
+    work.charge(LOOK_UP, 0)
+    key = key_of("number", text, names)
+    if key not in work.values:
+        value = _Walker(_read(text, names, work, constant=True), names, work).value()
+        check_constant(value, 0)
+        work.values[key] = value
+    return work.values[key]
+
+
+@dataclass
+class _Text:
+    """A text that reads well, and what has been made of it whatever its names stand for."""
+
+    scanned: Scanned
+    tree: ast.expr | None = None
+    delicate: dict[tuple[str, ...], list[tuple[ast.expr, set[str]]]] = field(default_factory=dict)
+
+
+def _read(text: str, names: Mapping[str, sp.Expr], work: Work, *, constant: bool = False) -> _Text:
+    key = (text, constant, tuple(name in names for name in names_in(text)))
+    if key not in work.texts:
+        work.charge(SCAN * len(text), 0)
+        work.texts[key] = _Text(scan(text, names, constant=constant))
+    found: _Text = work.texts[key]
+    return found
+
+
+class _Walker:
+    """The whitelisted walk over the syntax tree."""
+
+    def __init__(self, text: _Text, names: Mapping[str, sp.Expr], work: Work) -> None:
+        self.text = text
+        self.scanned = text.scanned
+        self.names = names
+        self.work = work
+
+    def value(self) -> sp.Expr:
+        """The value of all of the text."""
+        return self.of(None)
+
+    def of(self, node: ast.expr | None) -> sp.Expr:
+        """The value of all of the text, or of a power, a function or what a quotient's divisor makes of 1."""
+        try:
+            if node is None:
+                return self._of(self._tree(), 0)
+            if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
+                return power(self._of(node.right, 0), sp.Integer(-1), self._operator_offset(node))
+            return self._of(node, 0)
+        except SyntaxError as error:
+            offset = self.scanned.origin[min((error.offset or 1) - 1, len(self.scanned.origin) - 1)]
+            raise ExpressionError("this does not read as an expression", offset) from None
+        except (RecursionError, MemoryError):
+            raise ExpressionError("nested too deeply", 0) from None
+        except _SYMPY_FAILS as error:
+            raise ExpressionError(f"SymPy cannot work this out ({type(error).__name__})", 0) from None
+
+    def _tree(self) -> ast.expr:
+        if self.text.tree is None:
+            tree = ast.parse(self.scanned.python, mode="eval").body
+            self._check_nesting(tree)
+            self.text.tree = tree
+        return self.text.tree
+
+    def delicate(self, signs: Collection[str]) -> list[tuple[ast.expr, set[str]]]:
+        """Quotients, powers and functions that hold some names (in the divisor), outermost ones, with these names."""
+        key = tuple(signs)
+        if key not in self.text.delicate:
+            self.text.delicate[key] = self._delicate(signs)
+        return self.text.delicate[key]
+
+    def _delicate(self, signs: Collection[str]) -> list[tuple[ast.expr, set[str]]]:
+        found = []
+        waiting = [self._tree()]
+        while waiting:
+            node = waiting.pop()
+            inner = [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
+            part: ast.expr | None = None
+            match node:
+                case ast.BinOp(op=ast.Div(), left=left, right=right):
+                    part, inner = right, [left]
+                case ast.Call() | ast.BinOp(op=ast.Pow()):
+                    part, inner = node, []
+            if part is not None:
+                held = {n.id for n in ast.walk(part) if isinstance(n, ast.Name) and n.id in signs}
+                if held:
+                    found.append((node, held))
+            waiting += inner
+        return found
+
+    def _check_nesting(self, root: ast.expr) -> None:
+        # A long sum is a deep tree: no recursion here.
+        waiting = [(root, 0)]
+        while waiting:
+            node, level = waiting.pop()
+            if isinstance(node, ast.Call) or (isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow)):
+                level += 1
+            if level > MAX_NESTING:
+                raise ExpressionError(f"functions and powers nest deeper than {MAX_NESTING}", self._offset(node))
+            waiting += [(child, level) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
+
+    def _offset(self, node: ast.expr) -> int:
+        return self.scanned.origin[node.col_offset]
+
+    def _operator_offset(self, node: ast.BinOp) -> int:
+        """Where the operator stands: after the left operand, past the parentheses that close it."""
+        at = node.left.end_col_offset or 0
+        while self.scanned.python[at] in " )":
+            at += 1
+        return self.scanned.origin[at]
+
+    def _of(self, node: ast.expr, depth: int) -> sp.Expr:
+        if depth > MAX_DEPTH:
+            raise ExpressionError(f"nested deeper than {MAX_DEPTH}", self._offset(node))
+        if isinstance(node, ast.BinOp | ast.Call):
+            begin, end = node.col_offset, node.end_col_offset or 0
+            key = key_of(type(node).__name__, self.scanned.python[begin:end], self.names)
+            if key not in self.work.values:
+                self.work.charge(OPERATION + end - begin, self._offset(node))
+                value = self._operation(node, depth)
+                if value.is_number and not value.is_Rational:  # its digits have been computed
+                    self.work.charge(2 * (OPERATION + end - begin), self._offset(node))
+                self.work.values[key] = value
+            return self.work.values[key]
+        return self._operation(node, depth)
+
+    def _operation(self, node: ast.expr, depth: int) -> sp.Expr:
+        match node:
+            case ast.Constant():
+                return self._number(node)
+            case ast.Name(id=name):
+                return _NUMBERS[name] if name in _NUMBERS else self.names[name]
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return -self._of(operand, depth + 1)
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                return self._of(operand, depth + 1)
+            case ast.BinOp(op=ast.Add() | ast.Sub()):
+                return self._sum(node, depth)
+            case ast.BinOp(op=ast.Mult() | ast.Div()):
+                return self._product(node, depth)
+            case ast.BinOp(op=ast.Pow()):
+                base = self._of(node.left, depth + 1)
+                exponent = self._of(node.right, depth + 1)
+                return power(base, exponent, self._operator_offset(node))
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+                return self._call(name, [self._of(a, depth + 1) for a in arguments], self._offset(node))
+            case _:
+                raise ExpressionError("this is not allowed in an expression", self._offset(node))
+
+    def _number(self, node: ast.Constant) -> sp.Expr:
+        text = self.scanned.python[node.col_offset : node.end_col_offset]
+        mantissa, _, exponent = text.lower().partition("e")
+        whole, _, decimals = mantissa.partition(".")
+        shift = int(exponent or 0) - len(decimals)
+        digits = int(whole + decimals)
+        return sp.Rational(digits * 10 ** max(shift, 0), 10 ** max(-shift, 0))
+
+    def _sum(self, node: ast.expr, depth: int) -> sp.Expr:
+        # A long sum is a deep tree that leans left; it is taken apart in a loop.
+        start, terms = node, []
+        while isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
+            term = self._of(node.right, depth + 1)
+            terms.append(-term if isinstance(node.op, ast.Sub) else term)
+            node = node.left
+        terms.append(self._of(node, depth + 1))
+        return checked(sp.Add(*reversed(terms)), self._offset(start))
+
+    def _product(self, node: ast.expr, depth: int) -> sp.Expr:
+        start, factors = node, []
+        while isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
+            factor = self._of(node.right, depth + 1)
+            if isinstance(node.op, ast.Div):
+                factor = power(factor, sp.Integer(-1), self._operator_offset(node))
+            factors.append(factor)
+            node = node.left
+        factors.append(self._of(node, depth + 1))
+        return checked(sp.Mul(*reversed(factors)), self._offset(start))
+
+    def _call(self, name: str, arguments: list[sp.Expr], offset: int) -> sp.Expr:
+        if name not in _SYMPY or len(arguments) != CONSTANT_FUNCTIONS.get(name, 1):
+            raise ExpressionError(f"{name!r} is no function with {len(arguments)} arguments", offset)
+        if name == "sqrt":
+            return power(arguments[0], sp.Rational(1, 2), offset)
+        if name == "exp":
+            check_exponential(arguments[0], offset)
+        if arguments[0].is_number:
+            check_domain(name, arguments[0], offset)
+        return checked(_SYMPY[name](*arguments), offset)

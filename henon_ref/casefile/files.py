@@ -1,0 +1,65 @@
+"""The case files that a command is given: paths of files, and of folders of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection, Sequence
+from pathlib import Path
+
+from henon_ref.casefile.case import Case, load_case
+from henon_ref.errors import CaseError
+
+SUFFIXES = (".yaml", ".yml")
+
+
+def read_cases(
+    paths: Sequence[Path],
+    *,
+    solvers: Collection[str] | None = None,
+    fixed_step: Callable[[str], bool] | None = None,
+) -> list[Case]:
+    """Read the case files; a folder stands for all of its cases, ``truth`` apart.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    solvers, fixed_step : optional
+        See :func:`henon_ref.casefile.case.load_case`.
+
+    Raises
+    ------
+    CaseError
+        For a file that is no case, a folder without any, and two cases of one name.
+    """
+    cases: dict[str, Case] = {}
+    # Several paths may lead to one file: it is read once, by the first of them.
+    files: dict[str, Path] = {}
+    for path in paths:
+        for found in case_files(path):
+            files.setdefault(os.path.realpath(found), found)
+    for file in files.values():
+        case = load_case(file, solvers=solvers, fixed_step=fixed_step)
+        if case.name in cases:
+            raise CaseError(f"the name '{case.name}' is also that of {cases[case.name].path}", file=str(file))
+        cases[case.name] = case
+    return list(cases.values())
+
+
+def case_files(path: Path) -> list[Path]:
+    """The case files that a path stands for, in order.
+
+    Raises
+    ------
+    CaseError
+        For a folder without any.
+    """
+    if not path.is_dir():
+        return [path]
+    found = sorted(
+        file
+        for file in path.rglob("*")
+        if file.suffix in SUFFIXES and "truth" not in file.relative_to(path).parts[:-1] and file.is_file()
+    )
+    if not found:
+        raise CaseError(f"no case file (*{SUFFIXES[0]}) in this folder", file=str(path))
+    return found

@@ -1,0 +1,261 @@
+"""The text of an expression, token by token: everything that can be refused before anything is computed.
+
+The scan checks characters, names, parentheses and the order of operands and operators, so that every
+message has its place in the text, and writes ``^`` as ``**`` so that Python's own grammar gives it the
+precedence of a power.
+"""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from henon_ref.errors import ExpressionError
+from henon_ref.text import did_you_mean, listed, shortened
+
+MAX_LENGTH = 10_000
+"""Characters an expression may have."""
+MAX_TOKENS = 2_000
+"""Numbers, names, operators and parentheses an expression may have."""
+MAX_DEPTH = 60
+"""How deep parentheses, calls, signs and powers may nest."""
+MAX_NESTING = 16
+"""How deep functions and powers may stand in each other: every solver's derivatives grow with it."""
+MAX_DIGITS = 400
+"""Digits a number may have, and the largest absolute decimal exponent."""
+
+FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
+"""Functions allowed in every expression; each takes one argument."""
+CONSTANT_FUNCTIONS = {"abs": 1, "atan2": 2}
+"""Functions allowed where the value is a number (parameters, initial values ...), with their arity."""
+CONSTANTS = ("pi", "e")
+RESERVED = frozenset((*FUNCTIONS, *CONSTANT_FUNCTIONS, *CONSTANTS, "t", "mode"))
+"""Names that a state, parameter or sign symbol may not have."""
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
+
+_TOKEN = re.compile(
+    r"(?P<space>\s+)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)"
+    r"|(?P<operator>\*\*|[-+*/^])|(?P<bracket>[(),])",
+    re.ASCII,
+)
+_ALLOWED = "numbers, names, + - * / ** ^ and parentheses"
+_LOOKALIKES = {"−": "-", "–": "-", "×": "*", "·": "*", "÷": "/", "²": "^2", "³": "^3", "[": "(", "]": ")", "|": "abs()"}
+_HINTS = dict.fromkeys(
+    ("sign", "sgn", "Abs", "fabs", "abs", "max", "min", "Max", "Min", "heaviside", "Heaviside", "piecewise", "floor"),
+    "what is discontinuous or has a kink is written with a sign symbol: name a surface h and use its sign s, as in s*h",
+) | {"ln": "write log(...)", "arctan": "write atan(...)", "arcsin": "write asin(...)", "arccos": "write acos(...)"}
+_HINTS |= dict.fromkeys(("nan", "NaN", "inf", "Inf", "infinity", "oo"), "a number must be finite")
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """One token of an expression."""
+
+    kind: str
+    """``number``, ``name``, ``operator`` or ``bracket``."""
+    text: str
+    offset: int
+    """0-based offset in the expression."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scanned:
+    """An expression that reads well, in Python's spelling."""
+
+    tokens: tuple[Token, ...]
+    python: str
+    """The expression with ``**`` for every ``^``, one blank between tokens."""
+    origin: tuple[int, ...]
+    """For every character of ``python`` the offset of its token in the expression."""
+
+
+def name_problem(name: str) -> str:
+    """Why a state, parameter or surface may not be called this; empty if it may."""
+    if not NAME.fullmatch(name):
+        return f"{shortened(name)} is no name: a letter (a-z, A-Z) first, then letters, digits and underscores"
+    if name in RESERVED:
+        return f"'{name}' is taken (t, pi, e, mode and the names of functions are); choose another name"
+    if keyword.iskeyword(name):
+        return f"'{name}' is a word of Python that expressions cannot hold; choose another name, such as '{name}_'"
+    return ""
+
+
+def scan(text: str, names: Collection[str], *, constant: bool = False) -> Scanned:
+    """Split an expression into tokens and check that they follow each other as they may.
+
+    Parameters
+    ----------
+    text : str
+    names : collection of str
+        Names that may stand in it besides ``pi`` and ``e``.
+    constant : bool
+        Whether ``abs`` and ``atan2`` are allowed (where the value is a number).
+
+    Raises
+    ------
+    ExpressionError
+        With the offset of the first thing that is not allowed.
+    """
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"an expression of {len(text)} characters; at most {MAX_LENGTH} are allowed", 0)
+    scanner = _Scanner(text, names, constant)
+    position = 0
+    while position < len(text):
+        match = _TOKEN.match(text, position)
+        if match is None:
+            raise _bad_character(text, position)
+        if match.lastgroup != "space":
+            scanner.accept(Token(str(match.lastgroup), match.group(), position))
+        position = match.end()
+    return scanner.finished()
+
+
+def _bad_character(text: str, offset: int) -> ExpressionError:
+    character = text[offset]
+    like = _LOOKALIKES.get(character)
+    hint = f"; write {like}" if like else ""
+    return ExpressionError(f"{character!r} is not allowed in an expression{hint}; allowed: {_ALLOWED}", offset)
+
+
+class _Scanner:
+    """Checks each token against what may come next."""
+
+    def __init__(self, text: str, names: Collection[str], constant: bool) -> None:
+        self.text = text
+        self.names = names
+        self.constant = constant
+        self.tokens: list[Token] = []
+        self.open: list[tuple[Token, Token | None, int]] = []
+        """Open parentheses: the bracket, the function before it, commas so far."""
+        self.signs = 0
+        self.want_operand = True
+
+    def accept(self, token: Token) -> None:
+        if len(self.tokens) >= MAX_TOKENS:
+            raise ExpressionError(f"more than {MAX_TOKENS} numbers, names and operators", token.offset)
+        last = self.tokens[-1] if self.tokens else None
+        if last is not None and last.kind == "name" and self._is_function(last.text) and token.text != "(":
+            raise ExpressionError(f"the function '{last.text}' needs its argument: {last.text}(...)", last.offset)
+        if token.kind in ("number", "name"):
+            self._operand(token, last)
+        elif token.kind == "operator":
+            self._operator(token)
+        else:
+            self._bracket(token, last)
+        self.tokens.append(token)
+
+    def finished(self) -> Scanned:
+        end = len(self.text)
+        if not self.tokens:
+            raise ExpressionError("an empty expression; write a number or a formula", 0)
+        last = self.tokens[-1]
+        if last.kind == "name" and self._is_function(last.text):
+            raise ExpressionError(f"the function '{last.text}' needs its argument: {last.text}(...)", last.offset)
+        if self.want_operand:
+            raise ExpressionError(f"the expression ends after '{last.text}' where a number or a name is missing", end)
+        if self.open:
+            raise ExpressionError("'(' is never closed", self.open[-1][0].offset)
+        pieces, origin = [], []
+        for token in self.tokens:
+            piece = _python_spelling(token) + " "
+            pieces.append(piece)
+            origin += [token.offset] * len(piece)
+        return Scanned(tuple(self.tokens), "".join(pieces), tuple(origin))
+
+    def _is_function(self, name: str) -> bool:
+        return name in FUNCTIONS or name in CONSTANT_FUNCTIONS
+
+    def _operand(self, token: Token, last: Token | None) -> None:
+        if not self.want_operand:
+            assert last is not None
+            raise ExpressionError(
+                f"an operator is missing between '{last.text}' and '{token.text}'; a product is written with *",
+                token.offset,
+            )
+        if token.kind == "number":
+            _check_number(token)
+        else:
+            self._check_name(token)
+        self.want_operand = False
+        self.signs = 0
+
+    def _check_name(self, token: Token) -> None:
+        name = token.text
+        if name in self.names or name in CONSTANTS or name in FUNCTIONS:
+            return
+        if name in CONSTANT_FUNCTIONS and self.constant:
+            return
+        known = [*self.names, *CONSTANTS]
+        functions = [*FUNCTIONS, *(CONSTANT_FUNCTIONS if self.constant else ())]
+        if name in CONSTANT_FUNCTIONS:
+            raise ExpressionError(f"'{name}' is allowed among parameters only; {_HINTS['abs']}", token.offset)
+        if name in _HINTS:
+            raise ExpressionError(f"'{name}' is not known; {_HINTS[name]}", token.offset)
+        raise ExpressionError(
+            f"unknown name {shortened(name)}{did_you_mean(name, [*known, *functions])}; "
+            f"known here: {listed(known)}; functions: {', '.join(functions)}",
+            token.offset,
+        )
+
+    def _operator(self, token: Token) -> None:
+        if not self.want_operand:
+            self.want_operand = True
+            return
+        if token.text not in "+-":
+            after = f" after '{self.tokens[-1].text}'" if self.tokens else ""
+            raise ExpressionError(f"a number or a name is missing{after} before '{token.text}'", token.offset)
+        self.signs += 1
+        if self.signs > MAX_DEPTH:
+            raise ExpressionError(f"more than {MAX_DEPTH} signs in a row", token.offset)
+
+    def _bracket(self, token: Token, last: Token | None) -> None:
+        if token.text == "(":
+            function = last if last is not None and last.kind == "name" and self._is_function(last.text) else None
+            if not self.want_operand and function is None:
+                assert last is not None
+                what = f"'{last.text}' is no function" if last.kind == "name" else "an operator is missing before '('"
+                raise ExpressionError(f"{what}; a product is written with *", token.offset)
+            self.open.append((token, function, 0))
+            if len(self.open) > MAX_DEPTH:
+                raise ExpressionError(f"parentheses nest deeper than {MAX_DEPTH}", token.offset)
+            self.want_operand = True
+            return
+        if self.want_operand:
+            before = self.tokens[-1].text if self.tokens else "the beginning"
+            raise ExpressionError(f"a number or a name is missing between '{before}' and '{token.text}'", token.offset)
+        if not self.open:
+            raise ExpressionError(f"'{token.text}' without a '(' before it", token.offset)
+        bracket, function, commas = self.open.pop()
+        arity = CONSTANT_FUNCTIONS.get(function.text, 1) if function else 1
+        if token.text == ",":
+            if commas + 1 >= arity:
+                what = f"'{function.text}' takes {arity} argument" if function else "',' stands between arguments only"
+                raise ExpressionError(f"{what}; a decimal point is written '.'", token.offset)
+            self.open.append((bracket, function, commas + 1))
+            self.want_operand = True
+        elif commas + 1 < arity:
+            assert function is not None
+            raise ExpressionError(f"'{function.text}' takes {arity} arguments", function.offset)
+
+
+def _python_spelling(token: Token) -> str:
+    if token.text == "^":
+        return "**"
+    if token.kind == "number":
+        # Python refuses leading zeros in whole numbers.
+        digits = token.text.lstrip("0")
+        return digits if digits[:1].isdigit() else "0" + digits
+    return token.text
+
+
+def _check_number(token: Token) -> None:
+    mantissa, _, exponent = token.text.lower().partition("e")
+    if len(mantissa) > MAX_DIGITS or len(exponent) > 5 or abs(int(exponent or 0)) > MAX_DIGITS:
+        raise ExpressionError(
+            f"the number {shortened(token.text, 24)} is too long; at most {MAX_DIGITS} digits and an exponent "
+            f"between -{MAX_DIGITS} and {MAX_DIGITS} are allowed",
+            token.offset,
+        )

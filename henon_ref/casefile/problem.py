@@ -1,0 +1,148 @@
+"""A checked case form to an initial-value problem in exact numbers, and the text that identifies it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import sympy as sp
+
+from henon_ref.casefile.scene import build_scene
+from henon_ref.casefile.schema import CaseForm
+from henon_ref.casefile.source import Names, Source
+from henon_ref.casefile.written_system import build_overrides, build_system
+from henon_ref.errors import ModelError
+from henon_ref.filippov.algebra import MAX_SIZE
+from henon_ref.filippov.bounds import put
+from henon_ref.filippov.exact_numbers import exact_sign
+from henon_ref.filippov.exponents import with_rational_exponents
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem, SlidingOverride
+from henon_ref.taylor.size import size
+from henon_ref.taylor.tape import TIME
+from henon_ref.text import did_you_mean, listed
+
+
+def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
+    """The problem that one reading of a case states.
+
+    Raises
+    ------
+    CaseError
+        At the place of the first thing that does not fit.
+    """
+    system, names = source.once("system", ("system", "scene", "sliding"), lambda: _system(source, form))
+    start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
+    until = source.number(("until",), names.values)
+    if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
+        raise source.error(("until",), f"'until' must be later than the start, t = {start}")
+    problem = Problem(system, start, _initial(source, form, names), until)
+    _check_start(source, problem)
+    return replace(problem, initial_mode=_initial_mode(source, form, problem)), names
+
+
+def _system(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
+    if form.scene is not None:
+        system, names = build_scene(source, form.scene)
+    else:
+        assert form.system is not None
+        system, names = build_system(source, form.system)
+    overrides = build_overrides(source, form, names)
+    if overrides:
+        system = replace(system, overrides={**system.overrides, **overrides})
+    return with_rational_exponents(system), names
+
+
+def mathematics(problem: Problem) -> dict[str, Any]:
+    """Everything that decides the solution, and nothing else, as text fit for JSON.
+
+    Parameters that nothing uses are left out; so are titles, tolerances and the order of the file.
+    """
+    system = problem.system
+    expressions = [*system.surfaces, *system.field, *system.valid]
+    for override in system.overrides.values():
+        expressions += [*override.field, *(release.when for release in override.release)]
+    used = set().union(*(e.free_symbols for e in expressions))
+    return {
+        "states": list(system.state_names),
+        "surfaces": [[name, str(h)] for name, h in zip(system.sign_names, system.surfaces, strict=True)],
+        "field": [str(f) for f in system.field],
+        "valid": [str(v) for v in system.valid],
+        "parameters": {p.name: str(v) for p, v in sorted(system.parameters.items(), key=str) if p in used},
+        "sliding": {system.sign_names[i]: _override_text(o) for i, o in sorted(system.overrides.items())},
+        "start": str(problem.start),
+        "initial": [str(x) for x in problem.initial],
+        "until": str(problem.until),
+        "mode": {system.sign_names[i]: s for i, s in sorted(problem.initial_mode.items())},
+    }
+
+
+def _override_text(override: SlidingOverride) -> dict[str, Any]:
+    text: dict[str, Any] = {
+        "field": [str(f) for f in override.field],
+        "release": [[str(r.when), r.direction, r.to] for r in override.release],
+    }
+    if override.entry != "attracting":  # the default is not written out: what is stored without it stays valid
+        text["entry"] = override.entry
+    return text
+
+
+def _initial(source: Source, form: CaseForm, names: Names) -> tuple[sp.Expr, ...]:
+    given = form.initial.__pydantic_extra__ or {}
+    for name in given:
+        if name not in names.states:
+            message = f"'{name}' is no state{did_you_mean(name, names.states)}; states: {listed(names.states)}"
+            raise source.error(("initial", name), message, key=True)
+    missing = [name for name in names.states if name not in given]
+    if missing:
+        message = f"'initial' lacks the state {listed(missing)}; give every state its value"
+        raise source.error(("initial",), message, key=True)
+    return tuple(source.number(("initial", name), names.values) for name in names.states)
+
+
+def _check_start(source: Source, problem: Problem) -> None:
+    """Refuse a start at which a surface, or an expression of ``valid``, would become a giant number."""
+    delicate = source.once("exponents", ("system", "scene", "sliding"), lambda: _with_moving_exponents(problem.system))
+    for what, expression in delicate:
+        source.charge(("initial",), size(expression, MAX_SIZE))
+        try:
+            put(problem.system.numeric(expression), _start(problem))
+        except ModelError as error:
+            raise source.error(("initial",), f"{what} has no value at the start: {error}", key=True) from error
+
+
+def _with_moving_exponents(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
+    named = [(f"the surface of '{s}'", h) for s, h in zip(system.sign_names, system.surfaces, strict=True)]
+    named += [("an expression of 'valid'", v) for v in system.valid]
+    moving = {TIME, *system.states}
+    return [(what, e) for what, e in named if any(p.exp.free_symbols & moving for p in e.atoms(sp.Pow))]
+
+
+def _start(problem: Problem) -> dict[sp.Symbol, sp.Expr]:
+    return {TIME: problem.start, **dict(zip(problem.system.states, problem.initial, strict=True))}
+
+
+def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int, int]:
+    order = list(problem.system.sign_names)
+    modes = {}
+    for name, entry in form.initial.mode.items():
+        path = ("initial", "mode", name)
+        if name not in order:
+            message = f"'{name}' is no surface{did_you_mean(name, order)}; surfaces: {listed(order)}"
+            raise source.error(path, message, key=True)
+        index = order.index(name)
+        side = _side_at_start(problem, problem.system, index)
+        if side not in (0, entry):
+            raise source.error(path, f"the start is not on the surface of '{name}', whose sign is {side:+d} there")
+        modes[index] = entry
+    sliding = frozenset(index for index, entry in modes.items() if entry == 0)
+    try:
+        problem.system.shared_equations(sliding)
+    except ModelError as error:
+        raise source.error(("initial", "mode"), f"no mode slides like that: {error}") from error
+    return modes
+
+
+def _side_at_start(problem: Problem, system: FilippovSystem, index: int) -> int:
+    value = put(system.numeric(system.surfaces[index]), _start(problem))
+    return 0 if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo) else exact_sign(value)

@@ -1,0 +1,169 @@
+"""Expressions read from a case file, each error at the line and column where its text stands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
+from typing import TypeVar
+
+import sympy as sp
+
+from henon_ref.casefile.expressions import check_sides, parse_expression, parse_number
+from henon_ref.casefile.grammar import name_problem, scan
+from henon_ref.casefile.tree import MappingNode, ScalarNode, child, locate
+from henon_ref.errors import CaseError, ExpressionError
+from henon_ref.filippov.work import Work
+from henon_ref.taylor.tape import TIME
+
+T = TypeVar("T")
+Path = Sequence[str | int]
+"""Keys and indices from the top of the file, as ``("system", "field", 0)``."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One case, or one reading of it with its overrides laid over, as a tree that knows its places."""
+
+    tree: MappingNode
+    file: str | None = None
+    within: str = ""
+    """Added to every message: which reading it is about."""
+    work: Work = field(default_factory=Work, compare=False)
+    """What has been read of the file so far, in all readings."""
+
+    def error(self, path: Path, message: str, *, key: bool = False) -> CaseError:
+        """An error at what a path leads to (``key``: at its key rather than its value)."""
+        place = locate(self.tree, path, key=key)
+        return CaseError(message + self.within, file=self.file, line=place.line, column=place.column)
+
+    def text(self, path: Path) -> str:
+        """The text of a scalar as it is written."""
+        node = child(self.tree, path)
+        if not isinstance(node, ScalarNode):
+            raise self.error(path, "must be a number or an expression")
+        # A number in a base other than ten is not one in an expression.
+        return str(node.value) if isinstance(node.value, int) and node.text[:2] in ("0x", "0o") else node.text
+
+    def keys(self, path: Path) -> list[str]:
+        """The keys of a mapping, none where there is no mapping."""
+        node = child(self.tree, path)
+        return list(node.entries) if isinstance(node, MappingNode) else []
+
+    def expression(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> sp.Expr:
+        """A smooth expression (see :func:`henon_ref.casefile.expressions.parse_expression`)."""
+        try:
+            return parse_expression(self.text(path), names, self.work)
+        except ExpressionError as error:
+            raise self._placed(path, error, note) from None
+
+    def number(self, path: Path, names: Mapping[str, sp.Expr]) -> sp.Expr:
+        """An expression whose value is a number (see :func:`henon_ref.casefile.expressions.parse_number`)."""
+        try:
+            return parse_number(self.text(path), names, self.work)
+        except ExpressionError as error:
+            raise self._placed(path, error, "") from None
+
+    def charge(self, path: Path, characters: int) -> None:
+        """Count work that is done for what a path leads to (see :class:`henon_ref.filippov.work.Work`)."""
+        try:
+            self.work.charge(characters, 0)
+        except ExpressionError as error:
+            raise self._placed(path, error, "") from None
+
+    def once(self, what: str, keys: Sequence[str], build: Callable[[], T]) -> T:
+        """What is built of the values of some keys at the top, once for all readings that have the same ones."""
+        nodes = tuple(self.tree.entries.get(key) for key in keys)
+        known = (what, *map(id, nodes))
+        if known not in self.work.built:
+            self.work.built[known] = nodes, build()  # the nodes are kept, so that none of another reading has their id
+        found: T = self.work.built[known][1]
+        return found
+
+    def check_sides(self, path: Path, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.Symbol]) -> None:
+        """Check that an expression has values at both sides of each sign."""
+        try:
+            check_sides(self.text(path), names, signs, self.work)
+        except ExpressionError as error:
+            raise self._placed(path, error, "") from None
+
+    def _placed(self, path: Path, error: ExpressionError, note: str) -> CaseError:
+        node = child(self.tree, path)
+        start = node.text_place if isinstance(node, ScalarNode) else None
+        name = next((str(part) for part in reversed(path) if isinstance(part, str)), "")
+        message = f"in '{name}': {error.message}{note}"
+        if start is None:
+            return self.error(path, message)
+        return CaseError(message + self.within, file=self.file, line=start.line, column=start.column + error.offset)
+
+    def parameters(self, path: Path) -> dict[str, sp.Expr]:
+        """Exact values of a mapping of parameters, each of which may use the others.
+
+        Raises
+        ------
+        CaseError
+            Also for a name that is taken and for parameters that depend on each other in a circle.
+        """
+        node = child(self.tree, path)
+        if not isinstance(node, MappingNode):
+            return {}
+        uses: dict[str, set[str]] = {}
+        for name in node.entries:
+            problem = name_problem(name)
+            if problem:
+                raise self.error([*path, name], problem, key=True)
+            uses[name] = self._names_in([*path, name], node.entries)
+        values: dict[str, sp.Expr] = {}
+        try:
+            for name in TopologicalSorter(uses).static_order():
+                values[name] = self.number([*path, name], values)
+        except CycleError as error:
+            circle = list(reversed(error.args[1]))
+            message = f"parameters depend on each other in a circle: {' -> '.join(circle)}"
+            raise self.error([*path, circle[0]], message) from None
+        return {name: values[name] for name in node.entries}
+
+    def _names_in(self, path: Path, known: Mapping[str, object]) -> set[str]:
+        try:
+            tokens = scan(self.text(path), known, constant=True).tokens
+        except ExpressionError as error:
+            raise self._placed(path, error, "") from None
+        return {token.text for token in tokens if token.kind == "name" and token.text in known}
+
+
+@dataclass(frozen=True)
+class Names:
+    """What the names of one case stand for."""
+
+    states: Mapping[str, sp.Symbol]
+    signs: Mapping[str, sp.Symbol]
+    parameters: Mapping[str, sp.Symbol]
+    values: Mapping[str, sp.Expr]
+    """Parameter -> exact number."""
+
+    @classmethod
+    def of(cls, states: Sequence[str], signs: Sequence[str], values: Mapping[str, sp.Expr]) -> Names:
+        """Real symbols for all names."""
+        return cls(_symbols(states), _symbols(signs), _symbols(list(values)), values)
+
+    def exact_parameters(self) -> dict[sp.Symbol, sp.Expr]:
+        """Parameter symbol -> exact number."""
+        return {symbol: self.values[name] for name, symbol in self.parameters.items()}
+
+    def smooth(self, source: Source, path: Path, *, signs: Sequence[str] = ()) -> sp.Expr:
+        """Read an expression in time, states, parameters and some signs.
+
+        It is read with the parameters' values put in as well, and with each sign at -1 and +1, so that
+        a division by zero or a giant power is found here, with its place, and not in the middle of a run.
+        """
+        moving = {"t": TIME, **self.states}
+        own = {name: self.signs[name] for name in signs}
+        expression = source.expression(path, {**moving, **self.parameters, **own})
+        if self.values:
+            source.expression(path, {**moving, **self.values, **own}, " (with the values of the parameters)")
+        source.check_sides(path, {**moving, **self.values}, own)
+        return expression
+
+
+def _symbols(names: Sequence[str]) -> dict[str, sp.Symbol]:
+    return {name: sp.Symbol(name, real=True) for name in names}

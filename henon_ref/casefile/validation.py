@@ -1,0 +1,101 @@
+"""Check a tree against the case file's form; what does not fit is told by its line and column."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+from pydantic import ValidationError
+
+from henon_ref.casefile.schema import CaseForm, Form
+from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, child, locate, plain
+from henon_ref.errors import CaseError
+from henon_ref.text import did_you_mean, listed, shortened
+
+
+def validated(tree: MappingNode, *, file: str | None, within: str = "") -> CaseForm:
+    """Check the form of one case (or of one of its readings, overrides laid over).
+
+    Raises
+    ------
+    CaseError
+        At the line and column of the first key or value that does not fit.
+    """
+    try:
+        return CaseForm.model_validate(plain(tree))
+    except ValidationError as error:
+        found = [(item["type"] == "missing", *_explained(tree, dict(item))) for item in error.errors(include_url=False)]
+    # A misspelt key is unknown and missing at once; only the first is of use.
+    _, place, message = min(found, key=lambda item: (item[0], item[1].line, item[1].column))
+    raise CaseError(message + within, file=file, line=place.line, column=place.column)
+
+
+def _explained(tree: Node, error: dict[str, Any]) -> tuple[Place, str]:
+    """Place and message of one pydantic error."""
+    path = [part for part in error["loc"] if part != "[key]"]
+    kind = error["type"]
+    if not path:
+        return tree.place, str(error["ctx"]["error"]) if kind == "value_error" else error["msg"]
+    form = _form_at(path[:-1])
+    name = f"'{path[-1]}'" if isinstance(path[-1], str) else "an entry"
+    where = f" in '{path[-2]}'" if len(path) > 1 and isinstance(path[-2], str) else ""
+    if kind == "extra_forbidden":
+        known = _keys(form)
+        text = f"unknown key {name}{where}{did_you_mean(str(path[-1]), known)}; allowed: {listed(known)}"
+        return locate(tree, path, key=True), text
+    if kind == "missing":
+        return locate(tree, path[:-1], key=True), f"the key {name} is missing{where}"
+    message = _MESSAGES.get(kind)
+    if kind == "value_error":
+        message = str(error["ctx"]["error"])
+    elif kind == "literal_error":
+        message = f"must be {error['ctx']['expected']}"
+    elif kind == "too_long":
+        message = f"may have at most {error['ctx']['max_length']} entries"
+    elif message is None:
+        message = error["msg"]
+    return locate(tree, path), f"{name}{where}: {message}{_given(tree, path, kind)}"
+
+
+_MESSAGES = {
+    "list_type": "must be a list, as in [1, 2]",
+    "dict_type": "must be a mapping, as in {name: value}",
+    "model_type": "must be a mapping, as in {key: value}",
+    "model_attributes_type": "must be a mapping, as in {key: value}",
+    "too_short": "must have at least one entry",
+}
+
+
+def _given(tree: Node, path: list[str | int], kind: str) -> str:
+    node = child(tree, path)
+    if kind in ("value_error", "too_short", "too_long") or node is None:
+        return ""
+    if isinstance(node, ScalarNode):
+        shown = f"the text {shortened(node.text)}" if isinstance(node.value, str) else node.text
+        return f"; here it is {shown or 'empty'}"
+    return "; here it is a mapping" if isinstance(node, MappingNode) else "; here it is a list"
+
+
+def _form_at(path: list[Any]) -> type[Form]:
+    """The form that a path leads into."""
+    form: type[Form] = CaseForm
+    for part in path:
+        for key, info in form.model_fields.items():
+            if part in (key, info.alias):
+                found = _form_in(info.annotation)
+                form = found or form
+    return form
+
+
+def _form_in(annotation: Any) -> type[Form] | None:
+    if isinstance(annotation, type) and issubclass(annotation, Form):
+        return annotation
+    for inner in get_args(annotation):
+        found = _form_in(inner)
+        if found is not None:
+            return found
+    return None
+
+
+def _keys(form: type[Form]) -> list[str]:
+    keys = [info.alias or key for key, info in form.model_fields.items()]
+    return [*keys, "readings"] if form is CaseForm else keys

@@ -1,0 +1,102 @@
+"""``system:`` and ``sliding:`` of a case file to a :class:`FilippovSystem`."""
+
+from __future__ import annotations
+
+from henon_ref.casefile.grammar import name_problem
+from henon_ref.casefile.schema import CaseForm, SlidingForm, SystemForm
+from henon_ref.casefile.source import Names, Path, Source
+from henon_ref.columns import JUDGED_COLUMNS, TRANSITION_COLUMNS
+from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
+from henon_ref.taylor.tape import TIME
+from henon_ref.text import did_you_mean, listed
+
+TAKEN = frozenset((*TRANSITION_COLUMNS, *JUDGED_COLUMNS))
+"""Columns of ``transitions.csv``, where a state's column has the name of the state."""
+
+
+def build_system(source: Source, form: SystemForm) -> tuple[FilippovSystem, Names]:
+    """The system that a case file writes out.
+
+    Raises
+    ------
+    CaseError
+        At the place of a name that is taken or not known, an expression that is not allowed, or a field
+        whose length is not that of the state.
+    """
+    states, signs = list(form.state), list(form.surfaces)
+    values = source.parameters(("system", "parameters"))
+    _check_names(source, states, signs, set(values))
+    names = Names.of(states, signs, values)
+    if len(form.field) != len(states):
+        raise source.error(
+            ("system", "field"),
+            f"'field' has {len(form.field)} entries; it needs one for each state ({len(states)}): {listed(states)}",
+        )
+    surfaces = []
+    for sign in signs:
+        path = ("system", "surfaces", sign)
+        surface = names.smooth(source, path)
+        if not surface.free_symbols & {TIME, *names.states.values()}:
+            raise source.error(path, f"the surface '{sign}' never changes: it holds no state and no t")
+        surfaces.append(surface)
+    field = [names.smooth(source, ("system", "field", i), signs=signs) for i in range(len(states))]
+    valid = [names.smooth(source, ("system", "valid", i)) for i in range(len(form.valid))]
+    system = FilippovSystem(
+        states=tuple(names.states.values()),
+        signs=tuple(names.signs.values()),
+        surfaces=tuple(surfaces),
+        field=tuple(field),
+        parameters=names.exact_parameters(),
+        valid=tuple(valid),
+        written={
+            **{x: source.text(("system", "field", i)) for i, x in enumerate(names.states.values())},
+            **{s: source.text(("system", "surfaces", name)) for name, s in names.signs.items()},
+        },
+    )
+    return system, names
+
+
+def _check_names(source: Source, states: list[str], signs: list[str], parameters: set[str]) -> None:
+    seen: dict[str, str] = dict.fromkeys(parameters, "parameter")
+    for kind, found in (("state", states), ("surface", signs)):
+        for i, name in enumerate(found):
+            path: Path = ("system", "state", i) if kind == "state" else ("system", "surfaces", name)
+            problem = name_problem(name)
+            if not problem and name in seen:
+                problem = f"'{name}' is already the name of a {seen[name]}"
+            if not problem and kind == "state" and name in TAKEN:
+                problem = f"'{name}' is a column of transitions.csv, where states have theirs; choose another name"
+            if problem:
+                raise source.error(path, problem, key=True)
+            seen[name] = kind
+
+
+def build_overrides(source: Source, form: CaseForm, names: Names) -> dict[int, SlidingOverride]:
+    """The sliding modes that the case does in its own way, by the index of their surface."""
+    order = list(names.signs)
+    overrides = {}
+    for sign, sliding in form.sliding.items():
+        if sign not in order:
+            raise source.error(
+                ("sliding", sign),
+                f"'{sign}' is no surface{did_you_mean(sign, order)}; surfaces: {listed(order)}",
+                key=True,
+            )
+        overrides[order.index(sign)] = _override(source, sign, sliding, names)
+    return overrides
+
+
+def _override(source: Source, sign: str, form: SlidingForm, names: Names) -> SlidingOverride:
+    others = [name for name in names.signs if name != sign]
+    if len(form.field) != len(names.states):
+        raise source.error(
+            ("sliding", sign, "field"),
+            f"'field' has {len(form.field)} entries; it needs one for each state ({len(names.states)}): "
+            f"{listed(names.states)}",
+        )
+    field = [names.smooth(source, ("sliding", sign, "field", i), signs=others) for i in range(len(form.field))]
+    releases = [
+        Release(names.smooth(source, ("sliding", sign, "release", i, "when")), release.direction, release.to)
+        for i, release in enumerate(form.release)
+    ]
+    return SlidingOverride(tuple(field), tuple(releases), form.entry)

@@ -1,0 +1,1 @@
+"""Commands: arguments, exit statuses, what the terminal is shown."""

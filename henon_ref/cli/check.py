@@ -1,0 +1,155 @@
+"""Whether reports that lie there still say what a fresh comparison says, wall times apart.
+
+``python -m henon_ref.check CASE... [--reports DIR] [--fresh DIR]``: exit status 1 with a line for everything
+that differs; for the others see :mod:`henon_ref.cli.exit_status`. ``--fresh`` takes the fresh results from a folder
+that ``henon_ref.compare`` has just filled; without it they are made here, each run once.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from henon_ref.campaign.case_files import load_cases
+from henon_ref.campaign.comparison import Comparison, compare_all
+from henon_ref.campaign.options import Options
+from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say
+from henon_ref.columns import Row
+from henon_ref.errors import CaseError
+from henon_ref.report.case_report import write_report
+from henon_ref.report.files.csv_files import read_rows
+from henon_ref.report.files.manifest import provenance
+from henon_ref.report.files.write import MANIFEST, REPORT, RUNS
+from henon_ref.report.text.formats import setting
+from henon_ref.report.text.ranking import floor, number
+
+FACTOR = 10.0
+"""Errors may differ by this factor: rounding is not the same on every processor."""
+ROUNDING = 1e4
+"""Errors below this many times what can be claimed are rounding, and not compared."""
+EQUAL = ("status", "reference_transitions", "matched", "missed", "spurious", "stick_count")
+"""Columns of a right run that may not differ."""
+ERRORS = ("max_time_error_s", "max_stick_error_s")
+"""Columns that may differ by ``FACTOR``."""
+MACHINE = ("timeout",)
+"""Statuses that depend on the machine's speed."""
+
+
+def differences(stored: Path, fresh: Path) -> list[str]:
+    """What a case's stored report folder and a fresh one differ in.
+
+    Parameters
+    ----------
+    stored, fresh : Path
+        Folders of one case.
+    """
+    if not (stored / RUNS).exists():
+        return [f"there is no report in {stored}"]
+    old, new = _by_run(stored / RUNS), _by_run(fresh / RUNS)
+    if {column for row in old.values() for column in row} != {column for row in new.values() for column in row}:
+        return [f"the columns of {stored / RUNS} are those of another version"]
+    found = [f"{_label(key)} is stored, and is not run any more" for key in old if key not in new]
+    found += [f"{_label(key)} is not stored" for key in new if key not in old]
+    for key in old.keys() & new.keys():
+        found += [f"{_label(key)}: {words}" for words in row_differences(old[key], new[key])]
+    found += text_differences(stored / REPORT, fresh / REPORT)
+    listed = json.loads((stored / MANIFEST).read_text(encoding="utf-8"))["files"]
+    found += [f"the file {name} is gone" for name in listed if not (stored / name).exists()]
+    return found
+
+
+def row_differences(old: Row, new: Row) -> Iterator[str]:
+    """What two rows of the same run differ in, as far as that is not the machine's doing."""
+    if old["status"] in MACHINE or new["status"] in MACHINE:
+        return
+    if old["verdict"] != "right" or new["verdict"] != "right":
+        # Once a run has gone wrong, the last bit decides where it goes.
+        if old["verdict"] != new["verdict"] or old["status"] != new["status"]:
+            yield f"was {old['status']} ({old['verdict']}), is {new['status']} ({new['verdict']})"
+        return
+    for column in EQUAL:
+        if old[column] != new[column]:
+            yield f"{column} was {old[column]}, is {new[column]}"
+    for column in ERRORS:
+        before, after = number(old, column), number(new, column)
+        if math.isnan(before) != math.isnan(after):
+            yield f"{column} was {old[column]}, is {new[column]}"
+        elif max(before, after) > max(ROUNDING * floor(old), FACTOR * min(before, after)):
+            yield f"{column} was {before:.2e}, is {after:.2e}"
+
+
+def text_differences(stored: Path, fresh: Path) -> list[str]:
+    """Sections on model and truth that are not the same."""
+    old, new = (_sections(path.read_text(encoding="utf-8")) for path in (stored, fresh))
+    return [f"{name}: the text differs" for name in old | new if old.get(name) != new.get(name)]
+
+
+def _sections(text: str) -> dict[str, str]:
+    """The title, and the text under every heading Truth and Model, by reading and heading."""
+    found = {"title": text.split("\n", 1)[0]}
+    reading = ""
+    for block in re.split(r"^(?=#{2,3} )", text, flags=re.MULTILINE)[1:]:
+        heading, _, body = block.partition("\n")
+        name = heading.lstrip("# ")
+        if name in ("Truth", "Model"):
+            found[f"{reading} {name}".strip()] = body.strip()
+        elif heading.startswith("## ") and re.fullmatch(r"[a-z0-9_]+", name):
+            reading = name
+    return found
+
+
+def _by_run(path: Path) -> dict[tuple[object, ...], Row]:
+    return {(row["reading"], row["solver"], row["rtol"], row["step_s"]): row for row in read_rows(path)}
+
+
+def _label(key: tuple[object, ...]) -> str:
+    reading, solver, rtol, step = key
+    return f"{reading}, {solver} at {setting(rtol, step)}"
+
+
+def check(cases: Sequence[Path], reports: Path, fresh: Path | None) -> list[str]:
+    """What the reports of these cases differ in from a fresh comparison."""
+    loaded = load_cases(cases)
+    if fresh is not None:
+        missing = [case.name for case in loaded if not (fresh / case.name / RUNS).exists()]
+        if missing:
+            raise CaseError(f"{fresh} has no report of {', '.join(missing)}")
+        return [f"{c.name}: {w}" for c in loaded for w in differences(reports / c.name, fresh / c.name)]
+    with tempfile.TemporaryDirectory() as made:
+        origin = provenance("")
+
+        def keep(comparison: Comparison) -> None:
+            write_report(comparison, origin, Path(made))
+
+        compare_all(loaded, Options(repeats=1), keep)
+        return check(cases, reports, Path(made))
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    cases: Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)],
+    reports: Annotated[Path, typer.Option(help="Folder of the reports.")] = Path("reports"),
+    fresh: Annotated[Path | None, typer.Option(help="Folder that a comparison has just filled.")] = None,
+) -> int:
+    """Say whether reports still hold."""
+    found = check(cases, reports, fresh)
+    for words in found:
+        say(words)
+    return NOT_MET if found else DONE
+
+
+def command(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit status."""
+    return exit_status(
+        lambda: int(parsed(app, arguments, name="report.check")), name="report.check", arguments=arguments
+    )

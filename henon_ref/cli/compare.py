@@ -1,0 +1,65 @@
+"""The command: case files in, reports out.
+
+``python -m henon_ref.compare CASE.yaml [...]``. Exit status 1: the gate is not met or a required solver is wrong; for
+the others see :mod:`henon_ref.cli.exit_status`.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from henon_ref.campaign.fork_server import begin_server, collect_seldom
+from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
+from henon_ref.jit.cache_folder import watched_cache
+
+if TYPE_CHECKING:
+    from henon_ref.cli.request import Request
+
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""A run is one thread: those of BLAS would only disturb the timings."""
+KEPT = "finished rows are kept, --resume goes on from them"
+
+
+def command(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit status. Whatever goes wrong is one message on standard error."""
+    return exit_status(lambda: _act(arguments), name="compare", arguments=arguments, kept=KEPT)
+
+
+def _act(arguments: Sequence[str] | None) -> int:
+    from henon_ref.cli.arguments import app
+
+    collect_seldom()
+    # Run outside of typer, which has its own way with an interrupt.
+    request = parsed(app, arguments, name="compare")
+    if isinstance(request, int):
+        return request
+    with writing_into(request.out, kept=KEPT):
+        return _run(request)
+
+
+def _run(request: Request) -> int:
+    from henon_ref.cli.compare_cases import run
+
+    unmet = run(request)
+    for what, failures in unmet._asdict().items():
+        for words in failures:
+            say(f"{what}: {words}")
+    return NOT_MET if unmet.required or (request.gate and unmet.gate) else DONE
+
+
+def program() -> int:
+    """The command as a process of its own: the exit status."""
+    for name in ONE_THREAD:  # read when numpy is imported, which it has not been yet
+        os.environ.setdefault(name, "1")
+    status = exit_status(_with_processes, name="compare", arguments=None, kept=KEPT)
+    gc.freeze()  # nor is it looked through once more on the way out: a tenth of a short comparison
+    return status
+
+
+def _with_processes() -> int:
+    with watched_cache():  # its processes use the folder that is found usable here
+        begin_server()  # while it is at work, this process imports what the command needs
+        return _act(None)

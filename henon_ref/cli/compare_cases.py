@@ -1,0 +1,191 @@
+"""What the command does: read the cases, run the campaign, write each report as it is done, then the index."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from henon_ref.campaign.case_files import load_cases
+from henon_ref.campaign.comparison import Comparison, compare_all
+from henon_ref.campaign.journal import FILE, read
+from henon_ref.campaign.options import Observer, Options
+from henon_ref.campaign.plan import check_required, check_solvers
+from henon_ref.casefile.case import Case
+from henon_ref.cli.exit_status import say
+from henon_ref.cli.progress import Shown
+from henon_ref.cli.request import Request
+from henon_ref.report.case_report import write_report
+from henon_ref.report.files.figure_jobs import figure_job, preload
+from henon_ref.report.files.folder_lock import locked, locked_for_a_moment
+from henon_ref.report.files.manifest import Provenance, provenance
+from henon_ref.report.files.write import check_index, check_writable, remove_if_empty
+from henon_ref.report.text.causes import FOLDER as CAUSES
+from henon_ref.report.text.causes import write_causes
+from henon_ref.report.text.index import write_index
+from henon_ref.report.text.markdown import environment, gate_words, left_out_words
+from henon_ref.report.text.paired_times import FOLDER as RIVALS
+from henon_ref.score.gate import Demand, Tally, demand, gate_tally
+from henon_ref.studies.atlas.page import FOLDER as ATLAS
+from henon_ref.studies.atlas.run import run_atlas
+from henon_ref.studies.restarts.experiment import run_restarts
+from henon_ref.studies.restarts.page import FOLDER as RESTARTS
+from henon_ref.studies.rivals.experiment import run_rivals
+from henon_ref.text import message
+
+if TYPE_CHECKING:
+    pass
+
+
+class Unmet(NamedTuple):
+    """What the command's exit status may depend on, a sentence each."""
+
+    gate: list[str]
+    """Bounds of the gate that are not met; where it decides (``--gate``) and none was checked, that."""
+    required: list[str]
+    """Where a required solver is not right; where one was judged nowhere, that."""
+
+
+def run(request: Request) -> Unmet:
+    """Compare and report.
+
+    Raises
+    ------
+    CaseError
+        For a case file or an argument that cannot be used; nothing has been written then.
+    """
+    check_writable(request.out)
+    further = [request.out / page for page in (ATLAS, RESTARTS, CAUSES, RIVALS)] if request.whole else []
+    for page in further:
+        check_index(page)
+    cases = load_cases(request.cases)
+    options = Options(
+        keep_journals=True,
+        solvers=request.solvers,
+        restarts=request.restarts,
+        tolerances=request.tolerances,
+        repeats=request.repeats,
+        timeout=request.timeout,
+        processes=request.processes,
+        folder=request.out,
+        resume=request.resume,
+    )
+    check_solvers(cases, options)
+    check_required(request.required, cases, options)
+    with locked([*(request.out / case.name for case in cases), *further]):
+        _mention_unfinished(cases, request)
+        return _compared(cases, options, request)
+
+
+def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unmet:
+    """Run everything and write it into folders that nobody else writes into."""
+    written: list[Path] = []
+    failures: list[str] = []
+    tallies: list[Tally] = []
+    demands = dict.fromkeys(request.required, Demand())
+    environment()
+    origin = provenance(rerun_command(request))
+
+    def deliver(comparison: Comparison) -> None:
+        written.append(write_report(comparison, origin, request.out))
+        failures.extend(f"{comparison.case.name}: {words}" for words in comparison.gate_failures())
+        tallies.append(gate_tally(comparison.case.readings, comparison.run_rows))
+        for solver in demands:
+            demands[solver] += demand(solver, comparison.run_rows)
+
+    with Shown() as shown:
+        draw = figure_job if request.figures else None
+        compare_all(cases, options, deliver, draw=draw, ready=preload, observer=shown)
+        if request.whole:
+            written += experiments(cases, options, origin, request.out, shown)
+    with locked_for_a_moment(request.out):
+        index = write_index(request.out)
+    discard(request.out, cases)
+    where = written[0] if len(written) == 1 else index
+    tally = sum(tallies, Tally())
+    told = "".join(f"; {solver} right in {own.right} of {own.judged} judged" for solver, own in demands.items())
+    print(message(f"{where}{gate_state(tally, failures, wanted=request.gate)}{told}"))
+    if request.gate and tally.missing:
+        failures.append(gate_words(tally))
+    if request.gate and tally.left_out:
+        print(message(f"gate: {left_out_words(tally)}"), file=sys.stderr)
+    return Unmet(failures, [words for solver, own in demands.items() for words in _unmet(solver, own)])
+
+
+def _unmet(solver: str, own: Demand) -> tuple[str, ...]:
+    return own.failures or (() if own.judged else (f"there is no reading in which {solver} can be judged",))
+
+
+def gate_state(tally: Tally, failures: Sequence[str], *, wanted: bool) -> str:
+    """What became of the gate, behind the report's name; ``wanted``: whether it decides the exit status."""
+    if not tally.total and not wanted:
+        return ""
+    if failures:
+        return "; gate not met"
+    if not tally.checked:
+        return f"; gate not checked: {gate_words(tally)}"
+    part = "" if tally.checked == tally.total else f" ({tally.checked} of {tally.total} bounds checked)"
+    return f"; gate met{part}"
+
+
+def experiments(
+    cases: Sequence[Case], options: Options, origin: Provenance, out: Path, observer: Observer
+) -> list[Path]:
+    """What a whole folder gets besides its reports: atlas, restart habits, causes, rivals; the pages written."""
+    pages = [
+        run_atlas(cases, options, origin, out, observer),
+        run_restarts(cases, options, origin, out, observer),
+        write_causes(out),
+        run_rivals(cases, options, origin, out, observer),
+    ]
+    return [page for page in pages if page is not None]
+
+
+def discard(out: Path, cases: Sequence[Case]) -> None:
+    """Remove the journals: everything that they hold is written."""
+    for folder in (out, out / ATLAS, out / RESTARTS):
+        for case in cases:
+            (folder / case.name / FILE).unlink(missing_ok=True)
+            if folder != out:
+                remove_if_empty(folder / case.name)
+
+
+def rerun_command(request: Request) -> str:
+    """The command that makes the same reports again."""
+    words = ["python", "-m", "henon_ref.compare", *(_relative(path) for path in request.cases)]
+    for option, value in (
+        ("--solvers", ",".join(request.solvers) if request.solvers else None),
+        ("--tolerances", ",".join(map(_digits, request.tolerances)) if request.tolerances else None),
+        ("--restart", ",".join(request.restarts) or None),
+        ("--repeats", request.repeats),
+        ("--timeout", _digits(request.timeout) if request.timeout != Options().timeout else None),
+    ):
+        if value is not None:
+            words += [option, str(value)]
+    if not request.figures:
+        words.append("--no-figures")
+    return shlex.join(words).encode(errors="replace").decode()  # a path need not be text
+
+
+def _digits(value: float) -> str:
+    """A number as short as it reads back to the same double."""
+    short = f"{value:g}"
+    return short if float(short) == value else repr(value)
+
+
+def _relative(path: Path) -> str:
+    """A path as it is seen from here, so that a report does not name folders of this machine."""
+    absolute, here = path.absolute(), Path.cwd()
+    return absolute.relative_to(here).as_posix() if absolute.is_relative_to(here) else path.name
+
+
+def _mention_unfinished(cases: Sequence[Case], request: Request) -> None:
+    """Say that there are rows which --resume would keep."""
+    if request.resume:
+        return
+    for case in cases:
+        rows = len(read(request.out / case.name / FILE))
+        if rows:
+            say(f"starting afresh: --resume would keep {rows} rows of {case.name}")

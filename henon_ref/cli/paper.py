@@ -1,0 +1,43 @@
+"""The command: ``python -m henon_ref.paper [--out reports/paper]``.
+
+Exit status 1: a claim of the page fails its check; for the others see :mod:`henon_ref.cli.exit_status`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    out: Annotated[Path, typer.Option(help="Folder of the page and its figures.")] = Path("reports/paper"),
+) -> int:
+    """Compute everything the paper computes again, and write the page that sets it against the paper."""
+    from rich.console import Console
+
+    from henon_ref.report.files.folder_lock import locked
+    from henon_ref.report.files.manifest import provenance
+    from henon_ref.report.files.write import check_writable
+    from henon_ref.studies.paper.page import write_page
+
+    check_writable(out)
+    console = Console(stderr=True)
+    with writing_into(out), locked([out]), console.status("the paper, computed again") as status:
+        sections = write_page(out, provenance("python -m henon_ref.paper"), lambda name: status.update(name))
+    failed = [claim for section in sections for claim in section.claims if claim.verdict == "fails"]
+    for claim in failed:
+        say(f"fails: {claim.where}: {claim.says}")
+    return NOT_MET if failed else DONE
+
+
+def command(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit status."""
+    return exit_status(lambda: int(parsed(app, arguments, name="paper")), name="paper", arguments=arguments)

@@ -1,0 +1,38 @@
+"""The command: ``python -m henon_ref.price CASES [--out reports/price]``.
+
+Exit statuses: see :mod:`henon_ref.cli.exit_status`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from henon_ref.cli.exit_status import exit_status, parsed, writing_into
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+KEPT = "finished rows are kept, --resume goes on from them"
+
+
+@app.command()
+def main(
+    cases: Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder of the page and its figures.")] = Path("reports/price"),
+    jobs: Annotated[int, typer.Option(min=1, help="Runs at work at once; more than one disturb each other.")] = 1,
+    resume: Annotated[bool, typer.Option("--resume", help="Keep the rows of an interrupted list.")] = False,
+) -> int:
+    """Time every solver at every tolerance, and what landings, effects and horizons cost."""
+    from henon_ref.cli.progress import Shown
+    from henon_ref.studies.price.run import run
+
+    with writing_into(out, kept=KEPT):
+        return run(cases, out, jobs=jobs, resume=resume, observer=Shown())
+
+
+def command(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit status."""
+    return exit_status(lambda: int(parsed(app, arguments, name="price")), name="price", arguments=arguments, kept=KEPT)

@@ -1,0 +1,150 @@
+"""The command: recompute truths, hold them against what is stored, store them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from henon_ref.casefile.case import Case, Reading
+from henon_ref.casefile.files import read_cases
+from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed
+from henon_ref.errors import CaseError, ModelError
+from henon_ref.text import message
+from henon_ref.truth import compute as settle
+from henon_ref.truth import store
+from henon_ref.truth.reference import Truth, TruthError
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+PROOF_SECONDS = 1800.0
+
+
+@app.command()
+def main(
+    cases: Annotated[list[Path], typer.Argument(help="Case files, or folders of them.")],
+    check: Annotated[bool, typer.Option("--check", help="Write nothing; exit 1 if a stored truth differs.")] = False,
+    missing: Annotated[bool, typer.Option("--missing", help="Only what is not stored or out of date.")] = False,
+    proof_seconds: Annotated[float, typer.Option(help="Time that one proof may take [s].")] = PROOF_SECONDS,
+) -> int:
+    """Compute the truth of every reading, compare it with what is stored, and store it under cases/truth.
+
+    A stored truth that the new one agrees with stays as it is, unless more of it is now proven; one that is
+    certified stays wherever the new one is not.
+    """
+    if not proof_seconds >= 0:
+        raise CaseError(f"--proof-seconds is a number of seconds from 0 on, not {proof_seconds:g}")
+    failed = False
+    with _shown(Console()) as shown:
+        for case in read_cases(cases):
+            for reading in case.readings:
+                failed |= not _one(case, reading, shown, check=check, missing=missing, proof_seconds=proof_seconds)
+    return NOT_MET if failed else DONE
+
+
+def command(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit status."""
+    return exit_status(lambda: int(parsed(app, arguments, name="truth")), name="truth", arguments=arguments)
+
+
+@contextmanager
+def _shown(console: Console) -> Iterator[Progress]:
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        yield progress
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What lies in the place of a reading's truth."""
+
+    truth: Truth | None
+    """The truth of the reading's mathematics, or what a damaged file says of it; None where there is neither."""
+    fault: str = ""
+    """Why the file is not to be believed."""
+    claimed: bool = False
+    """It has been held against what the case claims now."""
+
+    @property
+    def current(self) -> bool:
+        """Whether nothing is wrong with it."""
+        return self.claimed and not self.fault
+
+    @classmethod
+    def of(cls, case: Case, reading: Reading, folder: Path) -> Stored:
+        """What lies in a folder; a damaged file is told."""
+        try:
+            truth, fault = store.load(folder, case.name, reading.name), ""
+        except store.StoredTruthError as error:
+            settle.tell(error)
+            truth, fault = error.content, error.reason
+        if truth is not None and truth.mathematics_hash != reading.mathematics_hash:
+            truth = None
+        return cls(truth, fault, truth is not None and settle.claimed(truth, reading))
+
+
+def _one(case: Case, reading: Reading, shown: Progress, *, check: bool, missing: bool, proof_seconds: float) -> bool:
+    """One reading; False where something is wrong."""
+    folder = store.folder_of(case.path)
+    name = f"{case.name}, {reading.name}"
+    stored = Stored.of(case, reading, folder)
+    if stored.current and missing:
+        return True
+    task = shown.add_task(name, total=1.0)
+
+    def told(stage: str, done: float) -> None:
+        shown.update(task, description=f"{name}: {stage}", completed=done)
+
+    try:
+        fresh = settle.compute(case, reading, proof_seconds=proof_seconds, progress=told)
+    except (TruthError, ModelError) as error:
+        _print(shown, f"{name}: {error}")
+        return False
+    finally:
+        shown.remove_task(task)
+    return _compared(name, stored, fresh, folder, shown, check=check)
+
+
+def _compared(name: str, stored: Stored, fresh: Truth, folder: Path, shown: Progress, *, check: bool) -> bool:
+    """Say how a stored truth and a new one stand to each other; store the new one unless only checking.
+
+    A certified truth is not given up for one that is not.
+    """
+    old = stored.truth
+    faults = [] if old is None else settle.differences(old, fresh)
+    faults += [stored.fault] if stored.fault else []
+    weaker = old is not None and old.certified and not fresh.certified
+    stays = check or weaker
+    if old is None and not stored.fault:
+        verdict, right = ("not stored or out of date" if check else "stored"), not check
+    elif faults:
+        verdict, right = "differs from what was stored: " + "; ".join(faults[:5]), not stays
+    elif not stored.current:
+        verdict, right = "was not held against what the case claims now", not stays
+    elif old is not None and (fresh.certified, fresh.proven) > (old.certified, old.proven):
+        verdict, right = "agrees, and more is proven now", True
+    else:
+        verdict, right, stays = "agrees with what is stored", not (check and weaker), True
+    if not stays:
+        try:
+            store.save(folder, fresh)
+        except OSError as error:
+            verdict, right = f"cannot be stored in {folder}: {error.strerror or error}", False
+    _print(shown, f"{name}: {_summary(fresh)}; {verdict}{'; what is stored is certified and stays' * weaker}")
+    return right
+
+
+def _summary(truth: Truth) -> str:
+    seconds = sum(s for _, _, s in truth.methods)
+    proven = "certified" if truth.certified else f"{truth.proven} proven, not certified: {truth.uncertified_because}"
+    ending = truth.status + (f" ({truth.reason})" if truth.reason else "")
+    return f"{len(truth.transitions)} transitions, {ending}, radius {truth.radius:.1e} s, {proven}, {seconds:.1f} s"
+
+
+def _print(shown: Progress, text: str) -> None:
+    shown.console.print(message(text), markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,1 @@
+"""The mathematics of modes: fields with signs, sliding, switching, initial-value problems."""

@@ -1,0 +1,140 @@
+"""Algebra whose work is known before it is begun.
+
+A call of SymPy cannot be ended safely once it runs, and one on a short text may never end: ``simplify`` of a sum of
+quotients of functions tries every identity that it knows. So an expression is measured first, and where it is large
+it stays as it is written. What is measured are the polynomials that numerator and denominator would become, in
+symbols and in what is no rational function of symbols (``sin(x)``, ``sqrt(x)``, a giant number), which counts as a
+symbol and is not looked into.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from math import comb, prod
+
+import sympy as sp
+
+from henon_ref.filippov.exact_numbers import exact_sign
+
+MAX_TERMS, MAX_MONOMIALS = 50, 2_000
+"""Terms that numerator and denominator may have, multiplied out, and products of powers that there are below the
+degrees of either, where their greatest common divisor is looked for."""
+MAX_FACTORED_TERMS, MAX_FACTORED_MONOMIALS = 8, 128
+"""The same where they are taken apart into factors, which is much more work."""
+MAX_COEFFICIENT = 64
+"""Bits of a number that counts as one: a larger one, whose factors would be looked for, counts as a symbol."""
+MAX_EXPANDED = 1_000
+"""Terms up to which products of sums are multiplied out."""
+MAX_SIZE = 100_000
+"""Size that the equations of a mode may have, all together."""
+MAX_DERIVED = 400
+"""Size up to which a nonlinear expression is differentiated to see whether its derivative is a constant."""
+
+
+def simplified(expression: sp.Expr) -> sp.Expr:
+    """The expression in few terms, or as it is written where that is too much work."""
+    if not expression.has(sp.Add, sp.Function):  # a product is so already (SymPy loads all its units, 0.2 s, before)
+        return expression
+    return _rational(expression, sp.simplify, MAX_TERMS, MAX_MONOMIALS)
+
+
+def factored(expression: sp.Expr) -> sp.Expr:
+    """The expression as a product, or as it is written where that is too much work."""
+    return _rational(expression, sp.factor, MAX_FACTORED_TERMS, MAX_FACTORED_MONOMIALS)
+
+
+def known_positive(expression: sp.Expr) -> bool:
+    """Whether an expression is seen with little work to be positive for all values of its symbols."""
+    if expression.is_number:
+        return exact_sign(expression) > 0
+    extents = measured(expression)
+    if extents is None or any(
+        part.terms > MAX_FACTORED_TERMS or part.monomials > MAX_FACTORED_MONOMIALS for part in extents
+    ):
+        return False
+    return bool(expression.is_positive)
+
+
+def expanded(expression: sp.Expr) -> sp.Expr:
+    """The expression multiplied out at its top, or as it is written where that has too many terms."""
+    return sp.expand(expression, deep=False) if _terms(expression) <= MAX_EXPANDED else expression
+
+
+def _rational(expression: sp.Expr, rule: Callable[[sp.Expr], sp.Expr], terms: int, monomials: int) -> sp.Expr:
+    """What a rule makes of an expression as a rational function; what else there is in it is a symbol to the rule."""
+    extents = measured(expression)
+    if extents is None or any(part.terms > terms or part.monomials > monomials for part in extents):
+        return expression
+    others = sorted((g for part in extents for g in part.degrees if not g.is_Symbol), key=sp.default_sort_key)
+    names = {g: sp.Dummy(f"g{i}", real=True) for i, g in enumerate(dict.fromkeys(others))}
+    written = expression.xreplace(names)
+    return rule(written).xreplace({name: g for g, name in names.items()})
+
+
+class Extent:
+    """How large a polynomial may become: its terms, and its degree in each symbol."""
+
+    def __init__(self, terms: int = 1, degrees: Counter[sp.Expr] | None = None) -> None:
+        self.terms = min(terms, MAX_TERMS + 1)
+        self.degrees: Counter[sp.Expr] = degrees if degrees is not None else Counter()
+
+    def __mul__(self, other: Extent) -> Extent:
+        return Extent(self.terms * other.terms, self.degrees + other.degrees)
+
+    def __add__(self, other: Extent) -> Extent:
+        return Extent(self.terms + other.terms, self.degrees | other.degrees)
+
+    def power(self, n: int) -> Extent:
+        return Extent(comb(self.terms + n - 1, n), Counter({g: n * d for g, d in self.degrees.items()}))
+
+    @property
+    def monomials(self) -> int:
+        return prod(d + 1 for d in self.degrees.values())
+
+    @property
+    def small(self) -> bool:
+        return self.terms <= MAX_TERMS and self.monomials <= MAX_MONOMIALS
+
+
+def measured(expression: sp.Expr) -> tuple[Extent, Extent] | None:
+    """Extent of numerator and denominator over a common denominator; None where either is large."""
+    above, below = Extent(), Extent()
+    if expression.is_Rational and max(abs(expression.p), expression.q).bit_length() <= MAX_COEFFICIENT:
+        return above, below
+    if expression.is_Add or expression.is_Mul:
+        for i, argument in enumerate(expression.args):
+            part = measured(argument)
+            if part is None:
+                return None
+            if expression.is_Mul:
+                above, below = above * part[0], below * part[1]
+            else:
+                above = above * part[1] + part[0] * below if i else part[0]
+                below = below * part[1]
+            if not (above.small and below.small):
+                return None
+        return above, below
+    if expression.is_Pow and expression.exp.is_Integer:
+        part = measured(expression.base)
+        if part is None:
+            return None
+        n = int(expression.exp)
+        above, below = (part[0].power(abs(n)), part[1].power(abs(n)))
+        if not (above.small and below.small):
+            return None
+        return (above, below) if n > 0 else (below, above)
+    return Extent(1, Counter({expression: 1})), below
+
+
+def _terms(expression: sp.Expr) -> int:
+    """Terms of an expression whose products at the top are multiplied out; counting stops past the limit."""
+    if not (expression.is_Mul or expression.is_Pow):
+        return 1
+    count = 1
+    for factor in sp.Mul.make_args(expression):
+        base, exponent = (factor.base, factor.exp) if factor.is_Pow and factor.exp.is_Integer else (factor, sp.S.One)
+        if base.is_Add:
+            n = abs(int(exponent))
+            count = min(count * comb(len(base.args) + n - 1, n), MAX_EXPANDED + 1)
+    return count

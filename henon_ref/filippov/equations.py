@@ -1,0 +1,53 @@
+"""The smooth equations of one mode: its field, and the guards that end it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import sympy as sp
+
+from henon_ref.taylor.tape import TIME
+
+GuardKind = Literal["surface", "release", "valid", "attracts"]
+Refusal = Literal["nonunique", "none", "invalid"]
+"""Why no mode follows: several could, none can be told, the model ends."""
+
+
+@dataclass(frozen=True)
+class Guard:
+    """A function that is positive inside a mode; the mode ends where it falls through zero."""
+
+    kind: GuardKind
+    """``surface``: h_i reached in slip; ``release``: the sliding on surface i ends; ``valid``: the model ends;
+    ``attracts``: sliding on an intersection is no longer sure to attract."""
+    index: int
+    """Index of the surface, or of the ``valid`` expression; ``attracts``: of the first surface slid on."""
+    to_sign: int
+    """``surface``: the side beyond; ``release``: the side released into; else 0."""
+    expression: sp.Expr
+    """In time, states, parameters (and, in shared equations, the signs of the surfaces in slip)."""
+    rising_only: bool = False
+    """A guard that may be negative at the start of the mode and is then armed once it has turned positive."""
+    ends: Refusal | None = None
+    """Why a run ends where it falls; None where it goes on in another mode."""
+
+
+@dataclass(frozen=True)
+class ModeEquations:
+    """The smooth equations of one mode."""
+
+    field: tuple[sp.Expr, ...]
+    """x' in this mode, in time, states and parameters."""
+    guards: tuple[Guard, ...]
+    """What ends the mode: surfaces in slip first, then releases, ``attracts``, ``valid``; by index within each."""
+    equivalent_signs: Mapping[int, sp.Expr]
+    """Sliding surface -> its equivalent sign in [-1, 1] (empty where a ``sliding`` override is in force)."""
+
+
+def along(expression: sp.Expr, states: tuple[sp.Symbol, ...], rhs: tuple[sp.Expr, ...]) -> sp.Expr:
+    """Time derivative of an expression along a field."""
+    moving = expression.free_symbols
+    slopes = (sp.diff(expression, x) * f for x, f in zip(states, rhs, strict=True) if x in moving)
+    return sp.diff(expression, TIME) + sp.Add(*slopes)

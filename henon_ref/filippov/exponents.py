@@ -1,0 +1,46 @@
+"""Exponents that are parameters, written out: x**3 is smooth where x is 0, x**n is so for some n only."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import sympy as sp
+
+from henon_ref.filippov.system import FilippovSystem
+
+
+def with_rational_exponents(system: FilippovSystem) -> FilippovSystem:
+    """The system with the numbers of its parameters in every exponent that they make rational.
+
+    An exponent decides what function a power is (a product, a root), and nothing that holds for the symbol holds
+    for all its values. Powers of numbers and parameters, and parameters everywhere else, stay as they are written.
+    """
+    overrides = {
+        index: replace(
+            override,
+            field=tuple(_written(system, f) for f in override.field),
+            release=tuple(replace(r, when=_written(system, r.when)) for r in override.release),
+        )
+        for index, override in system.overrides.items()
+    }
+    return replace(
+        system,
+        surfaces=tuple(_written(system, h) for h in system.surfaces),
+        field=tuple(_written(system, f) for f in system.field),
+        valid=tuple(_written(system, v) for v in system.valid),
+        overrides=overrides,
+    )
+
+
+def _written(system: FilippovSystem, expression: sp.Expr) -> sp.Expr:
+    constant = set(system.parameters)
+
+    def open_exponent(e: sp.Basic) -> bool:
+        return (
+            isinstance(e, sp.Pow)
+            and bool(e.exp.free_symbols & constant)
+            and not e.base.free_symbols <= constant
+            and bool(system.numeric(e.exp).is_Rational)
+        )
+
+    return expression.replace(open_exponent, lambda e: sp.Pow(e.base, system.numeric(e.exp)), simultaneous=False)

@@ -1,0 +1,174 @@
+"""Filippov systems: one expression with sign symbols, and the smooth equations of each of its modes.
+
+A piecewise-smooth system is ``x' = f(t, x, s)`` with surfaces ``h_i(t, x) = 0`` and sign symbols
+``s_i = sign(h_i)``; f is smooth in t and x for every value of s. See Filippov, *Differential Equations
+with Discontinuous Righthand Sides* (1988), and Eqs. (6)-(8) of Olejnik and Awrejcewicz (2013).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
+from functools import cached_property
+from typing import Literal
+
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.filippov.bounds import put
+from henon_ref.filippov.equations import Guard, ModeEquations, along
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.sliding import filippov_sliding
+from henon_ref.filippov.switched_field import SwitchedField
+
+EntryRule = Literal["attracting", "inside"]
+
+
+@dataclass(frozen=True)
+class Release:
+    """One way out of an overridden sliding mode: where ``when`` crosses zero in ``direction``."""
+
+    when: sp.Expr
+    direction: Literal["rising", "falling"]
+    to: int
+
+
+@dataclass(frozen=True)
+class SlidingOverride:
+    """Sliding that a source does in its own way, in place of Filippov's convex combination."""
+
+    field: tuple[sp.Expr, ...]
+    release: tuple[Release, ...]
+    entry: EntryRule = "attracting"
+    """When a trajectory that reaches the surface (or starts on it) sticks.
+
+    ``attracting``: where both slip fields point at the surface, as in Filippov's sliding. ``inside``: where
+    every release guard is positive, or zero and about to rise or to stay, whatever the slip fields do; this is
+    static friction, which holds a load that kinetic friction could not (between Fk and Fs both slip fields
+    point the same way, and a block that comes to rest on the belt sticks all the same).
+    """
+
+
+@dataclass(frozen=True, eq=False)
+class FilippovSystem(SwitchedField):
+    """``x' = f(t, x, s)`` with surfaces ``h_i(t, x)`` and sign symbols ``s_i``.
+
+    Raises
+    ------
+    ModelError
+        From :meth:`equations`, where a mode has no equations (signs that multiply each other on an
+        intersection, an override together with another sliding surface).
+    """
+
+    valid: tuple[sp.Expr, ...] = ()
+    """The model holds while these are > 0."""
+    overrides: Mapping[int, SlidingOverride] = dataclass_field(default_factory=dict)
+    """Surface index -> its own sliding."""
+    written: Mapping[sp.Symbol, str] = dataclass_field(default_factory=dict)
+    """State or sign -> the text of its rate or surface, as the case file has it (empty for a scene)."""
+    effects: tuple[str, ...] = ()
+    """Names of the effects a scene was built from (empty for a plain system)."""
+
+    @cached_property
+    def _cache(self) -> dict[object, ModeEquations]:
+        return {}
+
+    @cached_property
+    def _normal(self) -> tuple[sp.Expr, ...]:
+        return tuple(along(h, self.states, self.field) for h in self.surfaces)
+
+    def equations(self, mode: Mode) -> ModeEquations:
+        """Equations of one mode, signs of the surfaces in slip put in as -1 or +1."""
+        key = ("mode", mode)
+        if key not in self._cache:
+            shared = self.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
+            slip = {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
+            self._cache[key] = ModeEquations(
+                field=tuple(put(e, slip) for e in shared.field),
+                guards=tuple(
+                    replace(
+                        g,
+                        to_sign=-mode[g.index] if g.kind == "surface" else g.to_sign,
+                        expression=put(g.expression, slip),
+                    )
+                    for g in shared.guards
+                ),
+                equivalent_signs={i: put(e, slip) for i, e in shared.equivalent_signs.items()},
+            )
+        return self._cache[key]
+
+    def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
+        """Equations that all modes with this set of sliding surfaces share, slip signs kept as symbols.
+
+        A ``surface`` guard is then ``s_i h_i`` and its ``to_sign`` is 0 (it is ``-s_i``).
+        """
+        key = ("shared", sliding)
+        if key not in self._cache:
+            overridden = sliding & set(self.overrides)
+            releases: tuple[Guard, ...] = ()
+            signs: dict[int, sp.Expr] = {}
+            if not sliding:
+                rhs = self.field
+            elif overridden:
+                if len(sliding) > 1:
+                    raise ModelError(
+                        "a surface with a 'sliding' override cannot slide together with another surface: "
+                        + ", ".join(self.signs[i].name for i in sorted(sliding))
+                    )
+                index = next(iter(sliding))
+                rhs, releases = self.overrides[index].field, self.hold_guards(index)
+            elif any((i in sliding) != (j in sliding) for j, (i, _) in self.multiples.items()):
+                raise ModelError("surfaces that are multiples of each other slide together or not at all")
+            else:
+                rhs, releases, signs = filippov_sliding(self, tuple(sorted(sliding)))
+            surfaces = tuple(
+                Guard("surface", i, 0, self.signs[i] * h) for i, h in enumerate(self.surfaces) if i not in sliding
+            )
+            valid = tuple(Guard("valid", i, 0, e, ends="invalid") for i, e in enumerate(self.valid))
+            self._cache[key] = ModeEquations(tuple(rhs), surfaces + releases + valid, signs)
+        return self._cache[key]
+
+    def normal_velocity(self, index: int) -> sp.Expr:
+        """dh_i/dt along f, in time, states, signs and parameters."""
+        return self._normal[index]
+
+    def together(self, index: int, sliding: Iterable[int]) -> frozenset[int]:
+        """The surfaces of ``sliding`` that act on a surface while it changes its side, or that it acts on, and itself.
+
+        They act through the signs in each other's normal velocities, directly or by way of each other; sliding
+        that is overridden acts on everything.
+        """
+        found, left = {index}, set(sliding) - {index}
+        while True:
+            more = {j for j in left if any(j in self._acting[i] or i in self._acting[j] for i in found)}
+            if not more:
+                return frozenset(found)
+            found |= more
+            left -= more
+
+    @cached_property
+    def _acting(self) -> tuple[frozenset[int], ...]:
+        """For each surface those whose signs are in its normal velocity."""
+        everything = frozenset(range(len(self.surfaces)))
+        return tuple(
+            everything if i in self.overrides else frozenset(j for j, s in enumerate(self.signs) if normal.has(s))
+            for i, normal in enumerate(self._normal)
+        )
+
+    def hold_guards(self, index: int) -> tuple[Guard, ...]:
+        """The release guards of a surface's override: its hold zone is where all are positive."""
+        return tuple(
+            Guard("release", index, r.to, -r.when if r.direction == "rising" else r.when, rising_only=True)
+            for r in self.overrides[index].release
+        )
+
+    def held_inside(self, index: int) -> bool:
+        """Whether arrival at a surface is decided by the hold zone of its override, not by the slip fields."""
+        return index in self.overrides and self.overrides[index].entry == "inside"
+
+    def transition_function(self, index: int = 0) -> sp.Expr:
+        """sigma = (dh/dt at s = +1)(dh/dt at s = -1), Eq. (8): sliding is where sigma <= 0 and both fields point in."""
+        normal = self.normal_velocity(index)
+        sign = self.signs[index]
+        return normal.xreplace({sign: sp.Integer(1)}) * normal.xreplace({sign: sp.Integer(-1)})

@@ -1,0 +1,1 @@
+"""Compiling: numba's and our own modules, the cache of machine code, the target processor."""

@@ -1,0 +1,231 @@
+"""The folder that compiled code is kept in, and what is done where it cannot be used.
+
+The machine code in it is run. The folder is therefore refused unless it belongs to the user, and neither group nor
+others can write to it; so are the folders in it that are used. No folder above it may be open to everybody (one with
+the sticky bit, such as ``/tmp``, may). A symbolic link in its place must be the user's or root's; what it leads to is
+used, under the same rules. Each file is looked at again when it is read (:mod:`henon_ref.jit.cache_files`).
+
+A folder that is refused, or cannot be written, is replaced by a private temporary one: for this process and those that
+it begins, until it ends. A cache never decides whether a run succeeds. What was refused or set aside is logged as a
+warning, and told on standard error by a command (:func:`watched_cache`, :mod:`henon_ref.cli.exit_status`).
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import secrets
+import shutil
+import stat
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from multiprocessing.util import Finalize
+from pathlib import Path
+
+from platformdirs import user_cache_path
+
+VARIABLE = "NUMBA_CACHE_DIR"
+"""Environment variable of the folder; without it, it is ``henon_ref`` in the user's cache (``XDG_CACHE_HOME``)."""
+OBJECTS = "objects"
+"""Folder in it of our own modules' machine code."""
+FUNCTIONS = "numba-"
+"""Folders in it of numba's compiled functions, with a hash behind it."""
+ASIDE = "set-aside-"
+"""What was set aside, with its former name behind it."""
+UNWRITTEN = "unwritten-"
+"""Empty files that say that something could not be written, with the number of the system's error behind it."""
+PRIVATE = 0o700
+"""Mode of folders that are made here."""
+KEPT_DAYS = 30
+"""Days after which a folder of compiled functions that nobody has used is removed."""
+LONGEST_NAME = 500
+"""Characters of a path in a message."""
+_PROBE = 4096
+"""Bytes that must find room in the folder."""
+_NOWHERE = Path(os.devnull, "henon_ref")
+"""A folder that cannot be: nothing is found in it, nothing is kept."""
+_OURS = re.compile(rf"{FUNCTIONS}[0-9a-f]{{16}}|{OBJECTS}")
+_SAID: set[str] = set()
+"""Names of what this process has set aside, and told."""
+_LOG = logging.getLogger(__name__)
+
+
+def cache_root() -> Path:
+    """Folder of everything that is compiled: ``NUMBA_CACHE_DIR``, or the user's cache; where refused, a temporary one.
+
+    The variable then leads to that one, so that processes begun from here on use it, too.
+    """
+    return _usable(Path(os.environ.get(VARIABLE) or user_cache_path("henon_ref")))
+
+
+@cache
+def _usable(wanted: Path) -> Path:
+    folder = Path(os.path.realpath(wanted))
+    reason = _refused(wanted, folder)
+    if reason is None:
+        return folder
+    instead = _temporary_folder()
+    os.environ[VARIABLE] = str(instead)
+    where = "is not kept" if instead == _NOWHERE else "is in a temporary folder until the end"
+    _LOG.warning(
+        "cache folder %s is not used: %s; compiled code %s (mend that, or name another by %s or XDG_CACHE_HOME)",
+        *(_named(wanted), reason, where, VARIABLE),
+    )
+    return instead
+
+
+def _refused(wanted: Path, folder: Path) -> str | None:
+    """Why a folder is not used, in words; it is made where it is missing.
+
+    ``folder`` is where the ``wanted`` one is, links followed.
+    """
+    try:
+        reason = _link_of_another(wanted)
+        if reason is None:
+            folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
+            reason = _open_to_others(wanted, folder)
+        if reason is None:
+            with tempfile.TemporaryFile(dir=folder) as probe:
+                probe.write(bytes(_PROBE))
+    except FileExistsError:
+        return "it is not a folder"
+    except OSError as error:
+        return f"it cannot be written ({error.strerror or error})"
+    return reason
+
+
+def _link_of_another(wanted: Path) -> str | None:
+    if sys.platform != "win32" and wanted.is_symlink() and wanted.lstat().st_uid not in (0, os.geteuid()):
+        return "it is a link of another user"
+    return None
+
+
+def _open_to_others(wanted: Path, folder: Path) -> str | None:
+    """How another user could put files into a folder, in words; None where nobody can."""
+    if sys.platform == "win32":
+        return None
+    for above in (*wanted.absolute().parents, *folder.parents):
+        mode = above.stat().st_mode
+        if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+            return f"others can write to {_named(above)}"
+    if found := foreign(folder.lstat()):
+        return found
+    for inner in [entry for entry in os.scandir(folder) if _OURS.fullmatch(entry.name)]:
+        with suppress(FileNotFoundError):  # another process has set it aside
+            status = inner.stat(follow_symlinks=False)
+            found = foreign(status) if stat.S_ISDIR(status.st_mode) else "it is not a folder"
+            if found:
+                return f"{found}: {inner.name!r}"
+    return None
+
+
+def foreign(status: os.stat_result) -> str | None:
+    """Why what has this status may hold what another user has written, in words; None where it cannot."""
+    if sys.platform == "win32":
+        return None
+    if status.st_uid != os.geteuid():
+        return "it belongs to another user"
+    if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        return f"others can write to it (mode {stat.S_IMODE(status.st_mode):04o})"
+    return None
+
+
+def _temporary_folder() -> Path:
+    """A private folder that is removed when this process ends."""
+    try:
+        made = Path(tempfile.mkdtemp(prefix="henon_ref-"))
+    except OSError:
+        return _NOWHERE
+    if _refused(made, made) is not None:
+        shutil.rmtree(made, ignore_errors=True)
+        return _NOWHERE
+    # Unlike atexit's, these calls are made at the end of multiprocessing's processes, too, and not by a fork's.
+    Finalize(None, shutil.rmtree, (made,), {"ignore_errors": True}, exitpriority=0)
+    return made
+
+
+def set_aside(folder: Path, why: object) -> None:
+    """Move a folder of the cache away, so that what it held is compiled anew; where that cannot be, it stays."""
+    aside = folder.with_name(f"{ASIDE}{folder.name}-{secrets.token_hex(4)}")
+    try:
+        folder.rename(aside)
+    except OSError as error:
+        note_unwritten(error)
+    else:
+        _SAID.add(aside.name)
+        _LOG.warning("%s (%s)", _aside_words([aside]), why)
+
+
+def note_unwritten(error: OSError) -> None:
+    """Leave a note for the command that something could not be kept: it does not hear from its workers."""
+    if isinstance(error, FileNotFoundError):  # another process has set the folder aside
+        return
+    with suppress(OSError):
+        (cache_root() / f"{UNWRITTEN}{error.errno or 0}-{os.getpid()}").touch(mode=0o600)
+
+
+@contextmanager
+def watched_cache() -> Iterator[None]:
+    """While a command is at work, it warns of what is refused, set aside or not kept.
+
+    By its workers, too: they leave signs in the folder. Processes that are begun inside use the folder that is found
+    usable here. At the end, old folders are removed.
+    """
+    root = cache_root()
+    before = _signs(root)
+    try:
+        yield
+    finally:
+        _tell(root, sorted(_signs(root) - before - _SAID))
+        _remove_old(root)
+
+
+def _signs(root: Path) -> set[str]:
+    """Names of what processes have set aside, or have noted."""
+    with suppress(OSError):
+        return {name for name in os.listdir(root) if name.startswith((ASIDE, UNWRITTEN))}
+    return set()
+
+
+def _tell(root: Path, names: list[str]) -> None:
+    aside = [root / name for name in names if name.startswith(ASIDE)]
+    if aside:
+        _LOG.warning("%s", _aside_words(aside))
+    notes = [name for name in names if name.startswith(UNWRITTEN)]
+    if notes:
+        reason = os.strerror(int(notes[0].removeprefix(UNWRITTEN).partition("-")[0]))
+        _LOG.warning("cache folder %s: not all that was compiled could be kept (%s)", _named(root), reason)
+    for name in notes:
+        with suppress(OSError):
+            (root / name).unlink()
+
+
+def _aside_words(folders: list[Path]) -> str:
+    more = f" and {len(folders) - 1} more" if folders[1:] else ""
+    return f"cache folder was damaged, its code is compiled anew; set aside: {_named(folders[0])}{more}"
+
+
+def _named(path: Path) -> str:
+    """A path as printable text, its middle left out where it is long."""
+    text = repr(str(path))
+    return text if len(text) <= LONGEST_NAME else f"{text[: LONGEST_NAME // 2]}...{text[-LONGEST_NAME // 2 :]}"
+
+
+def _remove_old(root: Path) -> None:
+    """Remove folders of functions, what was set aside, and notes, once they have not been used for some time."""
+    oldest = time.time() - KEPT_DAYS * 86400
+    with suppress(OSError):
+        for entry in list(os.scandir(root)):
+            ours = entry.name.startswith((ASIDE, UNWRITTEN)) or (
+                entry.name != OBJECTS and _OURS.fullmatch(entry.name) is not None
+            )
+            if ours and entry.stat(follow_symlinks=False).st_mtime < oldest:
+                if entry.is_dir(follow_symlinks=False):
+                    shutil.rmtree(entry.path, ignore_errors=True)
+                else:
+                    os.unlink(entry.path)

@@ -1,0 +1,201 @@
+"""Writing LLVM IR: instructions that know structural zeros, and nothing of what they are for.
+
+The optimiser has no licence to fuse, reorder or approximate: what is fused is said (``llvm.fma``), a sum has the order
+in which it is written, and so the digits are the same whatever the processor.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+
+from numba.extending import register_jitable
+
+LANES = 4
+"""Doubles in a vector."""
+LIBM = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log")
+_OF_LIBM = "nobuiltin readnone nounwind"
+"""Called as they are named: not replaced by a vector library's (SVML), say, which has other last digits."""
+_INTRINSICS = ("sqrt", "fabs", "fma", "rint")
+
+Value = str | None
+"""An LLVM value, or None for a structural zero."""
+ZERO = "0x0000000000000000"
+ONE = "0x3FF0000000000000"
+MINUS = "0xBFF0000000000000"
+
+
+@register_jitable
+def row_length(order: int) -> int:
+    """Doubles from one row of coefficients to the next: whole vectors, padded with zeros."""
+    return -(-(order + 1) // LANES) * LANES if order else 1
+
+
+def literal(value: float) -> str:
+    """A double as LLVM writes it, exactly."""
+    return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
+
+
+def declarations() -> str:
+    """LLVM declarations of the functions that generated code calls."""
+    lines = [f"declare double @{f}(double) {_OF_LIBM}" for f in LIBM]
+    lines.append(f"declare double @pow(double, double) {_OF_LIBM}")
+    lines += [f"declare double @llvm.{f}.f64(double)" for f in _INTRINSICS if f != "fma"]
+    lines.append("declare double @llvm.fma.f64(double, double, double)")
+    for n in (2, 4):
+        kind = f"<{n} x double>"
+        lines.append(f"declare {kind} @llvm.fma.v{n}f64({kind}, {kind}, {kind})")
+    lines.append("declare i64 @llvm.ctpop.i64(i64)")
+    return "\n".join(lines) + "\n"
+
+
+class Writer:
+    """Emits instructions into one function."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self._next = 0
+
+    def name(self) -> str:
+        """A new name."""
+        self._next += 1
+        return f"v{self._next}"
+
+    def emit(self, text: str) -> str:
+        name = f"%{self.name()}"
+        self.lines.append(f"  {name} = {text}")
+        return name
+
+    def binary(self, op: str, a: str, b: str) -> str:
+        return self.emit(f"{op} double {a}, {b}")
+
+    def mul(self, a: Value, b: Value) -> Value:
+        if a is None or b is None:
+            return None
+        if a == ONE or b == ONE:
+            return b if a == ONE else a
+        return self.binary("fmul", a, b)
+
+    def add(self, a: Value, b: Value) -> Value:
+        if a is None or b is None:
+            return a if b is None else b
+        return self.binary("fadd", a, b)
+
+    def fused(self, a: Value, b: Value, c: Value) -> Value:
+        """a b + c, rounded once."""
+        if c is None or a is None or b is None:
+            return c if a is None or b is None else self.mul(a, b)
+        if ONE in (a, b):
+            return self.add(c, b if a == ONE else a)
+        if MINUS in (a, b):
+            return self.sub(c, b if a == MINUS else a)
+        return self.call("fma", a, b, c)
+
+    def sub(self, a: Value, b: Value) -> Value:
+        if b is None:
+            return a
+        return self.neg(b) if a is None else self.binary("fsub", a, b)
+
+    def neg(self, a: Value) -> Value:
+        return None if a is None else self.emit(f"fneg double {a}")
+
+    def scaled(self, factor: float, a: Value) -> Value:
+        return self.mul(literal(factor), a)
+
+    def plus(self, a: str, b: str) -> str:
+        return self.binary("fadd", a, b)
+
+    def larger(self, a: str, b: str) -> str:
+        """The larger of two numbers that are not negative."""
+        return self.emit(f"select i1 {self.emit(f'fcmp ogt double {a}, {b}')}, double {a}, double {b}")
+
+    def smaller(self, a: str, b: str) -> str:
+        """The smaller of two numbers."""
+        return self.emit(f"select i1 {self.emit(f'fcmp olt double {a}, {b}')}, double {a}, double {b}")
+
+    def paired(self, operation: Callable[[str, str], str], values: Sequence[str]) -> str:
+        """All values taken together in pairs of pairs; zero where there is none."""
+        values = list(values)
+        while len(values) > 1:
+            pairs = [operation(values[i], values[i + 1]) for i in range(0, len(values) - 1, 2)]
+            values = pairs + values[2 * len(pairs) :]
+        return values[0] if values else ZERO
+
+    def load(self, array: str, index: int, kind: str = "double") -> str:
+        pointer = self.emit(f"getelementptr double, ptr {array}, i64 {index}")
+        return self.emit(f"load {kind}, ptr {pointer}, align 8")
+
+    def store(self, value: str, array: str, index: int, kind: str = "double") -> None:
+        pointer = self.emit(f"getelementptr double, ptr {array}, i64 {index}")
+        self.lines.append(f"  store {kind} {value}, ptr {pointer}, align 8")
+
+    def call(self, name: str, *args: str) -> str:
+        target = f"@llvm.{name}.f64" if name in _INTRINSICS else f"@{name}"
+        return self.emit(f"call double {target}({', '.join(f'double {a}' for a in args)})")
+
+    # -- vectors ----------------------------------------------------------------------------------------
+
+    def vector(self, values: Sequence[str]) -> str:
+        """A vector of scalar values."""
+        kind = f"<{len(values)} x double>"
+        if all(v.startswith("0x") for v in values):
+            return f"<{', '.join(f'double {v}' for v in values)}>"
+        result = "poison"
+        for at, value in enumerate(values):
+            result = self.emit(f"insertelement {kind} {result}, double {value}, i64 {at}")
+        return result
+
+    def lanewise(self, op: str, lanes: int, a: str, b: str) -> str:
+        return self.emit(f"{op} <{lanes} x double> {a}, {b}")
+
+    def lanewise_fused(self, lanes: int, a: str, b: str, c: str) -> str:
+        kind = f"<{lanes} x double>"
+        return self.emit(f"call {kind} @llvm.fma.v{lanes}f64({kind} {a}, {kind} {b}, {kind} {c})")
+
+    def shuffled(self, lanes: int, a: str, order: Sequence[int]) -> str:
+        kind = f"<{lanes} x double>"
+        mask = ", ".join(f"i32 {i}" for i in order)
+        return self.emit(f"shufflevector {kind} {a}, {kind} poison, <{len(order)} x i32> <{mask}>")
+
+    def lane(self, lanes: int, a: str, at: int) -> str:
+        return self.emit(f"extractelement <{lanes} x double> {a}, i64 {at}")
+
+    def across(self, lanes: int, a: str) -> str:
+        """Sum of a vector's lanes: its upper half on its lower one, until one is left."""
+        while lanes > 1:
+            half = lanes // 2
+            low, high = (self.shuffled(lanes, a, range(first, first + half)) for first in (0, half))
+            a, lanes = self.lanewise("fadd", half, low, high), half
+        return self.lane(1, a, 0)
+
+    # -- sums -------------------------------------------------------------------------------------------
+
+    def total_lanewise(self, lanes: int, pairs: Sequence[tuple[str, str]]) -> str:
+        """Sum of products of vectors, in chains."""
+
+        def fused(a: str, b: str, c: Value) -> str:
+            return self.lanewise("fmul", lanes, a, b) if c is None else self.lanewise_fused(lanes, a, b, c)
+
+        first, second = _chained(pairs, fused)
+        return self.lanewise("fadd", lanes, first or "", second) if second else first or ""
+
+    def total(self, old: Sequence[tuple[Value, Value]], new: Sequence[tuple[Value, Value]] = ()) -> Value:
+        """Sum of products: the ``old`` ones in two chains, then the ``new`` ones, one fused operation each.
+
+        A coefficient waits for the newest coefficients of its arguments; with their products added last,
+        to a sum made before, each operation adds one instruction to the chain from order to order.
+        """
+        chains = _chained([(a, b) for a, b in old if a is not None and b is not None], self.fused)
+        total = self.add(chains[1], chains[0])
+        for first, second in new:
+            total = self.fused(first, second, total)
+        return total
+
+
+def _chained(pairs: Sequence[tuple[str, str]], fused: Callable[[str, str, Value], Value]) -> tuple[Value, Value]:
+    """Sums of products in two chains, which are not in each other's way; all in the first where they are few."""
+    chains: list[Value] = [None, None]
+    for at, (a, b) in enumerate(pairs):
+        which = at % 2 if len(pairs) > 3 else 0
+        chains[which] = fused(a, b, chains[which])
+    return chains[0], chains[1]

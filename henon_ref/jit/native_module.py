@@ -1,0 +1,100 @@
+"""LLVM IR to callable machine code, through numba's own back end (llvmlite), kept on disk by a hash of the IR."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import llvmlite
+import llvmlite.binding as llvm
+
+from henon_ref.jit.cache_files import DamagedError, read, set_aside, write
+from henon_ref.jit.cache_folder import OBJECTS, cache_root, note_unwritten
+from henon_ref.jit.target import target
+
+KEPT = 2048
+"""Objects kept on disk; when there are more, the half that was not used for longest goes."""
+_FORM = 2
+"""Number of the form that objects have on disk."""
+
+
+def _target() -> llvm.TargetMachine:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    processor, features = target()
+    return llvm.Target.from_default_triple().create_target_machine(cpu=processor, features=features, opt=2, jit=True)
+
+
+class MachineCode:
+    """A compiled module; its functions live as long as this object does.
+
+    Parameters
+    ----------
+    ir : str
+        LLVM IR with opaque pointers.
+    """
+
+    def __init__(self, ir: str) -> None:
+        machine = _target()
+        module = llvm.parse_assembly(ir)
+        file = _objects() / hashlib.sha256((_maker() + ir).encode()).hexdigest()
+        known = _read(file)
+        if known is None:
+            module.verify()
+            options = llvm.create_pipeline_tuning_options(speed_level=2)
+            builder = llvm.create_pass_builder(machine, options)
+            builder.getModulePassManager().run(module, builder)
+        # The execution engine takes over the module and the target machine: each has its own.
+        self._engine = llvm.create_mcjit_compiler(module, machine)
+        self._engine.set_object_cache(lambda _, made: _write(file, made), lambda _: known)
+        self._engine.finalize_object()
+
+    def address(self, name: str) -> int:
+        """Address of one of its functions."""
+        return int(self._engine.get_function_address(name))
+
+
+@cache
+def _maker() -> str:
+    """What machine code depends on apart from the IR."""
+    version = ".".join(map(str, llvm.llvm_version_info))
+    return f"{_FORM} {llvmlite.__version__} {version} {' '.join(target())}\n"
+
+
+def _objects() -> Path:
+    return cache_root() / OBJECTS
+
+
+def _read(file: Path) -> bytes | None:
+    """An object from the disk; None where there is none, or not the one that was written."""
+    try:
+        known = read(file)
+        if known is not None:
+            os.utime(file)
+    except DamagedError as error:
+        set_aside(file.parent, error)
+        return None
+    except OSError:  # its time cannot be set: it may be removed before its turn
+        pass
+    return known
+
+
+def _write(file: Path, made: bytes) -> None:
+    """Keep an object; a disk that takes nothing costs the next compilation, no more."""
+    try:
+        write(file, made)
+    except OSError as error:
+        note_unwritten(error)
+    else:
+        with suppress(OSError):  # another process removes them, too
+            _prune(file.parent)
+
+
+def _prune(folder: Path) -> None:
+    entries = list(os.scandir(folder))
+    if len(entries) > KEPT:
+        for entry in sorted(entries, key=lambda one: one.stat().st_mtime)[: KEPT // 2]:
+            Path(entry.path).unlink(missing_ok=True)

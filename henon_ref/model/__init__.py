@@ -1,1 +1,0 @@
-"""What is simulated: expressions, effects, scenes, Filippov systems, case files."""

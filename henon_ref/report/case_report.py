@@ -1,0 +1,86 @@
+"""A case's report: all of it is made before any of it is put in place."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+from henon_ref.campaign.comparison import Comparison
+from henon_ref.columns import RUN_COLUMNS, STICK_COLUMNS
+from henon_ref.report.files.csv_files import csv_text
+from henon_ref.report.files.figure_jobs import READINGS, svg
+from henon_ref.report.files.folder_lock import locked_for_a_moment
+from henon_ref.report.files.manifest import Provenance, manifest_text
+from henon_ref.report.files.write import MANIFEST, REPORT, RUNS, STICKS, TRANSITIONS, write_through
+from henon_ref.report.text.markdown import report_text
+from henon_ref.report.text.overview import is_drawn, judged
+
+
+def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]:
+    """Every file of one case's report, by name."""
+    files: dict[str, bytes] = {
+        REPORT: report_text(comparison, origin).encode(),
+        RUNS: csv_text(RUN_COLUMNS, comparison.run_rows).encode(),
+        TRANSITIONS: csv_text(comparison.transition_columns, comparison.transition_rows).encode(),
+        STICKS: csv_text(STICK_COLUMNS, comparison.stick_rows).encode(),
+    }
+    for result in comparison.readings:
+        files.update(result.figures)
+    if is_drawn(comparison):
+        from henon_ref.report.text.readings_figure import draw_readings
+
+        files[READINGS] = svg(draw_readings(judged(comparison)))
+    files[MANIFEST] = manifest_text(comparison, origin, [*files, MANIFEST]).encode()
+    return files
+
+
+def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Path:
+    """Write one case's report into ``folder/<name>``.
+
+    Everything is written into a folder beside it first; only then is each file moved to its place, and are the
+    files of an earlier report that this one does not have removed.
+
+    Returns
+    -------
+    Path
+        The report's own file.
+
+    Raises
+    ------
+    OSError
+        Where it cannot be written; what was there is then as it was.
+    """
+    place = folder / comparison.case.name
+    files = report_files(comparison, origin)
+    folder.mkdir(parents=True, exist_ok=True)
+    waiting = Path(tempfile.mkdtemp(prefix=f".{comparison.case.name}.", dir=folder))
+    try:
+        for name, content in files.items():
+            write_through(waiting / name, content)
+        with locked_for_a_moment(folder):  # who writes the index sees the old report or the new one
+            place.mkdir(exist_ok=True)
+            stale = _listed(place / MANIFEST) - set(files)
+            for name in files:
+                os.replace(waiting / name, place / name)
+            for name in stale:
+                (place / name).unlink(missing_ok=True)
+    finally:
+        shutil.rmtree(waiting, ignore_errors=True)
+    return place / REPORT
+
+
+def _listed(manifest: Path) -> set[str]:
+    """The files beside an earlier report's manifest that it lists; whatever else stands in it is not ours."""
+    try:
+        content = json.loads(manifest.read_text(encoding="utf-8"))
+    except (FileNotFoundError, RecursionError, ValueError):
+        return set()
+    names = content.get("files") if isinstance(content, dict) else None
+    return {name for name in names if _is_beside(manifest, name)} if isinstance(names, list) else set()
+
+
+def _is_beside(manifest: Path, name: object) -> bool:
+    return isinstance(name, str) and Path(name).name == name and os.path.isfile(manifest.parent / name)

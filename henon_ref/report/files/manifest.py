@@ -1,0 +1,117 @@
+"""The manifest: everything that is needed to make a report again, and the raw samples behind its times."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from henon_ref import registry
+from henon_ref.campaign.comparison import Comparison
+from henon_ref.campaign.host_info import commit, library_versions, machine
+from henon_ref.campaign.results import ReadingResult
+from henon_ref.campaign.rows import Record
+from henon_ref.text import one_line
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where results come from: command, commit, machine, versions."""
+
+    rerun: str
+    """The command that makes them again."""
+    commit: str
+    machine: Mapping[str, object]
+    versions: Mapping[str, str]
+
+    @property
+    def machine_text(self) -> str:
+        """The machine in one phrase."""
+        memory = self.machine["memory_bytes"]
+        size = f", {memory / 2**30:.0f} GiB" if isinstance(memory, int) else ""
+        return (
+            f"{self.machine['processor']} ({self.machine['cores']} cores{size}), {self.machine['system']}, "
+            f"{self.machine['python']}, {self.machine['linear_algebra']}"
+        )
+
+    def packages(self, solvers: Mapping[str, str]) -> dict[str, str]:
+        """Package -> version behind the solvers that ran (name -> the version each gave)."""
+        found: dict[str, str] = {}
+        for solver, version in solvers.items():
+            package = registry.distribution(solver) or solver
+            found.setdefault(package, self.versions.get(package, version))
+        return found
+
+
+def provenance(rerun: str) -> Provenance:
+    """The provenance of results made here and now."""
+    return Provenance(one_line(rerun), commit(), machine(), library_versions())
+
+
+def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[str]) -> str:
+    """The manifest of one case as JSON."""
+    options = comparison.options
+    content = {
+        "schema": SCHEMA,
+        "case": comparison.case.name,
+        "title": comparison.case.title,
+        "rerun": origin.rerun,
+        "commit": origin.commit,
+        "machine": dict(origin.machine),
+        "versions": dict(origin.versions),
+        "timeout_s": options.timeout,
+        "processes": options.processes,
+        "readings": {result.reading.name: _reading(result) for result in comparison.readings},
+        "samples": [_samples(record) for record in comparison.records if record.samples],
+        "files": sorted(files),
+    }
+    return json.dumps(content, indent=1) + "\n"
+
+
+def _reading(result: ReadingResult) -> dict[str, Any]:
+    """The exact problem, and what it was scored against."""
+    problem, statement, expected = result.reading.problem, result.statement, result.expected
+    system = problem.system
+    exact = {
+        "parameters": {symbol.name: value for symbol, value in system.parameters.items()},
+        "initial": dict(zip(system.state_names, problem.initial, strict=True)),
+    }
+    return {
+        "title": result.reading.title,
+        "mathematics_hash": result.reading.mathematics_hash,
+        **{
+            part: {name: {"exact": str(value), "value": float(value)} for name, value in values.items()}
+            for part, values in exact.items()
+        },
+        "start": {"exact": str(problem.start), "value": float(problem.start)},
+        "until": {"exact": str(problem.until), "value": float(problem.until)},
+        "measure_after_s": result.reading.measure_after,
+        "truth": {
+            "methods": [
+                {"method": method, "bits": list(bits), "seconds": seconds}
+                for method, bits, seconds in statement.methods
+            ],
+            "certified": statement.certified,
+            "uncertified_because": statement.uncertified_because,
+            "radius_s": expected.radius if expected is not None else None,
+            "status": expected.status if expected is not None else None,
+            "transitions": len(expected.transitions) if expected is not None else None,
+            "reason": statement.reason,
+        },
+        "sampled_by": result.sampled_by,
+    }
+
+
+def _samples(record: Record) -> dict[str, Any]:
+    """Raw timing samples of one row, in nanoseconds."""
+    row = record.run
+    return {
+        "reading": row["reading"],
+        "solver": row["solver"],
+        "rtol": row["rtol"],
+        "step_s": row["step_s"],
+        "samples_ns": [round(sample * 1e9) for sample in record.samples],
+    }

@@ -1,0 +1,91 @@
+"""Files of reports, each written whole or not at all, into folders that may be written into."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from pathlib import Path
+
+from henon_ref.errors import CaseError
+
+REPORT, RUNS, TRANSITIONS, STICKS, MANIFEST = (
+    "report.md",
+    "runs.csv",
+    "transitions.csv",
+    "sticks.csv",
+    "manifest.json",
+)
+INDEX = "README.md"
+_OWN = re.compile(
+    r"# (Reports\n\n(\d+|no) readings? of (\d+|no) cases?\."
+    r"|(What accuracy costs in time|Atlas of grazes|Restart habits|What the libraries do by themselves)\n"
+    r"|(Rivals in turn|The paper, computed again)\n)"
+)
+"""How the pages begin that this package writes as the README.md of a folder: the index and the further pages."""
+
+
+def write_through(path: Path, content: bytes) -> None:
+    """Write a file and wait until it is on the disk."""
+    with path.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """Put a whole file in the place of another, or leave the other as it is."""
+    waiting = path.with_name(f".{path.name}.new")
+    try:
+        write_through(waiting, content)
+        os.replace(waiting, path)
+    finally:
+        waiting.unlink(missing_ok=True)
+
+
+def remove_if_empty(folder: Path) -> None:
+    """Remove a folder that is there and has nothing in it."""
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
+
+
+def check_writable(folder: Path) -> None:
+    """See that reports can be written into a folder, without leaving anything there.
+
+    Raises
+    ------
+    CaseError
+        Where they cannot, or where the folder has a README.md that is not this package's own.
+    """
+    nearest = next((path for path in (folder, *folder.absolute().parents) if path.exists()), Path("/"))
+    if not nearest.is_dir():
+        raise CaseError(f"{nearest} is a file; --out needs a folder", file=None)
+    try:
+        with tempfile.TemporaryFile(dir=nearest, prefix=".henon_ref."):
+            pass
+    except OSError as error:
+        raise CaseError(
+            f"cannot write into {nearest}: {error.strerror}; give --out a folder that can be written"
+        ) from error
+    check_index(folder)
+
+
+def check_index(folder: Path) -> None:
+    """See that a folder's README.md may be replaced: there is none, or this package wrote it.
+
+    Raises
+    ------
+    CaseError
+        Where somebody else wrote it.
+    """
+    path = folder / INDEX
+    try:
+        own = _OWN.match(path.read_text(encoding="utf-8")) is not None
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    except (OSError, ValueError):
+        own = False
+    if not own:
+        raise CaseError(
+            "was not written by henon_ref, so it is not replaced; give --out another folder", file=str(path)
+        )

@@ -1,0 +1,193 @@
+"""The report as markdown: everything in it is taken from the comparison, then set by the template."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from henon_ref.campaign.comparison import Comparison
+from henon_ref.campaign.options import MOST_DRAWN
+from henon_ref.campaign.results import ReadingResult
+from henon_ref.casefile.case import DEFAULT_READING
+from henon_ref.report.files.figure_jobs import COST, ERRORS, MODES, PORTRAIT, file_name
+from henon_ref.report.files.manifest import Provenance
+from henon_ref.report.text.formats import count, listing, setting
+from henon_ref.report.text.model import as_written, general_form, mode_equations, modes_of, parameters, truth_sentences
+from henon_ref.report.text.overview import overview
+from henon_ref.report.text.ranking import name
+from henon_ref.report.text.summary import answer
+from henon_ref.report.text.tables import MARK, price_table, reason_table, run_table, samples_of, stick_table
+from henon_ref.score.gate import Tally, gate_tally
+from henon_ref.text import link, markdown, paragraphs
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+NOTES = (
+    "Transitions are matched with the truth by order and mode (kind, surface, modes before and after) before any error "
+    "is taken, so that one missed transition counts once; touches that change no mode count apart. "
+    "**Digits** are −log₁₀ of the worst error of a transition time in seconds{unit}, never more than the truth's "
+    "radius and double precision allow. "
+    "**Times** are medians of repeated runs in one process after one run as a warm-up, with the interquartile range, "
+    "or the number of runs where they are fewer than three: a slow run is not repeated, nor is one that is not right; "
+    "† marks samples that scatter by more than a tenth. Compilation, code generation and other one-time work is in the "
+    "column **compile**; what is kept on disk (`henon`'s machine code, numba's) comes from there once it has been "
+    "made, in some seconds. "
+    "A library is restarted on the surface after every event, and the **verdict** is on the library with its default "
+    "habit of that: `python -m henon_ref.restarts` tries the others. "
+    "**Steps**, **fields** (right-hand sides) and **events** (evaluations of event functions) are what each solver's "
+    "docstring says they are."
+)
+
+LEGEND = f"{MARK}: the samples scatter by more than a tenth of their median."
+"""Below a table that is marked so, away from the notes."""
+
+
+@cache
+def environment() -> Environment:
+    """The templates' environment."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    return Environment(
+        loader=PackageLoader("henon_ref.report.text"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=False,
+    )
+
+
+def report_text(comparison: Comparison, provenance: Provenance) -> str:
+    """The report of one case."""
+    case = comparison.case
+    single = [result.reading.name for result in comparison.readings] == [DEFAULT_READING]
+    text = (
+        environment()
+        .get_template("report.md.j2")
+        .render(
+            title=markdown(case.title),
+            single=single,
+            sub="##" if single else "###",
+            overview=overview(comparison),
+            readings=[_reading(comparison, result) for result in comparison.readings],
+            gate=_gate(comparison),
+            notes=NOTES.format(unit=_unit(comparison)),
+            source=markdown(case.source or "").rstrip("."),
+            links=list(dict.fromkeys(link(own) for result in comparison.readings for own in result.reading.links)),
+            rerun=provenance.rerun,
+            versions=_versions(comparison, provenance),
+            machine=provenance.machine_text,
+            commit=provenance.commit[:12],
+        )
+    )
+    return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
+
+
+def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
+    reading = result.reading
+    system = reading.problem.system
+    records = comparison.of_reading(reading.name)
+    rows = [record.run for record in records]
+    prices, reasons = price_table(rows, samples_of(records)), reason_table(rows)
+    sticks = stick_table(comparison, result)
+    return {
+        "name": reading.name,
+        "title": "" if reading.title == comparison.case.title else markdown(reading.title),
+        "answer": answer(comparison, result),
+        "figures": _figures(result),
+        "figures_note": _figures_note(comparison, result),
+        "prices": prices.markdown if prices else "",
+        "legend": LEGEND if prices and MARK in prices.markdown else "",
+        "sticks": sticks.markdown if sticks else "",
+        "runs": run_table(records).markdown,
+        "reasons": reasons.markdown if reasons else "",
+        "truth": truth_sentences(result),
+        "story": paragraphs(reading.story or ""),
+        "effects": ", ".join(f"`{effect}`" for effect in system.effects),
+        "equations": general_form(system),
+        "written": as_written(system),
+        "modes": [mode_equations(system, mode) for mode in modes_of(result)],
+        "parameters": parameters(result),
+    }
+
+
+CAPTIONS = {
+    PORTRAIT: "Phase portrait in the measured window; sticks lie on the surface",
+    MODES: "Distance from the surface over time, the modes shaded",
+    ERRORS: "Error of every transition time, each solver at its tightest setting",
+    COST: "Worst error of a transition time against the wall time of a run",
+}
+
+
+def _figures(result: ReadingResult) -> list[dict[str, str]]:
+    """The figures that were drawn, what matters most first."""
+    found = []
+    for kind in (COST, ERRORS, PORTRAIT, MODES):
+        file = file_name(result.reading.name, kind)
+        if file in result.figures:
+            found.append({"file": file, "caption": CAPTIONS[kind]})
+    return found
+
+
+def _figures_note(comparison: Comparison, result: ReadingResult) -> str:
+    """Why a reading has no figures."""
+    if result.figures_reason:
+        return f"Figures could not be drawn: {markdown(result.figures_reason)}."
+    drawn = any(other.figures for other in comparison.readings)
+    if drawn and comparison.readings.index(result) == MOST_DRAWN:
+        return f"(Figures are drawn for the first {MOST_DRAWN} readings.)"
+    return ""
+
+
+def _gate(comparison: Comparison) -> str:
+    """What became of the case's gate."""
+    tally = gate_tally(comparison.case.readings, comparison.run_rows)
+    if not tally.total:
+        return ""
+    failures, checked = comparison.gate_failures(), gate_words(tally)
+    left_out = f"The {markdown(left_out_words(tally))}." if tally.left_out else ""
+    if failures:
+        return "\n".join(
+            [f"The gate is **not** met ({checked}):", "", *(f"- {markdown(words)}" for words in failures), "", left_out]
+        )
+    state = f"The gate is met ({checked})" if tally.checked else f"The gate is **not** checked: {checked}"
+    return f"{state}. {left_out}".strip()
+
+
+def gate_words(tally: Tally) -> str:
+    """How many bounds of a gate were checked, of one that has bounds."""
+    if not tally.total:
+        return "there is no bound"
+    solvers_only = all(entry.rtol is None for entry in tally.left_out)
+    if not tally.checked:
+        what = "solver that ran" if solvers_only else "solver that ran, at a tolerance that did"
+        if tally.total == 1:
+            return f"the only bound of the gate is on no {what}"
+        return f"none of the {tally.total} bounds of the gate is on a {what}"
+    if tally.checked == tally.total:
+        return f"{count(tally.total, 'bound')} checked, statuses included"
+    what = "solvers" if solvers_only else "solvers or at tolerances"
+    part = f"{tally.checked} of {tally.total} bounds checked, statuses included"
+    return f"{part}; the others are on {what} that did not run"
+
+
+def left_out_words(tally: Tally) -> str:
+    """The bounds that were not checked, by what did not run."""
+    phrases = [
+        f"{entry.solver}" if entry.rtol is None else f"{entry.solver} at {setting(entry.rtol, None)}"
+        for entry in tally.left_out
+    ]
+    return f"bounds on what did not run are left out: {listing(phrases)}"
+
+
+def _unit(comparison: Comparison) -> str:
+    units = {result.expected.time_unit for result in comparison.readings if result.expected is not None}
+    other = sorted(units - {1.0})
+    return f" (here in units of {listing([f'{unit:g} s' for unit in other])})" if other else ""
+
+
+def _versions(comparison: Comparison, provenance: Provenance) -> str:
+    """The versions of the packages whose solvers ran."""
+    ran = {name(record.run): str(record.run["library_version"] or "") for record in comparison.records}
+    return listing([markdown(f"{package} {version}") for package, version in provenance.packages(ran).items()])

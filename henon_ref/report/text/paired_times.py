@@ -1,0 +1,115 @@
+"""Times of the reference and its rivals, run in turn, as the index and the page of rivals show them."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from urllib.parse import quote
+
+import numpy as np
+
+from henon_ref.columns import Row
+from henon_ref.report.files.csv_files import read_rows
+from henon_ref.report.files.write import REPORT
+from henon_ref.report.text import formats as words
+from henon_ref.report.text.ranking import LEVELS, number
+from henon_ref.report.text.tables import Table
+from henon_ref.text import code, markdown
+
+FIRST = "henon"
+"""The solver that all others are set against."""
+FOLDER = "rivals"
+PAGE, RATIOS = "README.md", "ratios.csv"
+SECOND, OTHERS, LIBRARIES = "heyoka", "the cheapest other", "compiled callbacks"
+"""What the reference is set against on every reading: the next best, whichever of all others is the cheapest, and
+whichever of the libraries with compiled callbacks is."""
+COLUMNS = (
+    "case", "reading", "digits", "against", "rtol", "rival", "rival_rtol", "rival_step_s", "wall_s", "rival_wall_s",
+    "ratio", "ratio_low", "ratio_high", "rounds",
+)  # fmt: skip
+"""Columns of a match's row: digits (none where there is no transition), settings, medians, their ratio and
+its 95 % bootstrap interval."""
+
+
+def read_ratios(folder: Path) -> list[Row]:
+    """The ratios in a folder of reports; none where they are not there, or no ratios."""
+    try:
+        rows = read_rows(folder / FOLDER / RATIOS)
+    except (OSError, ValueError, csv.Error):
+        return []
+    return rows if all(set(COLUMNS) <= set(row) for row in rows) else []
+
+
+def cheapest(rows: Sequence[Row]) -> dict[tuple[str, str, int], str]:
+    """The solver that takes the least time in turn, by case, reading and digits."""
+    return {
+        (str(row["case"]), str(row["reading"]), int(number(row, "digits"))): FIRST
+        if number(row, "ratio") <= 1
+        else str(row["rival"])
+        for row in rows
+        if row["against"] == OTHERS and row["digits"] is not None
+    }
+
+
+def spread_table(rows: Sequence[Row]) -> Table:
+    """How the ratios spread over the readings."""
+    lines = []
+    for against, label in ((SECOND, code(SECOND)), (OTHERS, OTHERS), (LIBRARIES, LIBRARIES)):
+        for digits in (*LEVELS, None):
+            found = [number(row, "ratio") for row in rows if (row["against"], row["digits"]) == (against, digits)]
+            if found:
+                least, *quartiles, largest = np.quantile(found, [0.0, 0.25, 0.5, 0.75, 1.0])
+                middle = (f"{quartile:.2g}" for quartile in quartiles)
+                above = sum(ratio > 1 for ratio in found)
+                lines.append(
+                    (label, bound(digits), f"{len(found)}", f"{least:.2g}", *middle, f"{largest:.3g}", f"{above}")
+                )
+    headings = (
+        "against", "digits", "readings", "least", "lower quartile", "median", "upper quartile", "largest", "above 1",
+    )  # fmt: skip
+    return Table(headings, "l" + "r" * (len(headings) - 1), lines)
+
+
+def slower_table(rows: Sequence[Row], runs: Sequence[Row], reports: str = "../") -> Table:
+    """Where a rival is faster, and what either gets for its time.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        A row a match, with COLUMNS.
+    runs : sequence of Row
+        Rows of the reports: they know how many digits and steps a setting has. Of compiled callbacks none does.
+    reports : str
+        The folder of the reports, as links have it.
+    """
+    known = {(own["case"], own["reading"], own["solver"], own["rtol"], own["step_s"]): own for own in runs}
+    lines = []
+    for row in rows:
+        if row["against"] in (OTHERS, LIBRARIES) and number(row, "ratio") > 1:
+            case, reading = str(row["case"]), str(row["reading"])
+            cells = [link(case, reading, reports), bound(row["digits"])]
+            for solver, rtol, step, wall in (
+                (FIRST, row["rtol"], None, row["wall_s"]),
+                (row["rival"], row["rival_rtol"], row["rival_step_s"], row["rival_wall_s"]),
+            ):
+                run = known.get((case, reading, solver, rtol, step))
+                got = "" if run is None or run["digits"] is None else words.digits(number(run, "digits"))
+                steps = "" if run is None or run["steps"] is None else f"{number(run, 'steps'):.0f}"
+                cells += [code(str(solver))] if solver != FIRST else []
+                cells += [words.setting(rtol, step), got, steps, words.duration(wall)]
+            lines.append((*cells, f"{number(row, 'ratio'):.3g}"))
+    own = ("setting", "gets", "steps")
+    headings = ("reading", "digits", f"{code(FIRST)} at", *own[1:], "time", "rival", *own, "time", "ratio")
+    return Table(headings, "lrrrrrlrrrrr", lines)
+
+
+def link(case: str, reading: str, reports: str = "../") -> str:
+    """A reading as a link to its report; ``reports``: the folder of the reports, as the link has it."""
+    text, anchor = (case, "") if reading == "default" else (f"{case}, {reading}", f"#{quote(reading)}")
+    return f"[{markdown(text)}]({reports}{quote(case)}/{REPORT}{anchor})"
+
+
+def bound(digits: object) -> str:
+    """Digits to be reached, as the cell of a table."""
+    return "no transition" if digits is None else f"{digits:g}"

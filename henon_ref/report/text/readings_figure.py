@@ -1,0 +1,121 @@
+"""Figure: digits that every solver reaches on every reading of a case."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from henon_ref.columns import Row
+from henon_ref.figures import style
+from henon_ref.report.text.matrix import solvers_of
+from henon_ref.report.text.ranking import LEVELS, best_of, by_solver, number
+from henon_ref.report.text.summary import NOT_RUN
+from henon_ref.text import one_line
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+MOST_DIGITS = 16.0
+DARK = 9.0
+"""Digits from which on a cell is so dark that its text is white."""
+WRONG, OPEN, NOTHING, CORNER = style.ORANGE, "#BDBDBD", "#E3ECF5", style.VERMILLION
+WORDS = {
+    NOTHING: "right, nothing to time",
+    CORNER: "(corner) wrong at another setting",
+    WRONG: "wrong at every setting",
+    OPEN: "so, ill-conditioned or not unique",
+}
+LEFT, ACROSS, WIDEST = 1.05, 6.08, 0.5
+"""Room for the solvers' names and for all readings, and the most that one reading takes of it [in]."""
+ROW, LETTER, HALF = 0.19, 0.062, 0.09
+"""Height of a row, length of a letter, side of a corner [in]."""
+MOST_NAMES, MOST_TEXTS = 50, 44
+"""Readings up to which each one is named, and each cell says its digits."""
+
+
+def draw_readings(readings: Sequence[tuple[str, Sequence[Row]]]) -> Figure:
+    """A cell a solver and reading; some solver ran.
+
+    Parameters
+    ----------
+    readings : sequence of (name, rows)
+        In the order of the columns.
+    """
+    cells = {(reading, solver): own for reading, rows in readings for solver, own in by_solver(rows).items()}
+    cells = {key: own for key, own in cells.items() if own[-1]["status"] not in NOT_RUN}
+    solvers = [s for s in solvers_of([rows for _, rows in readings]) if any(key[1] == s for key in cells)]
+    names = [reading for reading, _ in readings]
+    wide = min(ACROSS / len(names), WIDEST)
+    texts = len(names) <= MOST_TEXTS
+    below = (0.34 if texts else 0.5) + LETTER * max(map(len, names))
+    height = 0.3 + ROW * len(solvers) + below
+    with style.figure(height) as figure:
+        box = (LEFT / style.WIDTH, below / height, wide * len(names) / style.WIDTH, ROW * len(solvers) / height)
+        axes = figure.add_axes(box)
+        used: set[str] = set()
+        for j, solver in enumerate(reversed(solvers)):
+            for i, name in enumerate(names):
+                if (name, solver) in cells:
+                    used |= _draw(axes, i, j, cells[name, solver], wide, texts=texts)
+        _label(axes, names, solvers)
+        figure.legend(
+            handles=_patches(used, shades=not texts), loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=4,
+            fontsize=7.0, handlelength=1.1, columnspacing=1.0, borderpad=0.2,
+        )  # fmt: skip
+        return figure
+
+
+def _draw(axes: Axes, i: int, j: int, rows: Sequence[Row], wide: float, *, texts: bool) -> set[str]:
+    """One cell; returns its colours that stand for words."""
+    from matplotlib.patches import Polygon, Rectangle
+
+    reached = number(best_of(rows), "digits")
+    some = any(row["verdict"] == "right" for row in rows)
+    timed = some and not math.isnan(reached)
+    plain = NOTHING if some else OPEN if rows[-1]["verdict"] in ("ill-conditioned", "not unique") else WRONG
+    colour = _shade(reached) if timed else plain
+    axes.add_patch(Rectangle((i, j), 1, 1, facecolor=colour, edgecolor="white", linewidth=0.5))
+    if timed and texts:
+        ink = "white" if reached >= DARK else style.BLACK
+        axes.text(i + 0.5, j + 0.46, f"{math.floor(reached)}", ha="center", va="center", fontsize=6.5, color=ink)
+    used = set() if timed else {plain}
+    if some and any(row["verdict"] != "right" for row in rows):
+        corner = [(i + 1 - HALF / wide, j + 1), (i + 1, j + 1), (i + 1, j + 1 - HALF / ROW)]
+        axes.add_patch(Polygon(corner, facecolor=CORNER, linewidth=0))
+        used.add(CORNER)
+    return used
+
+
+def _shade(reached: float) -> str:
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return to_hex(colormaps["Blues"](0.08 + 0.9 * min(max(reached, 0.0), MOST_DIGITS) / MOST_DIGITS))
+
+
+def _label(axes: Axes, names: Sequence[str], solvers: Sequence[str]) -> None:
+    axes.set_xlim(0, len(names))
+    axes.set_ylim(0, len(solvers))
+    axes.grid(visible=False)
+    every = math.ceil(len(names) / MOST_NAMES)
+    axes.set_xticks([i + 0.5 for i in range(0, len(names), every)], names[::every], rotation=90, fontsize=7.5)
+    axes.set_yticks(
+        [j + 0.5 for j in range(len(solvers))], [one_line(solver) for solver in reversed(solvers)], parse_math=False
+    )
+    axes.tick_params(length=0, pad=2.5)
+    for side in axes.spines.values():
+        side.set_visible(False)
+    axes.set_title("Digits of the worst transition time, each solver at its most accurate setting")
+
+
+def _patches(used: set[str], *, shades: bool) -> list[Patch]:
+    """Words for the colours; where cells do not say their digits, shades for those, too."""
+    from matplotlib.patches import Patch
+
+    found = [Patch(facecolor=_shade(level), linewidth=0, label=f"{level} digits") for level in LEVELS if shades]
+    return found + [
+        Patch(facecolor=colour, linewidth=0, label=word) for colour, word in WORDS.items() if colour in used
+    ]

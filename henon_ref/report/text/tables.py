@@ -1,0 +1,205 @@
+"""The tables of a report, as rows of text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from baselines.causes import CAUSES
+from henon_ref.campaign.comparison import Comparison
+from henon_ref.campaign.results import ReadingResult
+from henon_ref.campaign.rows import Record
+from henon_ref.campaign.timing import UNSTABLE
+from henon_ref.columns import Row
+from henon_ref.report.text.formats import count, digits, duration, error, setting, significant
+from henon_ref.report.text.ranking import floor, name, number, prices, right
+from henon_ref.score.sticks import published_partners, sticks
+from henon_ref.text import code, markdown
+
+MOST_STICKS = 12
+"""Sticks shown for a reading; all are in sticks.csv."""
+MARK = "†"
+"""Behind a time whose samples scatter too much."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Headings, alignment (``l`` or ``r``) and rows of text."""
+
+    headings: tuple[str, ...]
+    alignment: str
+    rows: list[tuple[str, ...]]
+
+    @property
+    def markdown(self) -> str:
+        """As a markdown table."""
+        marks = {"l": "---", "r": "---:"}
+        lines = [self.headings, tuple(marks[side] for side in self.alignment), *self.rows]
+        return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+Samples = Mapping[tuple[object, ...], Sequence[float]]
+"""Timing samples by solver and setting (:func:`of_run`)."""
+
+
+def of_run(row: Row) -> tuple[object, ...]:
+    """Solver and setting of a row: what tells it apart from the others of its reading."""
+    return tuple(row[column] for column in ("solver", "rtol", "step_s"))
+
+
+def samples_of(records: Sequence[Record]) -> Samples:
+    """The timing samples of a reading's records."""
+    return {of_run(record.run): record.samples for record in records}
+
+
+def price_table(rows: Sequence[Row], samples: Samples | None = None) -> Table | None:
+    """The cheapest solver for so many digits, and what the next one costs."""
+    found = [price for price in prices(rows) if price.row is not None]
+    if not found:
+        return None
+    lines = []
+    for price in prices(rows):
+        cells = [f"{price.digits}"]
+        for row in (price.row, price.next_row):
+            cells += ["none", "", ""] if row is None else [
+                code(name(row)), setting(row["rtol"], row["step_s"]), timed(row, samples)
+            ]  # fmt: skip
+        ratio = ""
+        if price.row is not None and price.next_row is not None:
+            ratio = significant(number(price.next_row, "wall_s") / number(price.row, "wall_s"), 3)
+        lines.append((*cells, ratio))
+    headings = ("digits", "cheapest", "setting", "time", "next", "setting", "time", "times as long")
+    return Table(headings, "rlrrlrrr", lines)
+
+
+def run_table(records: Sequence[Record]) -> Table:
+    """Every run that could be made: what was found, how well, at what cost."""
+    lines = []
+    for record in records:
+        row = record.run
+        if row["status"] in ("unsupported", "unavailable"):
+            continue
+        found = f"{number(row, 'matched'):.0f}" if row["matched"] is not None else ""
+        edits = "" if row["missed"] is None else f"{number(row, 'missed'):.0f} / {number(row, 'spurious'):.0f}"
+        lines.append(
+            (
+                code(name(row)),
+                setting(row["rtol"], row["step_s"]),
+                status(row),
+                found,
+                edits,
+                error(row["max_time_error_s"], floor(row)),
+                digits(number(row, "digits")) if row["digits"] is not None else "",
+                error(row["max_stick_error_s"], floor(row)),
+                wall(row, record.samples),
+                duration(row["compile_s"]),
+                *(f"{number(row, column):.0f}" if row[column] is not None else "" for column in COUNTS),
+            )
+        )
+    headings = (
+        "solver", "setting", "status", "matched", "missed / spurious", "worst error [s]", "digits",
+        "stick error [s]", "time (IQR)", "compile", "steps", "fields", "events",
+    )  # fmt: skip
+    return Table(headings, "lrlrrrrrrrrrr", lines)
+
+
+COUNTS = ("steps", "rhs_evaluations", "event_evaluations")
+
+
+def status(row: Row) -> str:
+    """Status, with the verdict where the solver is not to blame."""
+    text = str(row["status"])
+    return f"{text} ({row['verdict']})" if row["verdict"] in ("ill-conditioned", "not unique") else text
+
+
+def wall(row: Row, samples: Sequence[float] = ()) -> str:
+    """Median wall time, its interquartile range, and a mark where the samples scatter too much.
+
+    Where the samples are too few for a range, their number stands in its place; two of them are marked where their
+    half distance is as large as a range that would be.
+    """
+    if row["wall_s"] is None:
+        return ""
+    if row["wall_s_iqr"] is not None:
+        note = duration(row["wall_s_iqr"])
+    else:
+        note = "" if row["timed_runs"] is None else count(int(number(row, "timed_runs")), "run")
+    return duration(row["wall_s"]) + (f" ({note})" if note else "") + _mark(row, samples)
+
+
+def timed(row: Row, samples: Samples | None = None) -> str:
+    """Median wall time of a row that has one, marked where its samples scatter too much."""
+    return duration(row["wall_s"]) + _mark(row, (samples or {}).get(of_run(row), ()))
+
+
+def _mark(row: Row, samples: Sequence[float] = ()) -> str:
+    if row["wall_s_iqr"] is not None:
+        scatter = number(row, "wall_s_iqr")
+    else:
+        scatter = (max(samples) - min(samples)) / 2 if samples else 0.0
+    return f" {MARK}" if scatter > UNSTABLE * number(row, "wall_s") else ""
+
+
+def reason_table(rows: Sequence[Row]) -> Table | None:
+    """Why a run is not right: the solver's words, the verdict and what it rests on, the cause where it is known."""
+    # One line for a solver that says the same at every setting.
+    merged: dict[tuple[str, ...], list[str]] = {}
+    for row in rows:
+        if row["verdict"] == "right" or row["status"] in ("unsupported", "unavailable"):
+            continue
+        verdict = ": ".join(markdown(str(row[column])) for column in ("verdict", "verdict_basis") if row[column])
+        cause = _cause(str(row["cause"])) if row["cause"] else ""
+        words = (code(name(row)), str(row["status"]), markdown(str(row["status_reason"] or "")), verdict, cause)
+        merged.setdefault(words, []).append(setting(row["rtol"], row["step_s"]))
+    if not merged:
+        return None
+    return Table(
+        ("solver", "setting", "status", "reason", "verdict", "cause"),
+        "lrllll",
+        [(words[0], ", ".join(at), *words[1:]) for words, at in merged.items()],
+    )
+
+
+def _cause(name: str) -> str:
+    """A link to a cause on the page of causes, which lies in a folder beside the report's."""
+    return f"[{CAUSES[name].title}](../causes/README.md#{name})"
+
+
+def stick_table(comparison: Comparison, result: ReadingResult) -> Table | None:
+    """The sticks of the measured window: truth, source, and every solver's most accurate right run."""
+    expected, reading = result.expected, result.reading
+    if expected is None:
+        return None
+    exact = sticks(expected.transitions, start=expected.start, after=reading.measure_after)
+    if not exact:
+        return None
+    printed = [float(value) for value in reading.published.stick_durations] if reading.published else []
+    partners = published_partners([stick.duration for stick in exact], printed)
+    rows = []
+    best = _best_stick_run(comparison, reading.name)
+    for index, (stick, partner) in enumerate(list(zip(exact, partners, strict=True))[:MOST_STICKS]):
+        cells = [f"{index}", reading.problem.system.sign_names[stick.surface], f"{stick.start:.9f}"]
+        cells.append(f"{stick.duration:.13f}")
+        if printed:
+            cells.append("" if partner is None else f"{partner:g}")
+            cells.append("" if partner is None else error(partner - stick.duration))
+        if best is not None:
+            own = next((row for row in best[1] if row["index"] == index), None)
+            cells.append("" if own is None else error(own["error_s"]))
+            cells.append("" if own is None or own["length"] is None else f"{number(own, 'length'):.9f}")
+        rows.append(tuple(cells))
+    headings = ["stick", "surface", "begins at [s]", "exact duration [s]"]
+    if printed:
+        headings += ["printed [s]", "printed − exact [s]"]
+    if best is not None:
+        headings += [f"error of {code(best[0])} [s]", f"length [unit of {code(reading.problem.system.state_names[0])}]"]
+    return Table(tuple(headings), "rl" + "r" * (len(headings) - 2), rows)
+
+
+def _best_stick_run(comparison: Comparison, reading: str) -> tuple[str, list[Row]] | None:
+    """Solver and stick rows of the most accurate right run of a reading."""
+    records = [record for record in comparison.of_reading(reading) if record.sticks and right([record.run])]
+    if not records:
+        return None
+    best = max(records, key=lambda record: number(record.run, "digits"))
+    return name(best.run), best.sticks

@@ -1,0 +1,1 @@
+"""Roots of a step's polynomial: isolated in double precision, and in multiprecision."""

@@ -1,0 +1,157 @@
+"""What a run is scored against: the truth of one reading, in doubles and double-doubles."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from henon_ref.filippov.modes import Mode
+from henon_ref.trajectory import Status
+
+HALF_ULP = 2.0**-53
+
+
+class ReferenceEvent(Protocol):
+    """A transition of the truth."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def surface(self) -> int: ...
+    @property
+    def from_mode(self) -> Mode: ...
+    @property
+    def to_mode(self) -> Mode: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def time_low(self) -> float: ...
+    @property
+    def radius(self) -> float: ...
+    @property
+    def conditioning(self) -> float: ...
+    @property
+    def transversality(self) -> float: ...
+    @property
+    def state(self) -> Sequence[object]: ...
+
+
+class NearTouch(Protocol):
+    """An instant at which a surface is nearly touched."""
+
+    @property
+    def time(self) -> float: ...
+    @property
+    def distance(self) -> float: ...
+
+
+class Touches:
+    """Near touches, found by time.
+
+    Parameters
+    ----------
+    touches : sequence of NearTouch
+        In any order.
+    """
+
+    def __init__(self, touches: Sequence[NearTouch]) -> None:
+        self._touches = sorted(touches, key=lambda touch: touch.time)
+        self._times = [touch.time for touch in self._touches]
+        self._distances = np.array([touch.distance for touch in self._touches])
+
+    def closest(self, time: float, within: float) -> NearTouch | None:
+        """The one that comes closest to its surface of those no more than ``within`` from a time [s]."""
+        begin, end = bisect_left(self._times, time - within), bisect_right(self._times, time + within)
+        return self._touches[begin + int(np.argmin(self._distances[begin:end]))] if begin < end else None
+
+    def from_nearest(self, time: float) -> float | None:
+        """How far the nearest is from a time [s]; None where there is none."""
+        at = bisect_left(self._times, time)
+        return min((abs(other - time) for other in self._times[max(at - 1, 0) : at + 1]), default=None)
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What a run is scored against: the truth of one reading, in doubles and double-doubles."""
+
+    status: Status
+    """How the exact run ends."""
+    transitions: Sequence[ReferenceEvent]
+    """Every transition up to that end."""
+    start: float
+    """Initial time [s]."""
+    until: float
+    """Horizon [s]."""
+    end_time: float
+    """Where the exact run ends: the horizon, or before it [s]."""
+    near_grazes: Sequence[NearTouch] = ()
+    start_size: float = 0.0
+    """Largest entry of the state at the start."""
+    partial: bool = False
+    """What happens after ``end_time`` is not known: runs are scored up to there, however they end."""
+
+    @property
+    def nothing_known(self) -> bool:
+        """The truth could not leave the start: there is nothing that a run could be held against."""
+        return self.partial and not self.transitions and self.end_time <= self.start
+
+    @property
+    def radius(self) -> float:
+        """Largest radius of its transition times [s]."""
+        return max((e.radius for e in self.transitions), default=0.0)
+
+    @property
+    def time_unit(self) -> float:
+        """Power of ten that digits are counted from [s]: 1 unless transitions are 10 times rarer or denser."""
+        gap = (self.end_time - self.start) / max(len(self.transitions), 1)
+        return 10.0 ** math.trunc(math.log10(gap)) if 0 < gap < math.inf else 1.0
+
+    @property
+    def state_size(self) -> float:
+        """Largest entry of a state at a transition; 0 where there is none."""
+        return max((abs(float(str(value))) for event in self.transitions for value in event.state), default=0.0)
+
+    @cached_property
+    def gaps(self) -> list[float]:
+        """Distance of each transition to the nearest other of its surface [s]; the run's length without."""
+        found = [self.until - self.start] * len(self.transitions)
+        last: dict[int, int] = {}
+        for i, event in enumerate(self.transitions):
+            before = last.get(event.surface)
+            if before is not None:
+                gap = abs(event.time - self.transitions[before].time)
+                found[before], found[i] = min(found[before], gap), gap
+            last[event.surface] = i
+        return found
+
+    @cached_property
+    def _of_surface(self) -> dict[int, tuple[list[float], list[int]]]:
+        """Surface -> times and indices of its transitions."""
+        found: dict[int, tuple[list[float], list[int]]] = {}
+        for i, event in enumerate(self.transitions):
+            times, places = found.setdefault(event.surface, ([], []))
+            times.append(event.time)
+            places.append(i)
+        return found
+
+    def nearest(self, surface: int, time: float) -> int | None:
+        """Index of the transition of this surface that is nearest to a time; None where it has none."""
+        times, places = self._of_surface.get(surface, ([], []))
+        at = bisect_left(times, time)
+        return min(places[max(at - 1, 0) : at + 1], key=lambda i: abs(self.transitions[i].time - time), default=None)
+
+    @cached_property
+    def touches(self) -> Touches:
+        """Its near touches, by time."""
+        return Touches(self.near_grazes)
+
+    @property
+    def scale(self) -> float:
+        """Size of the state that tolerances are relative to: at the start and at the transitions."""
+        return max(self.start_size, self.state_size, HALF_ULP)

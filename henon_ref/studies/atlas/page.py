@@ -1,0 +1,103 @@
+"""The atlas's page: a figure and a count a family, and every run in one file."""
+
+from __future__ import annotations
+
+import io
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from henon_ref import registry
+from henon_ref.columns import RUN_COLUMNS, Row
+from henon_ref.figures import style
+from henon_ref.report.files.csv_files import csv_text
+from henon_ref.report.files.manifest import Provenance
+from henon_ref.report.files.write import RUNS, replace_file
+from henon_ref.report.text.formats import exponential
+from henon_ref.report.text.markdown import environment
+from henon_ref.report.text.tables import Table
+from henon_ref.studies.atlas.family import OUTCOMES, TOLERANCES, Family, outcome_of
+from henon_ref.studies.atlas.figure import draw_atlas
+from henon_ref.text import code, markdown, paragraphs
+
+FOLDER = "atlas"
+PAGE = "README.md"
+
+
+def write_atlas(found: Sequence[tuple[Family, list[Row]]], origin: Provenance, folder: Path) -> Path:
+    """Write figures, runs and page.
+
+    Parameters
+    ----------
+    found : sequence of (Family, list of Row)
+        The families and their runs.
+    origin : Provenance
+    folder : Path
+        The atlas's own folder; made if need be.
+
+    Raises
+    ------
+    OSError
+        Where it cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    sections = []
+    for family, rows in found:
+        name = figure_name(family.case.name)
+        buffer = io.BytesIO()
+        style.save(draw_atlas(family, rows, solvers_of(rows)), buffer)
+        replace_file(folder / name, buffer.getvalue())
+        sections.append(
+            {
+                "title": markdown(family.case.title),
+                "case": family.case.name,
+                "figure": name,
+                "story": paragraphs(family.case.readings[0].story or ""),
+                "counts": count_table(rows).markdown,
+            }
+        )
+    every = [row for _, rows in found for row in rows]
+    replace_file(folder / RUNS, csv_text(RUN_COLUMNS, every).encode())
+    text = (
+        environment()
+        .get_template("atlas.md.j2")
+        .render(
+            sections=sections,
+            runs=len(every),
+            tightest=exponential(min(TOLERANCES), 1),
+            loosest=exponential(max(TOLERANCES), 1),
+            rerun=origin.rerun,
+            machine=origin.machine_text,
+            commit=origin.commit[:12],
+        )
+    )
+    replace_file(folder / PAGE, text.strip().encode() + b"\n")
+    return folder / PAGE
+
+
+def figure_name(case: str) -> str:
+    """File name of a family's figure."""
+    return f"{case}.svg"
+
+
+def solvers_of(rows: Sequence[Row]) -> list[str]:
+    """Solvers that ran, in the registry's order."""
+    present = {str(row["solver"]) for row in rows if outcome_of(row) is not None}
+    order = [name for name in registry.names() if name in present]
+    return order + sorted(present - set(order))
+
+
+def count_table(rows: Sequence[Row]) -> Table:
+    """How often each solver is right, wrong in each way, and wrong by its own fault."""
+    lines = []
+    for solver in solvers_of(rows):
+        own = [row for row in rows if row["solver"] == solver and outcome_of(row) is not None]
+        tally = Counter(outcome_of(row) for row in own)
+        blamed = Counter(str(row["verdict"]) for row in own)
+        shown = [f"{tally[outcome] or ''}" for outcome in OUTCOMES]
+        lines.append((code(solver), f"{len(own)}", *shown, *(f"{blamed[word] or ''}" for word in BLAME)))
+    headings = ("solver", "runs", *OUTCOMES.values(), *BLAME)
+    return Table(headings, "l" + "r" * (len(headings) - 1), lines)
+
+
+BLAME = ("ill-conditioned", "solver defect")

@@ -1,0 +1,293 @@
+"""Only the effects a scene calls for: what each one costs, and what it costs to carry it at zero."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from henon_ref.campaign.interleaved import in_turn
+from henon_ref.casefile.case import parse_case
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.taylor.tape import Tape, build_tape
+
+RTOL = 1e-12
+ROUNDS = 60
+UNTIL = 600
+"""Horizon of all runs [s]."""
+SCENE = """\
+schema: 1
+name: effects
+title: Effects
+scene:
+  body: {body}
+  parameters: {parameters}
+  effects:
+{effects}
+initial: {initial}
+until: {until}
+"""
+WRITTEN = """\
+schema: 1
+name: by_hand
+title: Written out by hand
+system: {{state: [{states}], parameters: {parameters}, surfaces: {{s: {surface}}}, field: [{field}], valid: [{valid}]}}
+initial: {initial}
+until: {until}
+"""
+Effects = Mapping[str, str]
+"""Effects of a scene and their parameters, as in a case file."""
+
+
+@dataclass(frozen=True)
+class Added:
+    """An effect that is added to those before it."""
+
+    given: Effects
+    """It and its parameters; the first row has what no scene can do without."""
+    off: Effects
+    """The same, compiled in with a coefficient ``z`` that happens to be zero."""
+    by_hand: str
+    """The field with all effects up to this one, as somebody would write it who has never heard of the others."""
+    valid: str = ""
+    """What has to be positive then."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body whose effects are added one by one."""
+
+    name: str
+    scene: str
+    parameters: str
+    initial: str
+    states: str
+    surface: str
+    """Written out by hand: the block against a belt that it never keeps up with."""
+    added: tuple[Added, ...]
+    stuck: Effects
+    """Effects of a motion that sticks."""
+    stuck_by_hand: tuple[str, str]
+    """Surface and field of that."""
+
+
+_BELT = "{velocity: 9}"
+OSCILLATOR = Body(
+    name="belt oscillator",
+    scene="belt_oscillator",
+    parameters="{m: 1, z: 0}",
+    initial="{t: 0, x1: 1, x2: 0}",
+    states="x1, x2",
+    surface="x2 - 9",
+    added=(
+        Added(
+            {"linear_spring": "{stiffness: 1}", "moving_belt": _BELT, "coulomb_friction": "{force: 0.1}"},
+            {},
+            "x2, (-x1 - 0.1*s)/m",
+        ),
+        Added(
+            {"stribeck_friction": "{force: 0.4, slope: 1}"},
+            {"stribeck_friction": "{force: z, slope: 1}"},
+            "x2, (-x1 - 0.1*s - 0.4*s/(1 + s*(x2 - 9)))/m",
+        ),
+        Added(
+            {"cubic_spring": "{stiffness: 0.3}"},
+            {"cubic_spring": "{stiffness: z}"},
+            "x2, (-x1 - 0.3*x1^3 - 0.1*s - 0.4*s/(1 + s*(x2 - 9)))/m",
+        ),
+        Added(
+            {"viscous_damping": "{coefficient: 0.05}"},
+            {"viscous_damping": "{coefficient: z}"},
+            "x2, (-x1 - 0.3*x1^3 - 0.05*x2 - 0.1*s - 0.4*s/(1 + s*(x2 - 9)))/m",
+        ),
+        Added(
+            {"harmonic_base": "{amplitude: 0.2, frequency: 1.7}"},
+            {"harmonic_base": "{amplitude: z, frequency: 1.7}"},
+            "x2, (-(x1 - 0.2*sin(1.7*t)) - 0.3*(x1 - 0.2*sin(1.7*t))^3 - 0.05*x2 - 0.1*s - 0.4*s/(1 + s*(x2 - 9)))/m",
+        ),
+    ),
+    stuck={
+        "linear_spring": "{stiffness: 1}",
+        "moving_belt": "{velocity: 0.3}",
+        "stribeck_friction": "{force: 0.4, slope: 1}",
+    },
+    stuck_by_hand=("x2 - 0.3", "x2, (-x1 - s*0.4/(1 + s*(x2 - 0.3)))/m"),
+)
+_RUBBING = "0.25*s/(1 + 3*s*(x2 - 9))"
+RIG = Body(
+    name="rig",
+    scene="two_dof_rig",
+    parameters="{m: 1, k1: 1, k2: 1, a: 1, b: 1, r: 1, z: 0}",
+    initial="{t: 0, x1: 0, x2: 0.4, x3: 0.1, x4: 0}",
+    states="x1, x2, x3, x4",
+    surface="x2 - 9",
+    added=(
+        Added(
+            {
+                "block_spring": "{stiffness: 1}",
+                "moving_belt": _BELT,
+                "stribeck_friction": "{force: 0.5, slope: 3}",
+            },
+            {},
+            f"x2, -x1/2 - {_RUBBING}, x4, 0",
+        ),
+        Added(
+            {"coupling_spring": "{stiffness: 1}"},
+            {"coupling_spring": "{stiffness: z}"},
+            f"x2, -x1 - x3/2 - {_RUBBING}, x4, -3/4*x1 - 3/4*x3",
+        ),
+        Added(
+            {"bracket_spring": "{stiffness: 1}"},
+            {"bracket_spring": "{stiffness: z}"},
+            f"x2, -x1 - x3/2 - {_RUBBING}, x4, -3/4*x1 - 3/2*x3",
+        ),
+        Added(
+            {"coupling_damper": "{coefficient: 0.01}"},
+            {"coupling_damper": "{coefficient: z}"},
+            f"x2, -x1 - x3/2 - sqrt(2)/200*x2 - sqrt(2)/200*x4 - {_RUBBING}, x4,"
+            " -3/4*x1 - 3/2*x3 - 3*sqrt(2)/400*x2 - 3*sqrt(2)/400*x4",
+        ),
+        Added(
+            {"bracket_damper": "{coefficient: 0.01}"},
+            {"bracket_damper": "{coefficient: z}"},
+            f"x2, -x1 - x3/2 - sqrt(2)/200*x2 - sqrt(2)/200*x4 - {_RUBBING}, x4,"
+            " -3/4*x1 - 3/2*x3 - 3*sqrt(2)/400*x2 - 3*sqrt(2)/200*x4",
+        ),
+        Added(
+            {"load_coupling": "{friction: 0.5, stiffness: 1, coefficient: 0.01}"},
+            {"load_coupling": "{friction: z, stiffness: 1, coefficient: z}"},
+            f"x2, -x1 - x3/2 - sqrt(2)/200*x2 - sqrt(2)/200*x4 - (1 - 0.5*x3 - sqrt(2)/200*x4)*{_RUBBING}, x4,"
+            " -3/4*x1 - 3/2*x3 - 3*sqrt(2)/400*x2 - 3*sqrt(2)/200*x4",
+            valid="1 - 0.5*x3 - sqrt(2)/200*x4",
+        ),
+    ),
+    stuck={
+        "block_spring": "{stiffness: 1}",
+        "coupling_spring": "{stiffness: 1}",
+        "bracket_spring": "{stiffness: 1}",
+        "moving_belt": "{velocity: 0.4}",
+        "stribeck_friction": "{force: 0.5, slope: 3}",
+    },
+    stuck_by_hand=("x2 - 0.4", "x2, -x1 - (x3 + 0.5*s/(1 + 3*s*(x2 - 0.4)))/2, x4, -3/4*(x1 + 2*x3)"),
+)
+BODIES = (OSCILLATOR, RIG)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A scene with the effects up to one of them."""
+
+    body: str
+    effect: str
+    """The effect that was added last; empty for the motion that sticks."""
+    operations: int
+    """Operations on the slip tape."""
+    by_hand: int
+    """The same of the field written out by hand."""
+    carried: int | None
+    """Operations with all other effects compiled in at zero; None for the motion that sticks."""
+    transitions: int
+    per_step_s: float
+    """Wall time of one Taylor step of a whole run [s]."""
+    carried_per_step_s: float | None
+    to_carried: float | None
+    """Time of a run over that with all other effects at zero, median over the rounds."""
+    to_written: float
+    """The same over the field written out by hand."""
+
+
+def scene(body: Body, effects: Effects) -> Problem:
+    """A body with these effects; ``z`` is a parameter that is zero."""
+    lines = "\n".join(f"    {name}: {values}" for name, values in effects.items())
+    text = SCENE.format(body=body.scene, parameters=body.parameters, effects=lines, initial=body.initial, until=UNTIL)
+    return parse_case(text).readings[0].problem
+
+
+def written(body: Body, surface: str, field: str, valid: str = "") -> Problem:
+    """The same body written out by hand."""
+    text = WRITTEN.format(
+        states=body.states,
+        parameters=body.parameters,
+        surface=surface,
+        field=field,
+        valid=valid,
+        initial=body.initial,
+        until=UNTIL,
+    )
+    return parse_case(text).readings[0].problem
+
+
+def additions(body: Body) -> Iterator[tuple[str, Problem, Problem, Problem]]:
+    """Effect added; the scene up to it, with all others carried at zero, and by hand."""
+    given: dict[str, str] = {}
+    for number, added in enumerate(body.added, start=1):
+        given |= added.given
+        carried = {**given, **{name: value for later in body.added[number:] for name, value in later.off.items()}}
+        by_hand = written(body, body.surface, added.by_hand, added.valid)
+        yield ", ".join(added.given), scene(body, given), scene(body, carried), by_hand
+
+
+def slip_tape(system: FilippovSystem) -> Tape:
+    """The tape of a system's slip modes: field and guards."""
+    equations = system.shared_equations(frozenset())
+    return build_tape(system.states, equations.field, [guard.expression for guard in equations.guards])
+
+
+def operations(system: FilippovSystem) -> int:
+    """Operations on the slip tape, without what is only read."""
+    return sum(number for name, number in slip_tape(system).counts.items() if name not in ("state", "constant"))
+
+
+def effect_costs() -> list[Step]:
+    """Add one effect after the other, for both bodies; time all ways in turn."""
+    found = []
+    for body in BODIES:
+        for effect, own, carried, by_hand in additions(body):
+            found.append(_timed(body.name, effect, {"own": own, "carried": carried, "written": by_hand}))
+        stuck = {"own": scene(body, body.stuck), "written": written(body, *body.stuck_by_hand)}
+        found.append(_timed(body.name, "", stuck))
+    return found
+
+
+def _timed(body: str, effect: str, problems: Mapping[str, Problem]) -> Step:
+    runs = {key: HENON_SOLVER.prepare(problem, rtol=RTOL) for key, problem in problems.items()}
+    ends = {key: run() for key, run in runs.items()}
+    times = in_turn(runs, rounds=ROUNDS)
+    a_step: Callable[[str], float] = lambda key: times.median(key) / ends[key].counts.steps  # noqa: E731
+    there = "carried" in problems
+    return Step(
+        body=body,
+        effect=effect,
+        operations=operations(problems["own"].system),
+        by_hand=operations(problems["written"].system),
+        carried=operations(problems["carried"].system) if there else None,
+        transitions=len(ends["own"].transitions),
+        per_step_s=a_step("own"),
+        carried_per_step_s=a_step("carried") if there else None,
+        to_carried=times.ratio("own", "carried") if there else None,
+        to_written=times.ratio("own", "written"),
+    )
+
+
+def rows(steps: Sequence[Step]) -> list[tuple[str, ...]]:
+    """Rows of text."""
+    found: list[tuple[str, ...]] = []
+    for number, step in enumerate(steps):
+        before = steps[number - 1] if number and steps[number - 1].body == step.body and step.effect else None
+        more = "" if before is None else f"{1e9 * (step.per_step_s - before.per_step_s):+.0f} ns"
+        found.append(
+            (
+                step.body,
+                step.effect or "*a motion that sticks*",
+                f"{step.operations}",
+                f"{step.by_hand}",
+                f"{1e9 * step.per_step_s:.0f} ns",
+                more,
+                f"{step.to_written:.2f}",
+                "" if step.carried is None else f"{step.carried}",
+                "" if step.carried_per_step_s is None else f"{1e9 * step.carried_per_step_s:.0f} ns",
+                "" if step.to_carried is None else f"{step.to_carried:.2f}",
+            )
+        )
+    return found

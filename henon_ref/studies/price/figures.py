@@ -1,0 +1,136 @@
+"""Figures of the price list."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from henon_ref.columns import Row
+from henon_ref.figures import style
+from henon_ref.registry import COMPILED
+from henon_ref.report.text.ranking import by_solver, number, right
+from henon_ref.studies.price.growth import Horizon
+from henon_ref.studies.price.growth import exponent as horizon_power
+from henon_ref.studies.price.states import Size, fitted
+
+COUNTS = {
+    "wall_s": "wall time of one run, median [s]",
+    "rhs_evaluations": "right-hand sides (of henon and heyoka: whole Taylor expansions)",
+    "steps": "steps",
+}
+"""What may stand on the axis of cost."""
+
+BOUND = 1e-11
+"""Error of a stick [s] that a run of a million seconds must not exceed."""
+
+
+def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
+    """Worst error of a transition's time against a cost, one line a solver, for one reading.
+
+    Times have bars, the 95 % intervals of the medians. Compiled callbacks change times and nothing else: they stand
+    where the cost is a time.
+    """
+    is_time = count == "wall_s"
+    with style.figure(4.4) as figure:
+        axes = figure.add_axes((0.1, 0.12, 0.67, 0.8))
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        tips = []
+        for solver, ladder in by_solver(right(rows)).items():
+            compiled = solver.endswith(COMPILED)
+            points = [
+                (number(row, count), max(number(row, "max_time_error_s"), 1e-16))
+                for row in ladder
+                if row[count] and row["max_time_error_s"] is not None
+            ]
+            if points and (is_time or not compiled):
+                _draw_line(axes, solver, points)
+                if is_time:
+                    _draw_bars(axes, solver, ladder)
+                if not compiled:
+                    x, y = min(points, key=lambda point: point[1])
+                    tips.append((solver, x, y, style.line_of(solver)))
+        style.decades(axes.xaxis)
+        style.decades(axes.yaxis)
+        style.label_points(axes, tips, x=1.045, gap=0.05)
+        if is_time:
+            axes.plot(
+                [], [], ":", color=style.GREY, marker="o", mfc="white", ms=3.5, label="compiled callbacks (+numba)"
+            )
+            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+        axes.set(xlabel=COUNTS[count], ylabel="worst error of a transition time [s]")
+    return figure
+
+
+def _draw_line(axes: Axes, solver: str, points: Sequence[tuple[float, float]]) -> None:
+    look = style.line_of(solver.removesuffix(COMPILED))
+    fair = solver.endswith(COMPILED)
+    x, y = np.array(points).T
+    axes.plot(
+        x, y, ":" if fair else look.dashes, marker=look.marker, color=look.colour, lw=look.width, ms=3.5,
+        mfc="white" if fair else look.colour,
+    )  # fmt: skip
+
+
+def _draw_bars(axes: Axes, solver: str, ladder: Sequence[Row]) -> None:
+    known = [row for row in ladder if row["wall_s_low"] is not None and row["max_time_error_s"] is not None]
+    if known:
+        errors = [max(number(row, "max_time_error_s"), 1e-16) for row in known]
+        low, high = ([number(row, column) for row in known] for column in ("wall_s_low", "wall_s_high"))
+        axes.hlines(errors, low, high, color=style.line_of(solver.removesuffix(COMPILED)).colour, lw=0.8)
+
+
+def draw_growth(found: Sequence[Horizon]) -> Figure:
+    """Time of a transition and error of the last sticks over the horizon, for every solver."""
+    with style.figure(3.0) as figure:
+        left, right_ = figure.subplots(1, 2, sharex=True)
+        for solver in dict.fromkeys(own.solver for own in found):
+            own = [run for run in found if run.solver == solver]
+            label = f"{solver}: run ~ horizon^({horizon_power(found, solver)})"
+            _plot(left, solver, [run.until for run in own], [1e6 * run.per_transition_s for run in own], label)
+            settled = [run for run in own if not math.isnan(run.stick_error_s)]
+            errors = [max(run.stick_error_s, 1e-16) for run in settled]
+            _plot(right_, solver, [run.until for run in settled], errors, solver)
+        left.set(xlabel="horizon [s]", ylabel="wall time a transition [µs]")
+        left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+        right_.axhline(BOUND, color=style.GREY, ls="--", lw=0.9)
+        right_.annotate(
+            f"bound: {BOUND:.0e} s", (max(run.until for run in found), BOUND), (0, -11),
+            textcoords="offset points", fontsize=8.0, color=style.GREY, ha="right",
+        )  # fmt: skip
+        right_.set(xlabel="horizon [s]", ylabel="worst error of the last sticks [s]")
+        figure.set_layout_engine("constrained")
+    return figure
+
+
+def draw_sizes(found: Sequence[Size]) -> Figure:
+    """Time of a simulated second and of getting ready over the number of states, for every solver."""
+    with style.figure(3.2) as figure:
+        panels = figure.subplots(1, 2)
+        columns = (
+            ("per_second", 1e3, "wall time of a simulated second [ms]"),
+            ("ready_s", 1.0, "wall time of making ready [s]"),
+        )
+        ticks = sorted({size.states for size in found})
+        for axes, (column, unit, words) in zip(panels, columns, strict=True):
+            for solver in dict.fromkeys(own.solver for own in found):
+                own = [size for size in found if size.solver == solver and size.agrees]
+                label = f"{solver}: ~ states^({fitted(found, solver, column)})"
+                _plot(
+                    axes, solver, [size.states for size in own], [unit * getattr(size, column) for size in own], label
+                )
+            axes.set_xticks(ticks, [str(tick) for tick in ticks], minor=False)
+            axes.set_xticks([], minor=True)
+            axes.set(xlabel="states", ylabel=words)
+            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+        figure.set_layout_engine("constrained")
+    return figure
+
+
+def _plot(axes: Axes, solver: str, x: Sequence[float], y: Sequence[float], label: str) -> None:
+    look = style.line_of(solver)
+    axes.loglog(x, y, look.dashes, marker=look.marker, color=look.colour, lw=look.width, label=label)

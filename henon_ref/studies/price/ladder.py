@@ -1,0 +1,71 @@
+"""Every solver at every tolerance: the rows that prices are read from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from henon_ref import registry
+from henon_ref.campaign.comparison import Comparison, compare_all
+from henon_ref.campaign.options import Observer, Options
+from henon_ref.casefile.case import Case
+from henon_ref.columns import Row
+
+LADDER = tuple(10.0**-k for k in range(3, 16))
+"""Relative tolerances. A library that refuses one says so, and the row with it."""
+TIMEOUT = 4.0
+"""Seconds that one run may take: what takes longer is no bargain."""
+SAMPLES = ("case", "reading", "against", "digits", "solver", "rtol", "step_s", "samples_us")
+"""Columns of the raw samples; against: the pair that a setting was timed in, empty for the ladder's own times."""
+
+
+def solvers() -> tuple[str, ...]:
+    """What stands on the list: all that is run by default, and each with compiled callbacks.
+
+    Solvers of a fixed step run at the steps that the case names.
+    """
+    known = registry.names()
+    return tuple(n for own in registry.default_names() for n in (own, own + registry.COMPILED) if n in known)
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """What was run."""
+
+    rows: list[Row]
+    """As in ``runs.csv``."""
+    samples: list[Row]
+    """The raw samples behind the rows' times."""
+
+
+def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> Ladder:
+    """Run the ladder on the cases' readings.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+    options : Options
+        Solvers, processes and journals; tolerances and deadline are the ladder's own.
+    observer : Observer
+    """
+    found = Ladder([], [])
+
+    def deliver(comparison: Comparison) -> None:
+        found.rows.extend(comparison.run_rows)
+        for record in comparison.records:
+            if record.samples:
+                found.samples.append(sampled({**record.run, "digits": None}, record.samples))
+
+    asked = replace(options, solvers=options.solvers or solvers(), tolerances=LADDER, timeout=TIMEOUT)
+    compare_all([_without_listings(case) for case in cases], asked, deliver, observer=observer)
+    return found
+
+
+def sampled(setting: Row, samples: Sequence[float]) -> Row:
+    """Raw samples [s] of one setting, as a row of :data:`SAMPLES`."""
+    return {**setting, "samples_us": " ".join(f"{1e6 * sample:.5g}" for sample in samples)}
+
+
+def _without_listings(case: Case) -> Case:
+    """The readings that are not tied to a solver of their own (Listing 1 as printed)."""
+    return replace(case, readings=tuple(reading for reading in case.readings if reading.solvers is None))

@@ -1,0 +1,125 @@
+"""Floating-point operations of a run, counted in the machine code's source, and how near they come to the machine."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from henon_ref.campaign.interleaved import in_turn
+from henon_ref.filippov.problem import Problem
+from henon_ref.henon.engine import Engine
+from henon_ref.henon.registers import HENON
+from henon_ref.henon.session import Session
+from henon_ref.henon.solvers import HENON_SOLVER, order_for
+from henon_ref.taylor.llvm.expansion import expansion_ir
+from henon_ref.taylor.llvm.step_end import closing_ir
+from henon_ref.taylor.tape import build_tape
+
+RTOL = 1e-12
+ROUNDS = 60
+SIZE = 60
+"""Rows of the square matrices whose product stands for the machine's limit: they stay in the nearest cache."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """A run's arithmetic."""
+
+    expansion: int
+    """Operations of one Taylor expansion in slip."""
+    stick: int
+    """The same in stick."""
+    closing: int
+    """Operations of ending a step."""
+    steps: int
+    expansions: int
+    in_stick: int
+    """Expansions made while the motion sticks."""
+    landed: int
+    """Evaluations of a guard's polynomial while a transition is put on its surface."""
+    order: int
+    """Degree of these polynomials."""
+    wall_s: float
+    """Median time of the run [s]."""
+    peak: float
+    """Operations a second of a matrix product on one core [1/s]."""
+
+    @property
+    def total(self) -> int:
+        """Operations of the run: expansions by mode, ends of steps, polynomials (a product and a sum a degree)."""
+        slip = self.expansions - self.in_stick
+        landing = 2 * self.order * self.landed
+        return slip * self.expansion + self.in_stick * self.stick + self.steps * self.closing + landing
+
+    @property
+    def rate(self) -> float:
+        """Operations a second [1/s]."""
+        return self.total / self.wall_s
+
+
+def count(ir: str) -> int:
+    """Floating-point operations in LLVM IR: a lane of a vector is one, a fused product and sum are two."""
+    total = 0
+    for line in ir.splitlines():
+        if not re.search(r"\b(fadd|fsub|fmul|fdiv)\b|llvm\.fma", line) or line.startswith("declare"):
+            continue
+        lanes = re.search(r"<(\d+) x double>", line)
+        total += (2 if "llvm.fma" in line else 1) * (int(lanes[1]) if lanes else 1)
+    return total
+
+
+def work(problem: Problem) -> Work:
+    """Count and time a run of a problem with one surface at tolerance 1e-12."""
+    tolerance = 0.1 * RTOL
+    order = order_for(tolerance)
+    system = problem.system
+    n = len(system.states)
+    counts = []
+    for sliding in (frozenset[int](), frozenset({0})):
+        equations = system.shared_equations(sliding)
+        tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+        counts.append(count(expansion_ir(tape, n, order, "expansion")))
+    engine = Engine(system, order)
+    start = engine.start(problem, tolerance=tolerance, landing=HENON)
+
+    def run():  # type: ignore[no-untyped-def]
+        return Session(engine, start).run()
+
+    a = np.linspace(0, 1, SIZE * SIZE).reshape(SIZE, SIZE)
+    out = np.empty_like(a)
+
+    def product() -> None:
+        for _ in range(20):
+            np.matmul(a, a, out=out)
+
+    times = in_turn({"run": run, "product": product}, rounds=ROUNDS)
+    made = run().counts
+    in_stick = _while_stuck(
+        problem, lambda until: Session(engine, replace(start, until=(until, 0.0))).run().counts.rhs_evaluations
+    )
+    return Work(
+        expansion=counts[0],
+        stick=counts[1],
+        closing=count(closing_ir(n, 1, order, "closing")),
+        steps=made.steps,
+        expansions=made.rhs_evaluations,
+        in_stick=in_stick,
+        landed=made.event_evaluations,
+        order=order,
+        wall_s=times.median("run"),
+        peak=20 * 2 * SIZE**3 / times.median("product"),
+    )
+
+
+def _while_stuck(problem: Problem, expansions: Callable[[float], int]) -> int:
+    """Expansions made while a motion with one surface sticks; ``expansions(until)`` counts those up to a time."""
+    run = HENON_SOLVER.prepare(problem, rtol=RTOL)()
+    spent, total, stuck = 0, 0, run.transitions[0].from_mode == (0,)
+    for transition in run.transitions:
+        before, spent = spent, expansions(transition.time)
+        total += (spent - before) * stuck
+        stuck = transition.to_mode == (0,)
+    return total + (run.counts.rhs_evaluations - spent) * stuck

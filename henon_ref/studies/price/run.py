@@ -1,0 +1,85 @@
+"""What the command does: check, the ladder, the pairs, then all that is timed apart, write."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from henon_ref.campaign.case_files import load_cases
+from henon_ref.campaign.journal import FILE
+from henon_ref.campaign.options import Observer, Options
+from henon_ref.casefile.case import Case
+from henon_ref.report.files.folder_lock import locked
+from henon_ref.report.files.manifest import provenance
+from henon_ref.report.files.write import check_writable, remove_if_empty
+from henon_ref.studies.price.compiling import readiness
+from henon_ref.studies.price.effects import effect_costs
+from henon_ref.studies.price.fresh import caches_in, in_fresh_process
+from henon_ref.studies.price.growth import horizons
+from henon_ref.studies.price.ladder import run_ladder
+from henon_ref.studies.price.landings import landings, near_grazing
+from henon_ref.studies.price.operations import work
+from henon_ref.studies.price.orbit import orbit_problem
+from henon_ref.studies.price.page import Prices, write_page
+from henon_ref.studies.price.pairs import pairs
+from henon_ref.studies.price.states import sizes
+from henon_ref.truth.compute import stored_truth
+from henon_ref.truth.reference import Truth
+
+
+def run(
+    paths: Sequence[Path], out: Path, *, jobs: int, resume: bool, observer: AbstractContextManager[Observer]
+) -> int:
+    """Measure everything and write the page."""
+    check_writable(out)
+    cases = load_cases(paths)
+    journals = [out / case.name for case in cases]
+    names = " ".join(str(path) for path in paths)
+    with locked([out, *journals]):
+        found = _measured(cases, out, observer, jobs=jobs, resume=resume)
+        page = write_page(found, provenance(f"python -m henon_ref.price {names}"), out)
+        for folder in journals:
+            (folder / FILE).unlink(missing_ok=True)
+    for folder in journals:
+        remove_if_empty(folder)
+    print(page)
+    return 0
+
+
+def _measured(
+    cases: Sequence[Case], out: Path, observer: AbstractContextManager[Observer], *, jobs: int, resume: bool
+) -> Prices:
+    """Everything that the page is made of."""
+    options = Options(processes=jobs, folder=out, resume=resume, keep_journals=True)
+    with observer as shown:
+        ladder = run_ladder(cases, options, shown)
+        timed, failed = pairs(cases, ladder.rows, options, shown)
+    # What follows is timed with nothing else at work, by this process or one of its own.
+    orbit = orbit_problem()
+    with TemporaryDirectory() as folder, caches_in(Path(folder)):
+        chains = in_fresh_process(sizes)
+    return Prices(
+        rows=ladder.rows,
+        samples=ladder.samples,
+        pairs=timed,
+        failed=failed,
+        ready=readiness(cases, timed),
+        landings=[*landings(cases, truths_of(cases)), *near_grazing()],
+        work=work(orbit),
+        effects=effect_costs(),
+        growth=horizons(orbit),
+        sizes=chains,
+    )
+
+
+def truths_of(cases: Sequence[Case]) -> dict[tuple[str, str], Truth]:
+    """The stored truths of the cases' readings."""
+    found = {}
+    for case in cases:
+        for reading in case.readings:
+            truth = stored_truth(case, reading)
+            if truth is not None:
+                found[case.name, reading.name] = truth
+    return found

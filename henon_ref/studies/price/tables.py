@@ -1,0 +1,243 @@
+"""The price list's tables, as rows of text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+from henon_ref.columns import Row
+from henon_ref.report.text.formats import count, duration, error, setting, significant
+from henon_ref.report.text.paired_times import FIRST, bound
+from henon_ref.report.text.ranking import LEVELS, by_solver, number, readings_of
+from henon_ref.report.text.tables import Table
+from henon_ref.studies.price import effects
+from henon_ref.studies.price.compiling import AGAINST, Ready, paid_after
+from henon_ref.studies.price.effects import Step
+from henon_ref.studies.price.growth import Horizon
+from henon_ref.studies.price.landings import Landed
+from henon_ref.studies.price.pairs import costs, mean_costs, why_not
+from henon_ref.studies.price.states import Size
+
+LISTED = ("heyoka", "scipy-dop853", "scipy-dop853+numba", "cvode-adams", "cvode-adams+numba")
+"""Rivals whose pairs are shown reading by reading; those of all are in the file."""
+
+
+def title(case: str, reading: str) -> str:
+    """What a reading is called."""
+    return case if reading == "default" else f"{case}, {reading}"
+
+
+def whole_table(rows: Sequence[Row], pairs: Sequence[Row]) -> Table:
+    """Solvers by their geometric mean cost over all readings, for every level."""
+    means = {level: mean_costs(pairs, level) for level in LEVELS}
+    solvers = list(by_solver(rows))
+    solvers.sort(key=lambda solver: min(own.get(solver, math.inf) for own in means.values()))
+    lines = []
+    for solver in solvers:
+        cells = [
+            significant(own[solver], 2) if solver in own else f"*{why_not(rows, solver, level)}*"
+            for level, own in means.items()
+        ]
+        lines.append((f"`{solver}`", *cells))
+    return Table(("solver", *(f"{level} digits" for level in LEVELS)), "l" + "r" * len(LEVELS), lines)
+
+
+def own_times(pairs: Sequence[Row]) -> str:
+    """Geometric mean time of the reference's runs, for every level."""
+    cells = []
+    for level in LEVELS:
+        times = {(row["case"], row["reading"]): number(row, "wall_s") for row in pairs if row["digits"] == level}
+        if times:
+            mean = math.exp(sum(math.log(time) for time in times.values()) / len(times))
+            cells.append(f"{duration(mean)} for {level} digits")
+    return ", ".join(cells)
+
+
+def rival_table(found: Sequence[Row]) -> Table:
+    """`henon`'s time over that of others, for the same digits of the worst transition, reading by reading."""
+    ratios: dict[tuple[str, str, str], dict[str, Row]] = {}
+    for row in found:
+        if row["rival"] in LISTED:
+            key = str(row["case"]), str(row["reading"]), bound(row["digits"])
+            ratios.setdefault(key, {})[str(row["rival"])] = row
+    lines = []
+    for (case, reading, digits), own in ratios.items():
+        cells = [_ratio(own[rival]) if rival in own else "" for rival in LISTED]
+        lines.append((title(case, reading), digits, *cells))
+    return Table(("reading", "digits", *(f"`{rival}`" for rival in LISTED)), "lr" + "r" * len(LISTED), lines)
+
+
+def _ratio(row: Row) -> str:
+    value, low, high = (number(row, column) for column in ("ratio", "ratio_low", "ratio_high"))
+    return f"{value:.2g} ({low:.2g}–{high:.2g})"
+
+
+def price_table(pairs: Sequence[Row], reading: tuple[str, str]) -> Table:
+    """The cheapest solver for so many digits, and the next one, in turn."""
+    lines: list[tuple[str, ...]] = []
+    for level in LEVELS:
+        order = sorted(costs(pairs, reading, level).items(), key=lambda item: item[1])[:2]
+        if len(order) < 2:
+            continue
+        (first, least), (second, more) = order
+        rows = {
+            str(row["rival"]): row
+            for row in pairs
+            if (row["case"], row["reading"]) == reading and row["digits"] == level
+        }
+        lines.append(
+            (
+                f"{level}",
+                *_side(first, rows, second),
+                *_side(second, rows, first),
+                significant(more / least),
+            )
+        )
+    headings = ("digits", "cheapest", "tolerance", "time", "next", "tolerance", "time", "times as long")
+    return Table(headings, "rlrrlrrr", lines)
+
+
+def _side(solver: str, rows: dict[str, Row], other: str) -> tuple[str, str, str]:
+    """Name, setting and time; the reference's from the pair in which it stands against the other."""
+    if solver == FIRST:
+        row = rows[other]
+        return f"`{solver}`", setting(row["rtol"], None), duration(row["wall_s"])
+    row = rows[solver]
+    return f"`{solver}`", setting(row["rival_rtol"], row["rival_step_s"]), duration(row["rival_wall_s"])
+
+
+def unstable(rows: Sequence[Row]) -> str:
+    """How many times of a reading scatter, in words."""
+    timed = [row for row in rows if row["wall_s"] is not None]
+    few = sum(row["wall_s_iqr"] is None for row in timed)
+    wide = sum(number(row, "wall_s_iqr") > 0.1 * number(row, "wall_s") for row in timed)
+    return (
+        f"Of {count(len(timed), 'time')} in the figure {wide or 'none'} scatter by more than a tenth of their median "
+        f"(range of the middle half), and {few or 'none'} rest on one or two runs and have no bar."
+    )
+
+
+def ready_table(found: Sequence[Ready]) -> Table:
+    """What getting ready costs, and the runs after which it is paid for."""
+    lines: list[tuple[str, ...]] = []
+    for own in found:
+        others = {o.solver: o for o in found if (o.case, o.reading) == (own.case, own.reading)}
+        paid = [
+            f"{_runs(paid_after(own, others[rival], cold=True))} / {_runs(paid_after(own, others[rival], cold=False))}"
+            f" against `{rival}`"
+            for rival in AGAINST.get(own.solver, ())
+            if rival in others
+        ]
+        lines.append(
+            (
+                title(own.case, own.reading),
+                f"`{own.solver}`",
+                duration(own.wall_s),
+                duration(own.cold_s),
+                duration(own.kept_s),
+                "; ".join(paid),
+            )
+        )
+    headings = (
+        "reading", "solver", "a run", "ready, nothing on disk", "ready, code on disk",
+        "paid for after runs (nothing on disk / code on disk)",
+    )  # fmt: skip
+    return Table(headings, "llrrrl", lines)
+
+
+def _runs(runs: float) -> str:
+    return "never" if math.isinf(runs) else significant(runs, 2)
+
+
+def landing_table(found: Sequence[Landed]) -> Table:
+    """Evaluations, time and error of the three landings."""
+    solvers = list(dict.fromkeys(one.solver for one in found))
+    columns: tuple[Callable[[Landed], str], ...] = (
+        lambda one: f"{one.evaluations:.1f}",
+        lambda one: duration(one.wall_s),
+        lambda one: "another sequence" if math.isnan(one.error_s) else error(one.error_s),
+    )
+    lines = []
+    for case, reading in dict.fromkeys((own.case, own.reading) for own in found):
+        own = {one.solver: one for one in found if (one.case, one.reading) == (case, reading)}
+        lines.append((title(case, reading), *(column(own[solver]) for column in columns for solver in solvers)))
+    words = ("evaluations", "run", "error [s]")
+    headings = ("reading", *(f"{word}, `{solver}`" for word in words for solver in solvers))
+    return Table(headings, "l" + "r" * len(words) * len(solvers), lines)
+
+
+def landing_verdict(found: Sequence[Landed]) -> str:
+    """What the table says of the swap, in a sentence or two."""
+    own = [one for one in found if one.solver == FIRST]
+    faster = [one.to_bracketing for one in own if one.to_bracketing <= 1]
+    slower = [one for one in own if one.to_bracketing > 1]
+    words = f"In {len(faster)} of the {len(own)} rows a run with Hénon's landing takes "
+    words += f"{min(faster):.2f} to {max(faster):.2f} of its time with bracketing." if faster else "less time."
+    if slower:
+        named = ", ".join(f"{title(one.case, one.reading)} ({one.to_bracketing:.2f})" for one in slower)
+        words += f" In the others bracketing is the quicker: {named}."
+    return words
+
+
+def effect_table(steps: Sequence[Step]) -> Table:
+    """What every effect costs, and what it costs to carry those that are not asked for."""
+    headings = (
+        "body", "effect added", "operations", "by hand", "time a step", "more than before", "run over one by hand",
+        "operations, all carried", "time a step, all carried", "run over one with all carried",
+    )  # fmt: skip
+    return Table(headings, "llrrrrrrrr", effects.rows(steps))
+
+
+def growth_table(found: Sequence[Horizon]) -> Table:
+    """Cost, memory and accuracy over the horizon."""
+    lines: list[tuple[str, ...]] = [
+        (
+            f"`{own.solver}`",
+            f"{own.until:.0e} s",
+            f"{own.transitions}",
+            duration(own.wall_s),
+            duration(own.per_transition_s),
+            f"{own.grown:.1f} MiB",
+            "not settled yet" if math.isnan(own.stick_error_s) else f"{error(own.stick_error_s)} s",
+        )
+        for own in found
+    ]
+    headings = (
+        "solver", "horizon", "transitions", "wall time", "a transition", "growth of peak memory", "last sticks' error",
+    )  # fmt: skip
+    return Table(headings, "lrrrrrr", lines)
+
+
+def size_table(found: Sequence[Size]) -> Table:
+    """Time of a run with and without transitions, and of getting ready, over the number of states."""
+    solvers = list(dict.fromkeys(size.solver for size in found))
+    lines: list[tuple[str, ...]] = []
+    for states in dict.fromkeys(own.states for own in found):
+        own = {size.solver: size for size in found if size.states == states}
+        runs, smooth, ready = (
+            [duration(value(own[s])) if own[s].agrees else "other answer" for s in solvers]
+            for value in (lambda s: s.wall_s, lambda s: s.smooth_s, lambda s: s.ready_s)
+        )
+        ratios = [f"{value:.2g}" for value in (own["heyoka"].ratio, own["heyoka"].smooth_ratio)]
+        first = own[FIRST]
+        lines.append((f"{states}", f"{first.transitions}", *runs, ratios[0], *smooth, ratios[1], *ready))
+    names = [f"`{solver}`" for solver in solvers]
+    headings = (
+        "states", "transitions", *(f"run, {n}" for n in names), "`henon` / `heyoka`",
+        *(f"without transitions, {n}" for n in names), "`henon` / `heyoka`", *(f"ready, {n}" for n in names),
+    )  # fmt: skip
+    return Table(headings, "r" * len(headings), lines)
+
+
+def callback_costs(rows: Sequence[Row], digits: int = 9) -> Table:
+    """Wall time by right-hand sides, plain and compiled callbacks, at the cheapest setting for so many digits."""
+    lines = []
+    for (case, reading), own in readings_of(rows).items():
+        cells = []
+        for solver in LISTED[1:]:
+            able = [r for r in own if r["solver"] == solver and r["verdict"] == "right" and r["wall_s"]]
+            able = [r for r in able if r["digits"] is not None and number(r, "digits") >= digits]
+            least = min(able, key=lambda r: number(r, "wall_s"), default=None)
+            cells.append("" if least is None else duration(number(least, "wall_s") / number(least, "rhs_evaluations")))
+        lines.append((title(case, reading), *cells))
+    return Table(("reading", *(f"`{solver}`" for solver in LISTED[1:])), "lrrrr", lines)

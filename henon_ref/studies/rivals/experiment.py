@@ -1,0 +1,80 @@
+"""The experiment: ``henon`` and its rivals in turn on every reading of a folder of cases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from henon_ref.campaign.options import Observer, Options
+from henon_ref.campaign.truth_job import stored_statement
+from henon_ref.casefile.case import Case
+from henon_ref.columns import Row
+from henon_ref.report.files.csv_files import read_rows
+from henon_ref.report.files.manifest import Provenance
+from henon_ref.report.files.write import RUNS
+from henon_ref.report.text.paired_times import FIRST, FOLDER, LIBRARIES, OTHERS, SECOND, link
+from henon_ref.report.text.ranking import LEVELS, name, readings_of
+from henon_ref.studies.rivals.duel import Duel, fight
+from henon_ref.studies.rivals.match import able_rows, compiled_matches, matches
+from henon_ref.studies.rivals.page import write_page
+
+SECONDS = 1.0
+"""Time that the runs of a reading may take in all."""
+COMPILED_LEVELS = (6, 9)
+"""Digits at which libraries with compiled callbacks are timed, too: each has to be compiled at each setting."""
+
+
+def run_rivals(
+    cases: Sequence[Case], options: Options, origin: Provenance, out: Path, observer: Observer
+) -> Path | None:
+    """Time the reference and its rivals in turn on every reading whose report is there, and write the page.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+    options : Options
+        Limits are taken from it.
+    origin : Provenance
+    out : Path
+        Folder of the reports, whose rows tell who is to be timed at which setting.
+    observer : Observer
+
+    Returns
+    -------
+    Path or None
+        The page; None where no reading has a rival.
+    """
+    runs = {case.name: read_rows(out / case.name / RUNS) for case in cases}
+    duels = {case.name: list(duels_of(case, runs[case.name], options.timeout)) for case in cases}
+    if not any(duels.values()):
+        return None
+    rows, failed = fight(duels, options, observer)
+    every = [row for own in runs.values() for row in own]
+    return write_page(rows, failed, left_out(every), every, origin, out / FOLDER)
+
+
+def left_out(rows: Sequence[Row]) -> dict[str, list[str]]:
+    """The readings in which nobody is timed, as links, by whose run is missing: one that gets the fewest digits."""
+    found: dict[str, list[str]] = {}
+    for (case, reading), own in readings_of(rows).items():
+        able = {name(row) for _, level in able_rows(own, LEVELS) for row in level if row["wall_s"]}
+        if FIRST not in able:
+            found.setdefault(f"of `{FIRST}`", []).append(link(case, reading))
+        elif able == {FIRST}:
+            found.setdefault("of any other solver", []).append(link(case, reading))
+    return found
+
+
+def duels_of(case: Case, rows: Sequence[Row], deadline: float) -> Iterator[Duel]:
+    """What is to be timed on a case's readings, by the rows of its report; ``deadline``: of one run [s]."""
+    by_reading = readings_of(rows)
+    for reading in case.readings:
+        own = by_reading.get((case.name, reading.name), [])
+        rivals = {SECOND: (SECOND,), OTHERS: set(map(name, own)) - {FIRST}}
+        found = tuple(matches(own, rivals, LEVELS))
+        if found:
+            yield Duel(case.name, reading.name, reading.problem, found, SECONDS, deadline)
+        truth = stored_statement(case, reading)
+        found = tuple(compiled_matches(own, LIBRARIES, COMPILED_LEVELS))
+        if found and truth is not None and truth.expected is not None:
+            yield Duel(case.name, reading.name, reading.problem, found, SECONDS, deadline, truth.expected)

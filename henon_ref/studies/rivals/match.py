@@ -1,0 +1,104 @@
+"""Who is timed against whom on one reading: by the rows of a report, the cheapest settings for the same digits."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from henon_ref import registry
+from henon_ref.campaign.settings import Setting
+from henon_ref.columns import Row
+from henon_ref.report.text.paired_times import FIRST
+from henon_ref.report.text.ranking import by_solver, name, number, reaching
+
+CANDIDATES = 3
+"""Settings of a side that are timed: the cheapest by the rows. The cheapest in turn is among them, or next to it."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A solver at a setting."""
+
+    solver: str
+    setting: Setting
+    wall_s: float
+    """Time of a run, by the rows [s]."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """The reference against a rival, for the same digits."""
+
+    digits: int | None
+    """Digits that every setting of both reaches; None where there is no transition to time."""
+    against: str
+    """What the rival is: a solver, or whichever of several is the cheapest."""
+    own: tuple[Entry, ...]
+    """Candidates for the reference's cheapest setting, and for the rival's."""
+    rival: tuple[Entry, ...]
+
+
+def matches(rows: Sequence[Row], rivals: Mapping[str, Collection[str]], levels: Sequence[int]) -> Iterator[Match]:
+    """The matches of one reading.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        The reading's.
+    rivals : mapping of collections of str
+        What each rival is, and the solvers that it is the cheapest of.
+    levels : sequence of int
+        Digits to be reached. Where there is no transition to time, right rows are set against each other once.
+    """
+    for level, able in able_rows(rows, levels):
+        own = _cheapest(able, (FIRST,))
+        for against, solvers in rivals.items():
+            rival = _cheapest(able, solvers)
+            if own and rival:
+                yield Match(level, against, own, rival)
+
+
+def compiled_matches(rows: Sequence[Row], against: str, levels: Sequence[int]) -> Iterator[Match]:
+    """The same against libraries with compiled callbacks, of which the rows tell nothing: nobody has checked these.
+
+    They are those that are the cheapest with plain callbacks, each at its cheapest setting.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        The reading's, of plain callbacks.
+    against : str
+        What the rival is called.
+    levels : sequence of int
+        Digits to be reached.
+    """
+    for level, able in able_rows(rows, levels):
+        own, rival = _cheapest(able, (FIRST,)), []
+        for solver in by_solver(able):
+            if solver + registry.COMPILED in registry.names():
+                rival += [replace(e, solver=e.solver + registry.COMPILED) for e in _cheapest(able, (solver,))[:1]]
+        if own and rival:
+            yield Match(level, against, own, tuple(sorted(rival, key=_wall)[:CANDIDATES]))
+
+
+def able_rows(rows: Sequence[Row], levels: Sequence[int]) -> Iterator[tuple[int | None, list[Row]]]:
+    """Rows that reach so many digits; once, and with None, those that are right where there is no transition."""
+    idle = [row for row in rows if row["verdict"] == "right" and row["reference_transitions"] == 0 and row["wall_s"]]
+    if idle:
+        yield None, idle
+    else:
+        yield from ((level, reaching(rows, level)) for level in levels)
+
+
+def _wall(entry: Entry) -> float:
+    return entry.wall_s
+
+
+def _cheapest(rows: Sequence[Row], solvers: Collection[str]) -> tuple[Entry, ...]:
+    timed = [_entry(row) for row in rows if name(row) in solvers and row["wall_s"]]
+    return tuple(sorted(timed, key=_wall)[:CANDIDATES])
+
+
+def _entry(row: Row) -> Entry:
+    setting = Setting(*(row[column] for column in ("rtol", "atol", "step_s")))  # type: ignore[arg-type]
+    return Entry(name(row), setting, number(row, "wall_s"))

@@ -1,0 +1,83 @@
+"""The experiment's page: how the ratios spread, where a rival is faster, and who is the cheapest how often."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from henon_ref.columns import Row
+from henon_ref.report.files.csv_files import csv_text
+from henon_ref.report.files.manifest import Provenance
+from henon_ref.report.files.write import replace_file
+from henon_ref.report.text import formats as words
+from henon_ref.report.text.markdown import environment
+from henon_ref.report.text.paired_times import COLUMNS, LIBRARIES, OTHERS, PAGE, RATIOS, slower_table, spread_table
+from henon_ref.report.text.ranking import LEVELS, number, readings_of
+from henon_ref.text import markdown
+
+
+def write_page(
+    rows: Sequence[Row],
+    failed: Sequence[str],
+    left: Mapping[str, Sequence[str]],
+    runs: Sequence[Row],
+    origin: Provenance,
+    folder: Path,
+) -> Path:
+    """Write ratios and page.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        A row a match, with COLUMNS.
+    failed : sequence of str
+        Readings that could not be timed, and why.
+    left : mapping of sequences of str
+        Readings in which there is nothing to time, as links, by the reason.
+    runs : sequence of Row
+        Rows of the reports that told whom to time.
+    origin : Provenance
+    folder : Path
+        The experiment's own folder; made if need be.
+
+    Raises
+    ------
+    OSError
+        Where it cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    replace_file(folder / RATIOS, csv_text(COLUMNS, rows).encode())
+    text = (
+        environment()
+        .get_template("rivals.md.j2")
+        .render(
+            readings=len({(row["case"], row["reading"]) for row in rows}),
+            total=len(readings_of(runs)),
+            left=left,
+            fewest=LEVELS[0],
+            levels=words.listing([f"{digits}" for digits in compiled_levels(rows)]),
+            compiled=compiled_words(rows),
+            spread=spread_table(rows).markdown,
+            slower=slower.markdown if (slower := slower_table(rows, runs)).rows else "",
+            failed=[markdown(each) for each in failed],
+            rerun=origin.rerun,
+            machine=origin.machine_text,
+            commit=origin.commit[:12],
+        )
+    )
+    replace_file(folder / PAGE, text.strip().encode() + b"\n")
+    return folder / PAGE
+
+
+def compiled_levels(rows: Sequence[Row]) -> list[int]:
+    """Digits at which libraries with compiled callbacks were timed."""
+    return sorted({int(number(row, "digits")) for row in rows if row["against"] == LIBRARIES and row["digits"]})
+
+
+def compiled_words(rows: Sequence[Row]) -> str:
+    """On how many of the readings that are contested for so many digits they were."""
+    phrases = []
+    for level in compiled_levels(rows):
+        timed, all_ = (sum((r["against"], r["digits"]) == (side, level) for r in rows) for side in (LIBRARIES, OTHERS))
+        phrases.append(f"{timed} of the {all_} readings at {level} digits")
+    return words.listing(phrases)

@@ -1,0 +1,1 @@
+"""Machine code of a mode's Taylor coefficients, as LLVM IR."""

@@ -1,0 +1,99 @@
+"""Sines and cosines of a phase known to double-double, as straight-line code.
+
+One reduction serves both; a call of the C library for each costs as much as a third of an expansion. The
+polynomials are Taylor's (on a quarter turn about zero order 17 is below half a unit of the last place), in
+the arrangement of Sun's fdlibm (``k_sin.c``, ``k_cos.c``), which carries the tail of the reduced phase.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+from henon_ref.jit.ir_writer import ONE, Writer, literal
+
+FARTHEST = 1e15
+"""Phases beyond this go to the C library: a double tells them apart no better than by eighths."""
+
+_HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33)
+"""pi/2 as an unevaluated sum of three doubles."""
+
+
+def sin_cos(w: Writer, high: str, low: str) -> tuple[str, str]:
+    """Sine and cosine of ``high + low`` (|low| at most a few ulps of high)."""
+    near, far, done = w.name(), w.name(), w.name()
+    within = w.emit(f"fcmp olt double {w.call('fabs', high)}, {literal(FARTHEST)}")
+    w.lines += [f"  br i1 {within}, label %{near}, label %{far}", f"{near}:"]
+    s, c = _reduced(w, high, low)
+    w.lines += [f"  br label %{done}", f"{far}:"]
+    sin, cos = w.call("sin", high), w.call("cos", high)
+    s_far = w.binary("fadd", sin, w.binary("fmul", low, cos))
+    c_far = w.binary("fsub", cos, w.binary("fmul", low, sin))
+    w.lines += [f"  br label %{done}", f"{done}:"]
+    return (
+        w.emit(f"phi double [ {s}, %{near} ], [ {s_far}, %{far} ]"),
+        w.emit(f"phi double [ {c}, %{near} ], [ {c_far}, %{far} ]"),
+    )
+
+
+def _reduced(w: Writer, high: str, low: str) -> tuple[str, str]:
+    n = w.call("rint", w.binary("fmul", high, literal(1.0 / _HALF_PI[0])))
+    minus = w.emit(f"fneg double {n}")
+    first = w.call("fma", minus, literal(_HALF_PI[0]), high)  # exact: a multiple of 2^-52 (or of high's last place)
+    product = w.binary("fmul", n, literal(_HALF_PI[1]))
+    lost = w.call("fma", n, literal(_HALF_PI[1]), w.emit(f"fneg double {product}"))
+    # two-sum of first - product
+    total = w.binary("fsub", first, product)
+    part = w.binary("fsub", total, first)
+    error = w.binary("fsub", w.binary("fsub", first, w.binary("fsub", total, part)), w.binary("fadd", product, part))
+    tail = w.binary("fsub", w.binary("fadd", error, low), lost)
+    tail = w.call("fma", minus, literal(_HALF_PI[2]), tail)
+    r = w.binary("fadd", total, tail)
+    rest = w.binary("fadd", w.binary("fsub", total, r), tail)
+    early = w.binary("fadd", w.call("fma", minus, literal(_HALF_PI[1]), first), low)  # r but for its last bits
+    z = w.binary("fmul", early, early)
+    square = w.binary("fmul", z, z)
+    powers = z, square, w.binary("fmul", square, square)
+    s = _sine(w, r, rest, powers)
+    c = _cosine(w, early, w.binary("fadd", w.binary("fsub", r, early), rest), powers)
+    quadrant = w.emit(f"fptosi double {n} to i64")
+    odd = w.emit(f"trunc i64 {quadrant} to i1")
+    sine = w.emit(f"select i1 {odd}, double {c}, double {s}")
+    cosine = w.emit(f"select i1 {odd}, double {s}, double {c}")
+    return _signed(w, sine, quadrant), _signed(w, cosine, w.emit(f"add i64 {quadrant}, 1"))
+
+
+def _signed(w: Writer, value: str, quadrant: str) -> str:
+    """The value, negated in the upper half of every four quadrants."""
+    sign = w.emit(f"shl i64 {w.emit(f'and i64 {quadrant}, 2')}, 62")
+    bits = w.emit(f"bitcast double {value} to i64")
+    return w.emit(f"bitcast i64 {w.emit(f'xor i64 {bits}, {sign}')} to double")
+
+
+def _polynomial(w: Writer, powers: tuple[str, str, str], coefficients: list[float]) -> str:
+    """Seven terms by Estrin's scheme; ``powers``: z, z^2 and z^4."""
+    z, square, fourth = powers
+    c = [literal(value) for value in coefficients]
+    pairs = [w.call("fma", c[i + 1], z, c[i]) for i in (0, 2, 4)]
+    low = w.call("fma", pairs[1], square, pairs[0])
+    high = w.call("fma", c[6], square, pairs[2])
+    return w.call("fma", high, fourth, low)
+
+
+def _sine(w: Writer, r: str, rest: str, powers: tuple[str, str, str]) -> str:
+    z = powers[0]
+    series = [float(Fraction((-1) ** k, math.factorial(2 * k + 1))) for k in range(2, 9)]
+    tail = w.call("fma", _polynomial(w, powers, series), z, literal(-1.0 / 6.0))
+    cube = w.binary("fmul", z, r)
+    slope = w.call("fma", literal(-0.5), z, ONE)
+    return w.binary("fadd", r, w.call("fma", cube, tail, w.binary("fmul", rest, slope)))
+
+
+def _cosine(w: Writer, r: str, rest: str, powers: tuple[str, str, str]) -> str:
+    z, square, _ = powers
+    series = [float(Fraction((-1) ** k, math.factorial(2 * k))) for k in range(2, 9)]
+    half = w.binary("fmul", z, literal(0.5))
+    head = w.binary("fsub", ONE, half)
+    lost = w.binary("fsub", w.binary("fsub", ONE, head), half)
+    correction = w.call("fma", w.emit(f"fneg double {r}"), rest, lost)
+    return w.binary("fadd", head, w.call("fma", square, _polynomial(w, powers, series), correction))

@@ -1,0 +1,1 @@
+"""The multiprecision route: heyoka in some hundred bits, and decisions in ball arithmetic."""

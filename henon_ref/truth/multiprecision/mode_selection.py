@@ -1,0 +1,226 @@
+"""The mode after an event, decided in ball arithmetic: the one mode whose own field keeps it.
+
+The rule is that of :mod:`henon_ref.filippov.switching`; the arithmetic is not. A point carries radii (what the
+precision leaves open), and a derivative is positive, negative or *zero to the precision*, where its ball holds
+zero: a tie within that radius counts as exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import sympy as sp
+from flint import arb
+
+from henon_ref.errors import ModelError
+from henon_ref.filippov.decision import Decision, ended, explained, without_indeterminate
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.exact_numbers import exact_sign
+from henon_ref.filippov.modes import Mode, mode_text, replaced
+from henon_ref.filippov.switching import EXHAUSTIVE
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.taylor.tape import TIME
+from henon_ref.truth.multiprecision import series as jets
+
+Head = tuple[int, int] | None
+"""(index, sign) of a guard's first Taylor coefficient that is not zero; None: none found."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """Time and state, with the radii to which they are known."""
+
+    time: arb
+    state: tuple[arb, ...]
+
+
+class Decider:
+    """Decides modes of one system at one precision.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    bits : int
+        Precision of the exact numbers in its equations.
+    """
+
+    def __init__(self, system: FilippovSystem, bits: int) -> None:
+        self.system = system
+        self.bits = bits
+        self._normals = [system.numeric(system.normal_velocity(i)) for i in range(len(system.surfaces))]
+
+    def initial_mode(self, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int]) -> Decision:
+        """Mode at the start; which surfaces it lies on is decided from exact numbers."""
+        system = self.system
+        sides = self.sides(start, initial, system.surfaces)
+        for i, sign in given.items():
+            if sides[i] not in (0, sign):
+                return Decision("invalid", None, f"the start is not on the surface of {system.signs[i]}")
+        for expression, sign in zip(system.valid, self.sides(start, initial, system.valid), strict=True):
+            if sign < 0:
+                return Decision("invalid", None, f"the model does not hold at the start: {expression} < 0")
+        mode = tuple(given.get(i, sign) for i, sign in enumerate(sides))
+        active = tuple(i for i, sign in enumerate(sides) if sign == 0 and i not in given)
+        if not active:
+            return Decision("unique", mode)
+        point = Point(self._exact(start), tuple(self._exact(v) for v in initial))
+        return self._decide(point, mode, active)
+
+    def sides(self, start: sp.Expr, initial: Sequence[sp.Expr], expressions: Sequence[sp.Expr]) -> list[int]:
+        """Signs of expressions at an exact start."""
+        at = {TIME: start, **dict(zip(self.system.states, initial, strict=True))}
+        return [exact_sign(self.system.numeric(e).subs(at, simultaneous=True)) for e in expressions]
+
+    def after_event(self, point: Point, mode: Mode, hits: Sequence[Guard]) -> Decision:
+        """Mode after the guards ``hits`` of ``mode`` fell to zero at a point."""
+        refused = ended(self.system, mode, hits, _short(point))
+        if refused is not None:
+            return refused
+        if len(hits) == 1 and hits[0].kind == "release":
+            # The equivalent sign reaches +-1 continuously, so nothing else changes (an override says where to).
+            return Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign))
+        active = {g.index for g in hits} | {i for i, s in enumerate(mode) if s == 0}
+        return self._decide(point, mode, tuple(sorted(active)))
+
+    def heads(self, point: Point, mode: Mode, active: frozenset[int]) -> list[Head] | None:
+        """What each guard of a mode does first, just after a point; None where its field is not finite.
+
+        Parameters
+        ----------
+        active : frozenset of int
+            Surfaces that the point is on, whatever rounding says.
+        """
+        guards = self.system.equations(mode).guards
+        try:
+            expansions = self._expansions(point, mode)
+        except (ZeroDivisionError, ValueError):  # python-flint's words for a series that does not exist
+            return None
+        if not all(c[0].is_finite() and c[1].is_finite() for c in expansions):
+            return None
+        first = [1 if g.kind == "surface" and g.index in active else 0 for g in guards]
+        return [jets.leading(c, k) for c, k in zip(expansions, first, strict=True)]
+
+    def values(self, point: Point, mode: Mode) -> list[arb]:
+        """Values of a mode's guards at the middle of a point (balls drop digits below their radius)."""
+        middle = Point(point.time.mid(), tuple(v.mid() for v in point.state))
+        return [c[0] for c in self._expansions(middle, mode, order=0)]
+
+    def _exact(self, number: sp.Expr) -> arb:
+        return jets.exact_ball(number, self.bits)
+
+    def _expansions(self, point: Point, mode: Mode, order: int = jets.ORDER) -> list[list[arb]]:
+        system, equations = self.system, self.system.equations(mode)
+        field = [system.numeric(f) for f in equations.field]
+        outputs = [system.numeric(g.expression) for g in equations.guards]
+        return jets.along(field, outputs, system.states, point.time, point.state, bits=self.bits, order=order)
+
+    def _decide(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
+        decision = self._decided(point, mode, active)
+        return decision if decision.mode is not None else explained(decision, self.system, mode, active)
+
+    def _decided(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
+        if len(active) > EXHAUSTIVE:
+            return self._search(point, mode, active)
+        found = []
+        for choice in product((-1, 0, 1), repeat=len(active)):
+            candidate = mode
+            for index, value in zip(active, choice, strict=True):
+                candidate = replaced(candidate, index, value)
+            if self._violations(point, candidate, active) == ():
+                found.append(candidate)
+        if len(found) > 1:
+            found = without_indeterminate(found, active, lambda mode, i: self._indeterminate(point, mode, i))
+        if len(found) == 1:
+            return Decision("unique", found[0])
+        if not found:
+            return Decision("none", None, f"no mode is consistent at t = {_short(point)}")
+        modes = " or ".join(mode_text(m, self.system.sign_names) for m in found)
+        return Decision("nonunique", None, f"the future is not unique at t = {_short(point)}: {modes}")
+
+    def _indeterminate(self, point: Point, mode: Mode, index: int) -> bool:
+        """Whether no end of a slide on a surface is anything but zero, so far as its derivatives tell."""
+        heads = self.heads(point, mode, frozenset((index,)))
+        guards = self.system.equations(mode).guards
+        assert heads is not None
+        ends = [h for g, h in zip(guards, heads, strict=True) if g.kind == "release" and g.index == index]
+        return index not in self.system.overrides and all(head is None for head in ends)
+
+    def _search(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
+        """Start from all sliding; let go what cannot be held, hold what comes back, until nothing changes."""
+        candidate = mode
+        for index in active:
+            candidate = replaced(candidate, index, 0)
+        for _ in range(4 * len(active)):
+            broken = self._violations(point, candidate, active)
+            if broken is None:
+                return Decision("none", None, f"sliding on all of {active} at t = {_short(point)} has no equations")
+            if not broken:
+                return Decision("unique", candidate)
+            for guard in broken:
+                candidate = replaced(candidate, guard.index, guard.to_sign if guard.kind == "release" else 0)
+        return Decision("none", None, f"no consistent mode found at t = {_short(point)}")
+
+    def _violations(self, point: Point, mode: Mode, active: Sequence[int]) -> tuple[Guard, ...] | None:
+        """Guards of the mode that do not hold just after the point; None where the mode has no equations."""
+        try:
+            heads = self.heads(point, mode, frozenset(active))
+        except ModelError:
+            return None
+        if heads is None:
+            return None
+        own = {i for i in active if mode[i] == 0 and i in self.system.overrides}
+        inside = {i for i in active if mode[i] != 0 and self.system.held_inside(i)}
+        # Where entry is decided by the hold zone, no slip starts inside it.
+        if not all(self._sticks(point, mode, i) for i in own) or any(self._sticks(point, mode, i) for i in inside):
+            return None
+        broken = []
+        for guard, head in zip(self.system.equations(mode).guards, heads, strict=True):
+            if guard.ends or guard.index not in active or guard.index in own:
+                continue
+            # A surface that is never left is no slip; an equivalent sign that stays at its limit still holds.
+            holds = guard.kind == "release" if head is None else head[1] > 0
+            if not holds:
+                broken.append(guard)
+        return tuple(broken)
+
+    def _sticks(self, point: Point, mode: Mode, index: int) -> bool:
+        """Whether a surface whose sliding is overridden is slid on from a point."""
+        if not self.system.held_inside(index):
+            return self._attracts(point, mode, index)
+        stick = replaced(mode, index, 0)
+        try:
+            heads = self.heads(point, stick, frozenset((index,)))
+        except ModelError:  # beside another sliding surface it has no equations: no derivatives, but the load is there
+            return all(jets.sign(value) > 0 for value in self._hold_values(point, index))
+        guards = self.system.equations(stick).guards
+        return heads is not None and all(
+            head is None or head[1] > 0
+            for guard, head in zip(guards, heads, strict=True)
+            if guard.kind == "release" and guard.index == index
+        )
+
+    def _hold_values(self, point: Point, index: int) -> list[arb]:
+        """Values of an override's release guards."""
+        system = self.system
+        guards = [system.numeric(g.expression) for g in system.hold_guards(index)]
+        frozen = [sp.Integer(0)] * len(system.states)
+        return [
+            c[0] for c in jets.along(frozen, guards, system.states, point.time, point.state, bits=self.bits, order=0)
+        ]
+
+    def _attracts(self, point: Point, mode: Mode, index: int) -> bool:
+        """Whether both fields point at a surface, or along it."""
+        system = self.system
+        below, above = (
+            self._normals[index].xreplace({s: sp.Integer(v) for s, v in zip(system.signs, side, strict=True)})
+            for side in (replaced(mode, index, -1), replaced(mode, index, 1))
+        )
+        frozen = [sp.Integer(0)] * len(system.states)
+        speeds = jets.along(frozen, [below, above], system.states, point.time, point.state, bits=self.bits, order=0)
+        return jets.sign(speeds[0][0]) >= 0 and jets.sign(speeds[1][0]) <= 0
+
+
+def _short(point: Point) -> str:
+    return point.time.str(17, radius=False)

@@ -1,0 +1,266 @@
+"""One run in multiprecision: heyoka's steps, the guards' roots, the modes decided in ball arithmetic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from flint import arb
+
+from henon_ref.filippov.decision import Decision
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.problem import Problem
+from henon_ref.precision import working_precision
+from henon_ref.trajectory import Status
+from henon_ref.truth.multiprecision.mode_selection import Decider, Point
+from henon_ref.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball, to_real
+from henon_ref.truth.multiprecision.stepper import Step, Stepper
+from henon_ref.truth.multiprecision.termination import CROWD, EndedError, Watch, written
+from henon_ref.truth.reference import NearGraze
+from henon_ref.truth.roots import isolate
+
+MAX_STEPS = 1_000_000
+
+Progress = Callable[[float], None]
+"""Told the part of the run that is done, 0 to 1."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """One instant at which modes change (or a surface is touched)."""
+
+    time: arb
+    state: tuple[arb, ...]
+    before: Mode
+    after: Mode
+    surfaces: tuple[int, ...]
+    """Surfaces that change, or that are touched where none changes."""
+    transversality: float
+    """Smallest speed with which a guard that ends the mode falls through zero [unit of the guard / s]."""
+
+
+@dataclass
+class Run:
+    """What one run in one precision found."""
+
+    bits: int
+    status: Status = "ok"
+    reason: str = ""
+    events: list[Event] = field(default_factory=list)
+    near_grazes: list[NearGraze] = field(default_factory=list)
+    end_time: arb = field(default_factory=arb)
+    accumulates: bool = False
+    """Events accumulate at ``end_time``; there are infinitely many more before it."""
+
+
+@dataclass(frozen=True)
+class _Hit:
+    at: arb
+    """In units of the step."""
+    guard: int
+    transversality: float
+
+
+def simulate(problem: Problem, bits: int, *, progress: Progress | None = None) -> Run:
+    """Run a problem at one precision.
+
+    Parameters
+    ----------
+    problem : Problem
+    bits : int
+        heyoka's precision; a tie or a tangency within ``2**(-3/4 bits)`` (relative) counts as exact.
+    progress : callable, optional
+
+    Returns
+    -------
+    Run
+        Every event up to the horizon, or up to where the run has to end.
+    """
+    with working_precision(bits + GUARD_BITS):
+        return _Simulation(problem, bits, progress).run()
+
+
+class _Simulation:
+    """The state of one run."""
+
+    def __init__(self, problem: Problem, bits: int, progress: Progress | None) -> None:
+        self.problem = problem
+        self.bits = bits
+        self.zero = arb(2) ** (-(3 * bits) // 4)
+        self.progress = progress
+        self.decider = Decider(problem.system, bits)
+        # As heyoka rounds them: a horizon between two of its numbers would never be reached.
+        self.start, self.until = (to_ball(to_real(exact_ball(t, bits), bits)) for t in (problem.start, problem.until))
+        self.span = float(self.until - self.start)
+        self.result = Run(bits)
+        self.steppers: dict[frozenset[int], Stepper] = {}
+        self.point = Point(self.start, tuple(exact_ball(v, bits) for v in problem.initial))
+        self.mode: Mode = ()
+        self.signs: list[int] = []
+        """Sign of each guard since the last root (0: it stays zero and is not watched)."""
+        self.skipped: list[int] = []
+        """Leading coefficients of each guard that are zero at the start of the next step."""
+        self.watch = Watch(self.span, bits)
+
+    def run(self) -> Run:
+        try:
+            self._begin()
+            for _ in range(MAX_STEPS):
+                if self._advance():
+                    self.result.end_time = self.until
+                    return self.result
+            raise EndedError("failed", f"stopped after {MAX_STEPS} Taylor steps")
+        except EndedError as end:
+            self.result.status, self.result.reason, self.result.accumulates = end.status, end.reason, end.accumulates
+            if end.accumulates:
+                del self.result.events[-CROWD + 1 :]
+            if end.time is not None:
+                self.result.end_time = end.time
+            return self.result
+
+    def _begin(self) -> None:
+        problem = self.problem
+        self.result.end_time = self.start
+        decision = self.decider.initial_mode(problem.start, problem.initial, problem.initial_mode)
+        mode = self._decided(decision)
+        sides = self.decider.sides(problem.start, problem.initial, problem.system.surfaces)
+        self._enter(mode, frozenset(i for i, side in enumerate(sides) if side == 0))
+        for guard, sign in zip(problem.system.equations(self.mode).guards, self.signs, strict=True):
+            if guard.kind == "valid" and sign == 0:
+                expression = problem.system.valid[guard.index]
+                raise EndedError("invalid", f"{expression} is 0 at the start and does not rise")
+
+    def _decided(self, decision: Decision) -> Mode:
+        if decision.mode is not None:
+            return decision.mode
+        status: dict[str, Status] = {"nonunique": "nonunique", "invalid": "invalid"}
+        raise EndedError(status.get(decision.status, "failed"), decision.reason)
+
+    def _enter(self, mode: Mode, active: frozenset[int]) -> None:
+        """Go on in a mode from the present point; what fails at once is the next event."""
+        self.mode = mode
+        heads = self.decider.heads(self.point, mode, active)
+        if heads is None:
+            raise EndedError("failed", f"the field is not finite at t = {self._now()}")
+        guards = self.problem.system.equations(mode).guards
+        self.signs = [0 if head is None else head[1] for head in heads]
+        self.skipped = [0 if head is None else head[0] for head in heads]
+        failing = [
+            g
+            for g, s in zip(guards, self.signs, strict=True)
+            if (s < 0 and not g.rising_only) or (s == 0 and g.kind == "attracts")
+        ]
+        if failing:
+            self._settle(failing, 0.0)
+            return
+        values = self.decider.values(self.point, mode)
+        self.stepper.start(mode, self.point.time, self.point.state, values)
+
+    @property
+    def stepper(self) -> Stepper:
+        sliding = frozenset(i for i, s in enumerate(self.mode) if s == 0)
+        if sliding not in self.steppers:
+            self.steppers[sliding] = Stepper(self.problem.system, sliding, self.bits)
+        return self.steppers[sliding]
+
+    def _advance(self) -> bool:
+        """One Taylor step and the event on it, if any; True at the horizon."""
+        stepper = self.stepper
+        step = stepper.step(self.until)
+        if not step.finite or not np.isfinite(step.rough[:, :2]).all():
+            raise EndedError("failed", f"the field is not finite after t = {self._now()}")
+        hits = self._first_hits(step)
+        if hits:
+            self._land(step, hits)
+            return self._at_horizon()
+        time, state = stepper.end()
+        self.point = self._blurred(time, state, step)
+        self.skipped = [0] * len(self.skipped)
+        self.result.end_time = time
+        self.watch.step(step, len(state), stepper.guards, self.until - time)
+        if self.progress:
+            self.progress(float(time - self.start) / self.span)
+        return self._at_horizon()
+
+    def _first_hits(self, step: Step) -> list[_Hit]:
+        """The guards that end the mode first on a step; several where they tie."""
+        near: list[tuple[arb, NearGraze]] = []
+        hits = [hit for i in range(len(self.signs)) if self.signs[i] and (hit := self._hit(step, i, near))]
+        length, begin = to_ball(step.length), to_ball(step.time)
+        tie = self.zero * max(arb(1), abs(begin / length), key=float)
+        room = (self.until - begin) / length + tie
+        hits = [hit for hit in hits if hit.at <= room]
+        last = room
+        for hit in hits:
+            if hit.at < last:
+                last = hit.at
+        self.result.near_grazes += [graze for at, graze in near if at < last]
+        return [hit for hit in hits if hit.at - last <= tie]
+
+    def _hit(self, step: Step, index: int, near: list[tuple[arb, NearGraze]]) -> _Hit | None:
+        """Where a guard first falls from positive to zero on a step, or touches it; keeps its sign up to date."""
+        stepper, guard = self.stepper, self.stepper.guards[index]
+        skipped, sign = self.skipped[index], self.signs[index]
+        if stepper.clear_of_zero(step, index, skipped):
+            return None
+        polynomial = stepper.guard_polynomial(step, index)[skipped:]
+        if (polynomial[0] > 0) != (sign > 0):
+            raise EndedError("failed", f"a root of {guard.expression} near t = {self._now()} was not resolved")
+        found = isolate(polynomial, self.zero * max((abs(c) for c in polynomial), key=float))
+        if guard.kind == "surface":
+            length, begin = float(step.length), float(step.time)
+            for miss in found.near_misses:
+                at, value = float(miss.at), abs(float(miss.value))
+                near.append((miss.at, NearGraze(begin + at * length, guard.index, value * at**skipped)))
+        for root in found.roots:
+            touch = not root.odd and guard.kind != "release"
+            if sign > 0 and (root.odd or touch):
+                return _Hit(root.at.mid(), index, self._slope(step, index, root.at, skipped, polynomial, root.odd))
+            if root.odd:
+                sign = -sign
+        self.signs[index] = sign
+        return None
+
+    def _slope(self, step: Step, index: int, at: arb, skipped: int, polynomial: Sequence[arb], odd: bool) -> float:
+        """Speed with which a guard falls at a root [unit of the guard / s]; 0 at a touch."""
+        if not odd:
+            return 0.0
+        slope = sum((k * c * at ** (k - 1) for k, c in enumerate(polynomial) if k), arb(0))
+        return abs(float(slope * at**skipped / to_ball(step.length)))
+
+    def _land(self, step: Step, hits: Sequence[_Hit]) -> None:
+        time = (to_ball(step.time) + hits[0].at * to_ball(step.length)).mid()
+        self.point = self._blurred(time, self.stepper.state_at(time), step)
+        guards = self.problem.system.equations(self.mode).guards
+        self._settle([guards[hit.guard] for hit in hits], min(hit.transversality for hit in hits))
+
+    def _settle(self, hits: Sequence[Guard], transversality: float) -> None:
+        """Decide the mode after an event, note the event, and go on."""
+        before, point = self.mode, self.point
+        self.result.end_time = point.time.mid()
+        self.watch.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
+        after = self._decided(self.decider.after_event(point, before, hits))
+        active = frozenset({g.index for g in hits} | {i for i, s in enumerate(before) if s == 0})
+        changed = tuple(i for i in sorted(active) if after[i] != before[i])
+        touched = tuple(sorted({g.index for g in hits}))
+        state = tuple(v.mid() for v in point.state)
+        self.result.events.append(Event(point.time.mid(), state, before, after, changed or touched, transversality))
+        self._enter(after, active)
+
+    def _blurred(self, time: arb, state: Sequence[arb], step: Step) -> Point:
+        """A point with the radii within which it counts as known."""
+        scale = max(abs(float(time)), float(step.length))
+        sizes = self.stepper.sizes(step)
+        return Point(
+            arb(time, self.zero * scale), tuple(arb(v, self.zero * s) for v, s in zip(state, sizes, strict=True))
+        )
+
+    def _at_horizon(self) -> bool:
+        """Whether the run is there, to the precision: heyoka's last step may end a rounding short."""
+        time = self.point.time.mid()
+        return bool(self.until - time <= self.zero * max(abs(float(time)), self.span))
+
+    def _now(self) -> str:
+        return written(self.point.time)

@@ -1,0 +1,206 @@
+"""heyoka's Taylor steps in multiprecision, for all modes that share their sliding surfaces.
+
+The guards are integrated beside the state, so that heyoka itself delivers their Taylor polynomials; their roots
+are found by :mod:`henon_ref.truth.roots`. heyoka's own event detection is not used: it misses exact double
+roots, and after an event at the very start of a step it can miss the next one (its cooldown).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import heyoka as hy
+import numpy as np
+import sympy as sp
+from flint import arb
+from numpy.typing import NDArray
+
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.taylor.tape import TIME
+from henon_ref.truth.multiprecision import series as jets
+from henon_ref.truth.multiprecision.heyoka import RealParameters, to_heyoka
+from henon_ref.truth.multiprecision.numbers import to_ball, to_real
+from henon_ref.truth.roots import END
+
+PIECES = 16
+"""Pieces of a step on which a guard is first shown to be away from zero in double precision."""
+HALVINGS = 100
+"""A step shortened so often does not converge at all."""
+LOOSE = 1e3
+"""A remainder's enclosure may be so much wider than what the solution does on the step."""
+ROUNDINGS = 2.0**8
+
+
+@dataclass(frozen=True)
+class Step:
+    """One Taylor step."""
+
+    finite: bool
+    """False: the field is not finite, nothing else holds."""
+    time: Any
+    """Its start, a heyoka number."""
+    length: Any
+    """A heyoka number."""
+    coefficients: NDArray[Any]
+    """(states + guards, order + 1) heyoka numbers, in units of the step."""
+    rough: NDArray[np.float64]
+    """The same in double precision."""
+
+
+@lru_cache(maxsize=64)
+def _integrator(variables: tuple[Any, ...], rhs: tuple[Any, ...], bits: int, parameters: int) -> Any:
+    """An integrator, compiled once for all fields that differ in their numbers alone.
+
+    Whoever uses it next sets its time, state and parameters anew.
+    """
+    zero = hy.real("0", bits)
+    return hy.taylor_adaptive(
+        list(zip(variables, rhs, strict=True)),
+        [zero] * len(rhs),
+        fp_type=hy.real,
+        prec=bits,
+        pars=[zero] * parameters,
+        compact_mode=True,
+    )
+
+
+class Stepper:
+    """Integrates every mode in which exactly these surfaces slide.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    sliding : frozenset of int
+    bits : int
+        Precision; heyoka takes its order and step from it.
+    """
+
+    def __init__(self, system: FilippovSystem, sliding: frozenset[int], bits: int) -> None:
+        equations = system.shared_equations(sliding)
+        self.bits = bits
+        self.guards: tuple[Guard, ...] = equations.guards
+        field = [system.numeric(f) for f in equations.field]
+        outputs = [system.numeric(g.expression) for g in equations.guards]
+        slopes = [
+            sp.diff(g, TIME) + sp.Add(*(sp.diff(g, x) * f for x, f in zip(system.states, field, strict=True)))
+            for g in outputs
+        ]
+        self._dimension = len(field)
+        names = [f"y{i}" for i in range(len(field) + len(slopes))]
+        variables = hy.make_vars(*names) if len(names) > 1 else [hy.make_vars(*names)]
+        symbols: dict[sp.Symbol, Any] = {TIME: hy.time}
+        symbols.update(zip(system.states, variables, strict=False))
+        used = set().union(*(e.free_symbols for e in (*field, *slopes)))
+        self._signs = [i for i, s in enumerate(system.signs) if s in used]
+        """Surfaces whose sign the equations hold: heyoka's run-time parameters, in this order."""
+        symbols.update((system.signs[i], hy.par[k]) for k, i in enumerate(self._signs))
+        self._rhs = [*field, *slopes]
+        self._system = system
+        self._numbers = RealParameters(bits, len(self._signs))
+        rhs = tuple([to_heyoka(e, symbols, self._numbers) for e in self._rhs])
+        self._integrator = _integrator(tuple(variables), rhs, bits, len(self._signs) + len(self._numbers.values))
+
+    @property
+    def order(self) -> int:
+        """Order of the Taylor polynomials."""
+        return int(self._integrator.order)
+
+    def start(self, mode: Mode, time: arb, state: Sequence[arb], guards: Sequence[arb]) -> None:
+        """Set a mode, a point, and the guards' values there."""
+        integrator = self._integrator
+        integrator.pars[:] = [hy.real(str(mode[i]), self.bits) for i in self._signs] + self._numbers.values
+        integrator.state[:] = [to_real(v, self.bits) for v in (*state, *guards)]
+        integrator.time = to_real(time, self.bits)
+
+    def step(self, limit: arb) -> Step:
+        """One step, not beyond a time; shortened where heyoka's choice of its length cannot be trusted."""
+        integrator = self._integrator
+        begin, state = integrator.time, integrator.state.copy()
+        room = to_real(limit, self.bits) - begin
+        for _ in range(HALVINGS):
+            outcome, length = integrator.step(room, write_tc=True)
+            step = self._scaled(begin, length, outcome)
+            if not step.finite or self._trusted(step):
+                return step
+            integrator.time, integrator.state[:] = begin, state
+            room = length / hy.real("2", self.bits)
+        return replace(step, finite=False)
+
+    def _scaled(self, begin: Any, length: Any, outcome: Any) -> Step:
+        """The step that heyoka has just made, in units of its length."""
+        finite = outcome in (hy.taylor_outcome.success, hy.taylor_outcome.time_limit)
+        powers = [hy.real("1", self.bits)]
+        for _ in range(self.order):
+            powers.append(powers[-1] * length)
+        scaled = self._integrator.tc * np.array(powers)
+        return Step(finite, begin, length, scaled, scaled.astype(float))
+
+    def _trusted(self, step: Step) -> bool:
+        """Whether the polynomials stand for the solution on the whole step.
+
+        heyoka takes the length from the size of the last coefficients, which presumes that later ones are
+        smaller. Where a drive sleeps (a pulse far ahead, all of whose derivatives are next to nothing), they
+        grow first, and the step leaps over it. Where coefficients do not fall, the remainder of order
+        ``jets.ORDER`` (Lagrange) is enclosed over the step.
+        """
+        tails = [np.abs(row[-4:]) for row in step.coefficients]
+        rows = [i for i, c in enumerate(tails) if not max(c[2], c[3]) * hy.real("2", self.bits) < max(c[0], c[1])]
+        rows = [i for i in rows if not self._rhs[i].is_number]
+        if not rows:
+            return True
+        variations = np.abs(step.rough[:, 1:]).sum(axis=1)
+        box = [to_ball(c) + arb(0, 1.01 * v) for c, v in zip(step.coefficients[:, 0], variations, strict=True)]
+        length = to_ball(step.length)
+        time = (to_ball(step.time) + length / 2) + arb(0, length.upper() / 2)
+        signs = {
+            self._system.signs[i]: sp.Integer(round(float(self._integrator.pars[k]))) for k, i in enumerate(self._signs)
+        }
+        rhs = [e.xreplace(signs) for e in self._rhs]
+        n = self._dimension
+        try:
+            slopes = jets.along(rhs[:n], [rhs[i] for i in rows], self._system.states, time, box[:n], bits=self.bits)
+        except (ZeroDivisionError, ValueError):
+            return False
+        floor = ROUNDINGS * 2.0**-self.bits * max(1e-300, float(np.abs(step.rough).max()))
+        return all(
+            bool(abs(c[-1]) * length ** (jets.ORDER + 1) <= max(LOOSE * variations[i], floor))
+            for i, c in zip(rows, slopes, strict=True)
+        )
+
+    def state_at(self, time: arb) -> list[arb]:
+        """State within (or a little past) the last step."""
+        output = self._integrator.update_d_output(to_real(time, self.bits))
+        return [to_ball(v) for v in output[: self._dimension]]
+
+    def end(self) -> tuple[arb, list[arb]]:
+        """Time and state after the last step."""
+        return to_ball(self._integrator.time), [to_ball(v) for v in self._integrator.state[: self._dimension]]
+
+    def guard_polynomial(self, step: Step, guard: int) -> list[arb]:
+        """Coefficients of a guard on a step, in units of the step."""
+        return [to_ball(c) for c in step.coefficients[self._dimension + guard]]
+
+    def sizes(self, step: Step) -> list[float]:
+        """Largest value that each state can have reached on a step."""
+        return [float(s) for s in np.abs(step.rough[: self._dimension]).sum(axis=1)]
+
+    def clear_of_zero(self, step: Step, guard: int, skipped: int) -> bool:
+        """Whether double precision alone shows that a guard has no root on the step.
+
+        Parameters
+        ----------
+        skipped : int
+            Leading coefficients that are known to be zero.
+        """
+        c = step.rough[self._dimension + guard, skipped:]
+        if not np.isfinite(c).all():
+            return False
+        middles = END * (np.arange(PIECES) + 0.5) / PIECES
+        values = np.abs(np.polynomial.polynomial.polyval(middles, c))
+        slope = np.sum(np.arange(len(c)) * np.abs(c) * END ** np.arange(len(c)))
+        return bool(np.all(values > slope * END * 0.5 / PIECES + 1e-9 * np.abs(c).sum()))

@@ -1,0 +1,26 @@
+"""Certified truth: validated integration of Filippov systems in ball arithmetic.
+
+Every step of a run is a proof: the solution exists and its Taylor tail is bounded (:mod:`.norms`), no guard
+falls before the one claimed (:mod:`.event`), that one falls once (interval Newton), the mode that follows is
+told by strict signs or exact zeros (:mod:`.modes`), and the set of possible states is carried along without
+wrapping (:mod:`.sets`). What cannot be proven is said to be so, with the reason.
+"""
+
+from henon_ref.truth.validated.periodic_orbit import PeriodicOrbit, find_periodic_orbit, settled_guess
+from henon_ref.truth.validated.return_map import Guess, OrbitError
+from henon_ref.truth.validated.run import CertifiedRun, CertifiedTransition, certify
+from henon_ref.truth.validated.verify import Verdict, hold_against, verify
+
+__all__ = [
+    "CertifiedRun",
+    "CertifiedTransition",
+    "Guess",
+    "OrbitError",
+    "PeriodicOrbit",
+    "Verdict",
+    "certify",
+    "find_periodic_orbit",
+    "hold_against",
+    "settled_guess",
+    "verify",
+]

@@ -1,0 +1,203 @@
+"""One Taylor expansion with a proven remainder, and functions of time enclosed along it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, log2
+
+from flint import arb, arb_poly, ctx
+
+from henon_ref.truth.validated.tail_bounds import Tails, magnitudes
+from henon_ref.truth.validated.tape import Program, Series
+
+UNIT_BALL = arb(0, 1)
+TRIES = 40
+NARROWEST, WIDEST = 2.0**-4, 2.0**6
+"""Discs tried, in units; the unit follows from step to step, so a polynomial's steps still grow."""
+SMALLEST = 1e-300
+"""Stands for zero where a logarithm is taken."""
+LARGEST_EXPONENT = 900
+RIM = 0.75
+"""A step goes no further than this part of the disc, so that derivatives of the tail are bounded too."""
+
+
+class UndecidedError(Exception):
+    """Something that a proof needs could not be told at this precision; the message says what.
+
+    Parameters
+    ----------
+    reason : str
+    kind : str
+        ``graze``, ``tie``, ``mode``, ``enclosure``, ``start``.
+    place : float, optional
+        Where on the step, in its own time unit.
+    """
+
+    def __init__(self, reason: str, kind: str, place: float | None = None) -> None:
+        super().__init__(reason)
+        self.reason = reason
+        self.kind = kind
+        self.place = place
+
+
+@dataclass(frozen=True)
+class Tail:
+    """Orders from ``power`` on: at most ``bound * (|s|/radius)**power`` in size at s."""
+
+    power: int
+    bound: float
+    radius: float
+
+    def size(self, s: arb) -> arb:
+        """Bound at |s| < radius."""
+        return arb(self.bound) * (abs(s).upper() / arb(self.radius)) ** self.power
+
+    def slope(self, s: arb) -> arb:
+        """Bound of the derivative at s, ``sum k |e_k| s^(k-1)``, as long as its factors fall from the first on."""
+        part = abs(s).upper() / arb(self.radius)
+        if not part * (self.power + 1) <= self.power:
+            return arb.pos_inf()
+        return arb(self.bound) * self.power * part ** (self.power - 1) / arb(self.radius)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A function of s: a polynomial with ball coefficients and tails beyond it."""
+
+    polynomial: arb_poly
+    """In powers of ``s - origin``."""
+    derivative: arb_poly
+    tails: tuple[Tail, ...]
+    origin: float = 0.0
+
+    @classmethod
+    def of(cls, coefficients: Sequence[arb], tails: Sequence[Tail]) -> Curve:
+        polynomial = arb_poly(list(coefficients))
+        return cls(polynomial, polynomial.derivative(), tuple(tails))
+
+    def at(self, s: arb) -> arb:
+        """Enclosure of the value at every point of a ball."""
+        return sum((t.size(s) * UNIT_BALL for t in self.tails), self.polynomial(s - self.origin))
+
+    def slope(self, s: arb) -> arb:
+        """Enclosure of the derivative at every point of a ball."""
+        return sum((t.slope(s) * UNIT_BALL for t in self.tails), self.derivative(s - self.origin))
+
+    def recentred(self, origin: float) -> Curve:
+        """The same function in powers of the distance from another point: much sharper on short intervals there."""
+        shifted = self.polynomial(arb_poly([arb(origin) - self.origin, 1]))
+        return Curve(shifted, shifted.derivative(), self.tails, origin)
+
+    def over(self, low: float, high: float) -> tuple[arb, arb]:
+        """Enclosures of value (mean-value form, met with the plain one) and derivative over an interval."""
+        s, middle = interval(low, high), arb(0.5 * (low + high))
+        plain, slope = self.at(s), self.slope(s)
+        if not slope.is_finite():
+            return plain, slope
+        centred = self.at(middle) + slope * (s - middle)
+        return (plain.intersection(centred) if plain.overlaps(centred) else plain), slope
+
+
+def interval(low: float, high: float) -> arb:
+    """A ball that holds [low, high]."""
+    middle = 0.5 * (low + high)
+    return arb(middle, max(high - middle, middle - low) * (1 + 2.0**-50))
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """Coefficients of solution and outputs in s = (t - t0) / unit, proven on the disc |s| <= radius."""
+
+    order: int
+    unit: float
+    radius: float
+    states: list[Series]
+    outputs: list[Series]
+    state_tails: list[float]
+    output_tails: list[float]
+    sizes: list[float]
+    """Norm of each state's and output's polynomial on a disc about as wide as a step."""
+
+    def reach(self, bits: int) -> float:
+        """How far every tail stays below 2**-bits of the norm of the state (or output) it belongs to."""
+        room = inf
+        for size, tail in zip(self.sizes, self.state_tails + self.output_tails, strict=True):
+            room = min(room, (log2(max(size, SMALLEST)) - log2(max(tail, SMALLEST)) - bits) / (self.order + 1))
+        return self.radius * min(RIM, 2.0 ** min(room, 0.0))
+
+    def state(self, index: int) -> Curve:
+        return Curve.of(self.states[index], [Tail(self.order + 1, self.state_tails[index], self.radius)])
+
+    def output_tail(self, index: int) -> Tail:
+        return Tail(self.order + 1, self.output_tails[index], self.radius)
+
+    def output(self, index: int) -> Curve:
+        return Curve.of(self.outputs[index], [self.output_tail(index)])
+
+
+def expand(
+    program: Program, time: arb, state: Sequence[arb], order: int, unit: float, radius: float | None = None
+) -> Expansion:
+    """Expand the solution through every point of a box, with proven tails.
+
+    Parameters
+    ----------
+    program : Program
+    time, state : arb
+        The box it starts in (thin or not).
+    order : int
+    unit : float
+        A power of two; time is counted in it (the result says if another was taken).
+    radius : float, optional
+        Disc to try first, in units; by default one estimated from the coefficients.
+
+    Raises
+    ------
+    UndecidedError
+        Where no disc is found: the field is not defined on the box, or the box is too wide.
+    """
+    series = program.run(ctx.prec, time, state, order, arb(unit))
+    if not all(row[order].is_finite() for row in series) or not unit > SMALLEST:
+        raise _no_enclosure(time)
+    if radius is None:
+        radius = _estimate([series[i] for i in program.states + program.outputs], order)
+        if radius < NARROWEST:
+            # Far outside the unit's reach powers of the radius would leave the doubles: count in another unit.
+            return expand(program, time, state, order, unit * 2.0 ** round(log2(radius)))
+    states = [series[i] for i in program.states]
+    outputs = [series[i] for i in program.outputs]
+    sizes = magnitudes(series)
+    for attempt in range(TRIES):
+        tails = Tails(program, program.numbers(ctx.prec), sizes, radius, unit)
+        proven = tails.validate()
+        if proven is not None:
+            norms = [tails.inner_norm(i) for i in program.states + program.outputs]
+            return Expansion(order, unit, radius, states, outputs, proven[0], proven[1], norms)
+        radius *= 0.8 if attempt < 6 else 0.5
+    raise _no_enclosure(time)
+
+
+def _no_enclosure(time: arb) -> UndecidedError:
+    where = time.str(20, radius=False)
+    reason = f"no enclosure of the solution just after t = {where}: the field is undefined or unbounded there"
+    return UndecidedError(reason, "enclosure")
+
+
+def _estimate(rows: Sequence[Series], order: int) -> float:
+    """Radius of convergence, in units, from the growth of the later half of the coefficients; a guess to start from."""
+    half = order // 2
+    growth = -1e3
+    for row in rows:
+        early = max(log2_size(c) for c in row[half - 1 : half + 2])
+        late = max(log2_size(c) for c in row[order - 2 :])
+        if early > -1e6:
+            growth = max(growth, (late - early) / (order - half))
+    # No power of the radius may leave the doubles.
+    return 0.9 * 2.0 ** min(-growth, log2(WIDEST), LARGEST_EXPONENT / order)
+
+
+def log2_size(c: arb) -> float:
+    """log2 of the size of a ball's midpoint; a large negative number for 0."""
+    mantissa, exponent = c.mid().man_exp()
+    return float(int(exponent) + int(mantissa).bit_length()) if mantissa else -1e6

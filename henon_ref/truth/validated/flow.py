@@ -1,0 +1,295 @@
+"""A set of solutions carried step by step through the modes, with its derivative by where it started."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log2
+
+from flint import arb, arb_mat
+
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode
+from henon_ref.precision import working_precision
+from henon_ref.truth.balls import enclose
+from henon_ref.truth.validated.enclosure import Curve, Expansion, Tail, UndecidedError, expand
+from henon_ref.truth.validated.event import first_root, guard_curve
+from henon_ref.truth.validated.lohner import PointSet
+from henon_ref.truth.validated.mode_selection import Entry, entry_after
+from henon_ref.truth.validated.model import ModeModel, SystemModel
+
+TANGENT_ORDER = 16
+TANGENT_BITS = 64
+"""Order and precision of the variational equations, where their result only carries a radius along."""
+BEYOND = 1.125
+TANGENT_ROOM = 4.0
+"""Their disc over their step, to begin with."""
+
+
+@dataclass(frozen=True)
+class Precision:
+    """How much work a walk puts into each step."""
+
+    bits: int
+    order: int
+    tangent_bits: int = TANGENT_BITS
+    tangent_order: int = TANGENT_ORDER
+
+    @classmethod
+    def of(cls, bits: int, *, sharp_tangent: bool = False) -> Precision:
+        """Order by the cost of a step (about 0.35 a bit); ``sharp_tangent`` for derivatives wanted to all digits."""
+        order = max(14, round(0.38 * bits))
+        return cls(bits, order, bits, order) if sharp_tangent else cls(bits, order)
+
+
+@dataclass(frozen=True)
+class Hit:
+    """A guard that fell to zero, and where."""
+
+    guard: Guard
+    before: Mode
+    after: Mode
+    box: tuple[arb, ...]
+    """Enclosure of (t, x)."""
+    rate: arb
+    """Slope of the guard at the event [1/s]."""
+
+
+class Walk:
+    """Carries a set forward.
+
+    Parameters
+    ----------
+    model : SystemModel
+    points : PointSet
+        Where it starts, in (t, x).
+    entry : Entry
+    precision : Precision
+        Its ``bits`` must be the working precision of ``flint.ctx`` whenever a method is called.
+    unit : float
+        Time unit to begin with, a power of two.
+    """
+
+    def __init__(
+        self, model: SystemModel, points: PointSet, entry: Entry, precision: Precision, unit: float = 1.0
+    ) -> None:
+        self.model, self.points, self.precision, self.unit = model, points, precision, unit
+        size = len(points.centre)
+        self.derivative = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
+        """Encloses the derivative of (t, x) now by (t, x) at the start, events included (saltation)."""
+        self.steps = 0
+        self.done = False
+        """Whether the horizon is reached."""
+        self.enter(entry)
+
+    def enter(self, entry: Entry) -> None:
+        """Go on in a mode."""
+        self.mode = entry.mode
+        self.zeros = entry.zeros
+        self.armed = [not g.rising_only for g in self.model.mode(entry.mode).guards]
+
+    def step(self, horizon: arb) -> Hit | None:
+        """One step: to its end, to the next event (the new mode is then entered), or to the horizon.
+
+        Returns the event if there was one; :attr:`done` tells whether the horizon is reached.
+
+        Raises
+        ------
+        UndecidedError, EndedError
+        """
+        self.steps += 1
+        made = self.model.mode(self.mode)
+        names = self.model.system.sign_names
+        flow, tangent, reach = self._expansions(made)
+        self.points = self.points.scaled([self.unit * reach, *flow.sizes[: len(flow.states)]])
+        remaining = (horizon - self.points.hull()[0]) / arb(self.unit)
+        left = float(remaining.upper()) * (1 + 2.0**-50)
+        curves = self._guards(made, flow, tangent)
+        watched = [(c, a, guard_text(g, names)) for c, a, g in zip(curves, self.armed, made.guards, strict=True)]
+        try:
+            hit, armed = _watch(watched, reach, left)
+        except UndecidedError as stop:
+            at = self.points.centre[0] + arb(self.unit) * arb(stop.place or 0.0)
+            raise UndecidedError(f"{stop.reason}, near t = {at.str(12, radius=False)}", stop.kind) from stop
+        if hit is not None and not hit[1] < remaining:
+            if not hit[1] > remaining:
+                raise UndecidedError(f"{watched[hit[0]][2]} falls at the horizon itself", "tie")
+            hit = None
+        if hit is None:
+            self.armed, self.zeros = armed, (0,) * len(armed)
+            self.done = left < reach
+            self._advance(flow, tangent, reach, horizon if self.done else None)
+            self._follow_unit(flow, left)
+            return None
+        result = self._land(made, flow, tangent, *hit)
+        self._follow_unit(flow, left)
+        return result
+
+    def _follow_unit(self, flow: Expansion, left: float) -> None:
+        """Count time in what the last disc was, but in no more than what is left."""
+        self.unit *= 2.0 ** round(min(log2(flow.radius), log2(left) + 1 if left > 0 else 0.0))
+
+    def _expansions(self, made: ModeModel) -> tuple[Expansion, Expansion, float]:
+        """The centre's solution, the variational equations over the whole set, and how far both hold."""
+        p = self.precision
+        centre = self.points.centre
+        flow = expand(made.flow, centre[0], centre[1:], p.order, self.unit)
+        self.unit = flow.unit
+        reach = flow.reach(p.bits)
+        hull = self.points.hull()
+        size = len(hull)
+        start = [arb(int(j == i + 1)) for j in range(size) for i in range(size - 1)]
+        sharp = p.tangent_order == p.order
+        disc = flow.radius if sharp else TANGENT_ROOM * reach
+        with working_precision(p.tangent_bits):
+            box = [b + 0 for b in hull]
+            tangent = expand(made.tangent, box[0], [*box[1:], *start], p.tangent_order, self.unit, disc)
+            if sharp:
+                reach = min(reach, tangent.reach(p.bits))
+        return flow, tangent, min(reach, tangent.radius / 2)
+
+    def _columns(self, size: int, pick: Sequence[arb]) -> list[list[arb]]:
+        """Derivative of (t, x) by (t, x) from the values of the variational states: rows by columns."""
+        rows = [[arb(int(j == 0)) for j in range(size)]]
+        rows += [[pick[(j + 1) * (size - 1) + i] for j in range(size)] for i in range(size - 1)]
+        return rows
+
+    def _derivative(self, tangent: Expansion, s: arb) -> list[list[arb]]:
+        size = len(self.points.centre)
+        with working_precision(self.precision.tangent_bits):
+            return self._columns(size, [tangent.state(i).at(s) for i in range(len(tangent.states))])
+
+    def _guards(self, made: ModeModel, flow: Expansion, tangent: Expansion) -> list[Curve]:
+        """Every guard over the set, divided by its known zeros at the start of the step."""
+        return [
+            guard_curve(flow.outputs[i], *self._stray(tangent, i, flow.output_tail(i)), self.zeros[i])
+            for i in range(len(made.guards))
+        ]
+
+    def _stray(self, tangent: Expansion, guard: int, own: Tail) -> tuple[list[arb], list[Tail]]:
+        """How far a guard's coefficients stray from the centre's over the set, and all tails of the guard."""
+        size = len(self.points.centre)
+        first = guard * size
+        offsets = [h - c for h, c in zip(self.points.hull(), self.points.centre, strict=True)]
+        with working_precision(self.precision.tangent_bits):
+            columns = tangent.outputs[first : first + size]
+            rows = arb_mat([[c[k] for c in columns] for k in range(tangent.order + 1)])
+            stray = self.points.deviations(rows)
+            bound = sum((arb(tangent.output_tails[first + j]) * abs(o) for j, o in enumerate(offsets)), arb(0)).upper()
+        return stray, [own, Tail(tangent.order + 1, float(bound) * (1 + 2.0**-40) + 1e-300, tangent.radius)]
+
+    def _advance(self, flow: Expansion, tangent: Expansion, end: float, horizon: arb | None) -> None:
+        """To the end of a step, or to the horizon: a fixed time for every point of the set."""
+        hull = self.points.hull()
+        unit = arb(self.unit)
+        if horizon is None:
+            s = arb(end)
+            centre = [self.points.centre[0] + unit * s, *(flow.state(i).at(s) for i in range(len(flow.states)))]
+            self._move(centre, self._derivative(tangent, s))
+            return
+        middle = ((horizon - self.points.centre[0]) / unit).mid()
+        span = (horizon - hull[0]) / unit
+        # The gap (horizon - t) shrinks as t grows: slope -1, derivative (-1, 0, ..., 0), as for any event.
+        gap = horizon - self.points.centre[0] - unit * middle
+        row = [arb(-int(j == 0)) for j in range(len(hull))]
+        made = self.model.mode(self.mode)
+        self._project(made, flow, tangent, span.union(middle), middle, gap, row, -unit, ())
+
+    def _land(self, made: ModeModel, flow: Expansion, tangent: Expansion, index: int, root: arb) -> Hit:
+        """Put the set on the guard that fell, decide the mode beyond, and enter it."""
+        size = len(self.points.centre)
+        middle = root.mid()
+        stray, tails = self._stray(tangent, index, flow.output_tail(index))
+        slope = guard_curve(flow.outputs[index], stray, tails, 0).slope(root)
+        with working_precision(self.precision.tangent_bits):
+            row = [tangent.output(index * size + j).at(root) for j in range(size)]
+        if not slope < 0:
+            raise UndecidedError("the guard's slope has no strict sign at the event: a graze", "graze")
+        guard = made.guards[index]
+        before = self.mode
+        reached = set() if guard.ends else {guard.index}
+        on = tuple(sorted({i for i, s in enumerate(before) if s == 0} | reached))
+        self._project(made, flow, tangent, root, middle, flow.output(index).at(middle), row, slope, on)
+        box = tuple(self.points.hull())
+        entry, _ = entry_after(self.model, box, before, guard)
+        self.enter(entry)
+        return Hit(guard, before, entry.mode, box, slope / arb(self.unit))
+
+    def _project(
+        self,
+        made: ModeModel,
+        flow: Expansion,
+        tangent: Expansion,
+        root: arb,
+        middle: arb,
+        value: arb,
+        row: Sequence[arb],
+        slope: arb,
+        on: tuple[int, ...],
+    ) -> None:
+        """Move every point of the set to its own zero of a function g, and clean what is then known exactly.
+
+        With ``g(s; X) = value + row (X - centre) + slope (s - middle)`` (enclosures over the set), a point goes
+        ``(s - middle) (1, f)`` beyond where the flow takes it at ``middle``; the derivative is the saltation matrix.
+        """
+        size = len(self.points.centre)
+        offsets = [h - c for h, c in zip(self.points.hull(), self.points.centre, strict=True)]
+        start, unit = self.points.centre[0], arb(self.unit)
+        moved = self._derivative(tangent, root)
+        here = [start + unit * root, *(flow.state(i).at(root) for i in range(size - 1))]
+        hull = [c + _dot(r, offsets) for c, r in zip(here, moved, strict=True)]
+        speed = [f * unit / slope for f in made.field_over(hull)]
+        centre = [start + unit * middle, *(flow.state(i).at(middle) for i in range(size - 1))]
+        centre = [c - v * value for c, v in zip(centre, speed, strict=True)]
+        derivative = [[d - v * w for d, w in zip(r, row, strict=True)] for r, v in zip(moved, speed, strict=True)]
+        self._clean(centre, derivative, offsets, on)
+        self._move(centre, derivative)
+
+    def _clean(
+        self, centre: list[arb], derivative: list[list[arb]], offsets: Sequence[arb], on: tuple[int, ...]
+    ) -> None:
+        """Put in, for each surface that is exactly zero now, the state it is solved for."""
+        symbols = self.model.symbols
+        for solved in self.model.solved(on):
+            k = solved.index + 1
+            box = [c + _dot(r, offsets) for c, r in zip(centre, derivative, strict=True)]
+            centre[k] = enclose(solved.value, dict(zip(symbols, centre, strict=True)))
+            at = dict(zip(symbols, box, strict=True))
+            gradient = [enclose(g, at) for g in solved.gradient]
+            derivative[k] = [
+                sum((g * derivative[i][j] for i, g in enumerate(gradient) if i != k), arb(0))
+                for j in range(len(centre))
+            ]
+
+    def _move(self, centre: Sequence[arb], derivative: list[list[arb]]) -> None:
+        matrix = arb_mat(derivative)
+        self.points = self.points.moved(centre, matrix)
+        self.derivative = matrix * self.derivative
+
+
+def _dot(row: Sequence[arb], column: Sequence[arb]) -> arb:
+    return sum((a * b for a, b in zip(row, column, strict=True)), arb(0))
+
+
+def _watch(
+    watched: Sequence[tuple[Curve, bool, str]], reach: float, left: float
+) -> tuple[tuple[int, arb] | None, list[bool]]:
+    """The first guard to fall on a step of length ``reach``, of which ``left`` is left to the horizon."""
+    if left * BEYOND < reach:
+        try:
+            # Look a little beyond the horizon, so that an event just there shows as a tie with it.
+            return first_root(watched, left * BEYOND)
+        except UndecidedError:
+            return first_root(watched, left)
+    return first_root(watched, min(left, reach))
+
+
+def guard_text(guard: Guard, names: Sequence[str]) -> str:
+    """A guard in words, for reasons."""
+    if guard.kind == "valid":
+        return f"valid expression {guard.index}"
+    if guard.kind == "attracts":
+        return f"whether sliding on {names[guard.index]} and others attracts"
+    if guard.kind == "surface":
+        return f"surface {names[guard.index]}"
+    return f"the release of {names[guard.index]} to {guard.to_sign:+d}"

@@ -1,0 +1,150 @@
+"""The modes of a system as programs over balls, made once a mode and kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import sympy as sp
+from flint import arb
+
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.taylor.tape import TIME, Tape, build_tape
+from henon_ref.truth.balls import enclose, proves_zero
+from henon_ref.truth.validated.enclosure import UndecidedError
+from henon_ref.truth.validated.tape import Program
+
+MAX_VARIED = 15_000
+"""Operations that the variational equations of a mode may have; a step of those of 64 states takes minutes."""
+
+
+@dataclass(frozen=True)
+class SolvedState:
+    """A surface written as ``x_k = value(t, other states)``."""
+
+    index: int
+    value: sp.Expr
+    gradient: tuple[sp.Expr, ...]
+    """Derivatives by t and by every state (0 by x_k itself)."""
+
+
+class ModeModel:
+    """One mode: its field and guards in exact numbers, and the programs that expand them.
+
+    Raises
+    ------
+    ModelError
+        Where the mode has no equations.
+    UndecidedError
+        Where an override's field is not proven to keep its surface.
+
+    Attributes
+    ----------
+    field : tuple of Expr
+    guards : tuple of Guard
+        With exact numbers for the parameters.
+    """
+
+    def __init__(self, system: FilippovSystem, mode: Mode) -> None:
+        equations = system.equations(mode)
+        self.mode = mode
+        self.states = system.states
+        self.field = tuple(system.numeric(e) for e in equations.field)
+        self.guards = tuple(replace(g, expression=system.numeric(g.expression)) for g in equations.guards)
+
+        for i in set(system.overrides) & {i for i, s in enumerate(mode) if s == 0}:
+            self._check_kept(system.numeric(system.surfaces[i]), system.sign_names[i])
+
+    def _check_kept(self, surface: sp.Expr, name: str) -> None:
+        """An override's field must keep its surface: all that is proven in the stick takes h for zero."""
+        velocity = self.lie_derivative(surface)
+        for solved in solve_for_states([surface], self.states):
+            velocity = velocity.xreplace({self.states[solved.index]: solved.value})
+        if not proves_zero(velocity):
+            reason = f"the 'sliding' field of {name} is not proven to keep its surface: dh/dt = {velocity}"
+            raise UndecidedError(reason, "mode")
+
+    @cached_property
+    def flow(self) -> Program:
+        """The solution, and every guard along it."""
+        return Program(self._tape)
+
+    @cached_property
+    def _tape(self) -> Tape:
+        return build_tape(self.states, self.field, [g.expression for g in self.guards])
+
+    @cached_property
+    def tangent(self) -> Program:
+        """Solution and variational equations; the derivatives of every guard along them.
+
+        The states are x and then, for each of t, x_1, ..., x_n, the column of derivatives of x by it. The
+        outputs are, a guard after the other, its derivatives by the same n + 1 initial values.
+        """
+        size = len(self.states)
+        if (size + 1) * len(self._tape.nodes) > MAX_VARIED:
+            reason = f"with {size} states the variational equations are too large: more than {MAX_VARIED} operations"
+            raise UndecidedError(reason, "mode")
+        columns = [[sp.Dummy(f"v{i}_{j}", real=True) for i in range(size)] for j in range(size + 1)]
+        field = list(self.field)
+        for j, column in enumerate(columns):
+            field += [self._varied(f, column, j) for f in self.field]
+        outputs = [self._varied(g.expression, column, j) for g in self.guards for j, column in enumerate(columns)]
+        return Program(build_tape([*self.states, *(v for column in columns for v in column)], field, outputs))
+
+    def _varied(self, expression: sp.Expr, column: Sequence[sp.Symbol], j: int) -> sp.Expr:
+        """Change of an expression when the initial value j changes (j = 0: the time)."""
+        along = [sp.diff(expression, x) * v for x, v in zip(self.states, column, strict=True)]
+        return sp.Add(*along, sp.diff(expression, TIME) if j == 0 else 0)
+
+    def field_over(self, box: Sequence[arb]) -> list[arb]:
+        """Enclosure of (1, f) over a box in (t, x)."""
+        values = dict(zip((TIME, *self.states), box, strict=True))
+        return [arb(1), *(enclose(f, values) for f in self.field)]
+
+    def lie_derivative(self, expression: sp.Expr) -> sp.Expr:
+        """Time derivative of an expression along the field."""
+        return sp.diff(expression, TIME) + sp.Add(
+            *(sp.diff(expression, x) * f for x, f in zip(self.states, self.field, strict=True))
+        )
+
+
+class SystemModel:
+    """A system in exact numbers: its modes, and each surface solved for a state where it is linear in one."""
+
+    def __init__(self, system: FilippovSystem) -> None:
+        self.system = system
+        self.surfaces = tuple(system.numeric(h) for h in system.surfaces)
+        self.symbols: tuple[sp.Symbol, ...] = (TIME, *system.states)
+        self._modes: dict[Mode, ModeModel] = {}
+        self._solved: dict[tuple[int, ...], list[SolvedState]] = {}
+
+    def mode(self, mode: Mode) -> ModeModel:
+        """The model of one mode (raises ModelError where it has no equations)."""
+        if mode not in self._modes:
+            self._modes[mode] = ModeModel(self.system, mode)
+        return self._modes[mode]
+
+    def solved(self, surfaces: Sequence[int]) -> list[SolvedState]:
+        """What is known exactly of the states while these surfaces are zero."""
+        key = tuple(surfaces)
+        if key not in self._solved:
+            self._solved[key] = solve_for_states([self.surfaces[i] for i in key], self.system.states)
+        return self._solved[key]
+
+
+def solve_for_states(zeros: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[SolvedState]:
+    """Each expression that is linear in a state with a constant factor, solved for it; no state twice."""
+    found: list[SolvedState] = []
+    for zero in zeros:
+        for known in found:
+            zero = sp.expand(zero.xreplace({states[known.index]: known.value}))
+        for k, x in enumerate(states):
+            slope = sp.diff(zero, x)
+            if slope != 0 and not slope.free_symbols:
+                value = sp.expand(-(zero - slope * x) / slope)
+                gradient = (sp.diff(value, TIME), *(sp.diff(value, y) for y in states))
+                found.append(SolvedState(k, value, gradient))
+                break
+    return found

@@ -1,0 +1,198 @@
+"""The return map of a periodic orbit: where a start is carried to, with its derivative, over points or boxes.
+
+The map ends either at a fixed time (a forced system: one period later) or at an event (an autonomous system:
+the same change of mode again). States that a surface makes redundant are left out of its coordinates.
+
+Over a box the map is that of the modes' smooth flows: a start that lies beside the surface (or beside the
+tangent point) it is said to lie on is carried on as if it lay there. A fixed point is an image, images end on
+the surface, and there the map is the system's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+from flint import arb, arb_mat
+
+from henon_ref.errors import HenonRefError
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.taylor.tape import TIME
+from henon_ref.truth.balls import enclose, proves_zero
+from henon_ref.truth.validated.flow import Hit, Precision, Walk
+from henon_ref.truth.validated.lohner import PointSet
+from henon_ref.truth.validated.mode_selection import Entry
+from henon_ref.truth.validated.model import SystemModel
+
+MAX_STEPS = 20_000
+FAR = 2**40
+"""Horizon where the map ends at an event [s]."""
+
+
+class OrbitError(HenonRefError):
+    """No periodic orbit could be proven near the guess; the message says why."""
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Where a periodic orbit is believed to pass.
+
+    Either ``period`` is given (an exact number: the return map ends that much later), or ``events``: the
+    orbit starts just after an event, and comes back with the ``events``-th event after it.
+    """
+
+    time: sp.Expr
+    """Exact start time [s]; for an autonomous system any, such as 0."""
+    state: tuple[float, ...]
+    mode: Mode
+    """Mode just after the start."""
+    period: sp.Expr | None = None
+    events: int | None = None
+    surface: int | None = None
+    """With ``events``: the surface that the start lies on."""
+    tangent: bool = False
+    """With ``events``: the start is a release, where the surface's normal velocity is zero too."""
+
+
+@dataclass(frozen=True)
+class OrbitEvent:
+    """One change of mode on the orbit."""
+
+    from_mode: Mode
+    to_mode: Mode
+    time: arb
+    state: tuple[arb, ...]
+
+
+@dataclass(frozen=True)
+class Returned:
+    """What the return map gives."""
+
+    end: list[arb]
+    """Free coordinates at the end."""
+    derivative: arb_mat
+    """Of the end by the start, in free coordinates."""
+    elapsed: arb
+    """Time taken [s]."""
+    events: tuple[OrbitEvent, ...]
+    state: tuple[arb, ...]
+    """The whole state at the start."""
+
+
+class ReturnMap:
+    """The return map of a guess.
+
+    Raises
+    ------
+    OrbitError
+        Where a fixed point would prove no periodic orbit: the system does not have the period given, or it
+        depends on time and none is given.
+    """
+
+    def __init__(self, system: FilippovSystem, guess: Guess) -> None:
+        self.model, self.guess = SystemModel(system), guess
+        _check_repeats(system, guess)
+        on = {i for i, s in enumerate(guess.mode) if s == 0}
+        if guess.surface is not None:
+            on.add(guess.surface)
+        self.solved = self.model.solved(tuple(sorted(on)))
+        taken = {s.index for s in self.solved}
+        self.free = [i for i in range(len(guess.state)) if i not in taken]
+        """States that are its coordinates."""
+
+    @property
+    def time(self) -> arb:
+        """Start time, at the working precision."""
+        return enclose(self.model.system.numeric(self.guess.time))
+
+    def __call__(self, free: Sequence[arb], bits: int, *, sharp: bool) -> Returned:
+        """The map at a point or over a box of free coordinates, at the working precision ``bits``.
+
+        ``sharp`` asks for a derivative to all digits, and not just good enough to carry a radius along.
+        """
+        state = self._state(free)
+        precision = Precision.of(bits, sharp_tangent=sharp)
+        walk = Walk(self.model, PointSet.box([self.time, *state]), self._entry(), precision)
+        begin = walk.points.hull()
+        events: list[Hit] = []
+        period = self.guess.period
+        horizon = self.time + enclose(self.model.system.numeric(period)) if period is not None else self.time + FAR
+        while not walk.done and len(events) != self.guess.events:
+            if walk.steps >= MAX_STEPS:
+                raise OrbitError(f"the return map does not end within {MAX_STEPS} steps")
+            hit = walk.step(horizon)
+            if hit is not None:
+                events.append(hit)
+        if walk.mode != self.guess.mode:
+            raise OrbitError(f"the return map ends in mode {walk.mode}, not in {self.guess.mode} where it started")
+        if self.guess.events is not None:
+            self._check_last(events[-1])
+        end = walk.points.hull()
+        return Returned(
+            [end[i + 1] for i in self.free],
+            self._derivative(walk.derivative, begin),
+            end[0] - self.time,
+            tuple(OrbitEvent(h.before, h.after, h.box[0], h.box[1:]) for h in events),
+            tuple(state),
+        )
+
+    def _entry(self) -> Entry:
+        zeros = []
+        for guard in self.model.mode(self.guess.mode).guards:
+            started = guard.kind == "surface" and guard.index == self.guess.surface
+            zeros.append((2 if self.guess.tangent else 1) if started else 0)
+        return Entry(self.guess.mode, tuple(zeros))
+
+    def _state(self, free: Sequence[arb]) -> list[arb]:
+        """The whole state from its free coordinates."""
+        state = [arb(0)] * len(self.guess.state)
+        for i, value in zip(self.free, free, strict=True):
+            state[i] = value
+        for solved in reversed(self.solved):
+            state[solved.index] = enclose(solved.value, dict(zip(self.model.symbols, (self.time, *state), strict=True)))
+        return state
+
+    def _derivative(self, whole: arb_mat, at: Sequence[arb]) -> arb_mat:
+        """Derivative in free coordinates: the solved states follow along their surfaces."""
+        values = dict(zip(self.model.symbols, at, strict=True))
+        columns: list[list[arb]] = []
+        for i in self.free:
+            column = [arb(int(k == i + 1)) for k in range(len(at))]
+            for solved in reversed(self.solved):
+                gradient = [enclose(g, values) for g in solved.gradient]
+                column[solved.index + 1] = sum((g * c for g, c in zip(gradient, column, strict=True)), arb(0))
+            columns.append(column)
+        return arb_mat(
+            [
+                [sum((whole[i + 1, k] * c for k, c in enumerate(column)), arb(0)) for column in columns]
+                for i in self.free
+            ]
+        )
+
+    def _check_last(self, last: Hit) -> None:
+        """The map must end on the surface that it starts from, and in the same way."""
+        tangent = last.guard.kind == "release" and last.guard.index not in self.model.system.overrides
+        if (last.guard.index, tangent) != (self.guess.surface, self.guess.tangent):
+            name = self.model.system.sign_names[last.guard.index]
+            raise OrbitError(
+                f"the return map ends with a {last.guard.kind} event of {name}, not with the one it starts at"
+            )
+
+
+def _check_repeats(system: FilippovSystem, guess: Guess) -> None:
+    """The equations must be the same at the end of the map as at its start."""
+    if (guess.period is None) == (guess.events is None):
+        raise OrbitError("a guess gives either a period or a number of events")
+    releases = [r.when for o in system.overrides.values() for r in o.release]
+    stuck = [f for o in system.overrides.values() for f in o.field]
+    for expression in (*system.field, *system.surfaces, *system.valid, *releases, *stuck):
+        number = system.numeric(expression)
+        if not number.has(TIME):
+            continue
+        if guess.period is None:
+            raise OrbitError(f"the system depends on time ({expression}): give the period of its drive")
+        later = sp.expand(number.xreplace({TIME: sp.expand(TIME + system.numeric(guess.period))}))
+        if not proves_zero(later - sp.expand(number)):
+            raise OrbitError(f"{expression} is not proven to have the period {guess.period}")

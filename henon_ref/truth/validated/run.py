@@ -1,0 +1,246 @@
+"""Certified runs: every transition of a problem with a proven enclosure of its time and state."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import ceil, log2
+from typing import Literal
+
+from flint import arb
+
+from henon_ref.filippov.modes import Mode, transition_kind
+from henon_ref.filippov.problem import Problem
+from henon_ref.precision import working_precision
+from henon_ref.trajectory import Kind
+from henon_ref.truth.balls import enclose
+from henon_ref.truth.validated.enclosure import UndecidedError
+from henon_ref.truth.validated.flow import Hit, Precision, Walk
+from henon_ref.truth.validated.lohner import PointSet
+from henon_ref.truth.validated.mode_selection import EndedError, initial_entry
+from henon_ref.truth.validated.model import SystemModel
+
+SPARE_BITS = 40
+"""Bits beyond the asked radius to begin with: room for the growth of errors along the run."""
+ATTEMPTS = 4
+MAX_TRANSITIONS = 20_000
+MAX_STEPS = 400_000
+SHORTEST = 2.0**-100
+"""A step this much shorter than the run so far says that the solution, or the events, run into a point."""
+
+CROWD, CROWDED = 16, 1e-9
+"""So many events within this part of the run count as accumulating."""
+
+Ended = Literal["horizon", "invalid", "nonunique", "none", "undecided", "budget"]
+Progress = Callable[[float, int], None]
+
+
+@dataclass(frozen=True)
+class CertifiedTransition:
+    """One change of mode at one instant, proven to happen, and to be the next."""
+
+    kind: Kind
+    surface: int
+    from_mode: Mode
+    to_mode: Mode
+    time: arb
+    """Encloses the time [s]."""
+    state: tuple[arb, ...]
+    """Encloses the state."""
+    rate: arb
+    """Encloses the slope of the guard that fell [guard's unit/s]: how transversal the event is."""
+
+
+@dataclass(frozen=True)
+class CertifiedRun:
+    """What could be proven of a problem."""
+
+    status: Literal["certified", "not provable"]
+    """``certified``: to the horizon, or to where the model ends (``ended`` is ``invalid``)."""
+    ended: Ended
+    """``nonunique`` and ``none`` are proven facts too: the future branches, or there is none."""
+    reason: str
+    """Why it did not reach the horizon; empty where it did."""
+    transitions: tuple[CertifiedTransition, ...]
+    """All that are proven, each to the radius asked for."""
+    time: arb
+    """How far the proof got [s]."""
+    state: tuple[arb, ...]
+    mode: Mode | None
+    bits: int
+    order: int
+    steps: int
+    seconds: float
+    """Wall time of all attempts."""
+
+    @property
+    def radius(self) -> float:
+        """Largest radius of a transition time [s] (0 without transitions)."""
+        return max((float(t.time.rad()) for t in self.transitions), default=0.0)
+
+
+def certify(
+    problem: Problem,
+    *,
+    radius: float = 1e-30,
+    bits: int | None = None,
+    progress: Progress | None = None,
+    deadline: float | None = None,
+    max_transitions: int = MAX_TRANSITIONS,
+) -> CertifiedRun:
+    """Prove every transition of a problem, with enclosures of its time and state.
+
+    Precision is raised until every time is enclosed to ``radius``, or until the same question stays open
+    at two precisions; the run then says which.
+
+    Parameters
+    ----------
+    problem : Problem
+    radius : float
+        Asked of every transition time [s].
+    bits : int, optional
+        Working precision to begin with; by default from the radius.
+    progress : callable, optional
+        Called with (time reached, transitions so far) after every step.
+    deadline : float, optional
+        Seconds; past it the run stops with ``ended = "budget"`` and what it has.
+    max_transitions : int
+        The run stops there with ``ended = "budget"``.
+
+    Returns
+    -------
+    CertifiedRun
+    """
+    begun = clock.monotonic()
+    until = None if deadline is None else begun + deadline
+    model = SystemModel(problem.system)
+    horizon = max(1.0, *(abs(float(problem.system.numeric(e))) for e in (problem.start, problem.until)))
+    bits = bits if bits is not None else ceil(log2(horizon / radius)) + SPARE_BITS
+    last: CertifiedRun | None = None
+    for attempt in range(ATTEMPTS):
+        with working_precision(bits):
+            run = _Attempt(model, problem, bits, progress, until, max_transitions).run()
+        final = attempt == ATTEMPTS - 1 or run.ended == "budget"
+        stuck = last is not None and run.ended == last.ended == "undecided"
+        stuck = stuck and last is not None and len(run.transitions) == len(last.transitions)
+        if run.radius <= radius and (run.ended != "undecided" or stuck or final):
+            return replace(run, seconds=clock.monotonic() - begun)
+        if final:
+            return replace(_trimmed(run, radius), seconds=clock.monotonic() - begun)
+        lost = log2(max(run.radius, 2.0**-bits) / radius)
+        bits += max(ceil(lost) + 8, bits // 2 if run.ended == "undecided" else 8)
+        last = run
+    raise AssertionError("the last attempt returns")
+
+
+def _trimmed(run: CertifiedRun, radius: float) -> CertifiedRun:
+    """The part of a run that meets the radius; not provable beyond."""
+    good = 0
+    while good < len(run.transitions) and float(run.transitions[good].time.rad()) <= radius:
+        good += 1
+    if good == len(run.transitions):
+        return run
+    reason = f"the radius {radius:.3g} is not met from transition {good} on at {run.bits} bits"
+    reached = run.transitions[good - 1].time if good else run.time
+    ended: Ended = "undecided"
+    if run.ended == "budget":
+        ended, reason = run.ended, f"{run.reason}; {reason}"
+    kept = run.transitions[:good]
+    return replace(run, status="not provable", ended=ended, reason=reason, transitions=kept, time=reached)
+
+
+class _Attempt:
+    """One run at one precision (which must be the working precision)."""
+
+    def __init__(
+        self,
+        model: SystemModel,
+        problem: Problem,
+        bits: int,
+        progress: Progress | None,
+        until: float | None,
+        max_transitions: int,
+    ) -> None:
+        self.model, self.problem, self.progress, self.until = model, problem, progress, until
+        self.max_transitions = max_transitions
+        self.precision = Precision.of(bits)
+        self.transitions: list[CertifiedTransition] = []
+        numeric = problem.system.numeric
+        self.horizon = enclose(numeric(problem.until))
+        self.start = [enclose(numeric(e)) for e in (problem.start, *problem.initial)]
+        self.walk: Walk | None = None
+
+    def run(self) -> CertifiedRun:
+        """Go as far as can be proven."""
+        try:
+            entry, _ = initial_entry(self.model, self.problem)
+            unit = 2.0 ** max(
+                -1000, min(1000, round(log2(max(float(abs(self.horizon - self.start[0]).upper()), 1e-300))))
+            )
+            self.walk = Walk(self.model, PointSet.box(self.start), entry, self.precision, min(unit, 1.0))
+            reason = self._advance(self.walk)
+        except UndecidedError as stop:
+            # Where events accumulate, more bits only buy a few more of them.
+            crowded = self._crowded()
+            return self._result("not provable", "budget" if crowded else "undecided", crowded + stop.reason)
+        except EndedError as stop:
+            certified = stop.ended == "invalid" and self.walk is not None
+            return self._result("certified" if certified else "not provable", stop.ended, stop.reason)
+        return self._result("not provable", "budget", reason) if reason else self._result("certified", "horizon", "")
+
+    def _advance(self, walk: Walk) -> str:
+        """To the horizon; what ran out before it, in words."""
+        begin = float(self.start[0].mid())
+        while not walk.done:
+            before = walk.points.centre[0]
+            hit = walk.step(self.horizon)
+            if hit is not None:
+                self._record(hit)
+            now = walk.points.centre[0]
+            if self.progress is not None:
+                self.progress(float(now), len(self.transitions))
+            if len(self.transitions) >= self.max_transitions:
+                return f"stopped after {self.max_transitions} transitions, at t = {now.str(17, radius=False)}"
+            stalled = float(now - before) < SHORTEST * max(float(now) - begin, float(self.horizon) - begin)
+            if walk.steps >= MAX_STEPS or (stalled and not walk.done):
+                return (
+                    f"steps become too short at t = {now.str(17, radius=False)}: the solution runs into a singularity"
+                )
+            if self.until is not None and clock.monotonic() > self.until:
+                return f"the deadline passed at t = {now.str(17, radius=False)}"
+        return ""
+
+    def _crowded(self) -> str:
+        """A word where the events before a stop came ever faster."""
+        if len(self.transitions) < CROWD:
+            return ""
+        spread = self.transitions[-1].time - self.transitions[-CROWD].time
+        if not spread < CROWDED * abs(self.horizon - self.start[0]):
+            return ""
+        return f"events accumulate at t = {self.transitions[-1].time.str(12, radius=False)}: "
+
+    def _record(self, hit: Hit) -> None:
+        """One transition for every surface whose entry changes, in the order of the surfaces."""
+        for i, (before, after) in enumerate(zip(hit.before, hit.after, strict=True)):
+            if before != after:
+                kind: Kind = transition_kind(before, after)
+                self.transitions.append(
+                    CertifiedTransition(kind, i, hit.before, hit.after, hit.box[0], hit.box[1:], hit.rate)
+                )
+
+    def _result(self, status: Literal["certified", "not provable"], ended: Ended, reason: str) -> CertifiedRun:
+        box = self.walk.points.hull() if self.walk is not None else self.start
+        return CertifiedRun(
+            status,
+            ended,
+            reason,
+            tuple(self.transitions),
+            box[0],
+            tuple(box[1:]),
+            self.walk.mode if self.walk is not None else None,
+            self.precision.bits,
+            self.precision.order,
+            self.walk.steps if self.walk is not None else 0,
+            0.0,
+        )

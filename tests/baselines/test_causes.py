@@ -1,0 +1,92 @@
+"""Causes of failures: every claim holds for the library that is installed, and explains what it should."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from baselines.causes import CAUSES, Cause, ClaimError
+from henon_ref.campaign.causes import NAMES, cause_of
+from henon_ref.columns import RUN_COLUMNS, Row
+from henon_ref.report.text import causes as page
+
+
+@pytest.mark.parametrize("cause", CAUSES.values(), ids=lambda cause: cause.name)
+def test_the_library_alone_does_what_is_claimed(cause: Cause) -> None:
+    assert cause.check()
+
+
+def test_every_rule_names_a_cause() -> None:
+    assert set(NAMES) <= set(CAUSES)
+
+
+def run_row(**values: object) -> Row:
+    row: Row = dict.fromkeys(RUN_COLUMNS)
+    row.update(solver="scipy-rk45", status="wrong", verdict="solver defect", missed=2, spurious=0, rtol=1e-6, atol=1e-6)
+    row.update(values)
+    return row
+
+
+def missed(source: str, target: str, **values: object) -> Row:
+    row: Row = {"outcome": "missed", "from_mode": source, "to_mode": target, "surface": "h", "kind": "crossing"}
+    return {"graze_distance": 1e-4, **row, **values}
+
+
+PAIR = [missed("-", "+"), missed("+", "-")]
+
+
+def test_a_missed_pair_is_explained_by_signs_at_the_ends_of_a_step() -> None:
+    assert cause_of(run_row(), PAIR) == "scipy-pair"
+    assert cause_of(run_row(solver="cvode-bdf"), PAIR) == "cvode-pair"
+    assert cause_of(run_row(solver="ida@offset"), PAIR) == "ida-pair"
+
+
+def test_nothing_is_explained_that_is_not_certain() -> None:
+    assert cause_of(run_row(), PAIR[:1]) is None
+    assert cause_of(run_row(spurious=1), PAIR) is None
+    assert cause_of(run_row(verdict="ill-conditioned"), PAIR) is None
+    assert cause_of(run_row(solver="heyoka"), PAIR) is None
+
+
+def test_a_run_that_was_too_slow_is_explained_by_the_order_of_its_method() -> None:
+    slow = run_row(
+        solver="scipy-radau", status="timeout", verdict="not judged", missed=0, rtol=1e-12, steps=30000, matched=4
+    )
+    assert cause_of(slow, []) == "scipy-radau-order"
+
+
+def test_heyoka_loses_a_pair_only_where_rounding_makes_it_one_root() -> None:
+    shallow = [missed("-", "+", graze_distance=1e-17), missed("+", "-", graze_distance=1e-17)]
+    assert cause_of(run_row(solver="heyoka"), shallow) == "heyoka-double-root"
+
+
+def test_lsoda_alone_goes_on_with_what_is_no_number() -> None:
+    lost = {"status": "failed", "status_reason": "the state is not finite after t = 0.9; 1 missed", "missed": 1}
+    assert cause_of(run_row(solver="scipy-lsoda", **lost), []) == "scipy-lsoda-nan"
+    assert cause_of(run_row(solver="scipy-smoothed", **lost), []) == "scipy-lsoda-nan"
+    assert cause_of(run_row(solver="scipy-dop853", **lost), []) is None
+    assert cause_of(run_row(solver="scipy-lsoda", **lost | {"spurious": 1}), []) is None
+
+
+def test_a_polynomial_goes_past_the_end_of_what_it_stands_for() -> None:
+    past = {
+        "expected_status": "failed",
+        "status_reason": "went on past t = 2, where the exact run is failed",
+        "missed": 0,
+    }
+    assert cause_of(run_row(solver="heyoka", **past), []) == "heyoka-past-end"
+    assert cause_of(run_row(solver="scipy-rk45", **past), []) is None
+    assert cause_of(run_row(solver="heyoka", **past | {"missed": 1}), []) is None
+    assert cause_of(run_row(solver="heyoka", **past | {"expected_status": "diverged"}), []) is None
+
+
+def test_the_page_says_so_where_a_claim_does_not_hold(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
+    def fails() -> str:
+        raise ClaimError("it found both")
+
+    broken = dataclasses.replace(CAUSES["scipy-pair"], check=fails)
+    monkeypatch.setattr(page, "CAUSES", {"scipy-pair": broken})
+    text = page.write_causes(tmp_path).read_text(encoding="utf-8")
+    assert "**not as claimed with this version**: it found both." in text
+    assert '<a id="scipy-pair"></a>' in text

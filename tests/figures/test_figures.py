@@ -1,0 +1,89 @@
+"""What a figure shows is what was computed: every transition is a corner of its curve."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from henon_ref import registry
+from henon_ref.campaign.run_jobs import sample_times
+from henon_ref.campaign.truth_job import statement_of
+from henon_ref.casefile.case import Reading, load_case
+from henon_ref.figures.motion import Motion, axes_of_portrait, draw_modes, draw_portrait, motion_of
+from henon_ref.report.files.figure_jobs import svg
+from henon_ref.score.reference import Expected
+from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Samples
+
+FIG8 = Path(__file__).parents[2] / "cases" / "fig8.yaml"
+NEAR = 1e-3
+"""How far a vertex may be from its transition, in seconds and in the unit of the state."""
+
+
+def moved(name: str) -> tuple[Reading, Expected, Motion]:
+    """A reading, its truth, and its motion as the reports draw it."""
+    case = load_case(FIG8)
+    reading = next(reading for reading in case.readings if reading.name == name)
+    expected = statement_of(case, reading).expected
+    wanted = sample_times(
+        expected.start, reading.measure_after, expected.until, [event.time for event in expected.transitions]
+    )
+    run = registry.solver("henon").prepare(reading.problem, rtol=1e-12, sample_times=np.array(wanted))()
+    samples = Samples(np.array(wanted), run.samples, run.sample_modes)
+    return reading, expected, motion_of(samples, expected.transitions)
+
+
+def drawn_vertices(figure, axes) -> np.ndarray:
+    """Vertices of the curves of some axes, read from the SVG, in the axes' data."""
+    for line in axes.lines:
+        line.set_gid("curve" if line.get_linestyle() == "-" else None)
+    root = ElementTree.fromstring(svg(figure))
+    paths = [
+        path.get("d", "")
+        for group in root.iter("{http://www.w3.org/2000/svg}g")
+        if group.get("id") == "curve"
+        for path in group.iter("{http://www.w3.org/2000/svg}path")
+    ]
+    points = [[float(x), float(y)] for d in paths for x, y in re.findall(r"[ML] (\S+) (\S+)", d)]
+    figure.dpi = 72.0  # a point is the unit of an SVG, and its y axis points down
+    height = figure.get_size_inches()[1] * 72.0
+    return axes.transData.inverted().transform([(x, height - y) for x, y in points])
+
+
+def farthest(wanted: np.ndarray, vertices: np.ndarray) -> float:
+    """How far the transition that is worst off is from the nearest vertex, in its worst coordinate."""
+    return max(float(np.abs(vertices - point).max(axis=1).min()) for point in wanted)
+
+
+@pytest.mark.parametrize("name", ["equations", "listing_limit"])
+def test_every_transition_is_a_vertex_of_the_curves(name):
+    reading, expected, motion = moved(name)
+    system = reading.problem.system
+    inside = [event for event in expected.transitions if motion.times[0] <= event.time <= motion.times[-1]]
+    states = np.array([[float(value) for value in event.state] for event in inside])
+    assert len(inside) > 10
+
+    h = sp.lambdify([TIME, *system.states], system.numeric(system.surfaces[0]))
+    times = np.array([event.time for event in inside])
+    figure = draw_modes(reading, motion)
+    heights = np.broadcast_to(h(times, *states.T), times.shape)
+    assert farthest(np.column_stack([times, heights]), drawn_vertices(figure, figure.axes[0])) < NEAR
+
+    portrait = draw_portrait(reading, motion)
+    plane = states[:, list(axes_of_portrait(system))]
+    assert farthest(plane, drawn_vertices(portrait, portrait.axes[0])) < NEAR
+
+
+def test_an_arc_is_as_smooth_as_its_samples():
+    """No sample in between is left out, near a transition or away from one."""
+    reading, _, motion = moved("equations")
+    figure = draw_modes(reading, motion)
+    drawn = drawn_vertices(figure, figure.axes[0])
+    gaps = [b[0] - a[0] for a, b in pairwise(drawn.tolist())]
+    assert max(gaps) <= 1.01 * np.diff(motion.times).max()

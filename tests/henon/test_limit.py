@@ -1,0 +1,63 @@
+"""Slides on which the force equals the friction all along: they hold, whatever rounding makes of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from problems import make_problem
+from runs import kinds, run
+
+from henon_ref.casefile.case import load_case
+from henon_ref.henon.solvers import HENON_SOLVER
+
+FINE = pytest.mark.parametrize("rtol", [1e-12, 1e-15])
+"""Tolerances at which no step moves a state by 1e-13 of the friction."""
+
+TWIN = """\
+schema: 1
+name: twin
+title: A belt that swings with the spring's own frequency
+scene:
+  body: belt_oscillator
+  parameters: {m: 1}
+  effects:
+    linear_spring: {stiffness: 1}
+    moving_belt: {velocity: 2*sin(t)}
+    coulomb_friction: {force: 1}
+    static_friction: {force: 2}
+initial: {t: 0, x1: 0, x2: 0}
+until: 20
+"""
+
+
+@FINE
+@pytest.mark.parametrize(("belt", "amplitude"), [("sin(t)", 1.0), ("-sin(t)", -1.0)])
+def test_a_spring_that_takes_all_of_the_friction_holds(belt: str, amplitude: float, rtol: float) -> None:
+    """On the belt x = 1 - cos t, and x'' + x is the friction."""
+    result = run(make_problem("x v", ["v", "-x - s"], {"s": f"v - ({belt})"}, [0, 0], 20), rtol)
+    assert (result.status, kinds(result), result.end_mode) == ("ok", [], (0,))
+    assert result.end_state == pytest.approx((amplitude * (1 - np.cos(20)), amplitude * np.sin(20)), abs=1e-12)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12, 1e-15])
+def test_a_load_that_equals_the_friction_by_an_identity_holds(rtol: float) -> None:
+    result = run(make_problem("x", ["sin(t)**2 + cos(t)**2 - s"], {"s": "x"}, [0], 5), rtol)
+    assert (result.status, kinds(result), result.end_mode) == ("ok", [], (0,))
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12, 1e-15])
+def test_a_hold_zone_s_end_that_is_kept_to_holds(rtol: float, tmp_path: Path) -> None:
+    (tmp_path / "twin.yaml").write_text(TWIN)
+    (reading,) = load_case(tmp_path / "twin.yaml").readings
+    result = HENON_SOLVER.prepare(reading.problem, rtol=rtol, deadline=20.0)()
+    assert (result.status, kinds(result), result.end_mode) == ("ok", [], (0,))
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-12, 1e-15])
+@pytest.mark.parametrize("until", ["1", "1 + 1/10**14", "2"])
+def test_a_load_that_passes_the_friction_slowly_is_let_go(until: str, rtol: float) -> None:
+    """Whatever is left of the run there."""
+    result = run(make_problem("x", ["1 + (t - 1)/10**9 - s"], {"s": "x"}, [0], until), rtol)
+    assert [(q.kind, q.time) for q in result.transitions] == [("release", pytest.approx(1, abs=1e-6))]

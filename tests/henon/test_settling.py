@@ -1,0 +1,297 @@
+"""Transitions of several surfaces: the compiled decision is the Python one, and stands back where it is not clear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise, product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from henon_ref.casefile.case import load_case, parse_case
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.problem import Problem
+from henon_ref.henon.engine import Engine
+from henon_ref.henon.registers import HENON, I_COUNT
+from henon_ref.henon.session import Session
+from henon_ref.henon.settling import decided
+from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.jit.njit import njit
+from henon_ref.trajectory import Trajectory
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+def runs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[Trajectory, Trajectory, int]:
+    """A run decided in machine code and one decided in Python, and how often the first asked Python."""
+    asked = 0
+    plain = Session._resolve
+
+    def counted(self: Session) -> object:
+        nonlocal asked
+        asked += 1
+        return plain(self)
+
+    def run(engine: Engine) -> Trajectory:
+        return Session(engine, engine.start(problem, tolerance=1e-15, landing=HENON)).run()
+
+    engine = Engine(problem.system, 18)
+    run(engine)  # modes are compiled on first sight
+    with monkeypatch.context() as patch:
+        patch.setattr(Session, "_resolve", counted)
+        ours = run(engine)
+    return ours, run(slow_engine(problem)), asked
+
+
+def slow_engine(problem: Problem) -> Engine:
+    """An engine whose every event of several surfaces is decided in Python."""
+    engine = Engine(problem.system, 18)
+    engine.several = False
+    return engine
+
+
+def same_transitions(ours: Trajectory, theirs: Trajectory) -> None:
+    assert ours.status == theirs.status
+    assert [(t.kind, t.surface, t.from_mode, t.to_mode) for t in ours.transitions] == [
+        (t.kind, t.surface, t.from_mode, t.to_mode) for t in theirs.transitions
+    ]
+    for t, u in zip(ours.transitions, theirs.transitions, strict=True):
+        assert t.time == pytest.approx(u.time, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("path", "reading", "asks"),
+    [
+        ("two_blocks.yaml", "default", False),
+        ("classic/three_blocks.yaml", "default", False),
+        ("hard/simultaneous_events.yaml", None, False),
+        ("hard/two_contacts.yaml", None, True),
+    ],
+)
+def test_clear_decisions_are_those_of_python(
+    path: str, reading: str | None, asks: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = load_case(CASES / path)
+    for each in case.readings if reading is None else [case.reading(reading)]:
+        ours, theirs, asked = runs(each.problem, monkeypatch)
+        same_transitions(ours, theirs)
+        assert asks or asked == 0, each.name
+
+
+def problem(field: str, start: str = "{x: -1, y: -1}") -> Problem:
+    text = f"""
+schema: 1
+name: corner
+title: Both surfaces reached at once
+system: {{state: [x, y], surfaces: {{s: x, u: y}}, field: {field}}}
+initial: {start}
+until: 3
+"""
+    return parse_case(text).readings[0].problem
+
+
+@pytest.mark.parametrize(
+    ("field", "clear"),
+    [
+        ('["1.5 - s - 0.25*u", "1.5 - u + 0.25*s"]', True),  # coupled
+        ('["0.5 - s", "0.5 - u"]', True),  # both held
+        ('["1 - s*u/2", "1 - s*u/2"]', False),  # signs that multiply each other
+        ('["1 + s*(1 + u)/8", "1"]', False),
+        ('["1 - s", "0.5 - u"]', False),  # an equivalent sign of exactly one
+    ],
+)
+def test_what_is_not_clear_is_left_to_python(field: str, clear: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs, asked = runs(problem(field), monkeypatch)
+    assert (asked == 0) == clear
+    assert [(t.kind, t.to_mode) for t in ours.transitions] == [(t.kind, t.to_mode) for t in theirs.transitions]
+    assert ours.status == theirs.status
+
+
+def decoupled_problem(seed: int, surfaces: int, *, shared: bool = False, until: float = 2) -> Problem:
+    """Straight arrivals at x_i = 0 from both sides, at t = 1/2, 1 or 3/2, that go through or stay there.
+
+    ``shared``: the signs also drive a state of their own, so the modes share no machine code.
+    """
+    random = np.random.default_rng(seed)
+    field, start = [], []
+    for i in range(surfaces):
+        side, here, time = random.choice([-1, 1]), random.integers(1, 9), random.choice([1, 2, 2, 3])
+        beyond = random.choice([-1, 1]) * random.integers(1, 9)
+        below, above = (here, beyond) if side < 0 else (-beyond, -here)
+        field.append(f"({below + above} + ({above - below})*s{i})/2")
+        start.append(f"x{i}: {side * here * time}/2")
+    names = [f"x{i}" for i in range(surfaces)]
+    if shared:
+        names.append("z")
+        field.append("+".join(f"s{i}" for i in range(surfaces)))
+        start.append("z: 0")
+    return straight(names, field, start, surfaces, until)
+
+
+def straight(names: Sequence[str], field: Sequence[str], start: Sequence[str], surfaces: int, until: float) -> Problem:
+    quoted = ", ".join(f'"{f}"' for f in field)
+    text = f"""
+schema: 1
+name: straight
+title: Surfaces x_i = 0
+system:
+  state: [{", ".join(names)}]
+  surfaces: {{{", ".join(f"s{i}: x{i}" for i in range(surfaces))}}}
+  field: [{quoted}]
+initial: {{{", ".join(start)}}}
+until: {until}
+"""
+    return parse_case(text).readings[0].problem
+
+
+@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("surfaces", [2, 3, 4, 5, 6])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_decoupled_surfaces_are_decided_without_python(
+    seed: int, surfaces: int, shared: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = decoupled_problem(10 * surfaces + seed, surfaces, shared=shared)
+    ours, theirs, asked = runs(problem, monkeypatch)
+    assert asked == 0
+    assert len(ours.transitions) == surfaces
+    same_transitions(ours, theirs)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 4])
+def test_equal_blocks_stick_and_slip_together(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forced blocks, some of them equal: they meet their surfaces together, again and again, while others slide."""
+    random = np.random.default_rng(seed)
+    kinds = [(random.integers(5, 9), random.integers(2, 8), random.integers(1, 5)) for _ in range(2)]
+    blocks = [kinds[k] for k in (0, 1, 0, 1, 0)]
+    field = [f"{force}*cos(t)/4 - {friction}*s{i}/8" for i, (force, friction, _) in enumerate(blocks)]
+    start = [f"x{i}: -{at}/4" for i, (_, _, at) in enumerate(blocks)]
+    ours, theirs, asked = runs(straight([f"x{i}" for i in range(5)], field, start, 5, 12), monkeypatch)
+    same_transitions(ours, theirs)
+    let_go = {round(t.time, 9) for t in ours.transitions if t.kind == "release"}
+    assert asked == len(let_go) > 0  # several at once: left to Python
+
+
+@pytest.mark.parametrize(
+    ("change", "clear"),
+    [
+        ({}, True),
+        ({4: ("1/2 - s4/2", "x4: -1")}, False),  # it stays with nothing that holds it from above
+        ({4: ("1/2 - s4/2 - 10^(-9)", "x4: -1 + 10^(-9)")}, False),  # or hardly anything
+        ({0: ("t/2 - s0/2 - 10^(-9)", "x0: 0")}, False),  # it slides, and is about to be let go
+        ({0: ("1 + s0/2 + (s1 + s2 + s3 + s4 + 4)/8", "x0: -1/2")}, False),  # five that act on each other
+    ],
+)
+def test_five_surfaces_that_are_not_clear_are_left_to_python(
+    change: dict[int, tuple[str, str]], clear: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    field, start = ["3/2 + s{0}/2"] * 4 + ["1/4 - 3*s{0}/4"], ["x{0}: -1"] * 5
+    field, start = ([line.format(i) for i, line in enumerate(lines)] for lines in (field, start))
+    for i, lines in change.items():
+        field[i], start[i] = lines
+    ours, theirs, asked = runs(straight([f"x{i}" for i in range(5)], field, start, 5, 2), monkeypatch)
+    assert (asked == 0) == clear
+    same_transitions(ours, theirs)
+
+
+def after_first_event(engine: Engine, problem: Problem, transitions: int) -> tuple[Mode, list[int]]:
+    """Mode and known zeros right after an event with so many transitions."""
+    session = Session(engine, engine.start(problem, tolerance=1e-15, landing=HENON), block=transitions)
+    while not session.blocks and session.integers[I_COUNT] < transitions:
+        assert session._advance() is None
+    return session.mode, session.multiplicity[: len(session.guards)].tolist()
+
+
+@pytest.mark.parametrize("name", ["five", "three", "coupled", "stick_and_cross", "duplicate"])
+def test_surfaces_just_left_are_known_to_be_at_zero(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = load_case(CASES / "hard" / "simultaneous_events.yaml").reading(name).problem
+    engine, count = Engine(problem.system, 18), len(problem.system.surfaces)
+    expected = after_first_event(slow_engine(problem), problem, count)
+    assert after_first_event(engine, problem, count) == expected
+    monkeypatch.delattr(Session, "_resolve")  # all modes are compiled now
+    assert after_first_event(engine, problem, count) == expected
+
+
+@njit()
+def decide(t, x, mode, layout, hits, settling):  # type: ignore[no-untyped-def]
+    return decided(t, 0.0, x, mode, layout, hits, settling)
+
+
+class Corner:
+    """A point on the surfaces x_i = 0, with x' = a + B s for any numbers a and B: they are states that rest.
+
+    Parameters
+    ----------
+    acts : sequence of (int, int)
+        Which surface's velocity has which one's sign in it.
+    """
+
+    def __init__(self, surfaces: int, acts: Sequence[tuple[int, int]]) -> None:
+        self.surfaces, self.acts = surfaces, acts
+        names = [f"x{i}" for i in range(surfaces)] + [f"a{i}" for i in range(surfaces)]
+        names += [f"b{i}_{j}" for i, j in acts]
+        field = [f"a{i}" + "".join(f" + b{i}_{j}*s{j}" for k, j in acts if k == i) for i in range(surfaces)]
+        field += ["0"] * (len(names) - surfaces)
+        problem = straight(names, field, [f"{name}: 1" for name in names], surfaces, 1)
+        self.engine = Engine(problem.system, 8)
+        for mode in product((-1, 0, 1), repeat=surfaces):
+            self.engine.compiled.compile(mode)
+
+    def both(self, numbers: Sequence[float], mode: Mode, hit: Sequence[int]) -> tuple[Mode | None, Any]:
+        """What machine code makes of it (None: left to Python), and what Python does.
+
+        Parameters
+        ----------
+        numbers : sequence of float
+            a, then the entries of B as in ``acts``.
+        mode : tuple of int
+            Before the surfaces ``hit`` were.
+        """
+        compiled = self.engine.compiled
+        x = [0.0] * self.surfaces + [float(v) for v in numbers]
+        row, guards = compiled.index[mode], compiled.guards(mode)
+        at_zero = [g.kind == "surface" and g.index in hit for g in guards]
+        hits = np.zeros(compiled.most_guards, dtype=np.int64)
+        hits[: len(guards)] = at_zero
+        found = decide(0.0, np.array(x), row, compiled.tables[row], hits, self.engine.settling)
+        asked = [g for g, zero in zip(guards, at_zero, strict=True) if zero]
+        return compiled.modes[found] if found >= 0 else None, self.engine.switching.after_event(0.0, x, mode, asked)
+
+
+@pytest.mark.parametrize(
+    ("surfaces", "coupled"), [(2, False), (3, False), (5, False), (6, False), (2, True), (3, True)]
+)
+def test_any_corner_is_decided_as_in_python(surfaces: int, coupled: bool) -> None:
+    every = range(surfaces)
+    acts = [(i, j) for i in every for j in every if coupled or i == j]
+    corner, random = Corner(surfaces, acts), np.random.default_rng(surfaces)
+    clear = 0
+    for _ in range(200):
+        numbers = [*random.integers(-6, 7, surfaces) / 2, *random.integers(-4, 2, len(acts))]  # ties are frequent
+        mode = tuple(int(s) for s in random.choice([-1, 0, 1], surfaces, p=[0.4, 0.2, 0.4]))
+        hit = [i for i in every if mode[i] and random.random() < 0.8]
+        if not hit:
+            continue
+        ours, theirs = corner.both(numbers, mode, hit)
+        if ours is not None:
+            clear += 1
+            assert (theirs.status, theirs.mode) == ("unique", ours), (numbers, mode, hit)
+    assert clear >= 40
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-15])
+def test_ever_shorter_slides_end_with_a_word(rtol: float) -> None:
+    """Transitions that accumulate at (A + B)/(1 - q): told up to where doubles end, never an endless loop."""
+    case = load_case(CASES / "hard" / "shrinking_slides.yaml")
+    problem = replace(case.readings[0].problem, until=sp.Integer(4))
+    run = HENON_SOLVER.prepare(problem, rtol=rtol, deadline=20)()
+    assert run.status == "failed"
+    assert "accumulate" in run.reason
+    assert run.end_time == pytest.approx(3.2320508075688776, rel=1e-13)
+    cycle = [(1, -1, 1), (1, -1, 0), (-1, -1, -1), (-1, -1, -1), (-1, 1, -1), (-1, 1, 0), (1, 1, 1), (1, 1, 1)]
+    assert [t.to_mode for t in run.transitions[:96]] == cycle * 12
+    gaps = [b.time - a.time for a, b in pairwise(run.transitions[3:80:4])]
+    assert all(after / before == pytest.approx(3**-0.5, rel=1e-4) for before, after in pairwise(gaps))

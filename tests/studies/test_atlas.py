@@ -1,0 +1,96 @@
+"""The atlas: families of readings, what becomes of a run, and the page with its figure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from henon_ref.campaign.case_files import load_cases
+from henon_ref.campaign.options import Options, Silent
+from henon_ref.casefile.case import load_case
+from henon_ref.columns import RUN_COLUMNS, Row
+from henon_ref.report.files.csv_files import read_rows
+from henon_ref.report.files.manifest import provenance
+from henon_ref.studies.atlas.family import TOLERANCES, defects, family_of, outcome_of
+from henon_ref.studies.atlas.run import families, run_atlas
+from henon_ref.studies.restarts.experiment import run_restarts
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+def row(**values: object) -> Row:
+    found: Row = dict.fromkeys(RUN_COLUMNS)
+    found.update(solver="henon", status="ok", verdict="right", missed=0, spurious=0)
+    found.update(values)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("values", "outcome"),
+    [
+        ({}, "right"),
+        ({"verdict": "solver defect", "status": "wrong", "missed": 2}, "missed"),
+        ({"verdict": "ill-conditioned", "status": "wrong", "spurious": 1}, "spurious"),
+        ({"verdict": "solver defect", "status": "wrong", "missed": 1, "spurious": 1}, "both"),
+        ({"verdict": "solver defect", "status": "failed", "missed": 1}, "failed"),
+        ({"verdict": "solver defect", "status": "diverged"}, "status"),
+        ({"verdict": None, "status": "unsupported"}, None),
+    ],
+)
+def test_what_came_of_a_run(values: dict[str, object], outcome: str | None) -> None:
+    assert outcome_of(row(**values)) == outcome
+
+
+def test_defects_are_counted_a_solver() -> None:
+    rows = [row(), row(verdict="solver defect", status="wrong", missed=2), row(solver="ida")]
+    assert defects(rows) == {"henon": 1, "ida": 0}
+
+
+def test_the_shipped_families_span_both_sides() -> None:
+    found = {family.case.name: family for family in families(load_cases([CASES]))}
+    assert {"grazing", "two_roots_ballistic"} <= set(found)
+    distances = [found["grazing"].distances[reading] for reading in found["grazing"].order]
+    assert distances == sorted(distances)
+    assert min(distances) == -1e-2
+    assert max(distances) == 1e-2
+    assert 0.0 in distances
+    assert min(abs(d) for d in distances if d) <= 1e-15
+
+
+def test_readings_with_another_surface_are_not_of_a_family() -> None:
+    case = load_case(CASES / "hard" / "two_roots.yaml")
+    family = family_of(case)
+    assert family is not None
+    others = {"behind_a_crossing", "beside_a_touch", "three_d1e10", "jump_d2e16", "jump_d2e18", "jump_d2e20"}
+    assert {r.name for r in case.readings} - set(family.distances) == others
+    assert [r.name for r in family.case.readings] == list(family.distances)
+
+
+def test_a_case_of_other_differences_is_no_family() -> None:
+    assert family_of(load_case(CASES / "fig8.yaml")) is None
+
+
+def test_the_page_and_its_figure_are_made_of_runs(tmp_path: Path) -> None:
+    case = load_case(CASES / "hard" / "grazing.yaml")
+    options = Options(solvers=("henon",), processes=1)
+    page = run_atlas([case], options, provenance("x"), tmp_path, Silent())
+    assert page is not None
+    rows = read_rows(page.with_name("runs.csv"))
+    assert len(rows) == len(case.readings) * len(TOLERANCES)
+    assert all(own["wall_s_iqr"] is None for own in rows)
+    text = page.read_text(encoding="utf-8")
+    assert "![" in text
+    assert "(grazing.svg)" in text
+    assert "relative tolerance" in page.with_name("grazing.svg").read_text(encoding="utf-8")
+
+
+def test_restart_habits_are_compared_on_the_cases_that_are_there(tmp_path: Path) -> None:
+    """heyoka restarted at an exact zero, with roots of either direction, never gets away from it."""
+    case = load_case(CASES / "free_coulomb.yaml")
+    page = run_restarts([case], Options(solvers=("heyoka",), processes=1), provenance("x"), tmp_path, Silent())
+    assert page is not None
+    habits = {str(own["solver"]).partition("@")[2]: own["verdict"] for own in read_rows(page.with_name("runs.csv"))}
+    assert habits["offset"] == habits["event-free-step"] == "right"
+    assert habits["none"] == "solver defect"
+    assert "`none` breaks `heyoka` (2)" in page.read_text(encoding="utf-8")

@@ -1,0 +1,284 @@
+"""The price list: what an absent effect leaves behind, long runs, landings, and how prices are read from rows."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import sympy as sp
+
+from henon_ref.campaign.interleaved import MOST, Turns, in_turn
+from henon_ref.campaign.options import Options, Silent
+from henon_ref.casefile.case import load_case
+from henon_ref.columns import RUN_COLUMNS, Row
+from henon_ref.filippov.problem import Problem
+from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.studies.price import effects
+from henon_ref.studies.price.compiling import Ready, paid_after, readiness
+from henon_ref.studies.price.fit import power
+from henon_ref.studies.price.growth import STICKS, Horizon, exponent, horizons
+from henon_ref.studies.price.landings import landings, near_grazing
+from henon_ref.studies.price.operations import count, work
+from henon_ref.studies.price.orbit import orbit_problem
+from henon_ref.studies.price.pairs import mean_costs, pairs, samples_of, why_not
+from henon_ref.studies.price.run import truths_of
+from henon_ref.studies.price.states import Size, fitted, sizes
+from henon_ref.studies.price.tables import landing_verdict, price_table, ready_table, rival_table
+from henon_ref.taylor.tape import TIME
+
+CASES = Path(__file__).parents[2] / "cases"
+ADDITIONS = [
+    pytest.param(own, carried, by_hand, id=f"{body.name}: {effect}")
+    for body in effects.BODIES
+    for effect, own, carried, by_hand in effects.additions(body)
+]
+STUCK = [
+    pytest.param(effects.scene(body, body.stuck), None, effects.written(body, *body.stuck_by_hand), id=body.name)
+    for body in effects.BODIES
+]
+
+
+@pytest.mark.parametrize(("problem", "carried", "written"), [*ADDITIONS, *STUCK])
+def test_a_scene_is_the_field_that_is_written_by_hand(problem: Problem, carried: object, written: Problem) -> None:
+    assert problem.until == written.until
+    at = {x: sp.Rational(k + 2, 7) for k, x in enumerate(problem.system.states)} | {TIME: sp.Rational(1, 3)}
+    for mode in ((-1,), (0,), (1,)):
+        ours, theirs = (
+            [sp.simplify(p.system.numeric(f).xreplace(at)) for f in p.system.equations(mode).field]
+            for p in (problem, written)
+        )
+        assert ours == theirs
+
+
+@pytest.mark.parametrize(("problem", "carried", "written"), [*ADDITIONS[:-1], *STUCK])
+def test_what_a_scene_does_not_name_is_not_in_its_tape(problem: Problem, carried: object, written: Problem) -> None:
+    """The same operations as without it (all but the last: there a number multiplies a sum, and SymPy expands it)."""
+    assert effects.slip_tape(problem.system).counts == effects.slip_tape(written.system).counts
+
+
+@pytest.mark.parametrize(("problem", "carried", "written"), ADDITIONS)
+def test_effects_that_are_named_cost_operations_even_at_zero(
+    problem: Problem, carried: Problem, written: Problem
+) -> None:
+    last = {effects.operations(body_last(body).system) for body in effects.BODIES}
+    assert effects.operations(carried.system) in last
+    assert effects.operations(problem.system) <= effects.operations(carried.system)
+
+
+def body_last(body: effects.Body) -> Problem:
+    *_, (_, problem, _, _) = effects.additions(body)
+    return problem
+
+
+def test_runs_of_added_effects_have_no_transition_and_those_that_stick_have() -> None:
+    for body in effects.BODIES:
+        problems = [own for _, own, _, _ in effects.additions(body)]
+        counts = [
+            len(HENON_SOLVER.prepare(p, rtol=1e-6)().transitions) for p in (*problems, effects.scene(body, body.stuck))
+        ]
+        assert not any(counts[:-1])
+        assert counts[-1] > 10
+
+
+def test_no_dense_output_is_made_unless_samples_are_asked_for() -> None:
+    assert HENON_SOLVER.prepare(orbit_problem(), rtol=1e-9)().samples is None
+
+
+def test_the_orbit_of_long_runs_is_that_of_the_case_file() -> None:
+    (reading,) = [r for r in load_case(CASES / "fig8.yaml").readings if r.name == "listing_limit"]
+    theirs, ours = reading.problem, orbit_problem()
+    for mode in ((-1,), (0,), (1,)):
+        fields = [p.system.equations(mode).field for p in (theirs, ours)]
+        for a, b in zip(*fields, strict=True):
+            assert (theirs.system.numeric(a) - ours.system.numeric(b)).simplify() == 0
+
+
+def test_long_runs_hand_out_every_transition_and_keep_their_sticks() -> None:
+    found = horizons(orbit_problem(), {"henon": (70.0, 7000.0), "heyoka": (70.0, 700.0)})
+    assert [(own.solver, own.until) for own in found] == [
+        ("henon", 70.0), ("henon", 7000.0), ("heyoka", 70.0), ("heyoka", 700.0)
+    ]  # fmt: skip
+    short, long, other_short, other_long = found
+    assert short.transitions == other_short.transitions == 126
+    assert long.transitions > 100 * short.transitions - 200
+    assert long.stick_error_s < 1e-11
+    assert other_long.stick_error_s < 1e-9
+    assert all(own.stick_error_s != own.stick_error_s for own in (short, other_short))
+    assert STICKS[0] > STICKS[1]
+
+
+def test_powers_are_fitted_with_their_errors() -> None:
+    assert str(power([1, 10, 100], [2, 200, 20000])) == "2.00 ± 0.00"
+    tilted = power([1, 10, 100], [1, 10 * 2, 100])  # the middle one is off by log10(2)
+    assert (tilted.power, tilted.error) == pytest.approx((1.0, math.log10(2) * math.sqrt(2 / 3) / math.sqrt(2)))
+    runs = [Horizon("a", t, 1, 1e-6 * t, 0.0, 0.0) for t in (1e2, 1e3, 1e4, 1e5)]
+    assert exponent([replace(runs[0], wall_s=1.0), *runs[1:]], "a").power == pytest.approx(1.0)
+
+
+def test_landings_find_the_same_and_the_swap_takes_fewest_evaluations() -> None:
+    case = load_case(CASES / "free_coulomb.yaml")
+    found = {own.solver: own for own in landings([case], truths_of([case]))}
+    assert set(found) == {"henon", "henon-newton", "henon-brent"}
+    assert all(own.error_s < 1e-12 for own in found.values())
+    assert found["henon"].evaluations < found["henon-newton"].evaluations < found["henon-brent"].evaluations
+
+
+def row(solver: str, wall: float, digits: float, **values: object) -> Row:
+    found: Row = dict.fromkeys(RUN_COLUMNS)
+    found.update(
+        case="c", reading="default", solver=solver, verdict="right", digits=digits, wall_s=wall, compile_s=0.0,
+        max_time_error_s=10.0**-digits,
+    )  # fmt: skip
+    found.update(values)
+    return found
+
+
+def pair(rival: str, ratio: float, digits: int = 6, **values: object) -> Row:
+    found: Row = {
+        "case": "c", "reading": "default", "digits": digits, "rtol": 1e-9, "rival": rival,
+        "rival_rtol": 1e-8, "rival_step_s": None,
+        "wall_s": ratio, "rival_wall_s": 1.0, "ratio": ratio, "ratio_low": ratio, "ratio_high": ratio,
+    }  # fmt: skip
+    return found | values
+
+
+def test_mean_costs_are_over_all_readings_and_in_turn() -> None:
+    found = [
+        pair("b", 1 / 4), pair("c", 1 / 3),
+        pair("b", 1 / 9, case="d"),
+        pair("b", 1 / 2, digits=9), pair("c", 2.0, digits=9),
+    ]  # fmt: skip
+    assert mean_costs(found, 6) == pytest.approx({"henon": 1.0, "b": 6.0})
+    assert mean_costs(found, 9) == pytest.approx({"henon": 1.0, "b": 2.0, "c": 0.5})
+    rows = [row("henon", 1.0, 12), row("c", 1.0, 12), row("henon", 1.0, 12, case="d"), row("c", 1.0, 3, case="d")]
+    assert why_not(rows, "c", 6) == "not reached"
+    rows[-1]["status"] = "timeout"
+    assert why_not(rows, "c", 6) == "over 4 s"
+    assert why_not([*rows[:-1], row("c", 1.0, 9, case="d")], "c", 6) == ""
+    table = price_table(found, ("c", "default")).rows
+    assert table[0] == ("6", "`henon`", "1e-9", "333 ms", "`c`", "1e-8", "1 s", "3")
+    assert table[1] == ("9", "`c`", "1e-8", "1 s", "`henon`", "1e-9", "2 s", "2")
+
+
+def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> None:
+    case = load_case(CASES / "free_coulomb.yaml")
+    ladder = [
+        {**row(solver, wall, digits, case=case.name), "rtol": rtol, "atol": rtol}
+        for solver, rtol, wall, digits in [
+            ("henon", 1e-6, 1e-5, 5), ("henon", 1e-9, 3e-5, 10), ("henon", 1e-12, 2e-5, 13), ("henon", 1e-13, 4e-5, 14),
+            ("heyoka", 1e-9, 5e-5, 9.5), ("heyoka", 1e-12, 6e-5, 11),
+        ]
+    ]  # fmt: skip
+    found, failed = pairs([case], ladder, Options(processes=1), Silent(), seconds=0.1)
+    assert (len(found), failed) == (3, [])
+    for pair, digits in zip(found[1:], (6, 9), strict=True):
+        assert (pair["rival"], pair["digits"]) == ("heyoka", digits)
+        assert pair["rtol"] in (1e-9, 1e-12, 1e-13)
+        assert pair["rival_rtol"] in (1e-9, 1e-12)
+        assert pair["rounds"] == 16
+        assert 0 < pair["ratio_low"] <= pair["ratio"] <= pair["ratio_high"]
+        assert 0 < pair["wall_s"] not in (2e-5, 3e-5, 4e-5)
+        assert pair["ratio"] == pytest.approx(pair["wall_s"] / pair["rival_wall_s"], rel=0.5)
+    table = rival_table(found).rows
+    assert [cells[:2] for cells in table] == [(case.name, "3"), (case.name, "6"), (case.name, "9")]
+    samples = samples_of(found)
+    assert [(own["solver"], own["digits"]) for own in samples[:2]] == [("henon", 3), ("heyoka", 3)]
+    assert all(len(str(own["samples_us"]).split()) == found[0]["rounds"] for own in samples)
+
+
+def test_a_change_of_the_machines_pace_does_not_change_a_ratio() -> None:
+    """The pace changes within a round: one median comes from before, the other from after."""
+    times = Turns({"a": [1.0, 1.0, 1.0, 3.0, 3.0], "b": [2.0, 2.0, 6.0, 6.0, 6.0]})
+    assert times.median("a") / times.median("b") == pytest.approx(1 / 6)
+    assert times.ratio("a", "b") == pytest.approx(1 / 2)
+
+
+def test_a_short_run_is_repeated_within_its_turn() -> None:
+    calls: dict[str, int] = {"short": 0, "long": 0}
+
+    def run(key: str, seconds: float) -> None:
+        calls[key] += 1
+        time.sleep(seconds)
+
+    in_turn({"short": lambda: run("short", 1e-4), "long": lambda: run("long", 4e-3)}, rounds=3, turn=4e-3)
+    assert calls["long"] == 4
+    assert 4 * 5 <= calls["short"] <= 4 * MOST
+
+
+def test_crossings_near_a_crest_are_found_by_every_landing() -> None:
+    found = near_grazing(("1", "1e-7"))
+    assert [one.transitions for one in found] == [2] * 6
+    assert max(one.error_s for one in found[:3]) < 1e-14
+    assert max(one.error_s for one in found[3:]) < 1e-11
+    assert found[3].evaluations <= 4 < found[5].evaluations < found[4].evaluations
+    assert landing_verdict([replace(one, to_bracketing=0.9) for one in found]) == (
+        "In 2 of the 2 rows a run with Hénon's landing takes 0.90 to 0.90 of its time with bracketing."
+    )
+    slower = [replace(one, to_bracketing=1.1 if "-7" in one.reading else 0.9) for one in found]
+    assert landing_verdict(slower).endswith("In the others bracketing is the quicker: crest, g = 1e-7 (1.10).")
+
+
+def test_operations_are_counted_by_lane_and_fused_ones_twice() -> None:
+    ir = """\
+declare <4 x double> @llvm.fma.v4f64(<4 x double>, <4 x double>, <4 x double>)
+  %a = fmul double %x, %y
+  %b = fadd <4 x double> %v, %w
+  %c = call <4 x double> @llvm.fma.v4f64(<4 x double> %v, <4 x double> %w, <4 x double> %b)
+  %d = call double @llvm.fma.f64(double %a, double %x, double %y)
+  %e = fcmp ogt double %a, %x
+"""
+    assert count(ir) == 1 + 4 + 8 + 2
+
+
+def test_expansions_are_counted_by_mode() -> None:
+    """Each stick has some, and slip far more; both together are all."""
+    found = work(orbit_problem())
+    assert 6 <= found.in_stick < found.expansions / 3
+    everything = found.expansions * found.expansion + found.steps * found.closing + 2 * found.order * found.landed
+    assert found.total == everything - found.in_stick * (found.expansion - found.stick)
+
+
+def test_chains_of_every_length_agree() -> None:
+    found = sizes((1, 5), ("henon", "scipy-dop853"))
+    assert [size.states for size in found] == [2, 2, 10, 10]
+    assert all(size.agrees and size.transitions > 5 for size in found)
+    same = [Size(n, "a", 1, n**1.5, 1.0, 1.0, 10, n**2.0, 1.0, True) for n in (2, 16, 64)]
+    assert fitted(same, "a", "per_second").power == pytest.approx(2.0)
+    assert fitted(same, "a", "ready_s").power == pytest.approx(1.5)
+
+
+def test_compiling_is_paid_for_after_so_many_runs() -> None:
+    fast = Ready("c", "default", "henon", 1e-9, wall_s=1.0, cold_s=5.0, kept_s=1.5)
+    slow = Ready("c", "default", "heyoka", 1e-9, wall_s=3.0, cold_s=1.0, kept_s=1.0)
+    assert (paid_after(fast, slow, cold=True), paid_after(fast, slow, cold=False)) == (2, 1)
+    assert paid_after(slow, fast, cold=True) == math.inf
+    assert ready_table([fast, slow]).rows[0][-1] == "2 / 1 against `heyoka`"
+
+
+def test_getting_ready_takes_less_with_code_on_disk() -> None:
+    case = load_case(CASES / "free_coulomb.yaml")
+    first, own = readiness([case], [pair("heyoka", 0.1, 9, case=case.name), pair("scipy-rk45", 0.1, 9, case=case.name)])
+    assert (own.solver, own.rtol, own.wall_s) == ("heyoka", 1e-8, 1.0)
+    assert (first.solver, first.rtol) == ("henon", 1e-9)
+    assert first.cold_s > 3 * first.kept_s > 0
+
+
+def test_importing_the_package_loads_nothing_heavy() -> None:
+    heavy = "{'sympy', 'numba', 'heyoka', 'scipy', 'pandas', 'matplotlib', 'numpy'}"
+    code = f"import sys, henon_ref; print(sorted({heavy} & set(sys.modules)))"
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+    )
+
+
+def test_an_unknown_case_is_one_clear_error(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "henon_ref.price", str(tmp_path / "no.yaml"), "--out", str(tmp_path / "out")]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert "no.yaml" in ended.stderr
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,353 @@
+"""Rivals in turn: who is timed against whom, and what the page and the index say of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from fakes import Fake, case, expected, statement, trajectory
+
+from henon_ref import registry
+from henon_ref.campaign.options import Options, Silent
+from henon_ref.campaign.settings import Setting
+from henon_ref.campaign.worker import WorkerState
+from henon_ref.columns import RUN_COLUMNS
+from henon_ref.report.files.csv_files import csv_text
+from henon_ref.report.files.manifest import provenance
+from henon_ref.report.files.write import RUNS
+from henon_ref.report.text import index
+from henon_ref.report.text.paired_times import (
+    COLUMNS,
+    LIBRARIES,
+    OTHERS,
+    cheapest,
+    read_ratios,
+    slower_table,
+    spread_table,
+)
+from henon_ref.studies.rivals import experiment
+from henon_ref.studies.rivals.duel import TURN, Duel
+from henon_ref.studies.rivals.experiment import duels_of, run_rivals
+from henon_ref.studies.rivals.match import Entry, Match, compiled_matches
+from henon_ref.studies.rivals.page import write_page
+
+CASE = case()
+READING = CASE.readings[0]
+
+
+def row(solver: str, rtol: float, digits: float, wall: float, **changes: object) -> dict[str, object]:
+    plain = dict.fromkeys(RUN_COLUMNS)
+    return plain | {
+        "case": CASE.name, "reading": READING.name, "solver": solver, "rtol": rtol, "atol": 2 * rtol, "wall_s": wall,
+        "verdict": "right", "digits": digits, "reference_transitions": 5,
+    } | changes  # fmt: skip
+
+
+ROWS = [
+    row("henon", 1e-6, 7.0, 1e-5),
+    row("henon", 1e-9, 10.0, 2e-5),
+    row("henon", 1e-12, 10.0, 1.5e-5, verdict="wrong"),
+    row("heyoka", 1e-6, 6.0, 4e-5),
+    row("heyoka", 1e-9, 10.0, 3e-5),  # the tighter one is the cheaper one
+    row("scipy-dop853", 1e-9, 9.0, 1e-3),
+    row("henon-rk4", 0.0, 8.0, 2.5e-5) | {"rtol": None, "atol": None, "step_s": 1e-3},
+]
+
+
+def made(rows: list[dict[str, object]]) -> Duel | None:
+    return next(duels_of(CASE, rows, 10.0), None)
+
+
+def chosen(rows: list[dict[str, object]]) -> list[tuple[int | None, str, list[object], list[object]]]:
+    """Digits, what is against whom, settings of the reference, solvers and settings of the rival."""
+    duel = made(rows)
+    return [] if duel is None else [
+        (
+            match.digits,
+            match.against,
+            [own.setting.rtol for own in match.own],
+            [(rival.solver, rival.setting.rtol) for rival in match.rival],
+        )
+        for match in duel.matches
+    ]  # fmt: skip
+
+
+HEYOKA = [("heyoka", 1e-9), ("heyoka", 1e-6)]
+
+
+def test_the_cheapest_settings_for_the_same_digits_are_timed() -> None:
+    assert chosen(ROWS) == [
+        (3, "heyoka", [1e-6, 1e-9], HEYOKA),
+        (3, OTHERS, [1e-6, 1e-9], [("henon-rk4", None), *HEYOKA]),
+        (6, "heyoka", [1e-6, 1e-9], HEYOKA),
+        (6, OTHERS, [1e-6, 1e-9], [("henon-rk4", None), *HEYOKA]),
+        (9, "heyoka", [1e-9], HEYOKA[:1]),
+        (9, OTHERS, [1e-9], [*HEYOKA[:1], ("scipy-dop853", 1e-9)]),
+    ]
+    duel = made(ROWS)
+    assert duel is not None
+    assert duel.matches[1].rival[0].setting == Setting(None, None, 1e-3)
+    assert [entry.wall_s for entry in duel.entries] == [1e-5, 2e-5, 3e-5, 4e-5, 2.5e-5, 1e-3]
+    assert duel.round_s == pytest.approx(6 * TURN)
+    assert duel.rounds == 166
+
+
+def test_where_there_is_no_transition_the_cheapest_right_settings_count() -> None:
+    idle = [entry | {"reference_transitions": 0, "digits": None} for entry in ROWS]
+    assert chosen(idle) == [
+        (None, "heyoka", [1e-6, 1e-9], HEYOKA),
+        (None, OTHERS, [1e-6, 1e-9], [("henon-rk4", None), *HEYOKA]),
+    ]
+
+
+def test_without_a_rival_or_without_the_reference_nothing_is_timed() -> None:
+    assert chosen(ROWS[:3]) == chosen(ROWS[3:]) == []
+
+
+PLAIN = [
+    row("henon", 1e-6, 9.5, 1e-5),
+    row("scipy-dop853", 1e-6, 6.5, 4e-3),
+    row("scipy-dop853", 1e-9, 9.5, 5e-3),
+    row("scipy-rk45", 1e-9, 7.0, 6e-3),
+    row("scipy-lsoda", 1e-9, 8.0, 7e-3),
+    row("cvode-adams", 1e-9, 8.0, 8e-3),
+    row("heyoka", 1e-9, 9.5, 1e-5),
+    row("scipy-sign", 1e-6, 9.5, 1e-5),
+]
+
+
+def compiled(rows: list[dict[str, object]]) -> list[tuple[int | None, list[tuple[str, float | None]]]]:
+    found = compiled_matches(rows, LIBRARIES, (6, 9))
+    assert all(match.against == LIBRARIES and [own.solver for own in match.own] == ["henon"] for match in found)
+    return [
+        (match.digits, [(entry.solver, entry.setting.rtol) for entry in match.rival])
+        for match in compiled_matches(rows, LIBRARIES, (6, 9))
+    ]
+
+
+def test_the_cheapest_libraries_are_timed_with_compiled_callbacks() -> None:
+    """Three, each at the setting that is its cheapest one with plain callbacks; not those without any to compile."""
+    assert compiled(PLAIN) == [
+        (6, [("scipy-dop853+numba", 1e-6), ("scipy-rk45+numba", 1e-9), ("scipy-lsoda+numba", 1e-9)]),
+        (9, [("scipy-dop853+numba", 1e-9)]),
+    ]
+    assert compiled(PLAIN[1:]) == compiled([PLAIN[0], *PLAIN[6:]]) == []
+    idle = [entry | {"reference_transitions": 0, "digits": None} for entry in PLAIN[:3]]
+    assert compiled(idle) == [(None, [("scipy-dop853+numba", 1e-6)])]
+
+
+def test_answers_that_nobody_has_checked_are_checked_before_they_are_timed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fakes are off by their tolerance: one is right to 6 digits, one to 8, and one misses a transition."""
+    fakes = {"henon": Fake("henon"), "a+numba": Fake("a"), "b+numba": Fake("b"), "c+numba": Fake("c", "misses")}
+    monkeypatch.setattr(registry, "solver", fakes.__getitem__)
+    own = (Entry("henon", Setting(1e-10, 1e-10), 1e-3),)
+    loose, tight, wrong = (
+        Entry(name, Setting(rtol, rtol), 1e-3)
+        for name, rtol in (("a+numba", 1e-7), ("b+numba", 1e-9), ("c+numba", 1e-10))
+    )
+    matches = (
+        Match(6, LIBRARIES, own, (loose, wrong)),
+        Match(7, LIBRARIES, own, (loose, tight, wrong)),
+        Match(8, LIBRARIES, own, (loose,)),
+        Match(9, LIBRARIES, own, (wrong,)),
+    )
+    duel = Duel("c", "r", READING.problem, matches, 0.01, 1.0, expected())
+    rows, refused = duel.run(WorkerState(lambda kind, value: None))
+    assert refused == [
+        "c, r, c+numba at rtol 1e-10 for 6 digits: it is not right",
+        "c, r, a+numba at rtol 1e-07 for 7 digits: it gets 6.9",
+        "c, r, c+numba at rtol 1e-10 for 7 digits: it is not right",
+        "c, r, a+numba at rtol 1e-07 for 8 digits: it gets 6.9",
+        "c, r, c+numba at rtol 1e-10 for 9 digits: it is not right",
+    ]
+    assert [(row["digits"], row["rival"]) for row in rows] == [(6, "a+numba"), (7, "b+numba")]
+    assert all(row["against"] == LIBRARIES for row in rows)
+
+
+def test_what_reads_a_truth_is_timed_with_compiled_callbacks(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert [duel.expected for duel in duels_of(CASE, PLAIN, 1.0)] == [None]
+    monkeypatch.setattr(experiment, "stored_statement", statement)
+    assert [duel.expected for duel in duels_of(CASE, PLAIN, 1.0)] == [None, expected()]
+
+
+@dataclass(frozen=True)
+class Sleeper(Fake):
+    """Takes a while, and notes who ran."""
+
+    seconds: float = 0.0
+
+    def prepare(self, problem, **given):
+        if self.what == "dies":
+            os.abort()
+
+        def run():
+            time.sleep(self.seconds)
+            with Path(self.log).open("a") as file:
+                file.write(f"{self.name}\n")
+            return trajectory(())
+
+        return run
+
+
+def reported(folder: Path, rows: list[dict[str, object]]) -> None:
+    (folder / CASE.name).mkdir(parents=True)
+    (folder / CASE.name / RUNS).write_text(csv_text(RUN_COLUMNS, rows))
+    manifest = {"title": CASE.title, "files": []}
+    (folder / CASE.name / "manifest.json").write_text(json.dumps(manifest))
+
+
+def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = tmp_path / "log"
+    speeds = {"henon": 0.004, "heyoka": 0.002, "henon-rk4": 0.008}
+    sleepers = {name: Sleeper(name, log=str(log), seconds=seconds) for name, seconds in speeds.items()}
+    monkeypatch.setattr(experiment, "SECONDS", 0.4)
+    monkeypatch.setattr(registry, "solver", sleepers.__getitem__)
+    rows = [entry for entry in ROWS if entry["solver"] != "scipy-dop853"]
+    reported(tmp_path, rows)
+    page = run_rivals([CASE], Options(), provenance("again"), tmp_path, Silent())
+    rows = read_ratios(tmp_path)
+    assert [(row["digits"], row["against"], row["rival"]) for row in rows] == [
+        (digits, against, "heyoka") for digits in (3, 6, 9) for against in ("heyoka", OTHERS)
+    ]
+    assert [row["ratio"] for row in rows] == pytest.approx([2.0] * 6, rel=0.5)
+    order = log.read_text().split()
+    turn = order[: len(order) // (80 + 1)]
+    assert sorted(turn) == ["henon", "henon", "henon-rk4", "heyoka", "heyoka"]
+    assert order == turn * (80 + 1)
+    assert page is not None
+    text = page.read_text()
+    assert "again" in text
+    assert f"| [{CASE.name}](../{CASE.name}/report.md) | 6 | 1e-" in text
+    listed = index.write_index(tmp_path).read_text()
+    assert "`henon` against its rivals" in listed
+    assert f"| [{CASE.name}]({CASE.name}/report.md) | 6 | 1e-" in listed
+    assert "| `heyoka` | 1 | 1 | 1 |  |" in listed  # by the report's own times it was `henon`
+    assert "[Rivals in turn](rivals/README.md)" in listed
+
+
+def test_the_index_counts_the_readings_that_one_solver_alone_gets(tmp_path: Path) -> None:
+    """Who is the cheapest how often adds up to all readings; those that nobody else gets so far can be told apart."""
+    alone = [row("henon", 1e-12, 13.0, 1e-4), row("heyoka", 1e-12, 2.0, 1e-5)]
+    reported(tmp_path, [*ROWS, *(entry | {"reading": "alone"} for entry in alone)])
+    lines = [line[2:-2].split(" | ") for line in index.write_index(tmp_path).read_text().splitlines()]
+    begin = next(k for k, line in enumerate(lines) if line[0] == "cheapest solver")
+    assert lines[begin + 2 : begin + 6] == [
+        ["`henon`", "2", "2", "2", "1"],
+        ["all readings", "2", "2", "2", "1"],
+        ["of these, another solver gets there, too", "1", "1", "1", "0"],
+        [""],
+    ]
+
+
+def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sleepers = {name: Sleeper(name, log=str(tmp_path / "log")) for name in ("henon", "henon-rk4")}
+    monkeypatch.setattr(registry, "solver", (sleepers | {"heyoka": Sleeper("heyoka", "dies")}).__getitem__)
+    reported(tmp_path, ROWS)
+    page = run_rivals([CASE], Options(), provenance("again"), tmp_path, Silent())
+    assert page is not None
+    assert (
+        f"- {CASE.name}, {READING.name}, against heyoka, {OTHERS}: the library was ended by signal SIGABRT"
+        in page.read_text()
+    )
+    assert read_ratios(tmp_path) == []
+    assert "against its rivals" not in index.write_index(tmp_path).read_text()
+
+
+def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that nobody else gets to 3 digits, one that the reference does not, one that is idle and timed."""
+    idle = [entry | {"reference_transitions": 0, "digits": None} for entry in ROWS]
+    kinds = {"alone": [*ROWS[:3], row("heyoka", 1e-6, 2.0, 1e-5)], "lost": ROWS[3:], "idle": idle}
+    others = [entry | {"reading": reading} for reading, entries in kinds.items() for entry in entries]
+    sleepers = {name: Sleeper(name, log=str(tmp_path / "log")) for name in ("henon", "heyoka", "henon-rk4")}
+    monkeypatch.setattr(registry, "solver", sleepers.__getitem__)
+    monkeypatch.setattr(experiment, "SECONDS", 0.01)
+    reported(tmp_path, [*ROWS[:5], *others])
+    page = run_rivals([CASE], Options(), provenance("again"), tmp_path, Silent())
+    assert page is not None
+    text = page.read_text()
+    left = text.partition("## Left out")[2].partition("##")[0]
+    assert f"- of any other solver: [{CASE.name}, alone](../{CASE.name}/report.md#alone)\n" in left
+    assert f"- of `henon`: [{CASE.name}, lost](../{CASE.name}/report.md#lost)\n" in left
+    assert "idle" not in left
+    assert "on 1 of 4\nreadings" in text
+    assert "compiled by numba" not in text
+
+
+def test_the_page_says_where_compiled_callbacks_were_timed(tmp_path: Path) -> None:
+    def timed(reading: str, digits: float | None, against: str) -> dict[str, object]:
+        own = {"case": CASE.name, "reading": reading, "digits": digits, "against": against, "ratio": 0.5}
+        return dict.fromkeys(COLUMNS) | own
+
+    rows = [timed(reading, digits, OTHERS) for reading in "abc" for digits in (3.0, 6.0, 9.0)]
+    rows += [timed("a", 6.0, LIBRARIES), timed("b", 6.0, LIBRARIES), timed("b", 9.0, LIBRARIES)]
+    rows += [timed("idle", None, OTHERS), timed("idle", None, LIBRARIES)]
+    text = write_page(rows, [], {}, ROWS, provenance("again"), tmp_path).read_text()
+    assert "at 6 and 9 digits alone, and where there is no transition.\n" in text
+    assert "That is 2 of the 3 readings at 6 digits and 1 of the 3 readings at 9 digits; on the others" in text
+    assert "Left out" not in text
+
+
+def test_no_rival_no_page(tmp_path: Path) -> None:
+    reported(tmp_path, ROWS[:3])
+    assert run_rivals([CASE], Options(), provenance("again"), tmp_path, Silent()) is None
+    assert not (tmp_path / "rivals").exists()
+
+
+def test_ratios_are_told_by_rival_and_digits() -> None:
+    plain = dict.fromkeys(COLUMNS) | {"rtol": 1e-6, "wall_s": 1.2e-4, "rival_rtol": 1e-9, "rival_wall_s": 6e-5}
+
+    def ratio(case: str, reading: str, digits: float | None, rival: str, against: str, value: float) -> dict:
+        return plain | {
+            "case": case, "reading": reading, "digits": digits, "rival": rival, "against": against, "ratio": value
+        }  # fmt: skip
+
+    rows = [
+        ratio("a", "default", 6.0, "heyoka", "heyoka", 0.25),
+        ratio("a", "default", 6.0, "henon-rk4", OTHERS, 0.5),
+        ratio("b", "late", 6.0, "heyoka", "heyoka", 0.75),
+        ratio("b", "late", 6.0, "heyoka", OTHERS, 0.75),
+        ratio("b", "idle", None, "heyoka", "heyoka", 2.0),
+        ratio("b", "idle", None, "heyoka", OTHERS, 2.0),
+        ratio("c", "default", 12.0, "scipy-rk45", OTHERS, 1.5),
+        ratio("c", "default", 9.0, "ida+numba", LIBRARIES, 0.5),
+    ]
+    assert [line[:4] + line[-2:] for line in spread_table(rows).rows] == [
+        ("`heyoka`", "6", "2", "0.25", "0.75", "0"),
+        ("`heyoka`", "no transition", "1", "2", "2", "1"),
+        (OTHERS, "6", "2", "0.5", "0.75", "0"),
+        (OTHERS, "12", "1", "1.5", "1.5", "1"),
+        (OTHERS, "no transition", "1", "2", "2", "1"),
+        (LIBRARIES, "9", "1", "0.5", "0.5", "0"),
+    ]
+    runs = [
+        row("henon", 1e-6, 12.5, 1.0, case="c", reading="default", steps=1074.0),
+        row("henon", 1e-9, 14.5, 1.0, case="c", reading="default", steps=9.0),
+        row("henon", 1e-6, 0.0, 1.0, case="b", reading="idle", steps=3.0) | {"digits": None},
+        row("scipy-rk45", 1e-9, 12.0, 1.0, case="c", reading="default", steps=112.0),
+    ]
+    own, rival = ("1e-6", "12.5", "1074", "0.12 ms"), ("1e-9", "12", "112", "60 µs")
+    assert slower_table(rows, runs).rows == [
+        ("[b, idle](../b/report.md#idle)", "no transition", "1e-6", "", "3", "0.12 ms",
+         "`heyoka`", "1e-9", "", "", "60 µs", "2"),
+        ("[c](../c/report.md)", "12", *own, "`scipy-rk45`", *rival, "1.5"),
+    ]  # fmt: skip
+    assert cheapest(rows) == {
+        ("a", "default", 6): "henon",
+        ("b", "late", 6): "henon",
+        ("c", "default", 12): "scipy-rk45",
+    }
+
+
+@pytest.mark.parametrize("text", ["", "case,reading\na,b\n", "case,reading\na,b,c\n"])
+def test_what_is_no_list_of_ratios_is_none(text: str, tmp_path: Path) -> None:
+    (tmp_path / "rivals").mkdir()
+    (tmp_path / "rivals" / "ratios.csv").write_text(text)
+    assert read_ratios(tmp_path) == []
+
+
+def test_a_reading_is_set_against_rows_of_its_own() -> None:
+    assert chosen([entry | {"reading": "other"} for entry in ROWS]) == []

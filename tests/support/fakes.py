@@ -1,0 +1,270 @@
+"""Solvers that do what a test wants, and truths made of a list of times."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jobs import Act, burn, grandchild, send_all
+
+from henon_ref.campaign.truth_job import Statement
+from henon_ref.casefile.case import Case, parse_case
+from henon_ref.errors import UnsupportedError
+from henon_ref.filippov.problem import Problem
+from henon_ref.jit.processor_time import compiling
+from henon_ref.score.reference import Expected
+from henon_ref.trajectory import Counts, Trajectory, Transition
+
+TIMES = (0.5, 1.25, 2.0, 3.5, 4.0)
+CASE = """
+schema: 1
+name: {name}
+title: A made-up system
+source: none
+system:
+  state: [x]
+  parameters: {{F: 1}}
+  surfaces: {{s: x}}
+  field: ["cos(t) - F*s"]
+initial: {{t: 0, x: 1}}
+until: 5
+measure: {{after: 1}}
+published: {{stick_durations: [0.75]}}
+solvers: [henon, heyoka]
+tolerances: [1e-3, 1e-6]
+gate: {{henon: {{max_time_error: 1e-5}}}}
+"""
+
+
+def case(name: str = "made_up", text: str = CASE) -> Case:
+    """A small case whose mathematics nobody integrates here."""
+    return parse_case(text.format(name=name))
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A transition of a made-up truth."""
+
+    kind: str
+    surface: int
+    from_mode: tuple[int, ...]
+    to_mode: tuple[int, ...]
+    time: float
+    time_low: float = 0.0
+    radius: float = 1e-30
+    conditioning: float = 1.0
+    transversality: float = 1.0
+    state: tuple[str, ...] = ("0.25",)
+
+
+_CYCLE = (("stick", 1, 0), ("release", 0, -1), ("crossing", -1, 1))
+
+
+def reference(times: tuple[float, ...] = TIMES) -> tuple[Reference, ...]:
+    """Stick, release, crossing, stick, ... at these times."""
+    return tuple(
+        Reference(kind, 0, (before,), (after,), t)
+        for i, t in enumerate(times)
+        for kind, before, after in [_CYCLE[i % len(_CYCLE)]]
+    )
+
+
+def expected(times: tuple[float, ...] = TIMES, **changes: object) -> Expected:
+    """What runs are scored against."""
+    return replace(Expected("ok", reference(times), 0.0, 5.0, 5.0), **changes)
+
+
+def found(times: tuple[float, ...] = TIMES, error: float = 0.0) -> tuple[Transition, ...]:
+    """The same transitions as a solver reports them, with a time error."""
+    return tuple(
+        Transition(e.kind, 0, e.from_mode, e.to_mode, e.time + error, (0.25,), landing="fake") for e in reference(times)
+    )
+
+
+def trajectory(transitions: tuple[Transition, ...], status: str = "ok", **changes: object) -> Trajectory:
+    """A run with these transitions."""
+    whole = Trajectory(status, transitions, 5.0, (0.0,), (1,), counts=Counts(10, 40, 20), max_surface_drift=1e-14)
+    return whole._replace(**changes)
+
+
+def statement(case: Case, reading: object) -> Statement:
+    """Takes the place of ``truthjob.statement_of``."""
+    return Statement(expected(), methods=(("made up", (256,), 0.1),), certified=True, proven=len(TIMES))
+
+
+@dataclass(frozen=True)
+class Fake:
+    """A solver whose time error is its tolerance, and which may misbehave."""
+
+    name: str = "fake"
+    what: str = "right"
+    log: str = ""
+    """A file to which each run adds a line."""
+    fixed_step: bool = False
+    landing: str = "fake"
+    version: str = "1.0"
+
+    def prepare(self, problem: Problem, *, rtol=None, atol=None, step=None, sample_times=None, deadline=None):
+        if self.what == "unsupported":
+            raise UnsupportedError("it cannot")
+        if self.what == "prepares nothing":
+            return None
+        error = step if self.fixed_step else rtol
+
+        def run() -> Trajectory:
+            if self.log:
+                with open(self.log, "a", encoding="utf-8") as file:
+                    file.write(f"{self.name} {error:g}\n")
+            return _BEHAVIOURS[self.what](error, deadline)
+
+        return run
+
+
+def _right(error: float, deadline: float) -> Trajectory:
+    return trajectory(found(error=error))
+
+
+def _misses(error: float, deadline: float) -> Trajectory:
+    return trajectory(found(error=error)[:2] + found(error=error)[3:])
+
+
+def _raises(error: float, deadline: float) -> Trajectory:
+    raise ArithmeticError("the Newton iteration failed")
+
+
+def _hangs(error: float, deadline: float) -> Trajectory:
+    while True:
+        time.sleep(1)
+
+
+def _crashes(error: float, deadline: float) -> Trajectory:
+    os.kill(os.getpid(), signal.SIGSEGV)
+    return _right(error, deadline)
+
+
+def _once(what: Callable[[float, float], Trajectory]) -> Callable[[float, float], Trajectory]:
+    """Right in a worker's first run at each setting, then something else."""
+    seen: set[float] = set()
+
+    def run(error: float, deadline: float) -> Trajectory:
+        if error in seen:
+            return what(error, deadline)
+        seen.add(error)
+        return _right(error, deadline)
+
+    return run
+
+
+def _stops(error: float, deadline: float) -> Trajectory:
+    return trajectory(found(error=error)[:3], "timeout", end_time=2.5, reason="stopped after the deadline")
+
+
+def _slow(error: float, deadline: float) -> Trajectory:
+    time.sleep(0.5)
+    return _right(error, deadline)
+
+
+def _answers(error: float, deadline: float) -> int:
+    return 42
+
+
+def _burns(error: float, deadline: float) -> Trajectory:
+    burn(1.5 * deadline + 1.0)
+    return _right(error, deadline)
+
+
+def _sleeps(error: float, deadline: float) -> Trajectory:
+    time.sleep(1.5 * deadline)
+    return _right(error, deadline)
+
+
+def _compiles(error: float, deadline: float) -> Trajectory:
+    with compiling():
+        burn(1.5 * deadline + 1.0)
+    return _right(error, deadline)
+
+
+def _act(what: str) -> Callable[[float, float], Trajectory]:
+    """Does what a hostile job does, then answers rightly, if it comes to that."""
+
+    def run(error: float, deadline: float) -> Trajectory:
+        getattr(Act(what, notes=os.devnull), f"do_{what}")(None)
+        return _right(error, deadline)
+
+    return run
+
+
+def _forks(error: float, deadline: float) -> Trajectory:
+    """The child comes back as well, late, with a wrong answer."""
+    if os.fork() == 0:
+        time.sleep(0.5)
+        return _right(0.1, deadline)
+    return _right(error, deadline)
+
+
+def _forges(error: float, deadline: float) -> Trajectory:
+    child = os.fork()
+    if child == 0:
+        send_all(b"\0" * 100)
+        os._exit(0)
+    os.waitpid(child, 0)
+    return _right(error, deadline)
+
+
+def _prints_much(error: float, deadline: float) -> Trajectory:
+    for _ in range(100):
+        os.write(1, b"x" * 2**16)
+    return _right(error, deadline)
+
+
+def _leaves_a_daemon(error: float, deadline: float) -> Trajectory:
+    grandchild(lambda: time.sleep(60))
+    return _right(error, deadline)
+
+
+def _numpy(error: float, deadline: float) -> Trajectory:
+    """As a solver that works in arrays writes it down."""
+    events = [
+        replace(
+            e, surface=np.int64(0), from_mode=np.array(e.from_mode), time=np.float64(e.time), state=np.array(e.state)
+        )
+        for e in found(error=error)
+    ]
+    return trajectory(events, counts=Counts(*np.array([10, 40, 20])), end_state=np.zeros(1), end_mode=np.ones(1, int))
+
+
+_BEHAVIOURS: dict[str, Callable[[float, float], Trajectory]] = {
+    "right": _right,
+    "misses": _misses,
+    "raises": _raises,
+    "hangs": _hangs,
+    "crashes": _crashes,
+    "stops": _stops,
+    "slow": _slow,
+    "raises later": _once(_raises),
+    "crashes later": _once(_crashes),
+    "hangs later": _once(_hangs),
+    "answers": _answers,
+    "burns": _burns,
+    "sleeps": _sleeps,
+    "compiles": _compiles,
+    "stops itself": _act("stop"),
+    "prints": _act("print"),
+    "crashes beside a child": _act("crash_while_a_child_holds_the_way"),
+    "sends stray bytes": _act("stray"),
+    "sends stray bytes later": _once(_act("stray")),
+    "sends done": _act("stray_done"),
+    "allocates elsewhere": _act("eat_elsewhere"),
+    "uses a pool": _act("pool"),
+    "forks": _forks,
+    "forges": _forges,
+    "prints much": _prints_much,
+    "leaves a daemon": _leaves_a_daemon,
+    "numpy": _numpy,
+}
+
+SOUND = Fake("sound")

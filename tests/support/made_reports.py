@@ -1,0 +1,70 @@
+"""Comparisons made up from rows, for what reports say of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from fakes import case, expected, found, statement, trajectory
+
+from henon_ref.campaign.comparison import Comparison
+from henon_ref.campaign.options import Options
+from henon_ref.campaign.results import ReadingResult
+from henon_ref.campaign.rows import Outcome, Record, record, scored
+from henon_ref.campaign.settings import Setting
+from henon_ref.campaign.worker import Failure
+from henon_ref.report.files.manifest import Provenance
+
+ORIGIN = Provenance(
+    "python -m henon_ref.compare made_up.yaml",
+    "0123456789abcdef",
+    {
+        "processor": "A processor",
+        "cores": 2,
+        "memory_bytes": 2**34,
+        "system": "Linux",
+        "python": "CPython 3.11",
+        "linear_algebra": "openblas Zen",
+    },
+    {"henon-ref": "1.0", "heyoka": "7.0", "scipy": "1.0"},
+)
+
+
+def made(solver: str, rtol: float, wall: float, *, what: str = "right", truth=None, reading=None) -> Record:
+    """One run's rows, with a time error of rtol and given wall times."""
+    truth = truth or expected()
+    reading = reading or case().readings[0]
+    outcome = Outcome("made_up", reading, solver, Setting(rtol=rtol, atol=rtol), compile_s=0.1)
+    if what == "unavailable":
+        outcome = replace(outcome, failure=Failure("unavailable", "it is not installed"))
+    elif what == "untried":
+        outcome = replace(outcome, failure=Failure("timeout", "not tried: it took too long before"))
+    else:
+        transitions = found(error=0.99 * rtol)
+        outcome = replace(
+            outcome, trajectory=trajectory(transitions[:2] + transitions[3:] if what == "misses" else transitions)
+        )
+        if what == "fails later":
+            outcome = replace(outcome, repeat_failure=Failure("failed", "it died"))
+        else:
+            outcome = replace(outcome, samples=(wall, wall * 1.01, wall * 0.99))
+        outcome = scored(outcome, truth)
+    return record(outcome, truth)
+
+
+def compared(*records: Record, **changes: object) -> Comparison:
+    result = ReadingResult(case().readings[0], replace(statement(None, None), **changes))
+    return Comparison(case(), [result], list(records), Options())
+
+
+def usual() -> Comparison:
+    """Some solvers right, one wrong at one setting, one at every one, one not there."""
+    return compared(
+        made("henon", 1e-6, 2e-4),
+        made("henon", 1e-12, 3e-4),
+        made("heyoka", 1e-6, 1e-3),
+        made("heyoka", 1e-12, 9e-4),
+        made("scipy-rk45", 1e-6, 0.1, what="misses"),
+        made("scipy-rk45", 1e-12, 0.3),
+        made("scipy-sign", 1e-6, 1e-5, what="misses"),
+        made("ida", 1e-6, 0.0, what="unavailable"),
+    )
