@@ -270,7 +270,7 @@ def test_the_command_s_server_has_imported_what_workers_need_and_is_as_good(tmp_
 )
 def test_where_there_is_no_socket_or_no_second_core_workers_are_forked_from_the_caller(tmp_path, without):
     code = 'print(run(["a"]).results, len(forkserver._begun))'
-    begin = f"from henon_ref.score import forkserver\n{without}\n{SERVER}"
+    begin = f"from henon_ref.campaign import fork_server as forkserver\n{without}\n{SERVER}"
     done = subprocess.run(
         [sys.executable, str(script(tmp_path, begin, code))], capture_output=True, text=True, check=True, timeout=300
     )
