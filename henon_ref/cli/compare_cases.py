@@ -22,14 +22,14 @@ from henon_ref.report.files.figure_jobs import figure_job, preload
 from henon_ref.report.files.folder_lock import locked, locked_for_a_moment
 from henon_ref.report.files.manifest import Provenance, provenance
 from henon_ref.report.files.write import check_index, check_writable, remove_if_empty
-from henon_ref.report.text.causes import FOLDER as CAUSES
-from henon_ref.report.text.causes import write_causes
 from henon_ref.report.text.index import write_index
 from henon_ref.report.text.markdown import environment, gate_words, left_out_words
 from henon_ref.report.text.paired_times import FOLDER as RIVALS
 from henon_ref.score.gate import Demand, Tally, demand, gate_tally
 from henon_ref.studies.atlas.page import FOLDER as ATLAS
 from henon_ref.studies.atlas.run import run_atlas
+from henon_ref.studies.causes import FOLDER as CAUSES
+from henon_ref.studies.causes import write_causes
 from henon_ref.studies.restarts.experiment import run_restarts
 from henon_ref.studies.restarts.page import FOLDER as RESTARTS
 from henon_ref.studies.rivals.experiment import run_rivals

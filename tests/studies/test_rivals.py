@@ -169,6 +169,7 @@ def test_answers_that_nobody_has_checked_are_checked_before_they_are_timed(monke
 
 
 def test_what_reads_a_truth_is_timed_with_compiled_callbacks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(experiment, "stored_statement", lambda case, reading: None)
     assert [duel.expected for duel in duels_of(CASE, PLAIN, 1.0)] == [None]
     monkeypatch.setattr(experiment, "stored_statement", statement)
     assert [duel.expected for duel in duels_of(CASE, PLAIN, 1.0)] == [None, expected()]

@@ -20,7 +20,7 @@ from henon_ref.text import code, markdown
 FIRST = "henon"
 """The solver that all others are set against."""
 FOLDER = "rivals"
-PAGE, RATIOS = "README.md", "ratios.csv"
+RATIOS = "ratios.csv"
 SECOND, OTHERS, LIBRARIES = "heyoka", "the cheapest other", "compiled callbacks"
 """What the reference is set against on every reading: the next best, whichever of all others is the cheapest, and
 whichever of the libraries with compiled callbacks is."""

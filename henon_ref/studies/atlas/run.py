@@ -7,14 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from henon_ref import registry
-from henon_ref.campaign.comparison import Comparison, compare_all
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.campaign.plugin_probe import fixed_step
 from henon_ref.casefile.case import Case
-from henon_ref.columns import Row
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.studies.atlas.family import TOLERANCES, Family, family_of
 from henon_ref.studies.atlas.page import FOLDER, write_atlas
+from henon_ref.studies.runs import rows_of
 
 
 def families(cases: Sequence[Case]) -> list[Family]:
@@ -49,11 +48,6 @@ def run_atlas(
     if not found or not solvers:
         return None
     folder = out / FOLDER
-    rows: dict[str, list[Row]] = {}
-
-    def deliver(comparison: Comparison) -> None:
-        rows[comparison.case.name] = comparison.run_rows
-
     changed = replace(options, solvers=solvers, tolerances=TOLERANCES, timed=False, folder=folder)
-    compare_all([family.case for family in found], changed, deliver, observer=observer)
+    rows = rows_of([family.case for family in found], changed, observer)
     return write_atlas([(family, rows[family.case.name]) for family in found], origin, folder)

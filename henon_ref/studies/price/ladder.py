@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from henon_ref import registry
-from henon_ref.campaign.comparison import Comparison, compare_all
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.casefile.case import Case
 from henon_ref.columns import Row
+from henon_ref.studies.runs import records_of
 
 LADDER = tuple(10.0**-k for k in range(3, 16))
 """Relative tolerances. A library that refuses one says so, and the row with it."""
@@ -48,17 +48,11 @@ def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> L
         Solvers, processes and journals; tolerances and deadline are the ladder's own.
     observer : Observer
     """
-    found = Ladder([], [])
-
-    def deliver(comparison: Comparison) -> None:
-        found.rows.extend(comparison.run_rows)
-        for record in comparison.records:
-            if record.samples:
-                found.samples.append(sampled({**record.run, "digits": None}, record.samples))
-
     asked = replace(options, solvers=options.solvers or solvers(), tolerances=LADDER, timeout=TIMEOUT)
-    compare_all([_without_listings(case) for case in cases], asked, deliver, observer=observer)
-    return found
+    by_case = records_of([_without_listings(case) for case in cases], asked, observer)
+    records = [record for own in by_case.values() for record in own]
+    samples = [sampled({**record.run, "digits": None}, record.samples) for record in records if record.samples]
+    return Ladder([record.run for record in records], samples)
 
 
 def sampled(setting: Row, samples: Sequence[float]) -> Row:

@@ -10,16 +10,15 @@ from henon_ref import registry
 from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
-from henon_ref.report.files.write import REPORT, RUNS, replace_file
+from henon_ref.report.files.write import REPORT, RUNS
 from henon_ref.report.text.formats import listing, setting
-from henon_ref.report.text.markdown import environment
 from henon_ref.report.text.ranking import LEVELS, number
 from henon_ref.report.text.tables import Table
 from henon_ref.score.errors import EARLY
 from henon_ref.studies.atlas.family import outcome_of
+from henon_ref.studies.page import write
 
 FOLDER = "restarts"
-PAGE = "README.md"
 MOST = LEVELS[-1]
 """Digits that are told apart."""
 ENDINGS = ("right", "wrong", "ended early", "failed")
@@ -42,26 +41,17 @@ def write_page(rows: Sequence[Row], origin: Provenance, folder: Path) -> Path:
     OSError
         Where it cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    replace_file(folder / RUNS, csv_text(RUN_COLUMNS, rows).encode())
-    text = (
-        environment()
-        .get_template("restarts.md.j2")
-        .render(
-            runs=len(rows),
-            readings=len({(row["case"], row["reading"]) for row in rows}),
-            broken=broken(rows),
-            summary=summary_table(rows).markdown,
-            most=MOST,
-            defaults=default_table(rows).markdown,
-            details=detail_table(rows).markdown,
-            rerun=origin.rerun,
-            machine=origin.machine_text,
-            commit=origin.commit[:12],
-        )
-    )
-    replace_file(folder / PAGE, text.strip().encode() + b"\n")
-    return folder / PAGE
+    context = {
+        "runs": len(rows),
+        "readings": len({(row["case"], row["reading"]) for row in rows}),
+        "broken": broken(rows),
+        "summary": summary_table(rows).markdown,
+        "most": MOST,
+        "defaults": default_table(rows).markdown,
+        "details": detail_table(rows).markdown,
+        "origin": origin,
+    }
+    return write(folder, "restarts", context, {RUNS: csv_text(RUN_COLUMNS, rows)})
 
 
 def libraries_of(rows: Sequence[Row]) -> list[str]:

@@ -8,11 +8,10 @@ from pathlib import Path
 from henon_ref.columns import Row
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
-from henon_ref.report.files.write import replace_file
 from henon_ref.report.text import formats as words
-from henon_ref.report.text.markdown import environment
-from henon_ref.report.text.paired_times import COLUMNS, LIBRARIES, OTHERS, PAGE, RATIOS, slower_table, spread_table
+from henon_ref.report.text.paired_times import COLUMNS, LIBRARIES, OTHERS, RATIOS, slower_table, spread_table
 from henon_ref.report.text.ranking import LEVELS, number, readings_of
+from henon_ref.studies.page import write
 from henon_ref.text import markdown
 
 
@@ -45,28 +44,20 @@ def write_page(
     OSError
         Where it cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    replace_file(folder / RATIOS, csv_text(COLUMNS, rows).encode())
-    text = (
-        environment()
-        .get_template("rivals.md.j2")
-        .render(
-            readings=len({(row["case"], row["reading"]) for row in rows}),
-            total=len(readings_of(runs)),
-            left=left,
-            fewest=LEVELS[0],
-            levels=words.listing([f"{digits}" for digits in compiled_levels(rows)]),
-            compiled=compiled_words(rows),
-            spread=spread_table(rows).markdown,
-            slower=slower.markdown if (slower := slower_table(rows, runs)).rows else "",
-            failed=[markdown(each) for each in failed],
-            rerun=origin.rerun,
-            machine=origin.machine_text,
-            commit=origin.commit[:12],
-        )
-    )
-    replace_file(folder / PAGE, text.strip().encode() + b"\n")
-    return folder / PAGE
+    slower = slower_table(rows, runs)
+    context = {
+        "readings": len({(row["case"], row["reading"]) for row in rows}),
+        "total": len(readings_of(runs)),
+        "left": left,
+        "fewest": LEVELS[0],
+        "levels": words.listing([f"{digits}" for digits in compiled_levels(rows)]),
+        "compiled": compiled_words(rows),
+        "spread": spread_table(rows).markdown,
+        "slower": slower.markdown if slower.rows else "",
+        "failed": [markdown(each) for each in failed],
+        "origin": origin,
+    }
+    return write(folder, "rivals", context, {RATIOS: csv_text(COLUMNS, rows)})
 
 
 def compiled_levels(rows: Sequence[Row]) -> list[int]:
