@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from henon_ref.campaign.interleaved import in_turn
+from henon_ref.campaign.interleaved import interleaved
 from henon_ref.casefile.case import parse_case
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
@@ -253,7 +253,7 @@ def effect_costs() -> list[Step]:
 def _timed(body: str, effect: str, problems: Mapping[str, Problem]) -> Step:
     runs = {key: HENON_SOLVER.prepare(problem, rtol=RTOL) for key, problem in problems.items()}
     ends = {key: run() for key, run in runs.items()}
-    times = in_turn(runs, rounds=ROUNDS)
+    times = interleaved(runs, rounds=ROUNDS)
     a_step: Callable[[str], float] = lambda key: times.median(key) / ends[key].counts.steps  # noqa: E731
     there = "carried" in problems
     return Step(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from henon_ref.campaign.interleaved import in_turn
+from henon_ref.campaign.interleaved import interleaved
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
@@ -80,7 +80,7 @@ def _three(
     case: str, reading: str, problem: Problem, exact: Sequence[tuple[float, float]], modes: Sequence[Mode]
 ) -> list[Landed]:
     runs = {s.name: s.prepare(problem, rtol=RTOL, deadline=20.0) for s in SOLVERS}
-    times = in_turn(runs, rounds=ROUNDS)
+    times = interleaved(runs, rounds=ROUNDS)
     lines = []
     for solver, run in runs.items():
         result = run()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from henon_ref.campaign.interleaved import in_turn
+from henon_ref.campaign.interleaved import interleaved
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.engine import Engine
 from henon_ref.henon.registers import HENON
@@ -95,7 +95,7 @@ def work(problem: Problem) -> Work:
         for _ in range(20):
             np.matmul(a, a, out=out)
 
-    times = in_turn({"run": run, "product": product}, rounds=ROUNDS)
+    times = interleaved({"run": run, "product": product}, rounds=ROUNDS)
     made = run().counts
     in_stick = _while_stuck(
         problem, lambda until: Session(engine, replace(start, until=(until, 0.0))).run().counts.rhs_evaluations

@@ -20,9 +20,9 @@ from henon_ref.studies.price.effects import Step
 from henon_ref.studies.price.figures import COUNTS, draw_growth, draw_ladder, draw_sizes
 from henon_ref.studies.price.growth import Horizon
 from henon_ref.studies.price.ladder import SAMPLES, TIMEOUT
+from henon_ref.studies.price.ladder_pairs import FEWEST, samples_of
 from henon_ref.studies.price.landings import Landed
 from henon_ref.studies.price.operations import Work
-from henon_ref.studies.price.pairs import FEWEST, samples_of
 from henon_ref.studies.price.states import Size
 from henon_ref.text import markdown
 

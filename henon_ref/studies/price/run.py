@@ -19,11 +19,11 @@ from henon_ref.studies.price.effects import effect_costs
 from henon_ref.studies.price.fresh import caches_in, in_fresh_process
 from henon_ref.studies.price.growth import horizons
 from henon_ref.studies.price.ladder import run_ladder
+from henon_ref.studies.price.ladder_pairs import time_ladder_pairs
 from henon_ref.studies.price.landings import landings, near_grazing
 from henon_ref.studies.price.operations import work
 from henon_ref.studies.price.orbit import orbit_problem
 from henon_ref.studies.price.page import Prices, write_page
-from henon_ref.studies.price.pairs import pairs
 from henon_ref.studies.price.states import sizes
 from henon_ref.truth.compute import stored_truth
 from henon_ref.truth.reference import Truth
@@ -55,7 +55,7 @@ def _measured(
     options = Options(processes=jobs, folder=out, resume=resume, keep_journals=True)
     with observer as shown:
         ladder = run_ladder(cases, options, shown)
-        timed, failed = pairs(cases, ladder.rows, options, shown)
+        timed, failed = time_ladder_pairs(cases, ladder.rows, options, shown)
     # What follows is timed with nothing else at work, by this process or one of its own.
     orbit = orbit_problem()
     with TemporaryDirectory() as folder, caches_in(Path(folder)):

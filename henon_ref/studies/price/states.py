@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from henon_ref import registry
-from henon_ref.campaign.interleaved import Turns, in_turn
+from henon_ref.campaign.interleaved import Turns, interleaved
 from henon_ref.casefile.case import parse_case
 from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
@@ -139,7 +139,7 @@ def _timed(problem: Problem, solvers: Sequence[str]) -> tuple[dict[str, float], 
         runs[name]()  # modes are made ready where they are first met
         ready[name] = time.perf_counter() - began
     ends = {name: run() for name, run in runs.items()}
-    return ready, ends, in_turn(runs, rounds=ROUNDS)
+    return ready, ends, interleaved(runs, rounds=ROUNDS)
 
 
 def _agree(first: Trajectory, other: Trajectory) -> bool:

@@ -12,10 +12,10 @@ from henon_ref.report.text.ranking import LEVELS, by_solver, number, readings_of
 from henon_ref.report.text.tables import Table
 from henon_ref.studies.price import effects
 from henon_ref.studies.price.compiling import AGAINST, Ready, paid_after
+from henon_ref.studies.price.costs import costs, mean_costs, why_not
 from henon_ref.studies.price.effects import Step
 from henon_ref.studies.price.growth import Horizon
 from henon_ref.studies.price.landings import Landed
-from henon_ref.studies.price.pairs import costs, mean_costs, why_not
 from henon_ref.studies.price.states import Size
 
 LISTED = ("heyoka", "scipy-dop853", "scipy-dop853+numba", "cvode-adams", "cvode-adams+numba")

@@ -1,4 +1,4 @@
-"""The experiment's page: how the ratios spread, where a rival is faster, and who is the cheapest how often."""
+"""The page of paired times over all reports: how the ratios spread, and where another solver is faster."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def write_page(
     Parameters
     ----------
     rows : sequence of Row
-        A row a match, with COLUMNS.
+        A row a pair, with COLUMNS.
     failed : sequence of str
         Readings that could not be timed, and why.
     left : mapping of sequences of str
@@ -57,7 +57,7 @@ def write_page(
         "failed": [markdown(each) for each in failed],
         "origin": origin,
     }
-    return write(folder, "rivals", context, {RATIOS: csv_text(COLUMNS, rows)})
+    return write(folder, "paired_times", context, {RATIOS: csv_text(COLUMNS, rows)})
 
 
 def compiled_levels(rows: Sequence[Row]) -> list[int]:
