@@ -64,7 +64,7 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
                 "title": tables.title(case, reading),
                 "figures": [(COUNTS[count], file) for file, count in own.items()],
                 "table": tables.price_table(found.pairs, (case, reading)).markdown,
-                "unstable": tables.unstable(rows),
+                "scatter": tables.scatter(rows),
             }
         )
     work = found.work
@@ -79,7 +79,6 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
         "ready": tables.ready_table(found.ready).markdown,
         "sections": sections,
         "landings": tables.landing_table(found.landings).markdown,
-        "verdict": tables.landing_verdict(found.landings),
         "effects": tables.effect_table(found.effects).markdown,
         "growth": tables.growth_table(found.growth).markdown,
         "growth_figure": GROWTH,

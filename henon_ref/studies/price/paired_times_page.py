@@ -9,7 +9,7 @@ from henon_ref.columns import Row
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.text import formats as words
-from henon_ref.report.text.paired_times import COLUMNS, LIBRARIES, OTHERS, RATIOS, slower_table, spread_table
+from henon_ref.report.text.paired_times import COLUMNS, LIBRARIES, RATIOS, slower_table, spread_table
 from henon_ref.report.text.ranking import LEVELS, number, readings_of
 from henon_ref.studies.page import write
 from henon_ref.text import markdown
@@ -51,7 +51,6 @@ def write_page(
         "left": left,
         "fewest": LEVELS[0],
         "levels": words.listing([f"{digits}" for digits in compiled_levels(rows)]),
-        "compiled": compiled_words(rows),
         "spread": spread_table(rows).markdown,
         "slower": slower.markdown if slower.rows else "",
         "failed": [markdown(each) for each in failed],
@@ -63,12 +62,3 @@ def write_page(
 def compiled_levels(rows: Sequence[Row]) -> list[int]:
     """Digits at which libraries with compiled callbacks were timed."""
     return sorted({int(number(row, "digits")) for row in rows if row["against"] == LIBRARIES and row["digits"]})
-
-
-def compiled_words(rows: Sequence[Row]) -> str:
-    """On how many of the readings that are contested for so many digits they were."""
-    phrases = []
-    for level in compiled_levels(rows):
-        timed, all_ = (sum((r["against"], r["digits"]) == (side, level) for r in rows) for side in (LIBRARIES, OTHERS))
-        phrases.append(f"{timed} of the {all_} readings at {level} digits")
-    return words.listing(phrases)

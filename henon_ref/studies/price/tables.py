@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from henon_ref.columns import Row
-from henon_ref.report.text.formats import count, duration, error, setting, significant
+from henon_ref.report.text.formats import duration, error, setting, significant
 from henon_ref.report.text.paired_times import FIRST, bound
 from henon_ref.report.text.ranking import LEVELS, by_solver, number, readings_of
 from henon_ref.report.text.tables import Table
@@ -106,15 +106,14 @@ def _side(solver: str, rows: dict[str, Row], other: str) -> tuple[str, str, str]
     return f"`{solver}`", setting(row["rival_rtol"], row["rival_step_s"]), duration(row["rival_wall_s"])
 
 
-def unstable(rows: Sequence[Row]) -> str:
-    """How many times of a reading scatter, in words."""
+def scatter(rows: Sequence[Row]) -> dict[str, int]:
+    """How many times of a reading there are, how many scatter by more than a tenth, and how many have no range."""
     timed = [row for row in rows if row["wall_s"] is not None]
-    few = sum(row["wall_s_iqr"] is None for row in timed)
-    wide = sum(number(row, "wall_s_iqr") > 0.1 * number(row, "wall_s") for row in timed)
-    return (
-        f"Of {count(len(timed), 'time')} in the figure {wide or 'none'} scatter by more than a tenth of their median "
-        f"(range of the middle half), and {few or 'none'} rest on one or two runs and have no bar."
-    )
+    return {
+        "times": len(timed),
+        "wide": sum(number(row, "wall_s_iqr") > 0.1 * number(row, "wall_s") for row in timed),
+        "few": sum(row["wall_s_iqr"] is None for row in timed),
+    }
 
 
 def ready_table(found: Sequence[Ready]) -> Table:
@@ -150,7 +149,7 @@ def _runs(runs: float) -> str:
 
 
 def landing_table(found: Sequence[Landed]) -> Table:
-    """Evaluations, time and error of the three landings."""
+    """Evaluations, time and error of the three landings, and the time with Hénon's over that with bracketing."""
     solvers = list(dict.fromkeys(one.solver for one in found))
     columns: tuple[Callable[[Landed], str], ...] = (
         lambda one: f"{one.evaluations:.1f}",
@@ -160,23 +159,18 @@ def landing_table(found: Sequence[Landed]) -> Table:
     lines = []
     for case, reading in dict.fromkeys((own.case, own.reading) for own in found):
         own = {one.solver: one for one in found if (one.case, one.reading) == (case, reading)}
-        lines.append((title(case, reading), *(column(own[solver]) for column in columns for solver in solvers)))
+        cells = [column(own[solver]) for column in columns for solver in solvers]
+        ratio = own[FIRST].to_bracketing
+        note = "bracketing is quicker" if ratio > 1 else ""
+        lines.append((title(case, reading), *cells, f"{ratio:.2f}", note))
     words = ("evaluations", "run", "error [s]")
-    headings = ("reading", *(f"{word}, `{solver}`" for word in words for solver in solvers))
-    return Table(headings, "l" + "r" * len(words) * len(solvers), lines)
-
-
-def landing_verdict(found: Sequence[Landed]) -> str:
-    """What the table says of the swap, in a sentence or two."""
-    own = [one for one in found if one.solver == FIRST]
-    faster = [one.to_bracketing for one in own if one.to_bracketing <= 1]
-    slower = [one for one in own if one.to_bracketing > 1]
-    words = f"In {len(faster)} of the {len(own)} rows a run with Hénon's landing takes "
-    words += f"{min(faster):.2f} to {max(faster):.2f} of its time with bracketing." if faster else "less time."
-    if slower:
-        named = ", ".join(f"{title(one.case, one.reading)} ({one.to_bracketing:.2f})" for one in slower)
-        words += f" In the others bracketing is the quicker: {named}."
-    return words
+    headings = (
+        "reading",
+        *(f"{word}, `{solver}`" for word in words for solver in solvers),
+        "run over bracketing",
+        "note",
+    )
+    return Table(headings, "l" + "r" * len(words) * len(solvers) + "rl", lines)
 
 
 def effect_table(steps: Sequence[Step]) -> Table:
