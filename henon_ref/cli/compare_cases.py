@@ -31,8 +31,8 @@ from henon_ref.studies.atlas.run import run_atlas
 from henon_ref.studies.causes import FOLDER as CAUSES
 from henon_ref.studies.causes import write_causes
 from henon_ref.studies.price.report_pairs import run_paired_times
-from henon_ref.studies.restarts.experiment import run_restarts
 from henon_ref.studies.restarts.page import FOLDER as RESTARTS
+from henon_ref.studies.restarts.run import run_restarts
 from henon_ref.text import message
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import provenance
 from henon_ref.studies.atlas.family import TOLERANCES, defects, family_of, outcome_of
 from henon_ref.studies.atlas.run import families, run_atlas
-from henon_ref.studies.restarts.experiment import run_restarts
+from henon_ref.studies.restarts.run import run_restarts
 
 CASES = Path(__file__).parents[2] / "cases"
 

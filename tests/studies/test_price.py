@@ -24,7 +24,7 @@ from henon_ref.studies.price.costs import mean_costs, why_not
 from henon_ref.studies.price.fit import power
 from henon_ref.studies.price.growth import STICKS, Horizon, exponent, horizons
 from henon_ref.studies.price.ladder_pairs import samples_of, time_ladder_pairs
-from henon_ref.studies.price.landings import landings, near_grazing
+from henon_ref.studies.price.landings import crest_crossings, landings
 from henon_ref.studies.price.operations import count, work
 from henon_ref.studies.price.orbit import orbit_problem
 from henon_ref.studies.price.run import truths_of
@@ -212,7 +212,7 @@ def test_a_short_run_is_repeated_within_its_turn() -> None:
 
 
 def test_crossings_near_a_crest_are_found_by_every_landing() -> None:
-    found = near_grazing(("1", "1e-7"))
+    found = crest_crossings(("1", "1e-7"))
     assert [one.transitions for one in found] == [2] * 6
     assert max(one.error_s for one in found[:3]) < 1e-14
     assert max(one.error_s for one in found[3:]) < 1e-11

@@ -1,4 +1,4 @@
-"""Running the atlas: every family among the cases, all solvers that have a tolerance, no timing."""
+"""The atlas's runs: every family among the cases by all solvers that have a tolerance, not timed."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ def run_atlas(
         The page; None where no case is a family, or no solver with a tolerance was asked for.
     """
     found = families(cases)
-    asked = options.solvers or registry.default_names()
+    names = options.solvers or registry.default_names()
     # A solver that is driven by a step has no place on an axis of tolerances.
-    solvers = tuple(s for s in asked if not (fixed_step(s) if isinstance(s, str) else s.fixed_step))
+    solvers = tuple(s for s in names if not (fixed_step(s) if isinstance(s, str) else s.fixed_step))
     if not found or not solvers:
         return None
     folder = out / FOLDER

@@ -18,7 +18,7 @@ def costs(found: Sequence[Row], reading: tuple[str, str], digits: int) -> dict[s
 
 
 def mean_costs(found: Sequence[Row], digits: int) -> dict[str, float]:
-    """Geometric mean of these over all readings that somebody else gets to so many digits, too.
+    """Geometric mean of these over all readings that another solver gets to so many digits, too.
 
     Solvers that do not get there in every one are left out.
     """

@@ -1,4 +1,4 @@
-"""Only the effects a scene calls for: what each one costs, and what it costs to carry it at zero."""
+"""Cost of each effect of a scene: operations and time a step with it, and with it compiled in at zero."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Added:
     off: Effects
     """The same, compiled in with a coefficient ``z`` that happens to be zero."""
     by_hand: str
-    """The field with all effects up to this one, as somebody would write it who has never heard of the others."""
+    """The field with all effects up to this one, written out without the others."""
     valid: str = ""
     """What has to be positive then."""
 
@@ -64,7 +64,7 @@ class Body:
     initial: str
     states: str
     surface: str
-    """Written out by hand: the block against a belt that it never keeps up with."""
+    """Written out by hand: the block against a belt that it never sticks to."""
     added: tuple[Added, ...]
     stuck: Effects
     """Effects of a motion that sticks."""

@@ -16,7 +16,7 @@ from henon_ref.studies.price.pairs import pairs_of
 SECONDS = 4.0
 """Time that the runs of a pair may take."""
 FEWEST = 3
-"""Rounds at least, however long they take."""
+"""Rounds at least, so that a median is taken of three even where a round is slow."""
 
 
 def time_ladder_pairs(

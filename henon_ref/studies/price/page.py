@@ -1,4 +1,4 @@
-"""The page of the price list: prices in front, then what they are made of, and the files behind its tables."""
+"""The price list's page, its figures, and the CSV files behind its tables."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
 
 
 def _files(found: Prices) -> dict[str, str]:
-    """What stands behind the tables, by file."""
+    """CSV text of what the tables are made of, by file name."""
     return {
         "price.csv": csv_text(RUN_COLUMNS, found.rows),
         "pairs.csv": csv_text(COLUMNS, found.pairs),

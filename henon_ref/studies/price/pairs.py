@@ -32,10 +32,11 @@ class Pair:
     digits: int | None
     """Digits that every setting of both reaches; None where there is no transition to time."""
     against: str
-    """What the rival is: a solver, or whichever of several is the cheapest."""
+    """The other side: a solver's name, or that of a group whose cheapest is taken."""
     own: tuple[Candidate, ...]
-    """Candidates for the reference's cheapest setting, and for the rival's."""
+    """Candidates for the reference's cheapest setting."""
     rival: tuple[Candidate, ...]
+    """Candidates for the other side's."""
 
 
 def pairs_of(rows: Sequence[Row], rivals: Mapping[str, Collection[str]], levels: Sequence[int]) -> Iterator[Pair]:

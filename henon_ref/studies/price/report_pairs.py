@@ -54,7 +54,7 @@ def run_paired_times(
 
 
 def left_out(rows: Sequence[Row]) -> dict[str, list[str]]:
-    """The readings in which nobody is timed, as links, by whose run is missing: one that gets the fewest digits."""
+    """Links to the readings without a pair, by the solver that has no right run to the fewest digits of a level."""
     found: dict[str, list[str]] = {}
     for (case, reading), own in readings_of(rows).items():
         able = {name(row) for _, level in able_rows(own, LEVELS) for row in level if row["wall_s"]}

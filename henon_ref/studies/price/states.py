@@ -1,4 +1,4 @@
-"""Growth in the number of states: ever longer chains of blocks on a belt, one surface a block."""
+"""Growth in the number of states: chains of 1 to 64 blocks on a belt, one surface a block."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> l
 
 
 def _timed(problem: Problem, solvers: Sequence[str]) -> tuple[dict[str, float], dict[str, Trajectory], Turns[str]]:
-    """What making each solver ready took [s], its answer, and times in turn."""
+    """Each solver's preparation time [s], its trajectory, and its times in interleaved runs."""
     runs: dict[str, Run] = {}
     ready: dict[str, float] = {}
     for name in solvers:

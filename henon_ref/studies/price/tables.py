@@ -98,7 +98,7 @@ def price_table(pairs: Sequence[Row], reading: tuple[str, str]) -> Table:
 
 
 def _side(solver: str, rows: dict[str, Row], other: str) -> tuple[str, str, str]:
-    """Name, setting and time; the reference's from the pair in which it stands against the other."""
+    """Name, setting and time; the reference's from its pair with the other."""
     if solver == FIRST:
         row = rows[other]
         return f"`{solver}`", setting(row["rtol"], None), duration(row["wall_s"])
@@ -117,7 +117,7 @@ def scatter(rows: Sequence[Row]) -> dict[str, int]:
 
 
 def ready_table(found: Sequence[Ready]) -> Table:
-    """What getting ready costs, and the runs after which it is paid for."""
+    """Preparation times, and the runs after which they are made up for."""
     lines: list[tuple[str, ...]] = []
     for own in found:
         others = {o.solver: o for o in found if (o.case, o.reading) == (own.case, own.reading)}
@@ -174,7 +174,7 @@ def landing_table(found: Sequence[Landed]) -> Table:
 
 
 def effect_table(steps: Sequence[Step]) -> Table:
-    """What every effect costs, and what it costs to carry those that are not asked for."""
+    """Operations and times of every effect, and of the scene with all others compiled in at zero."""
     headings = (
         "body", "effect added", "operations", "by hand", "time a step", "more than before", "run over one by hand",
         "operations, all carried", "time a step, all carried", "run over one with all carried",

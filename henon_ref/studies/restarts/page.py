@@ -1,4 +1,4 @@
-"""The experiment's page: libraries against habits, over all readings and reading by reading."""
+"""The page of restart habits: outcomes by library and habit, over all readings and reading by reading."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def ending(row: Row) -> str:
 
 
 def default_table(rows: Sequence[Row]) -> Table:
-    """Each library's default against the best other habit: what either gives up."""
+    """Each library's default against the best other habit: runs that one alone gets right, or to a digit more."""
     lines = []
     for library in libraries_of(rows):
         own = registry.restart_of(library)

@@ -1,4 +1,4 @@
-"""The experiment: which readings, which libraries, and what a habit breaks."""
+"""The study of restart habits: its readings, its libraries, and their runs."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ def run_restarts(
         The page; None where none of the cases is there, or no solver that restarts a library was asked for.
     """
     found = chosen(cases)
-    asked = options.solvers or registry.default_names()
-    libraries = [name for name in asked if isinstance(name, str) and registry.restart_of(name)]
+    names = options.solvers or registry.default_names()
+    libraries = [name for name in names if isinstance(name, str) and registry.restart_of(name)]
     if not found or not libraries:
         return None
     folder = out / FOLDER
