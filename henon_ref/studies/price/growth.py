@@ -91,7 +91,7 @@ def _measured(solver: str, until: float, run: _Run) -> Horizon:
 
 
 def _streamed(problem: Problem) -> Callable[[float], _Run]:
-    """Runs of the reference, their transitions taken from its stream."""
+    """Runs of the reference, by its stream of transitions."""
     engine = Engine(problem.system, order_for(TOLERANCE))
     start = engine.start(problem, tolerance=TOLERANCE, landing=HENON)
 
