@@ -1,4 +1,4 @@
-"""Wall times of runs taken in turn, so that what the machine does meanwhile falls on all of them alike."""
+"""Wall times of interleaved runs: each once a round, so that a change of the machine's pace falls on all alike."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Turns(Generic[Key]):
         return [a / b for a, b in zip(self.times[key], self.times[other], strict=True)]
 
 
-def in_turn(runs: Mapping[Key, Callable[[], object]], *, rounds: int, turn: float = 0.0) -> Turns[Key]:
+def interleaved(runs: Mapping[Key, Callable[[], object]], *, rounds: int, turn: float = 0.0) -> Turns[Key]:
     """Time every run once a round, after one round to warm up.
 
     Parameters

@@ -22,17 +22,17 @@ from henon_ref.report.files.figure_jobs import figure_job, preload
 from henon_ref.report.files.folder_lock import locked, locked_for_a_moment
 from henon_ref.report.files.manifest import Provenance, provenance
 from henon_ref.report.files.write import check_index, check_writable, remove_if_empty
-from henon_ref.report.text.causes import FOLDER as CAUSES
-from henon_ref.report.text.causes import write_causes
 from henon_ref.report.text.index import write_index
 from henon_ref.report.text.markdown import environment, gate_words, left_out_words
-from henon_ref.report.text.paired_times import FOLDER as RIVALS
+from henon_ref.report.text.paired_times import FOLDER as PAIRED_TIMES
 from henon_ref.score.gate import Demand, Tally, demand, gate_tally
 from henon_ref.studies.atlas.page import FOLDER as ATLAS
 from henon_ref.studies.atlas.run import run_atlas
-from henon_ref.studies.restarts.experiment import run_restarts
+from henon_ref.studies.causes import FOLDER as CAUSES
+from henon_ref.studies.causes import write_causes
+from henon_ref.studies.price.report_pairs import run_paired_times
 from henon_ref.studies.restarts.page import FOLDER as RESTARTS
-from henon_ref.studies.rivals.experiment import run_rivals
+from henon_ref.studies.restarts.run import run_restarts
 from henon_ref.text import message
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def run(request: Request) -> Unmet:
         For a case file or an argument that cannot be used; nothing has been written then.
     """
     check_writable(request.out)
-    further = [request.out / page for page in (ATLAS, RESTARTS, CAUSES, RIVALS)] if request.whole else []
+    further = [request.out / page for page in (ATLAS, RESTARTS, CAUSES, PAIRED_TIMES)] if request.whole else []
     for page in further:
         check_index(page)
     cases = load_cases(request.cases)
@@ -133,12 +133,12 @@ def gate_state(tally: Tally, failures: Sequence[str], *, wanted: bool) -> str:
 def experiments(
     cases: Sequence[Case], options: Options, origin: Provenance, out: Path, observer: Observer
 ) -> list[Path]:
-    """What a whole folder gets besides its reports: atlas, restart habits, causes, rivals; the pages written."""
+    """What a whole folder gets besides its reports: atlas, restart habits, causes, paired times; the pages written."""
     pages = [
         run_atlas(cases, options, origin, out, observer),
         run_restarts(cases, options, origin, out, observer),
         write_causes(out),
-        run_rivals(cases, options, origin, out, observer),
+        run_paired_times(cases, options, origin, out, observer),
     ]
     return [page for page in pages if page is not None]
 

@@ -9,7 +9,7 @@ import pytest
 from baselines.causes import CAUSES, Cause, ClaimError
 from henon_ref.campaign.causes import NAMES, cause_of
 from henon_ref.columns import RUN_COLUMNS, Row
-from henon_ref.report.text import causes as page
+from henon_ref.studies import causes as page
 
 
 @pytest.mark.parametrize("cause", CAUSES.values(), ids=lambda cause: cause.name)

@@ -9,11 +9,11 @@ import pytest
 import sympy as sp
 
 from henon_ref.casefile.case import load_case
-from henon_ref.report.files.manifest import provenance
+from henon_ref.report.files.manifest import Provenance, provenance
 from henon_ref.studies.paper import fig8, section2, section3, section4
 from henon_ref.studies.paper.claims import Claim, Section, checked, picture
 from henon_ref.studies.paper.exact import same, same_set
-from henon_ref.studies.paper.page import page_text
+from henon_ref.studies.paper.page import write_sections
 from henon_ref.studies.paper.systems import fig8_equations, fig8_listing_limit
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -87,18 +87,22 @@ def test_expressions_are_compared_as_mathematics():
     assert not same_set([sp.Integer(1), sp.Integer(2)], [sp.Integer(1), sp.Integer(3)])
 
 
-def test_the_page_counts_and_lists_every_claim():
+def page_text(sections: list[Section], origin: Provenance, folder: Path) -> str:
+    return write_sections(sections, origin, folder).read_text(encoding="utf-8")
+
+
+def test_the_page_counts_and_lists_every_claim(tmp_path):
     claims = (Claim("Eq. (1)", "a | b", "reproduced", "yes"), Claim("Eq. (2)", "c", "fails", "no"))
-    text = page_text([Section("One", "text\n", claims)], provenance("python -m this"))
+    text = page_text([Section("One", "text\n", claims)], provenance("python -m this"), tmp_path)
     assert "1 reproduced, 1 fails" in text
     assert "| Eq. (1) | a \\| b | **reproduced** | yes |" in text
     assert "## One" in text
 
 
-def test_the_page_says_what_made_it_and_where():
+def test_the_page_says_what_made_it_and_where(tmp_path):
     origin = replace(provenance("python -m this"), commit="0123456789abcdef")
-    text = page_text([], origin)
+    text = page_text([], origin, tmp_path)
     assert "Made by\n\n    python -m this\n\non " in text
     assert f"on {origin.machine_text}, from commit 0123456789ab." in text
     assert "[audit.csv](audit.csv)" in text
-    assert f"on {origin.machine_text}. " in page_text([], replace(origin, commit=""))
+    assert f"on {origin.machine_text}. " in page_text([], replace(origin, commit=""), tmp_path)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import sympy as sp
 
-from henon_ref.campaign.interleaved import MOST, Turns, in_turn
+from henon_ref.campaign.interleaved import MOST, Turns, interleaved
 from henon_ref.campaign.options import Options, Silent
 from henon_ref.casefile.case import load_case
 from henon_ref.columns import RUN_COLUMNS, Row
@@ -20,15 +20,16 @@ from henon_ref.filippov.problem import Problem
 from henon_ref.henon.solvers import HENON_SOLVER
 from henon_ref.studies.price import effects
 from henon_ref.studies.price.compiling import Ready, paid_after, readiness
+from henon_ref.studies.price.costs import mean_costs, why_not
 from henon_ref.studies.price.fit import power
 from henon_ref.studies.price.growth import STICKS, Horizon, exponent, horizons
-from henon_ref.studies.price.landings import landings, near_grazing
+from henon_ref.studies.price.ladder_pairs import samples_of, time_ladder_pairs
+from henon_ref.studies.price.landings import crest_crossings, landings
 from henon_ref.studies.price.operations import count, work
 from henon_ref.studies.price.orbit import orbit_problem
-from henon_ref.studies.price.pairs import mean_costs, pairs, samples_of, why_not
 from henon_ref.studies.price.run import truths_of
 from henon_ref.studies.price.states import Size, fitted, sizes
-from henon_ref.studies.price.tables import landing_verdict, price_table, ready_table, rival_table
+from henon_ref.studies.price.tables import landing_table, price_table, ready_table, rival_table
 from henon_ref.taylor.tape import TIME
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -174,7 +175,7 @@ def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> Non
             ("heyoka", 1e-9, 5e-5, 9.5), ("heyoka", 1e-12, 6e-5, 11),
         ]
     ]  # fmt: skip
-    found, failed = pairs([case], ladder, Options(processes=1), Silent(), seconds=0.1)
+    found, failed = time_ladder_pairs([case], ladder, Options(processes=1), Silent(), seconds=0.1)
     assert (len(found), failed) == (3, [])
     for pair, digits in zip(found[1:], (6, 9), strict=True):
         assert (pair["rival"], pair["digits"]) == ("heyoka", digits)
@@ -205,22 +206,19 @@ def test_a_short_run_is_repeated_within_its_turn() -> None:
         calls[key] += 1
         time.sleep(seconds)
 
-    in_turn({"short": lambda: run("short", 1e-4), "long": lambda: run("long", 4e-3)}, rounds=3, turn=4e-3)
+    interleaved({"short": lambda: run("short", 1e-4), "long": lambda: run("long", 4e-3)}, rounds=3, turn=4e-3)
     assert calls["long"] == 4
     assert 4 * 5 <= calls["short"] <= 4 * MOST
 
 
 def test_crossings_near_a_crest_are_found_by_every_landing() -> None:
-    found = near_grazing(("1", "1e-7"))
+    found = crest_crossings(("1", "1e-7"))
     assert [one.transitions for one in found] == [2] * 6
     assert max(one.error_s for one in found[:3]) < 1e-14
     assert max(one.error_s for one in found[3:]) < 1e-11
     assert found[3].evaluations <= 4 < found[5].evaluations < found[4].evaluations
-    assert landing_verdict([replace(one, to_bracketing=0.9) for one in found]) == (
-        "In 2 of the 2 rows a run with Hénon's landing takes 0.90 to 0.90 of its time with bracketing."
-    )
-    slower = [replace(one, to_bracketing=1.1 if "-7" in one.reading else 0.9) for one in found]
-    assert landing_verdict(slower).endswith("In the others bracketing is the quicker: crest, g = 1e-7 (1.10).")
+    timed = [replace(one, to_bracketing=1.1 if "-7" in one.reading else 0.9) for one in found]
+    assert [line[-2:] for line in landing_table(timed).rows] == [("0.90", ""), ("1.10", "bracketing is quicker")]
 
 
 def test_operations_are_counted_by_lane_and_fused_ones_twice() -> None:

@@ -35,7 +35,7 @@ def test_every_run_is_counted_once_however_it_ends() -> None:
         run("heyoka@none", "unavailable"),
     ]
     none = summary_table(rows).rows[-1]
-    assert none == ("`heyoka`", "`none`", "1", "1", "2", "2", "125", "")
+    assert none == ("`heyoka`", "`none`", "1", "1", "2", "2", "125", "", "")
 
 
 def test_the_stored_runs_are_all_counted() -> None:
@@ -44,6 +44,22 @@ def test_the_stored_runs_are_all_counted() -> None:
     counted = [line[2 : 2 + len(ENDINGS)] for line in summary_table(rows).rows]
     assert sum(int(cell or 0) for line in counted for cell in line) == len(made)
     assert any(ending(row) == "ended early" for row in rows)
+
+
+def test_runs_that_another_habit_gets_right_are_counted() -> None:
+    rows = [
+        run("heyoka@none", "wrong"),
+        run("heyoka@none", "failed", reading="by none"),
+        run("heyoka@none", reading="by both"),
+        run("heyoka@offset"),
+        run("heyoka@offset", "wrong", reading="by none"),
+        run("heyoka@offset", reading="by both"),
+        run("ida@none", "wrong"),
+    ]
+    table = summary_table(rows)
+    assert table.headings[-1] == "right by another habit"
+    counted = {line[:2]: line[-1] for line in table.rows if line[-1]}
+    assert counted == {("`heyoka`", "`none`"): "1"}
 
 
 def test_a_default_is_set_against_the_habit_that_is_right_most_often() -> None:

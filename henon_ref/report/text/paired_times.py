@@ -1,4 +1,4 @@
-"""Times of the reference and its rivals, run in turn, as the index and the page of rivals show them."""
+"""Paired times (``henon`` and another solver, their runs interleaved), as the index and their own page show them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from henon_ref.text import code, markdown
 FIRST = "henon"
 """The solver that all others are set against."""
 FOLDER = "rivals"
-PAGE, RATIOS = "README.md", "ratios.csv"
+"""Where the page of paired times lies in a folder of reports."""
+RATIOS = "ratios.csv"
 SECOND, OTHERS, LIBRARIES = "heyoka", "the cheapest other", "compiled callbacks"
 """What the reference is set against on every reading: the next best, whichever of all others is the cheapest, and
 whichever of the libraries with compiled callbacks is."""
@@ -28,7 +29,7 @@ COLUMNS = (
     "case", "reading", "digits", "against", "rtol", "rival", "rival_rtol", "rival_step_s", "wall_s", "rival_wall_s",
     "ratio", "ratio_low", "ratio_high", "rounds",
 )  # fmt: skip
-"""Columns of a match's row: digits (none where there is no transition), settings, medians, their ratio and
+"""Columns of a pair's row: digits (none where there is no transition), settings, medians, their ratio and
 its 95 % bootstrap interval."""
 
 
@@ -77,7 +78,7 @@ def slower_table(rows: Sequence[Row], runs: Sequence[Row], reports: str = "../")
     Parameters
     ----------
     rows : sequence of Row
-        A row a match, with COLUMNS.
+        A row a pair, with COLUMNS.
     runs : sequence of Row
         Rows of the reports: they know how many digits and steps a setting has. Of compiled callbacks none does.
     reports : str

@@ -1,1 +1,1 @@
-"""The atlas: what each solver makes of a family of ever closer grazes at every tolerance."""
+"""The atlas: outcome of each solver at every tolerance over families of grazes of decreasing distance."""

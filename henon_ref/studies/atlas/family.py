@@ -1,4 +1,4 @@
-"""Families of readings that differ in one distance, and what a run makes of one of them."""
+"""Families of readings that differ in one distance, and the outcome of a run of one."""
 
 from __future__ import annotations
 

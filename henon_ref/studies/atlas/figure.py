@@ -1,4 +1,4 @@
-"""Figure: tolerance against distance, a panel a solver, coloured by what came of the run."""
+"""Figure: tolerance against distance, a panel a solver, coloured by the run's outcome."""
 
 from __future__ import annotations
 

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import io
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
 from henon_ref import registry
 from henon_ref.columns import RUN_COLUMNS, Row
-from henon_ref.figures import style
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
-from henon_ref.report.files.write import RUNS, replace_file
+from henon_ref.report.files.write import RUNS
 from henon_ref.report.text.formats import exponential
-from henon_ref.report.text.markdown import environment
 from henon_ref.report.text.tables import Table
 from henon_ref.studies.atlas.family import OUTCOMES, TOLERANCES, Family, outcome_of
 from henon_ref.studies.atlas.figure import draw_atlas
+from henon_ref.studies.page import write
 from henon_ref.text import code, markdown, paragraphs
 
 FOLDER = "atlas"
-PAGE = "README.md"
 
 
 def write_atlas(found: Sequence[tuple[Family, list[Row]]], origin: Provenance, folder: Path) -> Path:
@@ -40,13 +37,10 @@ def write_atlas(found: Sequence[tuple[Family, list[Row]]], origin: Provenance, f
     OSError
         Where it cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    sections = []
+    sections, figures = [], {}
     for family, rows in found:
         name = figure_name(family.case.name)
-        buffer = io.BytesIO()
-        style.save(draw_atlas(family, rows, solvers_of(rows)), buffer)
-        replace_file(folder / name, buffer.getvalue())
+        figures[name] = draw_atlas(family, rows, solvers_of(rows))
         sections.append(
             {
                 "title": markdown(family.case.title),
@@ -57,22 +51,14 @@ def write_atlas(found: Sequence[tuple[Family, list[Row]]], origin: Provenance, f
             }
         )
     every = [row for _, rows in found for row in rows]
-    replace_file(folder / RUNS, csv_text(RUN_COLUMNS, every).encode())
-    text = (
-        environment()
-        .get_template("atlas.md.j2")
-        .render(
-            sections=sections,
-            runs=len(every),
-            tightest=exponential(min(TOLERANCES), 1),
-            loosest=exponential(max(TOLERANCES), 1),
-            rerun=origin.rerun,
-            machine=origin.machine_text,
-            commit=origin.commit[:12],
-        )
-    )
-    replace_file(folder / PAGE, text.strip().encode() + b"\n")
-    return folder / PAGE
+    context = {
+        "sections": sections,
+        "runs": len(every),
+        "tightest": exponential(min(TOLERANCES), 1),
+        "loosest": exponential(max(TOLERANCES), 1),
+        "origin": origin,
+    }
+    return write(folder, "atlas", context, {RUNS: csv_text(RUN_COLUMNS, every)}, figures)
 
 
 def figure_name(case: str) -> str:

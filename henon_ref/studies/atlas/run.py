@@ -1,4 +1,4 @@
-"""Running the atlas: every family among the cases, all solvers that have a tolerance, no timing."""
+"""The atlas's runs: every family among the cases by all solvers that have a tolerance, not timed."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from henon_ref import registry
-from henon_ref.campaign.comparison import Comparison, compare_all
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.campaign.plugin_probe import fixed_step
 from henon_ref.casefile.case import Case
-from henon_ref.columns import Row
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.studies.atlas.family import TOLERANCES, Family, family_of
 from henon_ref.studies.atlas.page import FOLDER, write_atlas
+from henon_ref.studies.runs import rows_of
 
 
 def families(cases: Sequence[Case]) -> list[Family]:
@@ -43,17 +42,12 @@ def run_atlas(
         The page; None where no case is a family, or no solver with a tolerance was asked for.
     """
     found = families(cases)
-    asked = options.solvers or registry.default_names()
+    names = options.solvers or registry.default_names()
     # A solver that is driven by a step has no place on an axis of tolerances.
-    solvers = tuple(s for s in asked if not (fixed_step(s) if isinstance(s, str) else s.fixed_step))
+    solvers = tuple(s for s in names if not (fixed_step(s) if isinstance(s, str) else s.fixed_step))
     if not found or not solvers:
         return None
     folder = out / FOLDER
-    rows: dict[str, list[Row]] = {}
-
-    def deliver(comparison: Comparison) -> None:
-        rows[comparison.case.name] = comparison.run_rows
-
     changed = replace(options, solvers=solvers, tolerances=TOLERANCES, timed=False, folder=folder)
-    compare_all([family.case for family in found], changed, deliver, observer=observer)
+    rows = rows_of([family.case for family in found], changed, observer)
     return write_atlas([(family, rows[family.case.name]) for family in found], origin, folder)

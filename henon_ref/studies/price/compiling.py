@@ -1,4 +1,4 @@
-"""What getting ready costs, and the runs after which it is paid for: a new Python's way to its first answer."""
+"""Preparation times (imports, derivatives, compiling) in a new process, and the runs that make up for them."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ AGAINST = {
     "scipy-dop853+numba": ("scipy-dop853",),
     "cvode-adams+numba": ("cvode-adams",),
 }
-"""Solvers that compile, and whom that has to pay against."""
-SETTLING = 3
+"""Solvers that compile, and those that each is set against: quicker to prepare, slower to run."""
+WARM_RUNS = 3
 """Runs after the first one; the shortest is what a run takes."""
 
 
@@ -43,9 +43,9 @@ class Ready:
     wall_s: float
     """Time of a run, in turn with the others' [s]."""
     cold_s: float
-    """Time to a first answer, less that of a run, with nothing compiled on disk [s]."""
+    """Time from a new process to its first run's end, less the time of a run, with nothing compiled on disk [s]."""
     kept_s: float
-    """The same with what the first time left on disk [s]."""
+    """The same with the compiled code that the first process left on disk [s]."""
 
 
 def readiness(cases: Sequence[Case], pairs: Iterable[Row]) -> list[Ready]:
@@ -81,7 +81,7 @@ def _twice(problem: Problem, solver: str, setting: Setting) -> tuple[float, floa
 
 
 def getting_ready(problem: Problem, solver: str, setting: Setting) -> float:
-    """Time until a first answer beyond what a run takes [s]."""
+    """Time to the end of a first run, less the time of a later one [s]."""
     began = time.perf_counter()
     run = registry.solver(solver).prepare(
         problem, rtol=setting.rtol, atol=setting.atol, step=setting.step, deadline=TIMEOUT
@@ -89,7 +89,7 @@ def getting_ready(problem: Problem, solver: str, setting: Setting) -> float:
     run()
     first = time.perf_counter() - began
     later = []
-    for _ in range(SETTLING):
+    for _ in range(WARM_RUNS):
         began = time.perf_counter()
         run()
         later.append(time.perf_counter() - began)

@@ -1,11 +1,11 @@
-"""Only the effects a scene calls for: what each one costs, and what it costs to carry it at zero."""
+"""Cost of each effect of a scene: operations and time a step with it, and with it compiled in at zero."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from henon_ref.campaign.interleaved import in_turn
+from henon_ref.campaign.interleaved import interleaved
 from henon_ref.casefile.case import parse_case
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
@@ -49,7 +49,7 @@ class Added:
     off: Effects
     """The same, compiled in with a coefficient ``z`` that happens to be zero."""
     by_hand: str
-    """The field with all effects up to this one, as somebody would write it who has never heard of the others."""
+    """The field with all effects up to this one, written out without the others."""
     valid: str = ""
     """What has to be positive then."""
 
@@ -64,7 +64,7 @@ class Body:
     initial: str
     states: str
     surface: str
-    """Written out by hand: the block against a belt that it never keeps up with."""
+    """Written out by hand: the block against a belt that it never sticks to."""
     added: tuple[Added, ...]
     stuck: Effects
     """Effects of a motion that sticks."""
@@ -253,7 +253,7 @@ def effect_costs() -> list[Step]:
 def _timed(body: str, effect: str, problems: Mapping[str, Problem]) -> Step:
     runs = {key: HENON_SOLVER.prepare(problem, rtol=RTOL) for key, problem in problems.items()}
     ends = {key: run() for key, run in runs.items()}
-    times = in_turn(runs, rounds=ROUNDS)
+    times = interleaved(runs, rounds=ROUNDS)
     a_step: Callable[[str], float] = lambda key: times.median(key) / ends[key].counts.steps  # noqa: E731
     there = "carried" in problems
     return Step(

@@ -1,4 +1,4 @@
-"""Powers fitted to what was measured."""
+"""Powers fitted to measurements by least squares on their logarithms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A function in a Python of its own: nothing imported, compiled or allocated by what was measured before."""
+"""Call of a function in a new interpreter: nothing is imported, compiled or allocated by earlier measurements."""
 
 from __future__ import annotations
 

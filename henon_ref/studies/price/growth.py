@@ -1,4 +1,4 @@
-"""Long runs: what a transition costs, what memory is taken and how right the sticks still are after 1e6 s."""
+"""Long runs: wall time a transition, growth of memory and error of the last sticks over horizons up to 1e6 s."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ SHORT = 5.0
 FITTED = 1e3
 """The power of the growth is fitted from this horizon on [s]."""
 LAST = 20
-"""Sticks that are looked at, the last ones."""
+"""The last sticks that are compared with the certified ones."""
 SEEN = 400
-"""Transitions that these are looked for in, the last ones."""
+"""The last transitions that these are taken from."""
 _STICK, _RELEASE = 0, 1
 _Run = Callable[[], tuple[int, list[float]]]
 """A run: how many transitions there were, and how long the last sticks were [s]."""
@@ -55,7 +55,7 @@ class Horizon:
     wall_s: float
     """Median of three runs, or the one that was made [s]."""
     grown: float
-    """What the run added to the most memory that its process ever held [MiB]."""
+    """Growth of the process's peak resident memory by the run [MiB]."""
     stick_error_s: float
     """Worst error of the last sticks against the certified ones [s]; NaN before the motion has settled."""
 
@@ -65,13 +65,13 @@ class Horizon:
         return self.wall_s / self.transitions
 
 
-def horizons(problem: Problem, asked: Mapping[str, Sequence[float]] = HORIZONS) -> list[Horizon]:
-    """Run Fig. 8's periodic motion ever longer, each solver in a process of its own."""
-    return [own for solver, until in asked.items() for own in in_fresh_process(horizons_of, solver, problem, until)]
+def horizons(problem: Problem, wanted: Mapping[str, Sequence[float]] = HORIZONS) -> list[Horizon]:
+    """Run Fig. 8's periodic motion over each horizon, each solver in a process of its own."""
+    return [own for solver, until in wanted.items() for own in in_fresh_process(horizons_of, solver, problem, until)]
 
 
 def horizons_of(solver: str, problem: Problem, horizons: Sequence[float]) -> list[Horizon]:
-    """A solver's runs, the shortest first; ``henon`` hands its transitions out as they come."""
+    """A solver's runs, the shortest first; those of ``henon`` stream their transitions."""
     prepare = _streamed(problem) if solver == "henon" else _whole(solver, problem)
     prepare(10.0)()
     return [_measured(solver, until, prepare(until)) for until in horizons]
@@ -100,7 +100,7 @@ def _streamed(problem: Problem) -> Callable[[float], _Run]:
             count, last = 0, _Last()
             for block in Session(engine, replace(start, until=(until, 0.0))).stream():
                 count += len(block)
-                last.look(zip(block.times[-SEEN:], block.kinds[-SEEN:], strict=True))
+                last.add(zip(block.times[-SEEN:], block.kinds[-SEEN:], strict=True))
             return count, last.sticks
 
         return run
@@ -109,16 +109,16 @@ def _streamed(problem: Problem) -> Callable[[float], _Run]:
 
 
 def _whole(solver: str, problem: Problem) -> Callable[[float], _Run]:
-    """Runs of a solver that hands out everything at its end."""
+    """Runs of a solver that returns all transitions at its end."""
     codes = {"stick": _STICK, "release": _RELEASE}
 
     def prepare(until: float) -> _Run:
-        asked = replace(problem, until=sp.Rational(until))
-        prepared = registry.solver(solver).prepare(asked, rtol=TOLERANCE, atol=TOLERANCE)
+        longer = replace(problem, until=sp.Rational(until))
+        prepared = registry.solver(solver).prepare(longer, rtol=TOLERANCE, atol=TOLERANCE)
 
         def run() -> tuple[int, list[float]]:
             transitions, last = prepared().transitions, _Last()
-            last.look(((t.time, t.time_low), codes.get(t.kind)) for t in transitions[-SEEN:])
+            last.add(((t.time, t.time_low), codes.get(t.kind)) for t in transitions[-SEEN:])
             return len(transitions), last.sticks
 
         return run
@@ -133,8 +133,8 @@ class _Last:
         self.sticks: list[float] = []
         self._since: tuple[float, float] | None = None
 
-    def look(self, transitions: Iterable[tuple[tuple[float, float], int | None]]) -> None:
-        """Times (in two parts) and kinds of some more transitions."""
+    def add(self, transitions: Iterable[tuple[tuple[float, float], int | None]]) -> None:
+        """Take in some more transitions: times (in two parts) and kinds."""
         for (high, low), kind in transitions:
             if kind == _STICK:
                 self._since = high, low

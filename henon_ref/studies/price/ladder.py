@@ -1,4 +1,4 @@
-"""Every solver at every tolerance: the rows that prices are read from."""
+"""Runs of every solver at every tolerance, 1e-3 to 1e-15: the rows that prices are read from."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from henon_ref import registry
-from henon_ref.campaign.comparison import Comparison, compare_all
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.casefile.case import Case
 from henon_ref.columns import Row
+from henon_ref.studies.runs import records_of
 
 LADDER = tuple(10.0**-k for k in range(3, 16))
 """Relative tolerances. A library that refuses one says so, and the row with it."""
 TIMEOUT = 4.0
-"""Seconds that one run may take: what takes longer is no bargain."""
+"""Seconds that one run may take: a slower one is never the cheapest where any other gets there."""
 SAMPLES = ("case", "reading", "against", "digits", "solver", "rtol", "step_s", "samples_us")
 """Columns of the raw samples; against: the pair that a setting was timed in, empty for the ladder's own times."""
 
 
 def solvers() -> tuple[str, ...]:
-    """What stands on the list: all that is run by default, and each with compiled callbacks.
+    """Names of the solvers: those that run by default, and each with compiled callbacks.
 
     Solvers of a fixed step run at the steps that the case names.
     """
@@ -48,17 +48,11 @@ def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> L
         Solvers, processes and journals; tolerances and deadline are the ladder's own.
     observer : Observer
     """
-    found = Ladder([], [])
-
-    def deliver(comparison: Comparison) -> None:
-        found.rows.extend(comparison.run_rows)
-        for record in comparison.records:
-            if record.samples:
-                found.samples.append(sampled({**record.run, "digits": None}, record.samples))
-
-    asked = replace(options, solvers=options.solvers or solvers(), tolerances=LADDER, timeout=TIMEOUT)
-    compare_all([_without_listings(case) for case in cases], asked, deliver, observer=observer)
-    return found
+    changed = replace(options, solvers=options.solvers or solvers(), tolerances=LADDER, timeout=TIMEOUT)
+    by_case = records_of([_without_listings(case) for case in cases], changed, observer)
+    records = [record for own in by_case.values() for record in own]
+    samples = [sampled({**record.run, "digits": None}, record.samples) for record in records if record.samples]
+    return Ladder([record.run for record in records], samples)
 
 
 def sampled(setting: Row, samples: Sequence[float]) -> Row:

@@ -1,4 +1,4 @@
-"""What Hénon's trick is worth: three landings on one engine, far from a graze and ever nearer."""
+"""Hénon's landing (the swap of variables) against Newton's and Brent's on one integrator: work, times, errors."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from henon_ref.campaign.interleaved import in_turn
+from henon_ref.campaign.interleaved import interleaved
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
@@ -65,8 +65,8 @@ def landings(cases: Sequence[Case], truths: dict[tuple[str, str], Truth]) -> lis
     return found
 
 
-def near_grazing(depths: Sequence[str] = GRAZES) -> list[Landed]:
-    """Run them on ``sin(t) = 1 - g/2``, ever nearer to the crest; its two roots are known in closed form."""
+def crest_crossings(depths: Sequence[str] = GRAZES) -> list[Landed]:
+    """Run them on ``sin(t) = 1 - g/2`` for ever smaller depths g below the crest; its roots are closed forms."""
     found = []
     for depth in depths:
         problem = parse_case(CREST.format(depth=depth)).readings[0].problem
@@ -80,7 +80,7 @@ def _three(
     case: str, reading: str, problem: Problem, exact: Sequence[tuple[float, float]], modes: Sequence[Mode]
 ) -> list[Landed]:
     runs = {s.name: s.prepare(problem, rtol=RTOL, deadline=20.0) for s in SOLVERS}
-    times = in_turn(runs, rounds=ROUNDS)
+    times = interleaved(runs, rounds=ROUNDS)
     lines = []
     for solver, run in runs.items():
         result = run()

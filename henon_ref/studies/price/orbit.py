@@ -1,4 +1,4 @@
-"""The motion that long runs are measured on."""
+"""The periodic motion of Fig. 8, which long runs and operations are measured on."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ sliding:
 initial: {t: 0, x1: -zs, x2: vp, mode: {s: 0}}
 until: 70
 """
-"""Fig. 8's `listing_limit`, whatever cases are asked for (a test holds it and the case file together)."""
+"""Fig. 8's `listing_limit`, independent of the cases on the command line (a test compares it with the case file)."""
 
 
 def orbit_problem() -> Problem:
-    """The periodic motion that long runs are measured on."""
+    """The problem whose motion is periodic: Fig. 8's `listing_limit`."""
     return parse_case(FIG8).readings[0].problem

@@ -1,4 +1,4 @@
-"""The page of the price list: prices in front, then what they are made of, and the files behind its tables."""
+"""The price list's page, its figures, and the CSV files behind its tables."""
 
 from __future__ import annotations
 
@@ -8,27 +8,24 @@ from pathlib import Path
 from typing import Any
 
 from henon_ref.columns import RUN_COLUMNS, Row
-from henon_ref.figures import style
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
-from henon_ref.report.files.write import replace_file
 from henon_ref.report.text.formats import duration
-from henon_ref.report.text.markdown import environment
 from henon_ref.report.text.paired_times import COLUMNS
 from henon_ref.report.text.ranking import readings_of
+from henon_ref.studies.page import write
 from henon_ref.studies.price import tables
 from henon_ref.studies.price.compiling import Ready
 from henon_ref.studies.price.effects import Step
 from henon_ref.studies.price.figures import COUNTS, draw_growth, draw_ladder, draw_sizes
 from henon_ref.studies.price.growth import Horizon
 from henon_ref.studies.price.ladder import SAMPLES, TIMEOUT
+from henon_ref.studies.price.ladder_pairs import FEWEST, samples_of
 from henon_ref.studies.price.landings import Landed
 from henon_ref.studies.price.operations import Work
-from henon_ref.studies.price.pairs import FEWEST, samples_of
 from henon_ref.studies.price.states import Size
 from henon_ref.text import markdown
 
-PAGE = "README.md"
 GROWTH, SIZES = "growth.svg", "states.svg"
 
 
@@ -58,63 +55,47 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
     OSError
         Where the folder cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, text in _files(found).items():
-        replace_file(folder / name, text.encode())
-    sections = []
+    sections, figures = [], {GROWTH: draw_growth(found.growth), SIZES: draw_sizes(found.sizes)}
     for (case, reading), rows in readings_of(found.rows).items():
-        figures = []
-        for count in COUNTS:
-            file = f"{case}_{reading}_{count}.svg"
-            style.save(draw_ladder(rows, count), folder / file)
-            figures.append((COUNTS[count], file))
+        own = {f"{case}_{reading}_{count}.svg": count for count in COUNTS}
+        figures |= {file: draw_ladder(rows, count) for file, count in own.items()}
         sections.append(
             {
                 "title": tables.title(case, reading),
-                "figures": figures,
+                "figures": [(COUNTS[count], file) for file, count in own.items()],
                 "table": tables.price_table(found.pairs, (case, reading)).markdown,
-                "unstable": tables.unstable(rows),
+                "scatter": tables.scatter(rows),
             }
         )
-    style.save(draw_growth(found.growth), folder / GROWTH)
-    style.save(draw_sizes(found.sizes), folder / SIZES)
     work = found.work
-    text = (
-        environment()
-        .get_template("price.md.j2")
-        .render(
-            whole=tables.whole_table(found.rows, found.pairs).markdown,
-            own_times=tables.own_times(found.pairs),
-            deadline=f"{TIMEOUT:g}",
-            fewest=FEWEST,
-            rivals=tables.rival_table(found.pairs).markdown,
-            callbacks=tables.callback_costs(found.rows).markdown,
-            failed=[markdown(words) for words in found.failed],
-            ready=tables.ready_table(found.ready).markdown,
-            sections=sections,
-            landings=tables.landing_table(found.landings).markdown,
-            verdict=tables.landing_verdict(found.landings),
-            effects=tables.effect_table(found.effects).markdown,
-            growth=tables.growth_table(found.growth).markdown,
-            growth_figure=GROWTH,
-            sizes=tables.size_table(found.sizes).markdown,
-            sizes_figure=SIZES,
-            work=work,
-            work_time=duration(work.wall_s),
-            of_peak=f"{100 * work.rate / work.peak:.0f} %",
-            gigaflops=f"{work.rate / 1e9:.2g}",
-            peak=f"{work.peak / 1e9:.2g}",
-            rerun=origin.rerun,
-            machine=origin.machine_text,
-            commit=origin.commit[:12],
-        )
-    )
-    replace_file(folder / PAGE, text.strip().encode() + b"\n")
-    return folder / PAGE
+    context = {
+        "whole": tables.whole_table(found.rows, found.pairs).markdown,
+        "own_times": tables.own_times(found.pairs),
+        "deadline": f"{TIMEOUT:g}",
+        "fewest": FEWEST,
+        "rivals": tables.rival_table(found.pairs).markdown,
+        "callbacks": tables.callback_costs(found.rows).markdown,
+        "failed": [markdown(words) for words in found.failed],
+        "ready": tables.ready_table(found.ready).markdown,
+        "sections": sections,
+        "landings": tables.landing_table(found.landings).markdown,
+        "effects": tables.effect_table(found.effects).markdown,
+        "growth": tables.growth_table(found.growth).markdown,
+        "growth_figure": GROWTH,
+        "sizes": tables.size_table(found.sizes).markdown,
+        "sizes_figure": SIZES,
+        "work": work,
+        "work_time": duration(work.wall_s),
+        "of_peak": f"{100 * work.rate / work.peak:.0f} %",
+        "gigaflops": f"{work.rate / 1e9:.2g}",
+        "peak": f"{work.peak / 1e9:.2g}",
+        "origin": origin,
+    }
+    return write(folder, "price", context, _files(found), figures)
 
 
 def _files(found: Prices) -> dict[str, str]:
-    """What stands behind the tables, by file."""
+    """CSV text of what the tables are made of, by file name."""
     return {
         "price.csv": csv_text(RUN_COLUMNS, found.rows),
         "pairs.csv": csv_text(COLUMNS, found.pairs),

@@ -1,97 +1,105 @@
-"""``henon`` against every other solver, compiled callbacks included: each pair in turn, for the same digits."""
+"""Pairs to be timed on one reading: by rows of runs, the cheapest settings of two solvers for the same digits."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from henon_ref.campaign.options import Observer, Options
-from henon_ref.casefile.case import Case
+from henon_ref import registry
+from henon_ref.campaign.settings import Setting
 from henon_ref.columns import Row
 from henon_ref.report.text.paired_times import FIRST
-from henon_ref.report.text.ranking import LEVELS, by_solver, name, number, reaching, readings_of
-from henon_ref.studies.price.ladder import TIMEOUT, sampled
-from henon_ref.studies.rivals.duel import RIVAL_SAMPLES, SAMPLES, Duel, fight
-from henon_ref.studies.rivals.match import matches
+from henon_ref.report.text.ranking import by_solver, name, number, reaching
 
-SECONDS = 4.0
-"""Time that the runs of a pair may take."""
-FEWEST = 3
-"""Rounds at least, however long they take."""
+CANDIDATES = 3
+"""Settings of a side that are timed: the cheapest by the rows. The cheapest in turn is among them, or next to it."""
 
 
-def pairs(
-    cases: Sequence[Case], rows: Sequence[Row], options: Options, observer: Observer, seconds: float = SECONDS
-) -> tuple[list[Row], list[str]]:
-    """Time the pairs on every reading that both solve; their rows, and what could not be timed.
+@dataclass(frozen=True)
+class Candidate:
+    """A solver at a setting."""
+
+    solver: str
+    setting: Setting
+    wall_s: float
+    """Time of a run, by the rows [s]."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The reference against a rival, for the same digits."""
+
+    digits: int | None
+    """Digits that every setting of both reaches; None where there is no transition to time."""
+    against: str
+    """The other side: a solver's name, or that of a group whose cheapest is taken."""
+    own: tuple[Candidate, ...]
+    """Candidates for the reference's cheapest setting."""
+    rival: tuple[Candidate, ...]
+    """Candidates for the other side's."""
+
+
+def pairs_of(rows: Sequence[Row], rivals: Mapping[str, Collection[str]], levels: Sequence[int]) -> Iterator[Pair]:
+    """The pairs of one reading.
 
     Parameters
     ----------
-    cases : sequence of Case
     rows : sequence of Row
-        The ladder's: they tell which settings get how many digits.
-    options : Options
-        Processes and memory are taken from it.
-    observer : Observer
-    seconds : float
-        Time that the runs of a pair may take.
+        The reading's.
+    rivals : mapping of collections of str
+        What each rival is, and the solvers that it is the cheapest of.
+    levels : sequence of int
+        Digits to be reached. Where there is no transition to time, right rows are set against each other once.
     """
-    by_reading = readings_of(rows)
-    rivals = [solver for solver in by_solver(rows) if solver != FIRST]
-    duels = {
-        case.name: [
-            Duel(case.name, reading.name, reading.problem, found, seconds, TIMEOUT, fewest=FEWEST)
-            for reading in case.readings
-            for rival in rivals
-            if (found := tuple(matches(by_reading.get((case.name, reading.name), []), {rival: (rival,)}, LEVELS)))
-        ]
-        for case in cases
-    }
-    return fight(duels, options, observer)
+    for level, able in able_rows(rows, levels):
+        own = _cheapest(able, (FIRST,))
+        for against, solvers in rivals.items():
+            rival = _cheapest(able, solvers)
+            if own and rival:
+                yield Pair(level, against, own, rival)
 
 
-def samples_of(found: Sequence[Row]) -> list[Row]:
-    """The raw samples behind the pairs' ratios: two rows a pair."""
-    rows = []
-    for row in found:
-        settings: tuple[Row, Row] = (
-            {"solver": FIRST, "rtol": row["rtol"], "step_s": None},
-            {"solver": row["rival"], "rtol": row["rival_rtol"], "step_s": row["rival_step_s"]},
-        )
-        for own, column in zip(settings, (SAMPLES, RIVAL_SAMPLES), strict=True):
-            rows.append(sampled({**row, **own}, row[column]))  # type: ignore[arg-type]
-    return rows
+def compiled_pairs(rows: Sequence[Row], against: str, levels: Sequence[int]) -> Iterator[Pair]:
+    """The same against libraries with compiled callbacks, which have no rows: their accuracy is not known.
 
+    They are those that are the cheapest with plain callbacks, each at its cheapest setting.
 
-def costs(found: Sequence[Row], reading: tuple[str, str], digits: int) -> dict[str, float]:
-    """Each solver's time over that of ``henon``, for so many digits in one reading."""
-    rows = [row for row in found if (row["case"], row["reading"]) == reading and row["digits"] == digits]
-    return {str(row["rival"]): 1.0 / number(row, "ratio") for row in rows} | ({FIRST: 1.0} if rows else {})
-
-
-def mean_costs(found: Sequence[Row], digits: int) -> dict[str, float]:
-    """Geometric mean of these over all readings that somebody else gets to so many digits, too.
-
-    Solvers that do not get there in every one are left out.
+    Parameters
+    ----------
+    rows : sequence of Row
+        The reading's, of plain callbacks.
+    against : str
+        What the rival is called.
+    levels : sequence of int
+        Digits to be reached.
     """
-    readings = dict.fromkeys((str(row["case"]), str(row["reading"])) for row in found if row["digits"] == digits)
-    each = [costs(found, reading, digits) for reading in readings]
-    common = [solver for solver in dict.fromkeys(s for own in each for s in own) if all(solver in own for own in each)]
-    return {solver: math.exp(sum(math.log(own[solver]) for own in each) / len(each)) for solver in common}
+    for level, able in able_rows(rows, levels):
+        own, rival = _cheapest(able, (FIRST,)), []
+        for solver in by_solver(able):
+            if solver + registry.COMPILED in registry.names():
+                rival += [replace(c, solver=c.solver + registry.COMPILED) for c in _cheapest(able, (solver,))[:1]]
+        if own and rival:
+            yield Pair(level, against, own, tuple(sorted(rival, key=_wall)[:CANDIDATES]))
 
 
-def why_not(rows: Sequence[Row], solver: str, digits: int) -> str:
-    """Why a solver has no mean cost for so many digits: what keeps it from them in the first reading where it fails."""
-    for own in readings_of(rows).values():
-        if reaching([row for row in own if name(row) != solver], digits):
-            ladder = [row for row in own if name(row) == solver]
-            if not reaching(ladder, digits):
-                return _failure(ladder)
-    return ""
+def able_rows(rows: Sequence[Row], levels: Sequence[int]) -> Iterator[tuple[int | None, list[Row]]]:
+    """Rows that reach so many digits; once, and with None, those that are right where there is no transition."""
+    idle = [row for row in rows if row["verdict"] == "right" and row["reference_transitions"] == 0 and row["wall_s"]]
+    if idle:
+        yield None, idle
+    else:
+        yield from ((level, reaching(rows, level)) for level in levels)
 
 
-def _failure(ladder: Sequence[Row]) -> str:
-    ends: Mapping[object, str] = {"unsupported": "unsupported", "unavailable": "not installed"}
-    if any(row["status"] == "timeout" for row in ladder):
-        return f"over {TIMEOUT:g} s"
-    return next((ends[row["status"]] for row in ladder if row["status"] in ends), "not reached")
+def _wall(candidate: Candidate) -> float:
+    return candidate.wall_s
+
+
+def _cheapest(rows: Sequence[Row], solvers: Collection[str]) -> tuple[Candidate, ...]:
+    timed = [_candidate(row) for row in rows if name(row) in solvers and row["wall_s"]]
+    return tuple(sorted(timed, key=_wall)[:CANDIDATES])
+
+
+def _candidate(row: Row) -> Candidate:
+    setting = Setting(*(row[column] for column in ("rtol", "atol", "step_s")))  # type: ignore[arg-type]
+    return Candidate(name(row), setting, number(row, "wall_s"))

@@ -1,4 +1,4 @@
-"""What the command does: check, the ladder, the pairs, then all that is timed apart, write."""
+"""The price list: ladder and pairs in worker processes, then what needs an idle machine, then the page."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from henon_ref.studies.price.effects import effect_costs
 from henon_ref.studies.price.fresh import caches_in, in_fresh_process
 from henon_ref.studies.price.growth import horizons
 from henon_ref.studies.price.ladder import run_ladder
-from henon_ref.studies.price.landings import landings, near_grazing
+from henon_ref.studies.price.ladder_pairs import time_ladder_pairs
+from henon_ref.studies.price.landings import crest_crossings, landings
 from henon_ref.studies.price.operations import work
 from henon_ref.studies.price.orbit import orbit_problem
 from henon_ref.studies.price.page import Prices, write_page
-from henon_ref.studies.price.pairs import pairs
 from henon_ref.studies.price.states import sizes
 from henon_ref.truth.compute import stored_truth
 from henon_ref.truth.reference import Truth
@@ -55,8 +55,8 @@ def _measured(
     options = Options(processes=jobs, folder=out, resume=resume, keep_journals=True)
     with observer as shown:
         ladder = run_ladder(cases, options, shown)
-        timed, failed = pairs(cases, ladder.rows, options, shown)
-    # What follows is timed with nothing else at work, by this process or one of its own.
+        timed, failed = time_ladder_pairs(cases, ladder.rows, options, shown)
+    # The measurements below run one at a time, in this process or a new one, with no worker busy.
     orbit = orbit_problem()
     with TemporaryDirectory() as folder, caches_in(Path(folder)):
         chains = in_fresh_process(sizes)
@@ -66,7 +66,7 @@ def _measured(
         pairs=timed,
         failed=failed,
         ready=readiness(cases, timed),
-        landings=[*landings(cases, truths_of(cases)), *near_grazing()],
+        landings=[*landings(cases, truths_of(cases)), *crest_crossings()],
         work=work(orbit),
         effects=effect_costs(),
         growth=horizons(orbit),

@@ -1,4 +1,4 @@
-"""Growth in the number of states: ever longer chains of blocks on a belt, one surface a block."""
+"""Growth in the number of states: chains of 1 to 64 blocks on a belt, one surface a block."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from henon_ref import registry
-from henon_ref.campaign.interleaved import Turns, in_turn
+from henon_ref.campaign.interleaved import Turns, interleaved
 from henon_ref.casefile.case import parse_case
 from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
@@ -130,7 +130,7 @@ def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> l
 
 
 def _timed(problem: Problem, solvers: Sequence[str]) -> tuple[dict[str, float], dict[str, Trajectory], Turns[str]]:
-    """What making each solver ready took [s], its answer, and times in turn."""
+    """Each solver's preparation time [s], its trajectory, and its times in interleaved runs."""
     runs: dict[str, Run] = {}
     ready: dict[str, float] = {}
     for name in solvers:
@@ -139,7 +139,7 @@ def _timed(problem: Problem, solvers: Sequence[str]) -> tuple[dict[str, float], 
         runs[name]()  # modes are made ready where they are first met
         ready[name] = time.perf_counter() - began
     ends = {name: run() for name, run in runs.items()}
-    return ready, ends, in_turn(runs, rounds=ROUNDS)
+    return ready, ends, interleaved(runs, rounds=ROUNDS)
 
 
 def _agree(first: Trajectory, other: Trajectory) -> bool:

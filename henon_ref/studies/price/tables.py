@@ -6,16 +6,16 @@ import math
 from collections.abc import Callable, Sequence
 
 from henon_ref.columns import Row
-from henon_ref.report.text.formats import count, duration, error, setting, significant
+from henon_ref.report.text.formats import duration, error, setting, significant
 from henon_ref.report.text.paired_times import FIRST, bound
 from henon_ref.report.text.ranking import LEVELS, by_solver, number, readings_of
 from henon_ref.report.text.tables import Table
 from henon_ref.studies.price import effects
 from henon_ref.studies.price.compiling import AGAINST, Ready, paid_after
+from henon_ref.studies.price.costs import costs, mean_costs, why_not
 from henon_ref.studies.price.effects import Step
 from henon_ref.studies.price.growth import Horizon
 from henon_ref.studies.price.landings import Landed
-from henon_ref.studies.price.pairs import costs, mean_costs, why_not
 from henon_ref.studies.price.states import Size
 
 LISTED = ("heyoka", "scipy-dop853", "scipy-dop853+numba", "cvode-adams", "cvode-adams+numba")
@@ -98,7 +98,7 @@ def price_table(pairs: Sequence[Row], reading: tuple[str, str]) -> Table:
 
 
 def _side(solver: str, rows: dict[str, Row], other: str) -> tuple[str, str, str]:
-    """Name, setting and time; the reference's from the pair in which it stands against the other."""
+    """Name, setting and time; the reference's from its pair with the other."""
     if solver == FIRST:
         row = rows[other]
         return f"`{solver}`", setting(row["rtol"], None), duration(row["wall_s"])
@@ -106,19 +106,18 @@ def _side(solver: str, rows: dict[str, Row], other: str) -> tuple[str, str, str]
     return f"`{solver}`", setting(row["rival_rtol"], row["rival_step_s"]), duration(row["rival_wall_s"])
 
 
-def unstable(rows: Sequence[Row]) -> str:
-    """How many times of a reading scatter, in words."""
+def scatter(rows: Sequence[Row]) -> dict[str, int]:
+    """How many times of a reading there are, how many scatter by more than a tenth, and how many have no range."""
     timed = [row for row in rows if row["wall_s"] is not None]
-    few = sum(row["wall_s_iqr"] is None for row in timed)
-    wide = sum(number(row, "wall_s_iqr") > 0.1 * number(row, "wall_s") for row in timed)
-    return (
-        f"Of {count(len(timed), 'time')} in the figure {wide or 'none'} scatter by more than a tenth of their median "
-        f"(range of the middle half), and {few or 'none'} rest on one or two runs and have no bar."
-    )
+    return {
+        "times": len(timed),
+        "wide": sum(number(row, "wall_s_iqr") > 0.1 * number(row, "wall_s") for row in timed),
+        "few": sum(row["wall_s_iqr"] is None for row in timed),
+    }
 
 
 def ready_table(found: Sequence[Ready]) -> Table:
-    """What getting ready costs, and the runs after which it is paid for."""
+    """Preparation times, and the runs after which they are made up for."""
     lines: list[tuple[str, ...]] = []
     for own in found:
         others = {o.solver: o for o in found if (o.case, o.reading) == (own.case, own.reading)}
@@ -150,7 +149,7 @@ def _runs(runs: float) -> str:
 
 
 def landing_table(found: Sequence[Landed]) -> Table:
-    """Evaluations, time and error of the three landings."""
+    """Evaluations, time and error of the three landings, and the time with Hénon's over that with bracketing."""
     solvers = list(dict.fromkeys(one.solver for one in found))
     columns: tuple[Callable[[Landed], str], ...] = (
         lambda one: f"{one.evaluations:.1f}",
@@ -160,27 +159,22 @@ def landing_table(found: Sequence[Landed]) -> Table:
     lines = []
     for case, reading in dict.fromkeys((own.case, own.reading) for own in found):
         own = {one.solver: one for one in found if (one.case, one.reading) == (case, reading)}
-        lines.append((title(case, reading), *(column(own[solver]) for column in columns for solver in solvers)))
+        cells = [column(own[solver]) for column in columns for solver in solvers]
+        ratio = own[FIRST].to_bracketing
+        note = "bracketing is quicker" if ratio > 1 else ""
+        lines.append((title(case, reading), *cells, f"{ratio:.2f}", note))
     words = ("evaluations", "run", "error [s]")
-    headings = ("reading", *(f"{word}, `{solver}`" for word in words for solver in solvers))
-    return Table(headings, "l" + "r" * len(words) * len(solvers), lines)
-
-
-def landing_verdict(found: Sequence[Landed]) -> str:
-    """What the table says of the swap, in a sentence or two."""
-    own = [one for one in found if one.solver == FIRST]
-    faster = [one.to_bracketing for one in own if one.to_bracketing <= 1]
-    slower = [one for one in own if one.to_bracketing > 1]
-    words = f"In {len(faster)} of the {len(own)} rows a run with Hénon's landing takes "
-    words += f"{min(faster):.2f} to {max(faster):.2f} of its time with bracketing." if faster else "less time."
-    if slower:
-        named = ", ".join(f"{title(one.case, one.reading)} ({one.to_bracketing:.2f})" for one in slower)
-        words += f" In the others bracketing is the quicker: {named}."
-    return words
+    headings = (
+        "reading",
+        *(f"{word}, `{solver}`" for word in words for solver in solvers),
+        "run over bracketing",
+        "note",
+    )
+    return Table(headings, "l" + "r" * len(words) * len(solvers) + "rl", lines)
 
 
 def effect_table(steps: Sequence[Step]) -> Table:
-    """What every effect costs, and what it costs to carry those that are not asked for."""
+    """Operations and times of every effect, and of the scene with all others compiled in at zero."""
     headings = (
         "body", "effect added", "operations", "by hand", "time a step", "more than before", "run over one by hand",
         "operations, all carried", "time a step, all carried", "run over one with all carried",

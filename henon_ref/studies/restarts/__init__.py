@@ -1,1 +1,1 @@
-"""Restart habits as an experiment: every library restarted after its events in every way, on a handful of cases."""
+"""Restart habits: every library restarted after its events in each of four ways, on a dozen cases."""

@@ -1,4 +1,4 @@
-"""The experiment's page: libraries against habits, over all readings and reading by reading."""
+"""The page of restart habits: outcomes by library and habit, over all readings and reading by reading."""
 
 from __future__ import annotations
 
@@ -10,18 +10,17 @@ from henon_ref import registry
 from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
-from henon_ref.report.files.write import REPORT, RUNS, replace_file
-from henon_ref.report.text.formats import listing, setting
-from henon_ref.report.text.markdown import environment
+from henon_ref.report.files.write import REPORT, RUNS
+from henon_ref.report.text.formats import setting
 from henon_ref.report.text.ranking import LEVELS, number
 from henon_ref.report.text.tables import Table
 from henon_ref.score.errors import EARLY
 from henon_ref.studies.atlas.family import outcome_of
+from henon_ref.studies.page import write
 
 FOLDER = "restarts"
-PAGE = "README.md"
 MOST = LEVELS[-1]
-"""Digits that are told apart."""
+"""Digits that are counted: more are rounding."""
 ENDINGS = ("right", "wrong", "ended early", "failed")
 """How a run may end: with the exact run's transitions, with others, before its time, or not at all."""
 
@@ -42,26 +41,16 @@ def write_page(rows: Sequence[Row], origin: Provenance, folder: Path) -> Path:
     OSError
         Where it cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    replace_file(folder / RUNS, csv_text(RUN_COLUMNS, rows).encode())
-    text = (
-        environment()
-        .get_template("restarts.md.j2")
-        .render(
-            runs=len(rows),
-            readings=len({(row["case"], row["reading"]) for row in rows}),
-            broken=broken(rows),
-            summary=summary_table(rows).markdown,
-            most=MOST,
-            defaults=default_table(rows).markdown,
-            details=detail_table(rows).markdown,
-            rerun=origin.rerun,
-            machine=origin.machine_text,
-            commit=origin.commit[:12],
-        )
-    )
-    replace_file(folder / PAGE, text.strip().encode() + b"\n")
-    return folder / PAGE
+    context = {
+        "runs": len(rows),
+        "readings": len({(row["case"], row["reading"]) for row in rows}),
+        "summary": summary_table(rows).markdown,
+        "most": MOST,
+        "defaults": default_table(rows).markdown,
+        "details": detail_table(rows).markdown,
+        "origin": origin,
+    }
+    return write(folder, "restarts", context, {RUNS: csv_text(RUN_COLUMNS, rows)})
 
 
 def libraries_of(rows: Sequence[Row]) -> list[str]:
@@ -70,25 +59,35 @@ def libraries_of(rows: Sequence[Row]) -> list[str]:
     return [name for name in registry.names() if name in present]
 
 
-def of_habit(rows: Sequence[Row], library: str, habit: str) -> list[Row]:
+def of_restart(rows: Sequence[Row], library: str, habit: str) -> list[Row]:
     """The runs of a library that was restarted by a habit."""
     name = f"{library}{registry.AT}{habit}"
     return [row for row in rows if row["solver"] == name and outcome_of(row) is not None]
 
 
 def summary_table(rows: Sequence[Row]) -> Table:
-    """Library and habit: how their runs ended, each in one column, and the transitions missed and spurious in them."""
+    """Library and habit: how their runs ended, each in one column, and the transitions missed and spurious in them.
+
+    The last column counts the runs that are not right although another habit of the library is.
+    """
     lines = []
     for library in libraries_of(rows):
         for habit in registry.RESTARTS:
-            own = of_habit(rows, library, habit)
+            own = of_restart(rows, library, habit)
             ends = Counter(map(ending, own))
             edits = (sum(int(number(row, c)) for row in own if row[c] is not None) for c in ("missed", "spurious"))
             label = f"**`{habit}`**" if habit == registry.restart_of(library) else f"`{habit}`"
-            lines.append(
-                (f"`{library}`", label, *(f"{ends[end] or ''}" for end in ENDINGS), *(f"{n or ''}" for n in edits))
-            )
-    return Table(("library", "habit", *ENDINGS, "transitions missed", "spurious"), "llrrrrrr", lines)
+            counts = (*(ends[end] for end in ENDINGS), *edits, broken_runs(rows, library, habit))
+            lines.append((f"`{library}`", label, *(f"{n or ''}" for n in counts)))
+    headings = ("library", "habit", *ENDINGS, "transitions missed", "spurious", "right by another habit")
+    return Table(headings, "ll" + "r" * (len(headings) - 2), lines)
+
+
+def broken_runs(rows: Sequence[Row], library: str, habit: str) -> int:
+    """How many runs of a habit are not right although another one gets the same reading and tolerance right."""
+    others = [row for other in registry.RESTARTS if other != habit for row in of_restart(rows, library, other)]
+    right = set(_by_problem([row for row in others if outcome_of(row) == "right"]))
+    return sum(outcome_of(row) != "right" and _problem(row) in right for row in of_restart(rows, library, habit))
 
 
 def ending(row: Row) -> str:
@@ -100,19 +99,19 @@ def ending(row: Row) -> str:
 
 
 def default_table(rows: Sequence[Row]) -> Table:
-    """Each library's default against the best other habit: what either gives up."""
+    """Each library's default against the best other habit: runs that one alone gets right, or to a digit more."""
     lines = []
     for library in libraries_of(rows):
         own = registry.restart_of(library)
         others = [habit for habit in registry.RESTARTS if habit != own]
-        best = max(others, key=lambda habit: _merit(of_habit(rows, library, habit)))
-        mine, other = (_by_problem(of_habit(rows, library, habit)) for habit in (own, best))
+        best = max(others, key=lambda habit: _merit(of_restart(rows, library, habit)))
+        mine, other = (_by_problem(of_restart(rows, library, habit)) for habit in (own, best))
         pairs = [(mine[problem], other[problem]) for problem in mine.keys() & other.keys()]
         counts = (
             sum(_gains(ours, theirs) for ours, theirs in pairs),
             sum(_gains(theirs, ours) for ours, theirs in pairs),
-            sum(_closer(ours, theirs) for ours, theirs in pairs),
-            sum(_closer(theirs, ours) for ours, theirs in pairs),
+            sum(_digit_better(ours, theirs) for ours, theirs in pairs),
+            sum(_digit_better(theirs, ours) for ours, theirs in pairs),
         )
         lines.append((f"`{library}`", f"`{own}`", f"`{best}`", *(f"{n or ''}" for n in counts)))
     headings = (
@@ -125,16 +124,21 @@ def default_table(rows: Sequence[Row]) -> Table:
 def _merit(rows: Sequence[Row]) -> tuple[int, int]:
     """How many runs are right, and whole digits in all of these."""
     good = [row for row in rows if ending(row) == "right"]
-    return len(good), sum(int(_told(row)) for row in good if row["digits"] is not None)
+    return len(good), sum(int(_counted_digits(row)) for row in good if row["digits"] is not None)
 
 
-def _told(row: Row) -> float:
-    """Digits; what is beyond MOST is rounding."""
+def _counted_digits(row: Row) -> float:
+    """Digits up to MOST; more are rounding."""
     return min(number(row, "digits"), MOST)
 
 
 def _by_problem(rows: Sequence[Row]) -> dict[tuple[object, ...], Row]:
-    return {(row["case"], row["reading"], row["rtol"]): row for row in rows}
+    return {_problem(row): row for row in rows}
+
+
+def _problem(row: Row) -> tuple[object, ...]:
+    """What a library is to solve: reading and tolerance."""
+    return row["case"], row["reading"], row["rtol"]
 
 
 def _gains(row: Row, other: Row) -> bool:
@@ -142,32 +146,9 @@ def _gains(row: Row, other: Row) -> bool:
     return ending(row) == "right" != ending(other)
 
 
-def _closer(row: Row, other: Row) -> bool:
+def _digit_better(row: Row, other: Row) -> bool:
     """Whether both are right, and this one gets a digit more."""
-    return ending(row) == ending(other) == "right" and _told(row) - _told(other) >= 1.0
-
-
-def broken(rows: Sequence[Row]) -> list[str]:
-    """One sentence a habit: the libraries that it makes wrong where another habit is right."""
-    sentences = []
-    for habit in registry.RESTARTS:
-        losses = {}
-        for library in libraries_of(rows):
-            lost = [row for row in of_habit(rows, library, habit) if outcome_of(row) != "right"]
-            losses[library] = sum(_right_otherwise(rows, library, row) for row in lost)
-        worst = [f"`{library}` ({lost})" for library, lost in losses.items() if lost]
-        sentences.append(f"`{habit}` breaks {listing(worst)}." if worst else f"`{habit}` breaks none.")
-    return sentences
-
-
-def _right_otherwise(rows: Sequence[Row], library: str, lost: Row) -> bool:
-    """Whether another habit of the same library gets the same reading and tolerance right."""
-    same = ("case", "reading", "rtol")
-    return any(
-        outcome_of(row) == "right" and all(row[column] == lost[column] for column in same)
-        for habit in registry.RESTARTS
-        for row in of_habit(rows, library, habit)
-    )
+    return ending(row) == ending(other) == "right" and _counted_digits(row) - _counted_digits(other) >= 1.0
 
 
 def detail_table(rows: Sequence[Row]) -> Table:
@@ -177,7 +158,7 @@ def detail_table(rows: Sequence[Row]) -> Table:
     for case, reading in keys:
         own = [row for row in rows if (row["case"], row["reading"]) == (case, reading)]
         for library in libraries_of(own):
-            cells = [_cell(of_habit(own, library, habit)) for habit in registry.RESTARTS]
+            cells = [_cell(of_restart(own, library, habit)) for habit in registry.RESTARTS]
             if any(cells):
                 text = case if reading == "default" else f"{case}, {reading}"
                 anchor = "" if reading == "default" else f"#{reading}"

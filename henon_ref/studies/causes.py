@@ -6,11 +6,9 @@ import importlib.metadata
 from pathlib import Path
 
 from baselines.causes import CAUSES, Cause, ClaimError
-from henon_ref.report.files.write import replace_file
-from henon_ref.report.text.markdown import environment
+from henon_ref.studies.page import write
 
 FOLDER = "causes"
-PAGE = "README.md"
 
 
 def write_causes(out: Path) -> Path:
@@ -26,12 +24,8 @@ def write_causes(out: Path) -> Path:
     OSError
         Where the page cannot be written.
     """
-    folder = out / FOLDER
-    folder.mkdir(parents=True, exist_ok=True)
     shown = [{"cause": cause, "version": _version(cause.package), "seen": _seen(cause)} for cause in CAUSES.values()]
-    text = environment().get_template("causes.md.j2").render(causes=shown)
-    replace_file(folder / PAGE, text.strip().encode() + b"\n")
-    return folder / PAGE
+    return write(out / FOLDER, "causes", {"causes": shown})
 
 
 def _version(package: str) -> str | None:

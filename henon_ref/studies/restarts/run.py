@@ -1,4 +1,4 @@
-"""The experiment: which readings, which libraries, and what a habit breaks."""
+"""The study of restart habits: its readings, its libraries, and their runs."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from henon_ref import registry
-from henon_ref.campaign.comparison import Comparison, compare_all
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.casefile.case import Case
-from henon_ref.columns import Row
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.studies.restarts.page import FOLDER, write_page
+from henon_ref.studies.runs import rows_of
 
 CASES: dict[str, tuple[str, ...]] = {
     "fig8": ("listing_limit",),
@@ -65,15 +64,10 @@ def run_restarts(
         The page; None where none of the cases is there, or no solver that restarts a library was asked for.
     """
     found = chosen(cases)
-    asked = options.solvers or registry.default_names()
-    libraries = [name for name in asked if isinstance(name, str) and registry.restart_of(name)]
+    names = options.solvers or registry.default_names()
+    libraries = [name for name in names if isinstance(name, str) and registry.restart_of(name)]
     if not found or not libraries:
         return None
-    rows: dict[str, list[Row]] = {}
-
-    def deliver(comparison: Comparison) -> None:
-        rows[comparison.case.name] = comparison.run_rows
-
     folder = out / FOLDER
     changed = replace(
         options,
@@ -83,5 +77,5 @@ def run_restarts(
         timed=False,
         folder=folder,
     )
-    compare_all(found, changed, deliver, observer=observer)
-    return write_page([row for case in found for row in rows[case.name]], origin, folder)
+    rows = [row for own in rows_of(found, changed, observer).values() for row in own]
+    return write_page(rows, origin, folder)

@@ -1,4 +1,4 @@
-"""Rivals in turn: who is timed against whom, and what the page and the index say of it."""
+"""Paired times: who is timed against whom, and what the page and the index say of it."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from henon_ref.report.text.paired_times import (
     slower_table,
     spread_table,
 )
-from henon_ref.studies.rivals import experiment
-from henon_ref.studies.rivals.duel import TURN, Duel
-from henon_ref.studies.rivals.experiment import duels_of, run_rivals
-from henon_ref.studies.rivals.match import Entry, Match, compiled_matches
-from henon_ref.studies.rivals.page import write_page
+from henon_ref.studies.price import report_pairs
+from henon_ref.studies.price.paired_times import TURN, PairedTiming
+from henon_ref.studies.price.paired_times_page import write_page
+from henon_ref.studies.price.pairs import Candidate, Pair, compiled_pairs
+from henon_ref.studies.price.report_pairs import run_paired_times, timings_of
 
 CASE = case()
 READING = CASE.readings[0]
@@ -58,21 +58,21 @@ ROWS = [
 ]
 
 
-def made(rows: list[dict[str, object]]) -> Duel | None:
-    return next(duels_of(CASE, rows, 10.0), None)
+def made(rows: list[dict[str, object]]) -> PairedTiming | None:
+    return next(timings_of(CASE, rows, 10.0), None)
 
 
 def chosen(rows: list[dict[str, object]]) -> list[tuple[int | None, str, list[object], list[object]]]:
     """Digits, what is against whom, settings of the reference, solvers and settings of the rival."""
-    duel = made(rows)
-    return [] if duel is None else [
+    timing = made(rows)
+    return [] if timing is None else [
         (
-            match.digits,
-            match.against,
-            [own.setting.rtol for own in match.own],
-            [(rival.solver, rival.setting.rtol) for rival in match.rival],
+            pair.digits,
+            pair.against,
+            [own.setting.rtol for own in pair.own],
+            [(rival.solver, rival.setting.rtol) for rival in pair.rival],
         )
-        for match in duel.matches
+        for pair in timing.pairs
     ]  # fmt: skip
 
 
@@ -88,12 +88,12 @@ def test_the_cheapest_settings_for_the_same_digits_are_timed() -> None:
         (9, "heyoka", [1e-9], HEYOKA[:1]),
         (9, OTHERS, [1e-9], [*HEYOKA[:1], ("scipy-dop853", 1e-9)]),
     ]
-    duel = made(ROWS)
-    assert duel is not None
-    assert duel.matches[1].rival[0].setting == Setting(None, None, 1e-3)
-    assert [entry.wall_s for entry in duel.entries] == [1e-5, 2e-5, 3e-5, 4e-5, 2.5e-5, 1e-3]
-    assert duel.round_s == pytest.approx(6 * TURN)
-    assert duel.rounds == 166
+    timing = made(ROWS)
+    assert timing is not None
+    assert timing.pairs[1].rival[0].setting == Setting(None, None, 1e-3)
+    assert [entry.wall_s for entry in timing.candidates] == [1e-5, 2e-5, 3e-5, 4e-5, 2.5e-5, 1e-3]
+    assert timing.round_s == pytest.approx(6 * TURN)
+    assert timing.rounds == 166
 
 
 def test_where_there_is_no_transition_the_cheapest_right_settings_count() -> None:
@@ -121,11 +121,11 @@ PLAIN = [
 
 
 def compiled(rows: list[dict[str, object]]) -> list[tuple[int | None, list[tuple[str, float | None]]]]:
-    found = compiled_matches(rows, LIBRARIES, (6, 9))
-    assert all(match.against == LIBRARIES and [own.solver for own in match.own] == ["henon"] for match in found)
+    found = compiled_pairs(rows, LIBRARIES, (6, 9))
+    assert all(pair.against == LIBRARIES and [own.solver for own in pair.own] == ["henon"] for pair in found)
     return [
-        (match.digits, [(entry.solver, entry.setting.rtol) for entry in match.rival])
-        for match in compiled_matches(rows, LIBRARIES, (6, 9))
+        (pair.digits, [(entry.solver, entry.setting.rtol) for entry in pair.rival])
+        for pair in compiled_pairs(rows, LIBRARIES, (6, 9))
     ]
 
 
@@ -144,19 +144,19 @@ def test_answers_that_nobody_has_checked_are_checked_before_they_are_timed(monke
     """The fakes are off by their tolerance: one is right to 6 digits, one to 8, and one misses a transition."""
     fakes = {"henon": Fake("henon"), "a+numba": Fake("a"), "b+numba": Fake("b"), "c+numba": Fake("c", "misses")}
     monkeypatch.setattr(registry, "solver", fakes.__getitem__)
-    own = (Entry("henon", Setting(1e-10, 1e-10), 1e-3),)
+    own = (Candidate("henon", Setting(1e-10, 1e-10), 1e-3),)
     loose, tight, wrong = (
-        Entry(name, Setting(rtol, rtol), 1e-3)
+        Candidate(name, Setting(rtol, rtol), 1e-3)
         for name, rtol in (("a+numba", 1e-7), ("b+numba", 1e-9), ("c+numba", 1e-10))
     )
-    matches = (
-        Match(6, LIBRARIES, own, (loose, wrong)),
-        Match(7, LIBRARIES, own, (loose, tight, wrong)),
-        Match(8, LIBRARIES, own, (loose,)),
-        Match(9, LIBRARIES, own, (wrong,)),
+    pairs = (
+        Pair(6, LIBRARIES, own, (loose, wrong)),
+        Pair(7, LIBRARIES, own, (loose, tight, wrong)),
+        Pair(8, LIBRARIES, own, (loose,)),
+        Pair(9, LIBRARIES, own, (wrong,)),
     )
-    duel = Duel("c", "r", READING.problem, matches, 0.01, 1.0, expected())
-    rows, refused = duel.run(WorkerState(lambda kind, value: None))
+    timing = PairedTiming("c", "r", READING.problem, pairs, 0.01, 1.0, expected())
+    rows, refused = timing.run(WorkerState(lambda kind, value: None))
     assert refused == [
         "c, r, c+numba at rtol 1e-10 for 6 digits: it is not right",
         "c, r, a+numba at rtol 1e-07 for 7 digits: it gets 6.9",
@@ -169,9 +169,10 @@ def test_answers_that_nobody_has_checked_are_checked_before_they_are_timed(monke
 
 
 def test_what_reads_a_truth_is_timed_with_compiled_callbacks(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert [duel.expected for duel in duels_of(CASE, PLAIN, 1.0)] == [None]
-    monkeypatch.setattr(experiment, "stored_statement", statement)
-    assert [duel.expected for duel in duels_of(CASE, PLAIN, 1.0)] == [None, expected()]
+    monkeypatch.setattr(report_pairs, "stored_statement", lambda case, reading: None)
+    assert [timing.expected for timing in timings_of(CASE, PLAIN, 1.0)] == [None]
+    monkeypatch.setattr(report_pairs, "stored_statement", statement)
+    assert [timing.expected for timing in timings_of(CASE, PLAIN, 1.0)] == [None, expected()]
 
 
 @dataclass(frozen=True)
@@ -204,11 +205,11 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
     log = tmp_path / "log"
     speeds = {"henon": 0.004, "heyoka": 0.002, "henon-rk4": 0.008}
     sleepers = {name: Sleeper(name, log=str(log), seconds=seconds) for name, seconds in speeds.items()}
-    monkeypatch.setattr(experiment, "SECONDS", 0.4)
+    monkeypatch.setattr(report_pairs, "SECONDS", 0.4)
     monkeypatch.setattr(registry, "solver", sleepers.__getitem__)
     rows = [entry for entry in ROWS if entry["solver"] != "scipy-dop853"]
     reported(tmp_path, rows)
-    page = run_rivals([CASE], Options(), provenance("again"), tmp_path, Silent())
+    page = run_paired_times([CASE], Options(), provenance("again"), tmp_path, Silent())
     rows = read_ratios(tmp_path)
     assert [(row["digits"], row["against"], row["rival"]) for row in rows] == [
         (digits, against, "heyoka") for digits in (3, 6, 9) for against in ("heyoka", OTHERS)
@@ -247,7 +248,7 @@ def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: py
     sleepers = {name: Sleeper(name, log=str(tmp_path / "log")) for name in ("henon", "henon-rk4")}
     monkeypatch.setattr(registry, "solver", (sleepers | {"heyoka": Sleeper("heyoka", "dies")}).__getitem__)
     reported(tmp_path, ROWS)
-    page = run_rivals([CASE], Options(), provenance("again"), tmp_path, Silent())
+    page = run_paired_times([CASE], Options(), provenance("again"), tmp_path, Silent())
     assert page is not None
     assert (
         f"- {CASE.name}, {READING.name}, against heyoka, {OTHERS}: the library was ended by signal SIGABRT"
@@ -264,9 +265,9 @@ def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pyt
     others = [entry | {"reading": reading} for reading, entries in kinds.items() for entry in entries]
     sleepers = {name: Sleeper(name, log=str(tmp_path / "log")) for name in ("henon", "heyoka", "henon-rk4")}
     monkeypatch.setattr(registry, "solver", sleepers.__getitem__)
-    monkeypatch.setattr(experiment, "SECONDS", 0.01)
+    monkeypatch.setattr(report_pairs, "SECONDS", 0.01)
     reported(tmp_path, [*ROWS[:5], *others])
-    page = run_rivals([CASE], Options(), provenance("again"), tmp_path, Silent())
+    page = run_paired_times([CASE], Options(), provenance("again"), tmp_path, Silent())
     assert page is not None
     text = page.read_text()
     left = text.partition("## Left out")[2].partition("##")[0]
@@ -287,13 +288,14 @@ def test_the_page_says_where_compiled_callbacks_were_timed(tmp_path: Path) -> No
     rows += [timed("idle", None, OTHERS), timed("idle", None, LIBRARIES)]
     text = write_page(rows, [], {}, ROWS, provenance("again"), tmp_path).read_text()
     assert "at 6 and 9 digits alone, and where there is no transition.\n" in text
-    assert "That is 2 of the 3 readings at 6 digits and 1 of the 3 readings at 9 digits; on the others" in text
+    readings = {tuple(line[2:-2].split(" | ")[:3]) for line in text.splitlines() if line.startswith(f"| {LIBRARIES} |")}
+    assert readings == {(LIBRARIES, "6", "2"), (LIBRARIES, "9", "1"), (LIBRARIES, "no transition", "1")}
     assert "Left out" not in text
 
 
 def test_no_rival_no_page(tmp_path: Path) -> None:
     reported(tmp_path, ROWS[:3])
-    assert run_rivals([CASE], Options(), provenance("again"), tmp_path, Silent()) is None
+    assert run_paired_times([CASE], Options(), provenance("again"), tmp_path, Silent()) is None
     assert not (tmp_path / "rivals").exists()
 
 

@@ -1,4 +1,4 @@
-"""The experiment: ``henon`` and its rivals in turn on every reading of a folder of cases."""
+"""Paired timing over a folder of reports: ``henon`` against the cheapest other solvers of every reading."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.files.write import RUNS
 from henon_ref.report.text.paired_times import FIRST, FOLDER, LIBRARIES, OTHERS, SECOND, link
 from henon_ref.report.text.ranking import LEVELS, name, readings_of
-from henon_ref.studies.rivals.duel import Duel, fight
-from henon_ref.studies.rivals.match import able_rows, compiled_matches, matches
-from henon_ref.studies.rivals.page import write_page
+from henon_ref.studies.price.paired_times import PairedTiming, time_pairs
+from henon_ref.studies.price.paired_times_page import write_page
+from henon_ref.studies.price.pairs import able_rows, compiled_pairs, pairs_of
 
 SECONDS = 1.0
 """Time that the runs of a reading may take in all."""
@@ -24,7 +24,7 @@ COMPILED_LEVELS = (6, 9)
 """Digits at which libraries with compiled callbacks are timed, too: each has to be compiled at each setting."""
 
 
-def run_rivals(
+def run_paired_times(
     cases: Sequence[Case], options: Options, origin: Provenance, out: Path, observer: Observer
 ) -> Path | None:
     """Time the reference and its rivals in turn on every reading whose report is there, and write the page.
@@ -45,16 +45,16 @@ def run_rivals(
         The page; None where no reading has a rival.
     """
     runs = {case.name: read_rows(out / case.name / RUNS) for case in cases}
-    duels = {case.name: list(duels_of(case, runs[case.name], options.timeout)) for case in cases}
-    if not any(duels.values()):
+    timings = {case.name: list(timings_of(case, runs[case.name], options.timeout)) for case in cases}
+    if not any(timings.values()):
         return None
-    rows, failed = fight(duels, options, observer)
+    rows, failed = time_pairs(timings, options, observer)
     every = [row for own in runs.values() for row in own]
     return write_page(rows, failed, left_out(every), every, origin, out / FOLDER)
 
 
 def left_out(rows: Sequence[Row]) -> dict[str, list[str]]:
-    """The readings in which nobody is timed, as links, by whose run is missing: one that gets the fewest digits."""
+    """Links to the readings without a pair, by the solver that has no right run to the fewest digits of a level."""
     found: dict[str, list[str]] = {}
     for (case, reading), own in readings_of(rows).items():
         able = {name(row) for _, level in able_rows(own, LEVELS) for row in level if row["wall_s"]}
@@ -65,16 +65,16 @@ def left_out(rows: Sequence[Row]) -> dict[str, list[str]]:
     return found
 
 
-def duels_of(case: Case, rows: Sequence[Row], deadline: float) -> Iterator[Duel]:
+def timings_of(case: Case, rows: Sequence[Row], deadline: float) -> Iterator[PairedTiming]:
     """What is to be timed on a case's readings, by the rows of its report; ``deadline``: of one run [s]."""
     by_reading = readings_of(rows)
     for reading in case.readings:
         own = by_reading.get((case.name, reading.name), [])
         rivals = {SECOND: (SECOND,), OTHERS: set(map(name, own)) - {FIRST}}
-        found = tuple(matches(own, rivals, LEVELS))
+        found = tuple(pairs_of(own, rivals, LEVELS))
         if found:
-            yield Duel(case.name, reading.name, reading.problem, found, SECONDS, deadline)
+            yield PairedTiming(case.name, reading.name, reading.problem, found, SECONDS, deadline)
         truth = stored_statement(case, reading)
-        found = tuple(compiled_matches(own, LIBRARIES, COMPILED_LEVELS))
+        found = tuple(compiled_pairs(own, LIBRARIES, COMPILED_LEVELS))
         if found and truth is not None and truth.expected is not None:
-            yield Duel(case.name, reading.name, reading.problem, found, SECONDS, deadline, truth.expected)
+            yield PairedTiming(case.name, reading.name, reading.problem, found, SECONDS, deadline, truth.expected)

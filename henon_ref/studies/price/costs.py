@@ -1,0 +1,45 @@
+"""What a solver costs for so many digits, as a multiple of ``henon``'s time: read from the pairs that were timed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from henon_ref.columns import Row
+from henon_ref.report.text.paired_times import FIRST
+from henon_ref.report.text.ranking import name, number, reaching, readings_of
+from henon_ref.studies.price.ladder import TIMEOUT
+
+
+def costs(found: Sequence[Row], reading: tuple[str, str], digits: int) -> dict[str, float]:
+    """Each solver's time over that of ``henon``, for so many digits in one reading."""
+    rows = [row for row in found if (row["case"], row["reading"]) == reading and row["digits"] == digits]
+    return {str(row["rival"]): 1.0 / number(row, "ratio") for row in rows} | ({FIRST: 1.0} if rows else {})
+
+
+def mean_costs(found: Sequence[Row], digits: int) -> dict[str, float]:
+    """Geometric mean of these over all readings that another solver gets to so many digits, too.
+
+    Solvers that do not get there in every one are left out.
+    """
+    readings = dict.fromkeys((str(row["case"]), str(row["reading"])) for row in found if row["digits"] == digits)
+    each = [costs(found, reading, digits) for reading in readings]
+    common = [solver for solver in dict.fromkeys(s for own in each for s in own) if all(solver in own for own in each)]
+    return {solver: math.exp(sum(math.log(own[solver]) for own in each) / len(each)) for solver in common}
+
+
+def why_not(rows: Sequence[Row], solver: str, digits: int) -> str:
+    """Why a solver has no mean cost for so many digits: what keeps it from them in the first reading where it fails."""
+    for own in readings_of(rows).values():
+        if reaching([row for row in own if name(row) != solver], digits):
+            ladder = [row for row in own if name(row) == solver]
+            if not reaching(ladder, digits):
+                return _failure(ladder)
+    return ""
+
+
+def _failure(ladder: Sequence[Row]) -> str:
+    ends: Mapping[object, str] = {"unsupported": "unsupported", "unavailable": "not installed"}
+    if any(row["status"] == "timeout" for row in ladder):
+        return f"over {TIMEOUT:g} s"
+    return next((ends[row["status"]] for row in ladder if row["status"] in ends), "not reached")

@@ -1,0 +1,64 @@
+"""The page of paired times over all reports: how the ratios spread, and where another solver is faster."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from henon_ref.columns import Row
+from henon_ref.report.files.csv_files import csv_text
+from henon_ref.report.files.manifest import Provenance
+from henon_ref.report.text import formats as words
+from henon_ref.report.text.paired_times import COLUMNS, LIBRARIES, RATIOS, slower_table, spread_table
+from henon_ref.report.text.ranking import LEVELS, number, readings_of
+from henon_ref.studies.page import write
+from henon_ref.text import markdown
+
+
+def write_page(
+    rows: Sequence[Row],
+    failed: Sequence[str],
+    left: Mapping[str, Sequence[str]],
+    runs: Sequence[Row],
+    origin: Provenance,
+    folder: Path,
+) -> Path:
+    """Write ratios and page.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        A row a pair, with COLUMNS.
+    failed : sequence of str
+        Readings that could not be timed, and why.
+    left : mapping of sequences of str
+        Readings in which there is nothing to time, as links, by the reason.
+    runs : sequence of Row
+        Rows of the reports that told whom to time.
+    origin : Provenance
+    folder : Path
+        The experiment's own folder; made if need be.
+
+    Raises
+    ------
+    OSError
+        Where it cannot be written.
+    """
+    slower = slower_table(rows, runs)
+    context = {
+        "readings": len({(row["case"], row["reading"]) for row in rows}),
+        "total": len(readings_of(runs)),
+        "left": left,
+        "fewest": LEVELS[0],
+        "levels": words.listing([f"{digits}" for digits in compiled_levels(rows)]),
+        "spread": spread_table(rows).markdown,
+        "slower": slower.markdown if slower.rows else "",
+        "failed": [markdown(each) for each in failed],
+        "origin": origin,
+    }
+    return write(folder, "paired_times", context, {RATIOS: csv_text(COLUMNS, rows)})
+
+
+def compiled_levels(rows: Sequence[Row]) -> list[int]:
+    """Digits at which libraries with compiled callbacks were timed."""
+    return sorted({int(number(row, "digits")) for row in rows if row["against"] == LIBRARIES and row["digits"]})

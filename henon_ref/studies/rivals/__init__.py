@@ -1,1 +1,0 @@
-"""The reference against its rivals, timed in turn on every reading."""

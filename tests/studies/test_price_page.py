@@ -1,0 +1,64 @@
+"""The price list's page: everything that was measured is on it, and every file that it links to is there."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from henon_ref.columns import RUN_COLUMNS, Row
+from henon_ref.report.files.csv_files import read_rows
+from henon_ref.report.files.manifest import provenance
+from henon_ref.report.text.paired_times import COLUMNS
+from henon_ref.studies.price.compiling import Ready
+from henon_ref.studies.price.growth import Horizon
+from henon_ref.studies.price.landings import Landed
+from henon_ref.studies.price.operations import Work
+from henon_ref.studies.price.page import Prices, write_page
+from henon_ref.studies.price.paired_times import RIVAL_SAMPLES, SAMPLES
+from henon_ref.studies.price.states import Size
+
+
+def run(solver: str, wall: float, iqr: float | None) -> Row:
+    own = {"case": "c", "reading": "late", "solver": solver, "rtol": 1e-9, "verdict": "right", "status": "ok"}
+    counts = {"digits": 9.5, "max_time_error_s": 3e-10, "rhs_evaluations": 50.0, "steps": 10.0, "wall_s": wall}
+    return dict.fromkeys(RUN_COLUMNS) | own | counts | {"wall_s_iqr": iqr}
+
+
+def prices() -> Prices:
+    pair = dict.fromkeys(COLUMNS) | {
+        "case": "c", "reading": "late", "digits": 9, "against": "heyoka", "rtol": 1e-9, "rival": "heyoka",
+        "rival_rtol": 1e-9, "wall_s": 1e-5, "rival_wall_s": 4e-5, "ratio": 0.25, "ratio_low": 0.2, "ratio_high": 0.3,
+        "rounds": 3, SAMPLES: [1e-5] * 3, RIVAL_SAMPLES: [4e-5] * 3,
+    }  # fmt: skip
+    landings = ("henon", "henon-newton", "henon-brent")
+    return Prices(
+        rows=[run("henon", 1e-5, 1e-7), run("heyoka", 4e-5, 1e-5), run("scipy-dop853", 1e-2, None)],
+        samples=[],
+        pairs=[pair],
+        failed=["c, late, against ida: it *died*"],
+        ready=[Ready("c", "late", "henon", 1e-9, 1e-5, 4.0, 1.0)],
+        landings=[Landed("c", "late", solver, 5, 2.0, 1e-5, 0.75, 1e-15) for solver in landings],
+        work=Work(100, 50, 10, 20, 20, 4, 6, 30, 1e-5, 1e10),
+        effects=[],
+        growth=[Horizon("henon", until, 10, 1e-3, 0.0, 1e-13) for until in (1e3, 1e4)],
+        sizes=[Size(2, solver, 5, 1.0, 1e-5, 1.0, 10, 1e-5, 1.0, True) for solver in ("henon", "heyoka")],
+    )
+
+
+def test_every_link_of_the_page_leads_to_a_file(tmp_path: Path) -> None:
+    text = write_page(prices(), provenance("make it again"), tmp_path).read_text(encoding="utf-8")
+    links = {link for link in re.findall(r"\]\(([^)]+)\)", text) if not link.startswith(("#", "../"))}
+    assert {path.name for path in tmp_path.iterdir()} == links | {"README.md"}
+    assert len(read_rows(tmp_path / "price.csv")) == 3
+    assert len(read_rows(tmp_path / "samples.csv")) == 2
+
+
+def test_the_page_shows_what_was_measured(tmp_path: Path) -> None:
+    text = write_page(prices(), provenance("make it again"), tmp_path).read_text(encoding="utf-8")
+    assert "## c, late" in text
+    assert "| 0.25 (0.2–0.3) |" in text
+    assert "Times in the figure: 3; 1 scatter" in text
+    assert "1 rest on one or two runs" in text
+    assert "| 0.75 |  |\n" in text
+    assert "Not timed: c, late, against ida: it \\*died\\*" in text
+    assert "    make it again\n" in text
