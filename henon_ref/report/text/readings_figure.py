@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from henon_ref.columns import Row
 from henon_ref.figures import style
 from henon_ref.report.text.matrix import solvers_of
-from henon_ref.report.text.ranking import LEVELS, best_of, by_solver, number
-from henon_ref.report.text.summary import NOT_RUN
+from henon_ref.report.text.ranking import LEVELS, NOT_RUN, best_of, by_solver, number
 from henon_ref.text import one_line
 
 if TYPE_CHECKING:
