@@ -34,7 +34,7 @@ _RC: dict[Any, Any] = {
     "axes.labelsize": 9.0,
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # where it is anyway: to look for ticks above it lays out every tick label once more
+    "axes.titley": 1.0,  # the default place, said: without it matplotlib lays out every tick label once more
     "xtick.labelsize": 8.0,
     "ytick.labelsize": 8.0,
     "legend.fontsize": 8.0,
@@ -93,13 +93,13 @@ _LINES = {
 
 
 def line_of(solver: str) -> Line:
-    """How a solver is drawn: a variant (``+numba``, ``@offset``) like its plain form, dash-dotted.
+    """How a solver is drawn: a variant (``+numba``, ``@offset``) as its base solver, dash-dotted.
 
-    Third parties' solvers share one look and are told apart by their labels.
+    Third parties' solvers share one line style and are told apart by their labels.
     """
-    plain, *variant = re.split("[+@]", solver)
-    look = _LINES.get(plain, Line(PURPLE, "d"))
-    return replace(look, dashes="-.") if variant else look
+    base, *variant = re.split("[+@]", solver)
+    line = _LINES.get(base, Line(PURPLE, "d"))
+    return replace(line, dashes="-.") if variant else line
 
 
 @contextmanager
@@ -113,7 +113,7 @@ def figure(height: float, *, width: float = WIDTH) -> Iterator[Figure]:
 
 
 def save(figure: Figure, target: Path | BinaryIO, kind: str = "svg") -> None:
-    """Write a figure (as PNG, for a look at it) with nothing in it that changes from run to run."""
+    """Write a figure (SVG, or PNG for viewing) with nothing in it that changes from run to run."""
     import matplotlib
 
     metadata = {"Date": None, "Creator": None} if kind == "svg" else None

@@ -141,7 +141,7 @@ def _mark(row: Row, samples: Sequence[float] = ()) -> str:
 
 
 def reason_table(rows: Sequence[Row]) -> Table | None:
-    """Why a run is not right: the solver's words, the verdict and what it rests on, the cause where it is known."""
+    """Why a run is not right: the solver's reason, the verdict and what it rests on, the cause where it is known."""
     # One line for a solver that says the same at every setting.
     merged: dict[tuple[str, ...], list[str]] = {}
     for row in rows:
@@ -149,14 +149,14 @@ def reason_table(rows: Sequence[Row]) -> Table | None:
             continue
         verdict = ": ".join(markdown(str(row[column])) for column in ("verdict", "verdict_basis") if row[column])
         cause = _cause(str(row["cause"])) if row["cause"] else ""
-        words = (code(name(row)), str(row["status"]), markdown(str(row["status_reason"] or "")), verdict, cause)
-        merged.setdefault(words, []).append(setting(row["rtol"], row["step_s"]))
+        cells = (code(name(row)), str(row["status"]), markdown(str(row["status_reason"] or "")), verdict, cause)
+        merged.setdefault(cells, []).append(setting(row["rtol"], row["step_s"]))
     if not merged:
         return None
     return Table(
         ("solver", "setting", "status", "reason", "verdict", "cause"),
         "lrllll",
-        [(words[0], ", ".join(at), *words[1:]) for words, at in merged.items()],
+        [(cells[0], ", ".join(at), *cells[1:]) for cells, at in merged.items()],
     )
 
 
