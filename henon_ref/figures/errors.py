@@ -38,10 +38,13 @@ class ScoredRun(Protocol):
 
 
 def tightest(records: Sequence[ScoredRun]) -> list[ScoredRun]:
-    """The last setting of every solver that matched at least one transition."""
+    """The last setting of every solver that matched at least one transition.
+
+    A run that the time limit stopped is left out: how far it came is the machine's doing.
+    """
     best: dict[object, ScoredRun] = {}
     for record in records:
-        if record.run["matched"]:
+        if record.run["matched"] and record.run["status"] != "timeout":
             best[record.run["solver"]] = record
     return list(best.values())
 

@@ -210,6 +210,16 @@ def test_figures_are_the_same_bytes_for_the_same_data(comparison):
     assert all(b"dc:date" not in content for content in first.values())
 
 
+def test_only_the_cost_figure_changes_where_nothing_but_timings_did(comparison):
+    slower = [
+        replace(own, run={**own.run, "wall_s": 3.0, "compile_s": 4.0}) for own in comparison.records if own.samples
+    ]
+    cut_off = [replace(own, run={**own.run, "rtol": 1e-13, "status": "timeout"}) for own in comparison.records[:2]]
+    quick = drawn(job(comparison, records=tuple(own for own in comparison.records if own.samples)))
+    slow = drawn(job(comparison, records=(*slower, *cut_off)))
+    assert {name for name in quick if quick[name] != slow[name]} == {"default_cost.svg"}
+
+
 def test_figures_stand_any_lack_of_data(comparison):
     assert drawn(job(comparison, expected=None)) == {}
     empty = drawn(job(comparison, samples=None, records=()))
