@@ -135,7 +135,7 @@ def index_text(
         .render(
             key=KEY,
             matrix=matrix(("case",), [((entry.label,), entry.rows) for entry in found]).markdown,
-            solvers=solver_table(found, cheapest(ratios)).markdown,
+            solvers=ranking_table(found, cheapest(ratios)).markdown,
             cases=len({entry.case for entry in found}),
             spread=spread.markdown if spread.rows else "",
             slower=slower.markdown if slower.rows else "",
@@ -147,7 +147,7 @@ def index_text(
     )
 
 
-def solver_table(found: Sequence[Entry], in_turn: Mapping[tuple[str, str, int], str]) -> Table:
+def ranking_table(found: Sequence[Entry], in_turn: Mapping[tuple[str, str, int], str]) -> Table:
     """In how many readings each solver is right, and how often it is the cheapest for so many digits.
 
     Right is a solver that is so at one setting at least; of the readings those count that it was run on. Who is the

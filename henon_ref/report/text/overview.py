@@ -34,7 +34,7 @@ def overview(comparison: Comparison) -> dict[str, Any] | None:
     prices = price_table(whole)
     lines = [((f"[{reading}](#{reading})", _transitions(rows)), rows) for reading, rows in readings]
     return {
-        "solvers": solver_table(whole, len(readings), len(comparison.readings)).markdown,
+        "solvers": right_in_all_table(whole, len(readings), len(comparison.readings)).markdown,
         "prices": prices.markdown if prices else "",
         "legend": LEGEND if prices and MARK in prices.markdown else "",
         "figure": READINGS if is_drawn(comparison) else "",
@@ -58,7 +58,7 @@ def is_drawn(comparison: Comparison) -> bool:
     return wanted and any(record.run["status"] not in NOT_RUN for record in comparison.records)
 
 
-def solver_table(whole: Sequence[Row], judged: int, readings: int) -> Table:
+def right_in_all_table(whole: Sequence[Row], judged: int, readings: int) -> Table:
     """In how many readings each solver is right at one and the same setting, and at which settings it is.
 
     Parameters
