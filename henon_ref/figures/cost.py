@@ -43,16 +43,16 @@ def draw_cost(rows: Sequence[Row], expected: Expected) -> Figure | None:
 
 
 def _draw_ladder(axes: Axes, solver: str, ladder: Sequence[Row], floor: float) -> None:
-    look = style.line_of(solver)
+    line = style.line_of(solver)
     x = np.array([_value(row["wall_s"]) for row in ladder])
     y = np.array([max(_value(row["max_time_error_s"]), floor) for row in ladder])
     right = np.array([row["verdict"] == "right" for row in ladder])
-    axes.plot(x[right], y[right], look.dashes, color=look.colour, lw=look.width, zorder=2)
+    axes.plot(x[right], y[right], line.dashes, color=line.colour, lw=line.width, zorder=2)
     axes.hlines(
-        y, [_value(r["wall_s_low"]) for r in ladder], [_value(r["wall_s_high"]) for r in ladder], look.colour, lw=0.8
+        y, [_value(r["wall_s_low"]) for r in ladder], [_value(r["wall_s_high"]) for r in ladder], line.colour, lw=0.8
     )
-    for chosen, face in ((right, look.colour), (~right, "white")):
-        axes.plot(x[chosen], y[chosen], look.marker, mfc=face, mec=look.colour, mew=1.0, zorder=3)
+    for chosen, face in ((right, line.colour), (~right, "white")):
+        axes.plot(x[chosen], y[chosen], line.marker, mfc=face, mec=line.colour, mew=1.0, zorder=3)
 
 
 def _set_limits(axes: Axes, ladders: dict[str, list[Row]], floor: float) -> None:
@@ -63,7 +63,7 @@ def _set_limits(axes: Axes, ladders: dict[str, list[Row]], floor: float) -> None
 
 
 def _tip(solver: str, ladder: Sequence[Row], floor: float) -> tuple[str, float, float, style.Line]:
-    """Label, most accurate point and look of a ladder."""
+    """Label, most accurate point and line style of a ladder."""
     points = [(_value(row["wall_s"]), max(_value(row["max_time_error_s"]), floor)) for row in ladder]
     wall, error = min(points, key=lambda point: point[1])
     return solver, wall, error, style.line_of(solver)

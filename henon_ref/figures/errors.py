@@ -38,10 +38,13 @@ class ScoredRun(Protocol):
 
 
 def tightest(records: Sequence[ScoredRun]) -> list[ScoredRun]:
-    """The last setting of every solver that matched at least one transition."""
+    """The last setting of every solver that matched at least one transition.
+
+    A run that the time limit stopped is left out: how far it came is the machine's doing.
+    """
     best: dict[object, ScoredRun] = {}
     for record in records:
-        if record.run["matched"]:
+        if record.run["matched"] and record.run["status"] != "timeout":
             best[record.run["solver"]] = record
     return list(best.values())
 
@@ -93,19 +96,19 @@ def _limits(records: Sequence[ScoredRun], expected: Expected) -> tuple[float, fl
 def _draw(axes: Axes, record: ScoredRun, lowest: float) -> tuple[str, float, float, style.Line]:
     """One solver's line; returns its label, where it ends, and how it is drawn."""
     solver = str(record.run["solver"])
-    look = style.line_of(solver)
+    line = style.line_of(solver)
     times, errors = _errors(record)
     shown = np.maximum(errors, lowest)
     every = 1 if len(times) <= MOST_MARKED else len(times) // FEW_MARKED
-    strong = look.width > style.THIN
+    strong = line.width > style.THIN
     axes.plot(
         times,
         shown,
-        look.dashes,
-        color=look.colour,
-        lw=look.width if strong else 0.8,
+        line.dashes,
+        color=line.colour,
+        lw=line.width if strong else 0.8,
         alpha=1.0 if strong else 0.75,
-        marker=look.marker,
+        marker=line.marker,
         markevery=every,
         ms=3.2,
         zorder=3 if strong else 2,
@@ -113,7 +116,7 @@ def _draw(axes: Axes, record: ScoredRun, lowest: float) -> tuple[str, float, flo
     label = f"{solver} {_setting(record)}"
     if record.run["verdict"] != "right":
         label += f" ({record.run['status']})"
-    return label, times[-1], float(shown[-1]), look
+    return label, times[-1], float(shown[-1]), line
 
 
 def _setting(record: ScoredRun) -> str:

@@ -96,7 +96,7 @@ class _Plane:
     signs: tuple[tuple[int, str], ...]
     """Index and name of each such surface's sign; of all surfaces where there is none."""
 
-    def look(self, mode: Mode) -> tuple[str, str, float]:
+    def line_style(self, mode: Mode) -> tuple[str, str, float]:
         """Label, colour and width of a piece of one mode."""
         if any(mode[k] == 0 for k, _ in self.signs):
             return "stick", style.VERMILLION, 3.2
@@ -109,7 +109,7 @@ class _Plane:
 
     def pieces(self, modes: Sequence[Mode]) -> list[tuple[str, slice]]:
         """Label and range of every piece that is drawn alike."""
-        labels = [self.look(mode)[0] for mode in modes]
+        labels = [self.line_style(mode)[0] for mode in modes]
         return [(labels[begin], slice(begin, end + 1)) for begin, end in _runs(labels)]
 
 
@@ -159,7 +159,7 @@ def _draw_pieces(axes: Axes, motion: Motion, plane: _Plane) -> list[tuple[str, s
     """The curve in pieces drawn alike; returns legend entries (label, colour, width, dashes)."""
     seen: dict[str, tuple[str, str, float, str]] = {}
     for label, piece in plane.pieces(motion.modes):
-        _, colour, width = plane.look(motion.modes[piece.start])
+        _, colour, width = plane.line_style(motion.modes[piece.start])
         stick = label == "stick"
         points = motion.states[piece][:, [plane.x, plane.y]]
         rest = stick and bool(np.ptp(points, axis=0).max() <= REST * np.abs(motion.states).max())
@@ -182,7 +182,7 @@ def _draw_arrows(axes: Axes, motion: Motion, plane: _Plane) -> None:
             continue
         middle = (piece.start + piece.stop) // 2
         tail, tip = motion.states[middle - 2, [plane.x, plane.y]], motion.states[middle + 2, [plane.x, plane.y]]
-        colour = plane.look(motion.modes[piece.start])[1]
+        colour = plane.line_style(motion.modes[piece.start])[1]
         arrow = {"arrowstyle": "-|>", "color": colour, "lw": 0.0, "mutation_scale": 14}
         axes.annotate("", xy=tuple(tip), xytext=tuple(tail), arrowprops=arrow, zorder=4)
 

@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+import numpy as np
+
 from henon_ref.text import one_line
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ _RC: dict[Any, Any] = {
     "axes.labelsize": 9.0,
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # where it is anyway: to look for ticks above it lays out every tick label once more
+    "axes.titley": 1.0,  # the default place, said: without it matplotlib lays out every tick label once more
     "xtick.labelsize": 8.0,
     "ytick.labelsize": 8.0,
     "legend.fontsize": 8.0,
@@ -91,13 +93,13 @@ _LINES = {
 
 
 def line_of(solver: str) -> Line:
-    """How a solver is drawn: a variant (``+numba``, ``@offset``) like its plain form, dash-dotted.
+    """How a solver is drawn: a variant (``+numba``, ``@offset``) as its base solver, dash-dotted.
 
-    Third parties' solvers share one look and are told apart by their labels.
+    Third parties' solvers share one line style and are told apart by their labels.
     """
-    plain, *variant = re.split("[+@]", solver)
-    look = _LINES.get(plain, Line(PURPLE, "d"))
-    return replace(look, dashes="-.") if variant else look
+    base, *variant = re.split("[+@]", solver)
+    line = _LINES.get(base, Line(PURPLE, "d"))
+    return replace(line, dashes="-.") if variant else line
 
 
 @contextmanager
@@ -111,7 +113,7 @@ def figure(height: float, *, width: float = WIDTH) -> Iterator[Figure]:
 
 
 def save(figure: Figure, target: Path | BinaryIO, kind: str = "svg") -> None:
-    """Write a figure (as PNG, for a look at it) with nothing in it that changes from run to run."""
+    """Write a figure (SVG, or PNG for viewing) with nothing in it that changes from run to run."""
     import matplotlib
 
     metadata = {"Date": None, "Creator": None} if kind == "svg" else None
@@ -122,7 +124,8 @@ def save(figure: Figure, target: Path | BinaryIO, kind: str = "svg") -> None:
 def spread(positions: Sequence[float], gap: float, low: float, high: float) -> list[float]:
     """Move labels apart so that neighbours are at least ``gap`` apart, in their order and between two ends.
 
-    No other way to do so moves them less (in the sum of squares).
+    No other way to do so moves them less (in the sum of squares): isotonic regression of what is left of each position
+    once the gaps below it are taken off.
 
     Examples
     --------
@@ -131,28 +134,16 @@ def spread(positions: Sequence[float], gap: float, low: float, high: float) -> l
     >>> spread([1.0, 1.0], 0.5, 0.0, 3.0)
     [0.75, 1.25]
     """
-    order = sorted(range(len(positions)), key=positions.__getitem__)
-    clusters: list[list[int]] = []
-    for k in order:
-        clusters.append([k])
-        while len(clusters) > 1:
-            (lower, lower_middle), (upper, upper_middle) = ((c, _mean(positions, c)) for c in clusters[-2:])
-            if upper_middle - lower_middle >= gap * (len(lower) + len(upper)) / 2:
-                break
-            clusters[-2:] = [lower + upper]
-    ideal = [_mean(positions, c) + gap * (n - (len(c) - 1) / 2) for c in clusters for n in range(len(c))]
-    for n, value in enumerate(ideal):
-        ideal[n] = max(value, low if n == 0 else ideal[n - 1] + gap)
-    for n in reversed(range(len(ideal))):
-        ideal[n] = min(ideal[n], high if n == len(ideal) - 1 else ideal[n + 1] - gap)
-    placed = [0.0] * len(positions)
-    for k, value in zip(order, ideal, strict=True):
-        placed[k] = value
-    return placed
+    from scipy.optimize import isotonic_regression
 
-
-def _mean(positions: Sequence[float], members: Sequence[int]) -> float:
-    return sum(positions[k] for k in members) / len(members)
+    order = np.argsort(np.asarray(positions, dtype=float), kind="stable")
+    steps = gap * np.arange(len(order))
+    # What each is above the ones below it, packed at the gap, may not fall: a least-squares fit under that order,
+    # which bounds on both ends only clip.
+    excess = isotonic_regression(np.asarray(positions, dtype=float)[order] - steps).x
+    placed = np.empty(len(order))
+    placed[order] = np.clip(excess, low, high - gap * (len(order) - 1)) + steps
+    return [float(value) for value in placed]
 
 
 def label_points(axes: Axes, points: Sequence[tuple[str, float, float, Line]], *, x: float, gap: float) -> None:

@@ -75,7 +75,7 @@ def gate_failures(reading: Reading, rows: Sequence[Row]) -> list[str]:
     for solver, gate in reading.gate.items():
         row, _ = _row(solver, gate, reading, rows)
         if row is not None:
-            failures += [f"{reading.name}: {solver}{_setting(row)}: {words}" for words in _broken(gate, row)]
+            failures += [f"{reading.name}: {solver}{_setting(row)}: {failure}" for failure in _broken(gate, row)]
     return failures
 
 
@@ -107,9 +107,9 @@ def _status(row: Row) -> str:
 
 
 def _broken(gate: Gate, row: Row) -> list[str]:
-    words: list[str] = []
+    failures: list[str] = []
     if row["status"] != gate.status:
-        words.append(f"status {_status(row)}, wanted {gate.status}")
+        failures.append(f"status {_status(row)}, wanted {gate.status}")
     for name, column, bound in (
         ("worst time error", "max_time_error_s", gate.max_time_error),
         ("worst stick error", "max_stick_error_s", gate.max_stick_error),
@@ -118,12 +118,12 @@ def _broken(gate: Gate, row: Row) -> list[str]:
         if bound is None:
             continue
         if not isinstance(value, float) and row["reference_transitions"] == 0:
-            words.append(f"{name} <= {bound:g} s bounds nothing: the exact run has no transition")
+            failures.append(f"{name} <= {bound:g} s bounds nothing: the exact run has no transition")
         elif not isinstance(value, float):
-            words.append(f"{name} unknown, wanted <= {bound:g} s")
+            failures.append(f"{name} unknown, wanted <= {bound:g} s")
         elif value > bound:
-            words.append(f"{name} {value:.3g} s, wanted <= {bound:g} s")
-    return words
+            failures.append(f"{name} {value:.3g} s, wanted <= {bound:g} s")
+    return failures
 
 
 @dataclass(frozen=True)
@@ -153,13 +153,13 @@ def demand(solver: str, rows: Sequence[Row]) -> Demand:
             by_reading.setdefault(row["reading"], []).append(row)
     for reading, own in by_reading.items():
         row = min(own, key=_tightness)
-        words = f"{row['case']}: {reading}: {solver}{_setting(row)}: {_status(row)}"
+        failure = f"{row['case']}: {reading}: {solver}{_setting(row)}: {_status(row)}"
         if row["status"] == "unavailable":
-            found += Demand(failures=(words,))
+            found += Demand(failures=(failure,))
         elif REPEATED in str(row["status_reason"]):  # right once, and then a crash, or a deadline ignored
-            found += Demand(judged=1, failures=(words,))
+            found += Demand(judged=1, failures=(failure,))
         elif row["verdict"] == "right":
             found += Demand(right=1, judged=1)
         elif row["verdict"] == "solver defect":
-            found += Demand(judged=1, failures=(words,))
+            found += Demand(judged=1, failures=(failure,))
     return found

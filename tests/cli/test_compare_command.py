@@ -52,12 +52,14 @@ def test_a_report_holds_what_the_contract_says(made_up, tmp_path, capsys):
     assert captured.out.splitlines() == ["out/made_up/report.md; gate met"]
 
 
-def test_the_report_opens_with_the_answer(made_up, tmp_path):
+def test_the_report_begins_with_a_row_a_solver(made_up, tmp_path):
     run(made_up, "--out", "out")
     lines = (tmp_path / "out/made_up/report.md").read_text().splitlines()
     assert lines[0] == "# A made-up system"
-    assert lines[2].startswith("1 of 2 solvers find all 5 transitions in order. **`henon` is right to 6 digits**")
-    assert "Wrong at every setting: `heyoka` (1 missed, 0 spurious)." in lines
+    assert lines[2].startswith("| solver |")
+    assert lines[4].startswith("| `henon` | 2 of 2 | 6 |")
+    assert lines[5].startswith("| `heyoka` | 0 of 2 |")
+    assert lines[5].endswith("| 1 missed, 0 spurious at 1e-3, 1e-6 |")
     assert (tmp_path / "out/README.md").read_text().startswith("# Reports")
 
 
@@ -108,7 +110,8 @@ def test_a_bound_at_a_tolerance_that_did_not_run_is_left_out_and_named(tmp_path,
     (line,) = [line for line in capsys.readouterr().err.splitlines() if "are left out" in line]
     assert named in line
     report = (tmp_path / "out/gated/report.md").read_text()
-    assert "bounds on what did not run are left out: " in report
+    assert "| bounds left out: did not run |" in report
+    assert named.replace("henon", "`henon`").replace("heyoka", "`heyoka`") in report
 
 
 def test_a_tighter_tolerance_than_the_case_has_does_not_stand_in_for_its_tightest(tmp_path, made_up, capsys):

@@ -22,7 +22,7 @@ from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Samples
 
 FIG8 = Path(__file__).parents[2] / "cases" / "fig8.yaml"
-NEAR = 1e-3
+TOLERANCE = 1e-3
 """How far a vertex may be from its transition, in seconds and in the unit of the state."""
 
 
@@ -73,11 +73,11 @@ def test_every_transition_is_a_vertex_of_the_curves(name):
     times = np.array([event.time for event in inside])
     figure = draw_modes(reading, motion)
     heights = np.broadcast_to(h(times, *states.T), times.shape)
-    assert farthest(np.column_stack([times, heights]), drawn_vertices(figure, figure.axes[0])) < NEAR
+    assert farthest(np.column_stack([times, heights]), drawn_vertices(figure, figure.axes[0])) < TOLERANCE
 
     portrait = draw_portrait(reading, motion)
     plane = states[:, list(axes_of_portrait(system))]
-    assert farthest(plane, drawn_vertices(portrait, portrait.axes[0])) < NEAR
+    assert farthest(plane, drawn_vertices(portrait, portrait.axes[0])) < TOLERANCE
 
 
 def test_an_arc_is_as_smooth_as_its_samples():

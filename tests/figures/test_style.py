@@ -83,21 +83,21 @@ def test_a_label_shows_its_line(labelled):
     axes, points = labelled
     samples = [line for line in axes.findobj(Line2D) if line.get_markevery() == [1]]
     heights = [text.get_position()[1] for text in axes.texts]
-    for (_, _, _, look), sample, height in zip(points, samples, heights, strict=True):
+    for (_, _, _, line), sample, height in zip(points, samples, heights, strict=True):
         assert (sample.get_color(), sample.get_marker(), sample.get_linestyle()) == (
-            look.colour,
-            look.marker,
-            look.dashes,
+            line.colour,
+            line.marker,
+            line.dashes,
         )
         assert set(sample.get_ydata()) == {height}
 
 
 @pytest.mark.parametrize("family", [SUNDIALS, SCIPY])
 def test_solvers_of_a_family_differ_in_lightness(family):
-    looks = [line_of(solver) for solver in family]
-    lightness = sorted(_lightness(look.colour) for look in looks)
+    lines = [line_of(solver) for solver in family]
+    lightness = sorted(_lightness(line.colour) for line in lines)
     assert min(b - a for a, b in pairwise(lightness)) > 10.0
-    assert len({(look.marker, look.dashes) for look in looks}) == len(looks)
+    assert len({(line.marker, line.dashes) for line in lines}) == len(lines)
 
 
 def _lightness(colour: str) -> float:

@@ -23,6 +23,7 @@ from henon_ref.campaign.rows import Record
 from henon_ref.cli import compare_cases as report_command
 from henon_ref.columns import RUN_COLUMNS
 from henon_ref.errors import CaseError
+from henon_ref.report import case_report
 from henon_ref.report.files.write import check_index
 from henon_ref.report.text.index import Entry, entries, index_text, write_index
 
@@ -134,12 +135,11 @@ def test_a_report_that_cannot_be_finished_leaves_the_old_one(made_up, tmp_path, 
     assert run(made_up, "--out", "out") == 0
     report = tmp_path / "out/made_up/report.md"
     before, entries = report.read_text(), sorted(os.listdir(tmp_path / "out"))
-    from henon_ref.report.files import write
 
     def full(path: Path, content: bytes) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
-    monkeypatch.setattr(write, "write_through", full)
+    monkeypatch.setattr(case_report, "write_through", full)
     assert run(made_up, "--out", "out", "--solvers", "henon") == 2
     assert report.read_text() == before
     assert sorted(os.listdir(tmp_path / "out")) == entries

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 from fakes import CASE, case, expected, statement
-from made_reports import ORIGIN, made
+from made_reports import ORIGIN, cells, made, tables
 
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.options import Options
@@ -73,8 +73,12 @@ def test_where_cells_are_too_small_for_digits_shades_stand_for_them(monkeypatch)
     assert words == ["3 digits", "6 digits", "9 digits", "12 digits"]
 
 
-def table(text: str) -> list[str]:
-    return [line for line in text.splitlines() if line.startswith("|")]
+def first(comparison: Comparison) -> dict[str, dict[str, str]]:
+    """The table that a report begins with."""
+    return cells(tables(report_text(comparison, ORIGIN))[0])
+
+
+RIGHT = "readings right at one setting"
 
 
 def test_one_setting_for_all_readings_costs_the_sum_of_their_times():
@@ -99,47 +103,48 @@ def test_a_time_of_all_readings_that_scatters_is_marked():
     assert "†: the ranges of all readings' samples add up to more than a tenth of it." in head
 
 
-def test_a_setting_that_is_wrong_in_one_reading_is_no_answer_for_all():
-    text = report_text(sweep(wrong=[("henon", "f3", 1e-6)]), ORIGIN)
-    assert "4 readings. Right in every one of them at one and the same setting: `henon` (at 1e-9);" in text
-    assert "; `heyoka` (at every setting)." in text
-    rows = table(text.split("## All readings")[0])
-    assert rows[2].startswith("| 3 | `henon` | 1e-9 | 0.318 ms | `heyoka` | 1e-6 | 0.637 ms | 2 |")
-    assert rows[5].startswith("| 12 | none |")
-    assert "| [f3](#f3) | 5 | 9 * | 9 |" in text
-    assert "| [f4](#f4) | 5 | 9 | 9 |" in text
+def test_a_setting_that_is_wrong_in_one_reading_is_not_right_in_all():
+    comparison = sweep(wrong=[("henon", "f3", 1e-6)])
+    table = first(comparison)
+    assert list(table["`henon`"].values()) == ["`henon`", "4 of 4", "1e-9", "1 of 2"]
+    assert list(table["`heyoka`"].values()) == ["`heyoka`", "4 of 4", "1e-6, 1e-9", "2 of 2"]
+    whole = tables(report_text(comparison, ORIGIN))
+    prices = next(own for own in whole if own.headings[:2] == ("digits", "cheapest"))
+    digits = next(own for own in whole if own.headings[0] == "reading")
+    assert prices.rows[0] == ("3", "`henon`", "1e-9", "0.318 ms", "`heyoka`", "1e-6", "0.637 ms", "2")
+    assert prices.rows[3][:2] == ("12", "none")
+    assert cells(digits)["[f3](#f3)"]["`henon`"] == "9 *"
+    assert cells(digits)["[f4](#f4)"]["`henon`"] == "9"
 
 
-def test_where_no_setting_is_right_in_all_readings_the_report_says_which_comes_closest():
+def test_where_no_setting_is_right_in_all_readings_the_best_ones_are_shown():
     wrong = [(solver, f"f{v}", rtol) for solver in ("henon", "heyoka") for v in (1, 2) for rtol in (1e-6, 1e-9)]
-    text = report_text(sweep(wrong=wrong[1:]), ORIGIN)
-    assert "No solver is right in all at one setting; most often `henon` at 1e-6, in 3." in text
-    assert "reaches so many digits in every reading" not in text
-    assert "No solver is right in any." in report_text(
-        sweep(wrong=[(s, f"f{v}", r) for s in ("henon", "heyoka") for v in VALUES for r in (1e-6, 1e-9)]), ORIGIN
-    )
-
-
-def test_solvers_that_are_right_at_the_same_settings_are_named_together():
-    text = report_text(sweep(), ORIGIN)
-    assert "at one and the same setting: `henon` and `heyoka` (at every setting)." in text
+    comparison = sweep(wrong=wrong[1:])
+    table = first(comparison)
+    assert (table["`henon`"][RIGHT], table["`henon`"]["at"]) == ("3 of 4", "1e-6")
+    assert (table["`heyoka`"][RIGHT], table["`heyoka`"]["at"]) == ("2 of 4", "1e-6, 1e-9")
+    assert all("cheapest" not in own.headings for own in tables(report_text(comparison, ORIGIN))[:2])
+    none = first(sweep(wrong=[(s, f"f{v}", r) for s in ("henon", "heyoka") for v in VALUES for r in (1e-6, 1e-9)]))
+    assert (none["`henon`"][RIGHT], none["`henon`"]["at"]) == ("0 of 4", "")
 
 
 def test_readings_without_a_truth_are_counted_and_left_out():
-    text = report_text(sweep(without_truth=("f2",)), ORIGIN)
-    assert "4 readings, 3 of them with a truth. Right in every one of them" in text
-    assert "[f2](#f2)" not in text
+    comparison = sweep(without_truth=("f2",))
+    table = first(comparison)
+    assert table["`henon`"][RIGHT] == "3 of 3"
+    assert list(table["all readings"].values()) == ["all readings", "4", "", "without a truth: 1"]
+    assert "[f2](#f2)" not in report_text(comparison, ORIGIN)
 
 
-def test_each_reading_tells_of_itself_in_its_own_section():
-    text = report_text(sweep(), ORIGIN)
-    top, section = text.split("## f2\n")[0], text.split("## f2\n")[1].split("## f3\n")[0]
-    assert "solvers find all 5 transitions" not in top.split("## f1\n")[0]
-    assert section.startswith("\nAll 2 solvers find all 5 transitions in order.")
+def test_of_many_readings_each_has_its_tables_in_its_own_section():
+    head, section = report_text(sweep(), ORIGIN).split("## f1\n\n")
+    assert "exact run" not in [own.headings[0] for own in tables(head)]
+    assert [own.headings[0] for own in tables(section)[:2]] == ["solver", "exact run"]
 
 
-def test_few_readings_are_told_of_at_the_top():
+def test_of_few_readings_the_tables_stand_at_the_top():
     assert MANY == 4
-    text = report_text(sweep(readings=VALUES[:3]), ORIGIN)
-    assert "**[f2](#f2)**. All 2 solvers find" in text.split("## f1\n")[0]
-    assert "## All readings" not in text
+    head = report_text(sweep(readings=VALUES[:3]), ORIGIN).split("## f1\n")[0]
+    assert [own.headings[0] for own in tables(head)[:6]] == ["solver", "exact run"] * 3
+    assert "[f2](#f2)" in head
+    assert "## All readings" not in head

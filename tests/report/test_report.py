@@ -1,4 +1,4 @@
-"""Reports say what the rows say: sentences, tables, figures, index, and whether stored ones still hold."""
+"""Reports say what the rows say: tables, figures, index, and whether stored ones still hold."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from statistics import median
 import numpy as np
 import pytest
 from fakes import CASE, Fake, case, expected, found, reference, statement, trajectory
-from made_reports import ORIGIN, compared, made, usual
+from made_reports import ORIGIN, cells, compared, made, tables, usual
 
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.options import Options
@@ -29,7 +29,8 @@ from henon_ref.report.files.csv_files import csv_text, read_rows
 from henon_ref.report.files.figure_jobs import FigureJob
 from henon_ref.report.text import index
 from henon_ref.report.text.formats import duration
-from henon_ref.report.text.markdown import gate_words, report_text
+from henon_ref.report.text.gate import gate_table, why_unchecked
+from henon_ref.report.text.markdown import report_text
 from henon_ref.report.text.model import general_form, mode_equations, parameters, truth_sentences
 from henon_ref.report.text.ranking import prices
 from henon_ref.report.text.tables import price_table, run_table, stick_table
@@ -83,21 +84,21 @@ def test_a_time_says_how_far_its_samples_scatter_or_how_few_they_are(samples, wo
 
 @pytest.mark.parametrize(("shaken", "marked"), [((1.0, 1.0, 1.5), True), ((0.6, 1.4), True), ((1.0, 1.05), False)])
 def test_a_time_that_scatters_is_marked_wherever_it_stands(shaken, marked):
-    """In the answer, in the table of prices, with the legend below it, and among all runs; however few samples."""
+    """In the first table, in the table of prices, with the legend below either; however few samples."""
     outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6), samples=shaken)
     outcome = replace(outcome, trajectory=trajectory(found(error=1e-7)))
     outcome = scored(outcome, expected())
     text = report_text(compared(record(outcome, expected()), made("heyoka", 1e-6, 9.0)), ORIGIN)
     time = duration(median(shaken)) + (" †" if marked else "")
-    assert f"in **{time}**; next" in text
+    assert cells(tables(text)[0])["`henon`"]["time"] == time
+    assert text.count("†: the samples scatter by more than a tenth of their median.") == 2 * marked
     prices = text.partition("Cheapest solver for so many digits")[2].partition("#")[0]
     assert f"| 6 | `henon` | 1e-6 | {time} | `heyoka` | 1e-6 | 9 s |" in prices
-    assert ("†: the samples scatter by more than a tenth of their median." in prices) == marked
 
 
 def test_the_report_states_model_truth_and_provenance(comparison):
     text = report_text(comparison, ORIGIN)
-    assert text.startswith("# A made-up system\n\n3 of 4 solvers")
+    assert text.startswith("# A made-up system\n\n| solver |")
     assert "Certified: every one of the 5 transitions is enclosed" in text
     assert "The largest radius of a transition time is 1e-30 s; no error is claimed below it." in text
     assert r"\dot{x} &= - F s + \cos{\left(t \right)}" in text
@@ -120,28 +121,28 @@ gate:
 
 
 @pytest.mark.parametrize(
-    ("solvers", "words"),
+    ("solvers", "state", "checked", "left_out"),
     [
-        (("henon", "heyoka"), "The gate is met (4 bounds checked, statuses included)."),
-        (
-            ("heyoka",),
-            "The gate is met (1 of 4 bounds checked, statuses included; the others are on solvers that did not run).",
-        ),
-        (("scipy-sign",), "The gate is **not** checked: none of the 4 bounds of the gate is on a solver that ran."),
+        (("henon", "heyoka"), "met", "4 of 4", ""),
+        (("heyoka",), "met", "1 of 4", "`henon`"),
+        (("scipy-sign",), "not checked", "0 of 4", "`henon`, `heyoka`"),
     ],
 )
-def test_the_gate_counts_the_bounds_that_were_checked(solvers, words):
+def test_the_gate_counts_the_bounds_that_were_checked(solvers, state, checked, left_out):
     gated = case(text=re.sub("gate: .*", GATES, CASE))
     result = ReadingResult(gated.readings[0], statement(None, None))
     records = [made(solver, 1e-6, 1e-4) for solver in solvers]
-    assert words in report_text(Comparison(gated, [result], records, Options(solvers=solvers)), ORIGIN)
+    table = gate_table(Comparison(gated, [result], records, Options(solvers=solvers)))
+    assert list(table.rows) == [(state, checked, "", left_out)]
 
 
-def test_a_gate_that_is_not_met_says_how_much_of_it_was_checked():
-    text = report_text(compared(made("henon", 1e-6, 1e-4, what="misses")), ORIGIN)
-    assert "The gate is **not** met (2 bounds checked, statuses included):\n\n- default: henon (rtol 1e-06): st" in text
-    only = Tally(1, 0)
-    assert gate_words(only) == "the only bound of the gate is on no solver that ran"
+def test_a_gate_that_is_not_met_says_what_is_not():
+    comparison = compared(made("henon", 1e-6, 1e-4, what="misses"))
+    ((state, checked, not_met, left_out),) = gate_table(comparison).rows
+    assert (state, checked, left_out) == ("not met", "2 of 2", "")
+    assert not_met.startswith("default: henon (rtol 1e-06): status wrong")
+    assert "not met" in [own.rows[0][0] for own in tables(report_text(comparison, ORIGIN))]
+    assert why_unchecked(Tally(1, 0)) == "the only bound of the gate is on no solver that ran"
 
 
 def test_modes_and_parameters_in_formulas():
@@ -207,6 +208,16 @@ def test_figures_are_the_same_bytes_for_the_same_data(comparison):
     assert set(first) == {"default_modes.svg", "default_errors.svg", "default_cost.svg"}
     assert first == second
     assert all(b"dc:date" not in content for content in first.values())
+
+
+def test_only_the_cost_figure_changes_where_nothing_but_timings_did(comparison):
+    slower = [
+        replace(own, run={**own.run, "wall_s": 3.0, "compile_s": 4.0}) for own in comparison.records if own.samples
+    ]
+    cut_off = [replace(own, run={**own.run, "rtol": 1e-13, "status": "timeout"}) for own in comparison.records[:2]]
+    quick = drawn(job(comparison, records=tuple(own for own in comparison.records if own.samples)))
+    slow = drawn(job(comparison, records=(*slower, *cut_off)))
+    assert {name for name in quick if quick[name] != slow[name]} == {"default_cost.svg"}
 
 
 def test_figures_stand_any_lack_of_data(comparison):
@@ -283,12 +294,18 @@ def test_texts_and_files_are_checked_too(stored):
     assert check.differences(old, fresh) == [f"there is no report in {old}"]
 
 
-def test_the_index_is_a_matrix_of_digits(stored):
+COUNTED = {"heyoka": ("1", "1"), "scipy-rk45": ("1", "1"), "scipy-sign": ("0", "1"), "ida": ("0", "0")}
+"""Readings in which each solver is right, and on which it ran."""
+
+
+def test_the_index_has_a_row_a_solver_and_a_matrix_of_digits(stored):
     text = index.index_text(index.entries(stored[0].parent))
-    assert "1 reading of 1 case. Right most often, at one setting at least: `henon` (1 of 1)" in text
+    table = cells(tables(text)[0])
+    assert list(table["`henon`"].values()) == ["`henon`", "1", "1", "1", "1", "1", "1"]
+    counts = {solver: (table[f"`{solver}`"]["right in"], table[f"`{solver}`"]["run on"]) for solver in COUNTED}
+    assert counts == COUNTED
     row = next(line for line in text.splitlines() if line.startswith("| [made_up](made_up/report.md)"))
     assert row == "| [made_up](made_up/report.md) | 12 | 12 | · | 12 * | wrong |"
-    assert "| `henon` | 1 | 1 | 1 | 1 |" in text
     assert "- [made_up](made_up/report.md): A made-up system" in text
 
 

@@ -226,7 +226,7 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
     listed = index.write_index(tmp_path).read_text()
     assert "`henon` against its rivals" in listed
     assert f"| [{CASE.name}]({CASE.name}/report.md) | 6 | 1e-" in listed
-    assert "| `heyoka` | 1 | 1 | 1 |  |" in listed  # by the report's own times it was `henon`
+    assert "| `heyoka` | 1 | 1 | 1 | 1 | 1 |  |" in listed  # by the report's own times it was `henon`
     assert "[Rivals in turn](rivals/README.md)" in listed
 
 
@@ -235,13 +235,11 @@ def test_the_index_counts_the_readings_that_one_solver_alone_gets(tmp_path: Path
     alone = [row("henon", 1e-12, 13.0, 1e-4), row("heyoka", 1e-12, 2.0, 1e-5)]
     reported(tmp_path, [*ROWS, *(entry | {"reading": "alone"} for entry in alone)])
     lines = [line[2:-2].split(" | ") for line in index.write_index(tmp_path).read_text().splitlines()]
-    begin = next(k for k, line in enumerate(lines) if line[0] == "cheapest solver")
-    assert lines[begin + 2 : begin + 6] == [
-        ["`henon`", "2", "2", "2", "1"],
-        ["all readings", "2", "2", "2", "1"],
-        ["of these, another solver gets there, too", "1", "1", "1", "0"],
-        [""],
-    ]
+    counts = {line[0]: line[3:] for line in lines[2 : lines.index([""], 2)]}
+    assert counts["`henon`"] == ["2", "2", "2", "1"]
+    assert counts["`heyoka`"] == ["", "", "", ""]
+    assert counts["all readings"] == ["2", "2", "2", "1"]
+    assert counts["of these, another solver gets there, too"] == ["1", "1", "1", "0"]
 
 
 def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

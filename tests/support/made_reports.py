@@ -13,6 +13,7 @@ from henon_ref.campaign.rows import Outcome, Record, record, scored
 from henon_ref.campaign.settings import Setting
 from henon_ref.campaign.worker import Failure
 from henon_ref.report.files.manifest import Provenance
+from henon_ref.report.text.tables import Table
 
 ORIGIN = Provenance(
     "python -m henon_ref.compare made_up.yaml",
@@ -54,6 +55,18 @@ def made(solver: str, rtol: float, wall: float, *, what: str = "right", truth=No
 def compared(*records: Record, **changes: object) -> Comparison:
     result = ReadingResult(case().readings[0], replace(statement(None, None), **changes))
     return Comparison(case(), [result], list(records), Options())
+
+
+def cells(table: Table) -> dict[str, dict[str, str]]:
+    """Rows of a table by their first cell, each by its headings."""
+    return {row[0]: dict(zip(table.headings, row, strict=True)) for row in table.rows}
+
+
+def tables(text: str) -> list[Table]:
+    """The tables of a page."""
+    blocks = [block.splitlines() for block in text.split("\n\n") if block.startswith("| ")]
+    split = [[tuple(cell.strip() for cell in line[1:-1].split(" | ")) for line in block] for block in blocks]
+    return [Table(lines[0], "", lines[2:]) for lines in split]
 
 
 def usual() -> Comparison:

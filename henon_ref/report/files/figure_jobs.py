@@ -83,6 +83,7 @@ def svg(figure: Figure) -> bytes:
 
 def preload() -> None:
     """Import what drawing needs, so that workers forked from here on have it, and nobody waits for it."""
+    import scipy.optimize  # noqa: F401
     from matplotlib.mathtext import MathTextParser
 
     import henon_ref.figures.cost

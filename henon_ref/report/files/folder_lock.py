@@ -171,7 +171,7 @@ def locked_for_a_moment(folder: Path) -> Iterator[None]:
 
 
 def _holder(folder: Path) -> str:
-    """Who holds a lock, in words; empty where the file does not say."""
+    """Who holds a lock, as text; empty where the file does not say."""
     for _ in range(TRIES):  # between locking the file and writing into it there is a moment
         with suppress(OSError, ValueError):
             return f", process {int((folder / FILE).read_text(encoding='ascii'))}"

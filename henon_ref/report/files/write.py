@@ -18,11 +18,12 @@ REPORT, RUNS, TRANSITIONS, STICKS, MANIFEST = (
 )
 INDEX = "README.md"
 _OWN = re.compile(
-    r"# (Reports\n\n(\d+|no) readings? of (\d+|no) cases?\."
+    r"# (Reports\n\n(\| solver \| right in \| run on \||\d+ readings? of \d+ cases?\.)"
     r"|(What accuracy costs in time|Atlas of grazes|Restart habits|What the libraries do by themselves)\n"
     r"|(Rivals in turn|The paper, computed again)\n)"
 )
-"""How the pages begin that this package writes as the README.md of a folder: the index and the further pages."""
+"""How the pages begin that this package writes as the README.md of a folder: the index (of earlier versions, too) and
+the further pages."""
 
 
 def write_through(path: Path, content: bytes) -> None:

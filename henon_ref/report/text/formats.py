@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from decimal import Decimal
 
-from henon_ref.text import code
-
 
 def duration(seconds: object) -> str:
     """A wall time with three digits and a unit.
@@ -111,11 +109,6 @@ def listing(items: Sequence[str], last: str = "and") -> str:
     return f"{', '.join(items[:-1])} {last} {items[-1]}"
 
 
-def codes(names: Sequence[str]) -> str:
-    """Names as a phrase of code."""
-    return listing([code(name) for name in names])
-
-
 def count(number: int, noun: str) -> str:
     """A number with its noun.
 
@@ -125,17 +118,6 @@ def count(number: int, noun: str) -> str:
     ('1 transition', '2 transitions', 'no crossings')
     """
     return f"{number or 'no'} {noun}" + ("" if number == 1 else "s")
-
-
-def times_as_long(ratio: float) -> str:
-    """A ratio of two times.
-
-    Examples
-    --------
-    >>> times_as_long(12.34), times_as_long(1.01), times_as_long(0.5)
-    ('12 times as long', 'as long', '0.5 times as long')
-    """
-    return "as long" if abs(ratio - 1) < 0.05 else f"{significant(ratio, 2)} times as long"
 
 
 def printed_alike(value: float, printed: Decimal) -> bool:

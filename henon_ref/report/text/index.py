@@ -14,12 +14,10 @@ from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.errors import CaseError
 from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.write import INDEX, MANIFEST, REPORT, RUNS, check_index, replace_file
-from henon_ref.report.text import paired_times as rivals
-from henon_ref.report.text.formats import count
 from henon_ref.report.text.markdown import environment
 from henon_ref.report.text.matrix import KEY, matrix, solvers_of
-from henon_ref.report.text.paired_times import read_ratios
-from henon_ref.report.text.ranking import LEVELS, by_solver, name, prices, reaching
+from henon_ref.report.text.paired_times import cheapest, read_ratios, slower_table, spread_table
+from henon_ref.report.text.ranking import LEVELS, NOT_RUN, by_solver, name, prices, reaching
 from henon_ref.report.text.tables import Table
 from henon_ref.text import code, markdown, message
 
@@ -130,15 +128,15 @@ def index_text(
         Ratios of times taken in turn, if there are any.
     """
     runs = [row for entry in found for row in entry.rows]
-    spread, slower = rivals.spread_table(ratios), rivals.slower_table(ratios, runs, reports="")
+    spread, slower = spread_table(ratios), slower_table(ratios, runs, reports="")
     return (
         environment()
         .get_template("index.md.j2")
         .render(
-            answer=_answer(found),
             key=KEY,
             matrix=matrix(("case",), [((entry.label,), entry.rows) for entry in found]).markdown,
-            cheapest=_cheapest(found, rivals.cheapest(ratios)).markdown,
+            solvers=ranking_table(found, cheapest(ratios)).markdown,
+            cases=len({entry.case for entry in found}),
             spread=spread.markdown if spread.rows else "",
             slower=slower.markdown if slower.rows else "",
             pages=dict(further or {}),
@@ -149,28 +147,12 @@ def index_text(
     )
 
 
-def _answer(found: Sequence[Entry]) -> list[str]:
-    """Sentences on the whole suite."""
-    tally = []
-    for solver in solvers_of([entry.rows for entry in found]):
-        own = [rows for entry in found if (rows := by_solver(entry.rows).get(solver))]
-        tried = [rows for rows in own if rows[-1]["status"] not in ("unsupported", "unavailable")]
-        good = [rows for rows in tried if any(row["verdict"] == "right" for row in rows)]
-        if tried:
-            tally.append((solver, len(good), len(tried)))
-    best = max((good for _, good, _ in tally), default=0)
-    leaders = [f"{code(solver)} ({good} of {tried})" for solver, good, tried in tally if good == best]
-    sentences = [f"{count(len(found), 'reading')} of {count(len({e.case for e in found}), 'case')}."]
-    if leaders:
-        sentences.append(f"Right most often, at one setting at least: {', '.join(leaders)}.")
-    return sentences
+def ranking_table(found: Sequence[Entry], in_turn: Mapping[tuple[str, str, int], str]) -> Table:
+    """In how many readings each solver is right, and how often it is the cheapest for so many digits.
 
-
-def _cheapest(found: Sequence[Entry], in_turn: Mapping[tuple[str, str, int], str]) -> Table:
-    """How often each solver is the cheapest for so many digits, over all readings that somebody gets so far.
-
-    Where they were timed in turn that decides, by case, reading and digits; elsewhere the reports' own times do, and
-    where nobody else gets there, there is nothing to time in turn.
+    Right is a solver that is so at one setting at least; of the readings those count that it was run on. Who is the
+    cheapest decide the times taken in turn where there are some, by case, reading and digits; elsewhere the reports'
+    own times do. Where nobody else gets so far, there is nothing to time in turn.
     """
     wins: dict[str, dict[int, int]] = {}
     reached, contested = dict.fromkeys(LEVELS, 0), dict.fromkeys(LEVELS, 0)
@@ -183,8 +165,15 @@ def _cheapest(found: Sequence[Entry], in_turn: Mapping[tuple[str, str, int], str
                 if first not in by_solver(reaching(entry.rows, price.digits)):  # or the reports are newer than that
                     first = name(price.row)
                 wins.setdefault(first, dict.fromkeys(LEVELS, 0))[price.digits] += 1
-    order = sorted(wins, key=lambda solver: -sum(wins[solver].values()))
-    lines = [(code(solver), *(f"{wins[solver][level] or ''}" for level in LEVELS)) for solver in order]
-    for label, counts in (("all readings", reached), ("of these, another solver gets there, too", contested)):
-        lines.append((label, *(f"{counts[level]}" for level in LEVELS)))
-    return Table(("cheapest solver", *(f"{level} digits" for level in LEVELS)), "l" + "r" * len(LEVELS), lines)
+    lines = []
+    for solver in solvers_of([entry.rows for entry in found]):
+        runs = [own for entry in found if (own := by_solver(entry.rows).get(solver))]
+        tried = [rows for rows in runs if rows[-1]["status"] not in NOT_RUN]
+        right = sum(any(row["verdict"] == "right" for row in rows) for rows in tried)
+        won = wins.get(solver, {})
+        lines.append((right, (code(solver), f"{right}", f"{len(tried)}", *(f"{won.get(d) or ''}" for d in LEVELS))))
+    rows = [cells for _, cells in sorted(lines, key=lambda line: -line[0])]
+    rows.append(("all readings", "", f"{len(found)}", *(f"{reached[level]}" for level in LEVELS)))
+    rows.append(("of these, another solver gets there, too", "", "", *(f"{contested[level]}" for level in LEVELS)))
+    headings = ("solver", "right in", "run on", *(f"cheapest for {level} digits" for level in LEVELS))
+    return Table(headings, "l" + "r" * (len(headings) - 1), rows)

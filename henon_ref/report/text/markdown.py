@@ -12,13 +12,14 @@ from henon_ref.campaign.results import ReadingResult
 from henon_ref.casefile.case import DEFAULT_READING
 from henon_ref.report.files.figure_jobs import COST, ERRORS, MODES, PORTRAIT, file_name
 from henon_ref.report.files.manifest import Provenance
-from henon_ref.report.text.formats import count, listing, setting
+from henon_ref.report.text.formats import listing
+from henon_ref.report.text.gate import gate_table
 from henon_ref.report.text.model import as_written, general_form, mode_equations, modes_of, parameters, truth_sentences
 from henon_ref.report.text.overview import overview
+from henon_ref.report.text.published import orbit_table, published_table
 from henon_ref.report.text.ranking import name
-from henon_ref.report.text.summary import answer
-from henon_ref.report.text.tables import MARK, price_table, reason_table, run_table, samples_of, stick_table
-from henon_ref.score.gate import Tally, gate_tally
+from henon_ref.report.text.summary import exact_run_table, solver_table
+from henon_ref.report.text.tables import MARK, Table, price_table, reason_table, run_table, samples_of, stick_table
 from henon_ref.text import link, markdown, paragraphs
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def report_text(comparison: Comparison, provenance: Provenance) -> str:
             sub="##" if single else "###",
             overview=overview(comparison),
             readings=[_reading(comparison, result) for result in comparison.readings],
-            gate=_gate(comparison),
+            gate=_markdown(gate_table(comparison)),
             notes=NOTES.format(unit=_unit(comparison)),
             source=markdown(case.source or "").rstrip("."),
             links=list(dict.fromkeys(link(own) for result in comparison.readings for own in result.reading.links)),
@@ -89,19 +90,26 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
     system = reading.problem.system
     records = comparison.of_reading(reading.name)
     rows = [record.run for record in records]
-    prices, reasons = price_table(rows, samples_of(records)), reason_table(rows)
-    sticks = stick_table(comparison, result)
+    solvers = solver_table(comparison, result).markdown
+    prices = _markdown(price_table(rows, samples_of(records)))
     return {
         "name": reading.name,
         "title": "" if reading.title == comparison.case.title else markdown(reading.title),
-        "answer": answer(comparison, result),
+        "solvers": solvers,
+        "solvers_legend": LEGEND if MARK in solvers else "",
+        "exact_run": exact_run_table(result).markdown,
         "figures": _figures(result),
         "figures_note": _figures_note(comparison, result),
-        "prices": prices.markdown if prices else "",
-        "legend": LEGEND if prices and MARK in prices.markdown else "",
-        "sticks": sticks.markdown if sticks else "",
+        "prices": prices,
+        "legend": LEGEND if MARK in prices else "",
+        "stick_tables": [
+            table.markdown
+            for table in (published_table(comparison, result), stick_table(comparison, result))
+            if table is not None
+        ],
+        "orbit": _markdown(orbit_table(result)),
         "runs": run_table(records).markdown,
-        "reasons": reasons.markdown if reasons else "",
+        "reasons": _markdown(reason_table(rows)),
         "truth": truth_sentences(result),
         "story": paragraphs(reading.story or ""),
         "effects": ", ".join(f"`{effect}`" for effect in system.effects),
@@ -110,6 +118,10 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
         "modes": [mode_equations(system, mode) for mode in modes_of(result)],
         "parameters": parameters(result),
     }
+
+
+def _markdown(table: Table | None) -> str:
+    return "" if table is None else table.markdown
 
 
 CAPTIONS = {
@@ -138,47 +150,6 @@ def _figures_note(comparison: Comparison, result: ReadingResult) -> str:
     if drawn and comparison.readings.index(result) == MOST_DRAWN:
         return f"(Figures are drawn for the first {MOST_DRAWN} readings.)"
     return ""
-
-
-def _gate(comparison: Comparison) -> str:
-    """What became of the case's gate."""
-    tally = gate_tally(comparison.case.readings, comparison.run_rows)
-    if not tally.total:
-        return ""
-    failures, checked = comparison.gate_failures(), gate_words(tally)
-    left_out = f"The {markdown(left_out_words(tally))}." if tally.left_out else ""
-    if failures:
-        return "\n".join(
-            [f"The gate is **not** met ({checked}):", "", *(f"- {markdown(words)}" for words in failures), "", left_out]
-        )
-    state = f"The gate is met ({checked})" if tally.checked else f"The gate is **not** checked: {checked}"
-    return f"{state}. {left_out}".strip()
-
-
-def gate_words(tally: Tally) -> str:
-    """How many bounds of a gate were checked, of one that has bounds."""
-    if not tally.total:
-        return "there is no bound"
-    solvers_only = all(entry.rtol is None for entry in tally.left_out)
-    if not tally.checked:
-        what = "solver that ran" if solvers_only else "solver that ran, at a tolerance that did"
-        if tally.total == 1:
-            return f"the only bound of the gate is on no {what}"
-        return f"none of the {tally.total} bounds of the gate is on a {what}"
-    if tally.checked == tally.total:
-        return f"{count(tally.total, 'bound')} checked, statuses included"
-    what = "solvers" if solvers_only else "solvers or at tolerances"
-    part = f"{tally.checked} of {tally.total} bounds checked, statuses included"
-    return f"{part}; the others are on {what} that did not run"
-
-
-def left_out_words(tally: Tally) -> str:
-    """The bounds that were not checked, by what did not run."""
-    phrases = [
-        f"{entry.solver}" if entry.rtol is None else f"{entry.solver} at {setting(entry.rtol, None)}"
-        for entry in tally.left_out
-    ]
-    return f"bounds on what did not run are left out: {listing(phrases)}"
 
 
 def _unit(comparison: Comparison) -> str:

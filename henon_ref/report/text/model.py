@@ -1,4 +1,4 @@
-"""The model in words and formulas: effects built, equations of every mode, parameters, truth."""
+"""The model as formulas: equations of every mode, parameters, start and horizon; and where the truth comes from."""
 
 from __future__ import annotations
 

@@ -9,21 +9,21 @@ from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.options import MOST_DRAWN
 from henon_ref.columns import Row
 from henon_ref.report.files.figure_jobs import READINGS
-from henon_ref.report.text.formats import codes, listing, setting
+from henon_ref.report.text.formats import setting
 from henon_ref.report.text.matrix import KEY, matrix
-from henon_ref.report.text.ranking import by_solver, name, number, over_all
-from henon_ref.report.text.summary import NOT_RUN
-from henon_ref.report.text.tables import MARK, price_table
+from henon_ref.report.text.ranking import NOT_RUN, by_solver, number, over_all
+from henon_ref.report.text.tables import MARK, Table, price_table
 from henon_ref.text import code
 
 MANY = 4
-"""Readings from which on a report begins with all of them at once, and tells of each in its own section."""
+"""Readings from which on a report begins with tables over all of them, and each one's tables stand in its section."""
 LEGEND = f"{MARK}: the ranges of all readings' samples add up to more than a tenth of it."
 """Below a table that is marked so."""
 
 
 def overview(comparison: Comparison) -> dict[str, Any] | None:
-    """Who is right in every reading at one setting, what the cheapest such setting costs, and who is right where.
+    """In how many readings each solver is right at one setting, what the cheapest setting that is right in all of
+    them costs, and who is right where.
 
     None for a case of few readings, or without a truth for any.
     """
@@ -34,7 +34,7 @@ def overview(comparison: Comparison) -> dict[str, Any] | None:
     prices = price_table(whole)
     lines = [((f"[{reading}](#{reading})", _transitions(rows)), rows) for reading, rows in readings]
     return {
-        "answer": f"{_counted(len(readings), len(comparison.readings))} {_everywhere(whole, len(readings))}",
+        "solvers": right_in_all_table(whole, len(readings), len(comparison.readings)).markdown,
         "prices": prices.markdown if prices else "",
         "legend": LEGEND if prices and MARK in prices.markdown else "",
         "figure": READINGS if is_drawn(comparison) else "",
@@ -58,26 +58,25 @@ def is_drawn(comparison: Comparison) -> bool:
     return wanted and any(record.run["status"] not in NOT_RUN for record in comparison.records)
 
 
-def _counted(judged: int, readings: int) -> str:
-    return f"{readings} readings." if judged == readings else f"{readings} readings, {judged} of them with a truth."
+def right_in_all_table(whole: Sequence[Row], judged: int, readings: int) -> Table:
+    """In how many readings each solver is right at one and the same setting, and at which settings it is.
 
-
-def _everywhere(whole: Sequence[Row], readings: int) -> str:
-    """Who is right in all readings at one and the same setting; else who is in most."""
-    told: dict[str, list[str]] = {}
+    Parameters
+    ----------
+    whole : sequence of Row
+        From :func:`over_all`.
+    judged, readings : int
+        Readings with a truth, and all of them.
+    """
+    lines = []
     for solver, rows in by_solver(whole).items():
-        always = [setting(row["rtol"], row["step_s"]) for row in rows if row["verdict"] == "right"]
-        if always:
-            where = "at every setting" if len(always) == len(rows) else f"at {listing(always)}"
-            told.setdefault(where, []).append(solver)
-    if told:
-        phrases = [f"{codes(solvers)} ({where})" for where, solvers in told.items()]
-        return f"Right in every one of them at one and the same setting: {'; '.join(phrases)}."
-    most = max(whole, key=lambda row: number(row, "right_in"), default=None)
-    if most is None or not most["right_in"]:
-        return "No solver is right in any."
-    where = setting(most["rtol"], most["step_s"])
-    return f"No solver is right in all at one setting; most often {code(name(most))} at {where}, in {most['right_in']}."
+        most = max(int(number(row, "right_in")) for row in rows)
+        at = [setting(row["rtol"], row["step_s"]) for row in rows if row["right_in"] == most] if most else []
+        lines.append((most, (code(solver), f"{most} of {judged}", ", ".join(at), f"{len(at)} of {len(rows)}")))
+    ordered = [cells for _, cells in sorted(lines, key=lambda line: -line[0])]
+    last = ("all readings", f"{readings}", "", "" if judged == readings else f"without a truth: {readings - judged}")
+    headings = ("solver", "readings right at one setting", "at", "settings")
+    return Table(headings, "lrll", [*ordered, last])
 
 
 def _transitions(rows: Sequence[Row]) -> str:

@@ -12,7 +12,8 @@ import numpy as np
 from henon_ref.columns import Row
 from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.write import REPORT
-from henon_ref.report.text import formats as words
+from henon_ref.report.text.formats import digits as shown_digits
+from henon_ref.report.text.formats import duration, setting
 from henon_ref.report.text.ranking import LEVELS, number
 from henon_ref.report.text.tables import Table
 from henon_ref.text import code, markdown
@@ -95,10 +96,10 @@ def slower_table(rows: Sequence[Row], runs: Sequence[Row], reports: str = "../")
                 (row["rival"], row["rival_rtol"], row["rival_step_s"], row["rival_wall_s"]),
             ):
                 run = known.get((case, reading, solver, rtol, step))
-                got = "" if run is None or run["digits"] is None else words.digits(number(run, "digits"))
+                got = "" if run is None or run["digits"] is None else shown_digits(number(run, "digits"))
                 steps = "" if run is None or run["steps"] is None else f"{number(run, 'steps'):.0f}"
                 cells += [code(str(solver))] if solver != FIRST else []
-                cells += [words.setting(rtol, step), got, steps, words.duration(wall)]
+                cells += [setting(rtol, step), got, steps, duration(wall)]
             lines.append((*cells, f"{number(row, 'ratio'):.3g}"))
     own = ("setting", "gets", "steps")
     headings = ("reading", "digits", f"{code(FIRST)} at", *own[1:], "time", "rival", *own, "time", "ratio")

@@ -10,6 +10,8 @@ from henon_ref.score.reference import HALF_ULP
 
 LEVELS = (3, 6, 9, 12)
 """Digits that prices are given for."""
+NOT_RUN = ("unsupported", "unavailable")
+"""Statuses of solvers that were not run."""
 AS_GOOD = 0.3
 """Digits that two solvers may differ by and still count as equally accurate (a factor of two)."""
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from henon_ref.columns import Row
 from henon_ref.figures import style
 from henon_ref.report.text.matrix import solvers_of
-from henon_ref.report.text.ranking import LEVELS, best_of, by_solver, number
-from henon_ref.report.text.summary import NOT_RUN
+from henon_ref.report.text.ranking import LEVELS, NOT_RUN, best_of, by_solver, number
 from henon_ref.text import one_line
 
 if TYPE_CHECKING:
@@ -22,7 +21,7 @@ MOST_DIGITS = 16.0
 DARK = 9.0
 """Digits from which on a cell is so dark that its text is white."""
 WRONG, OPEN, NOTHING, CORNER = style.ORANGE, "#BDBDBD", "#E3ECF5", style.VERMILLION
-WORDS = {
+LABELS = {
     NOTHING: "right, nothing to time",
     CORNER: "(corner) wrong at another setting",
     WRONG: "wrong at every setting",
@@ -69,19 +68,19 @@ def draw_readings(readings: Sequence[tuple[str, Sequence[Row]]]) -> Figure:
 
 
 def _draw(axes: Axes, i: int, j: int, rows: Sequence[Row], wide: float, *, texts: bool) -> set[str]:
-    """One cell; returns its colours that stand for words."""
+    """One cell; returns those of its colours that the legend names."""
     from matplotlib.patches import Polygon, Rectangle
 
     reached = number(best_of(rows), "digits")
     some = any(row["verdict"] == "right" for row in rows)
     timed = some and not math.isnan(reached)
-    plain = NOTHING if some else OPEN if rows[-1]["verdict"] in ("ill-conditioned", "not unique") else WRONG
-    colour = _shade(reached) if timed else plain
+    untimed = NOTHING if some else OPEN if rows[-1]["verdict"] in ("ill-conditioned", "not unique") else WRONG
+    colour = _shade(reached) if timed else untimed
     axes.add_patch(Rectangle((i, j), 1, 1, facecolor=colour, edgecolor="white", linewidth=0.5))
     if timed and texts:
         ink = "white" if reached >= DARK else style.BLACK
         axes.text(i + 0.5, j + 0.46, f"{math.floor(reached)}", ha="center", va="center", fontsize=6.5, color=ink)
-    used = set() if timed else {plain}
+    used = set() if timed else {untimed}
     if some and any(row["verdict"] != "right" for row in rows):
         corner = [(i + 1 - HALF / wide, j + 1), (i + 1, j + 1), (i + 1, j + 1 - HALF / ROW)]
         axes.add_patch(Polygon(corner, facecolor=CORNER, linewidth=0))
@@ -112,10 +111,10 @@ def _label(axes: Axes, names: Sequence[str], solvers: Sequence[str]) -> None:
 
 
 def _patches(used: set[str], *, shades: bool) -> list[Patch]:
-    """Words for the colours; where cells do not say their digits, shades for those, too."""
+    """Legend of the colours; where cells do not say their digits, of the shades, too."""
     from matplotlib.patches import Patch
 
     found = [Patch(facecolor=_shade(level), linewidth=0, label=f"{level} digits") for level in LEVELS if shades]
     return found + [
-        Patch(facecolor=colour, linewidth=0, label=word) for colour, word in WORDS.items() if colour in used
+        Patch(facecolor=colour, linewidth=0, label=label) for colour, label in LABELS.items() if colour in used
     ]

@@ -12,7 +12,7 @@ from henon_ref.campaign.rows import Record
 from henon_ref.campaign.timing import UNSTABLE
 from henon_ref.columns import Row
 from henon_ref.report.text.formats import count, digits, duration, error, setting, significant
-from henon_ref.report.text.ranking import floor, name, number, prices, right
+from henon_ref.report.text.ranking import NOT_RUN, floor, name, number, prices, right
 from henon_ref.score.sticks import published_partners, sticks
 from henon_ref.text import code, markdown
 
@@ -28,7 +28,7 @@ class Table:
 
     headings: tuple[str, ...]
     alignment: str
-    rows: list[tuple[str, ...]]
+    rows: Sequence[tuple[str, ...]]
 
     @property
     def markdown(self) -> str:
@@ -77,7 +77,7 @@ def run_table(records: Sequence[Record]) -> Table:
     lines = []
     for record in records:
         row = record.run
-        if row["status"] in ("unsupported", "unavailable"):
+        if row["status"] in NOT_RUN:
             continue
         found = f"{number(row, 'matched'):.0f}" if row["matched"] is not None else ""
         edits = "" if row["missed"] is None else f"{number(row, 'missed'):.0f} / {number(row, 'spurious'):.0f}"
@@ -141,22 +141,22 @@ def _mark(row: Row, samples: Sequence[float] = ()) -> str:
 
 
 def reason_table(rows: Sequence[Row]) -> Table | None:
-    """Why a run is not right: the solver's words, the verdict and what it rests on, the cause where it is known."""
+    """Why a run is not right: the solver's reason, the verdict and what it rests on, the cause where it is known."""
     # One line for a solver that says the same at every setting.
     merged: dict[tuple[str, ...], list[str]] = {}
     for row in rows:
-        if row["verdict"] == "right" or row["status"] in ("unsupported", "unavailable"):
+        if row["verdict"] == "right" or row["status"] in NOT_RUN:
             continue
         verdict = ": ".join(markdown(str(row[column])) for column in ("verdict", "verdict_basis") if row[column])
         cause = _cause(str(row["cause"])) if row["cause"] else ""
-        words = (code(name(row)), str(row["status"]), markdown(str(row["status_reason"] or "")), verdict, cause)
-        merged.setdefault(words, []).append(setting(row["rtol"], row["step_s"]))
+        cells = (code(name(row)), str(row["status"]), markdown(str(row["status_reason"] or "")), verdict, cause)
+        merged.setdefault(cells, []).append(setting(row["rtol"], row["step_s"]))
     if not merged:
         return None
     return Table(
         ("solver", "setting", "status", "reason", "verdict", "cause"),
         "lrllll",
-        [(words[0], ", ".join(at), *words[1:]) for words, at in merged.items()],
+        [(cells[0], ", ".join(at), *cells[1:]) for cells, at in merged.items()],
     )
 
 
