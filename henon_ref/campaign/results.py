@@ -67,7 +67,7 @@ class CaseState:
 
         def place(slot: Slot) -> tuple[int, int, str, float]:
             name, solver, setting = slot
-            plain = registry.plain_name(solver)
+            plain = registry.base_name(solver)
             rank = names.index(plain) if plain in names else len(names)
             return order.index(name), rank, solver, -(setting.rtol or setting.step or 0.0)
 

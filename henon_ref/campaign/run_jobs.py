@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref import registry
-from henon_ref.campaign.contract_check import check_prepared, check_returned
+from henon_ref.campaign.contract_check import check_prepared, check_trajectory
 from henon_ref.campaign.settings import Setting
 from henon_ref.campaign.timing import repeat
 from henon_ref.campaign.worker import Job, WorkerState
@@ -105,7 +105,7 @@ class RunJob(Job):
             begin = run_time()
             returned = run()
             took = run_time() - begin
-        return Ran(check_returned(returned, problem, most=self.most), took)
+        return Ran(check_trajectory(returned, problem, most=self.most), took)
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ class ReferenceEvent(Protocol):
     def state(self) -> Sequence[object]: ...
 
 
-class NearTouch(Protocol):
+class NearGraze(Protocol):
     """An instant at which a surface is nearly touched."""
 
     @property
@@ -56,16 +56,16 @@ class Touches:
 
     Parameters
     ----------
-    touches : sequence of NearTouch
+    touches : sequence of NearGraze
         In any order.
     """
 
-    def __init__(self, touches: Sequence[NearTouch]) -> None:
+    def __init__(self, touches: Sequence[NearGraze]) -> None:
         self._touches = sorted(touches, key=lambda touch: touch.time)
         self._times = [touch.time for touch in self._touches]
         self._distances = np.array([touch.distance for touch in self._touches])
 
-    def closest(self, time: float, within: float) -> NearTouch | None:
+    def closest(self, time: float, within: float) -> NearGraze | None:
         """The one that comes closest to its surface of those no more than ``within`` from a time [s]."""
         begin, end = bisect_left(self._times, time - within), bisect_right(self._times, time + within)
         return self._touches[begin + int(np.argmin(self._distances[begin:end]))] if begin < end else None
@@ -90,7 +90,7 @@ class Expected:
     """Horizon [s]."""
     end_time: float
     """Where the exact run ends: the horizon, or before it [s]."""
-    near_grazes: Sequence[NearTouch] = ()
+    near_grazes: Sequence[NearGraze] = ()
     start_size: float = 0.0
     """Largest entry of the state at the start."""
     partial: bool = False

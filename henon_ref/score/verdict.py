@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from henon_ref.score.matching import Matching
-from henon_ref.score.reference import Expected, NearTouch, ReferenceEvent
+from henon_ref.score.reference import Expected, NearGraze, ReferenceEvent
 from henon_ref.trajectory import Transition
 
 Word = Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
@@ -102,7 +102,7 @@ def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
     basis = f"{what}: an error of {allowed:.1e} moves it by {moved:.1e} s, its neighbour is {gap:.1e} s away"
     if moved >= FOLD * gap:
         return Verdict("ill-conditioned", basis)
-    touch = _touch_near(expected, event.time, gap, allowed)
+    touch = _graze_within(expected, event.time, gap, allowed)
     return Verdict("solver defect", basis) if touch is None else _touching(touch, allowed)
 
 
@@ -121,7 +121,7 @@ def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> V
             )
     span = expected.until - expected.start
     gap = span if close is None else expected.gaps[close]
-    touch = _touch_near(expected, event.time, gap, allowed)
+    touch = _graze_within(expected, event.time, gap, allowed)
     if touch is not None:
         return _touching(touch, allowed)
     nearest = expected.touches.from_nearest(event.time)
@@ -137,13 +137,13 @@ def graze_distance(expected: Expected, index: int) -> float:
     return FOLD * event.transversality * expected.gaps[index]
 
 
-def _touch_near(expected: Expected, where: float, gap: float, allowed: float) -> NearTouch | None:
+def _graze_within(expected: Expected, where: float, gap: float, allowed: float) -> NearGraze | None:
     """A near touch within reach of the granted error, around this time."""
     touch = expected.touches.closest(where, gap)
     return touch if touch is not None and touch.distance <= allowed else None
 
 
-def _touching(touch: NearTouch, allowed: float) -> Verdict:
+def _touching(touch: NearGraze, allowed: float) -> Verdict:
     return Verdict(
         "ill-conditioned",
         f"at t = {touch.time:.9g} s the surface is {touch.distance:.1e} away, within an error of {allowed:.1e}",

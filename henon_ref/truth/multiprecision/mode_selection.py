@@ -22,7 +22,7 @@ from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.switching import EXHAUSTIVE
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
-from henon_ref.truth.multiprecision import series as jets
+from henon_ref.truth.multiprecision import series
 
 Head = tuple[int, int] | None
 """(index, sign) of a guard's first Taylor coefficient that is not zero; None: none found."""
@@ -100,7 +100,7 @@ class Decider:
         if not all(c[0].is_finite() and c[1].is_finite() for c in expansions):
             return None
         first = [1 if g.kind == "surface" and g.index in active else 0 for g in guards]
-        return [jets.leading(c, k) for c, k in zip(expansions, first, strict=True)]
+        return [series.leading(c, k) for c, k in zip(expansions, first, strict=True)]
 
     def values(self, point: Point, mode: Mode) -> list[arb]:
         """Values of a mode's guards at the middle of a point (balls drop digits below their radius)."""
@@ -108,13 +108,13 @@ class Decider:
         return [c[0] for c in self._expansions(middle, mode, order=0)]
 
     def _exact(self, number: sp.Expr) -> arb:
-        return jets.exact_ball(number, self.bits)
+        return series.exact_ball(number, self.bits)
 
-    def _expansions(self, point: Point, mode: Mode, order: int = jets.ORDER) -> list[list[arb]]:
+    def _expansions(self, point: Point, mode: Mode, order: int = series.ORDER) -> list[list[arb]]:
         system, equations = self.system, self.system.equations(mode)
         field = [system.numeric(f) for f in equations.field]
         outputs = [system.numeric(g.expression) for g in equations.guards]
-        return jets.along(field, outputs, system.states, point.time, point.state, bits=self.bits, order=order)
+        return series.along(field, outputs, system.states, point.time, point.state, bits=self.bits, order=order)
 
     def _decide(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
         decision = self._decided(point, mode, active)
@@ -193,7 +193,7 @@ class Decider:
         try:
             heads = self.heads(point, stick, frozenset((index,)))
         except ModelError:  # beside another sliding surface it has no equations: no derivatives, but the load is there
-            return all(jets.sign(value) > 0 for value in self._hold_values(point, index))
+            return all(series.sign(value) > 0 for value in self._hold_values(point, index))
         guards = self.system.equations(stick).guards
         return heads is not None and all(
             head is None or head[1] > 0
@@ -207,7 +207,7 @@ class Decider:
         guards = [system.numeric(g.expression) for g in system.hold_guards(index)]
         frozen = [sp.Integer(0)] * len(system.states)
         return [
-            c[0] for c in jets.along(frozen, guards, system.states, point.time, point.state, bits=self.bits, order=0)
+            c[0] for c in series.along(frozen, guards, system.states, point.time, point.state, bits=self.bits, order=0)
         ]
 
     def _attracts(self, point: Point, mode: Mode, index: int) -> bool:
@@ -218,8 +218,8 @@ class Decider:
             for side in (replaced(mode, index, -1), replaced(mode, index, 1))
         )
         frozen = [sp.Integer(0)] * len(system.states)
-        speeds = jets.along(frozen, [below, above], system.states, point.time, point.state, bits=self.bits, order=0)
-        return jets.sign(speeds[0][0]) >= 0 and jets.sign(speeds[1][0]) <= 0
+        speeds = series.along(frozen, [below, above], system.states, point.time, point.state, bits=self.bits, order=0)
+        return series.sign(speeds[0][0]) >= 0 and series.sign(speeds[1][0]) <= 0
 
 
 def _short(point: Point) -> str:

@@ -153,7 +153,7 @@ class _Simulation:
             if (s < 0 and not g.rising_only) or (s == 0 and g.kind == "attracts")
         ]
         if failing:
-            self._settle(failing, 0.0)
+            self._change_mode(failing, 0.0)
             return
         values = self.decider.values(self.point, mode)
         self.stepper.start(mode, self.point.time, self.point.state, values)
@@ -234,9 +234,9 @@ class _Simulation:
         time = (to_ball(step.time) + hits[0].at * to_ball(step.length)).mid()
         self.point = self._blurred(time, self.stepper.state_at(time), step)
         guards = self.problem.system.equations(self.mode).guards
-        self._settle([guards[hit.guard] for hit in hits], min(hit.transversality for hit in hits))
+        self._change_mode([guards[hit.guard] for hit in hits], min(hit.transversality for hit in hits))
 
-    def _settle(self, hits: Sequence[Guard], transversality: float) -> None:
+    def _change_mode(self, hits: Sequence[Guard], transversality: float) -> None:
         """Decide the mode after an event, note the event, and go on."""
         before, point = self.mode, self.point
         self.result.end_time = point.time.mid()

@@ -67,7 +67,7 @@ class OrbitEvent:
 
 
 @dataclass(frozen=True)
-class Returned:
+class MappedPoint:
     """What the return map gives."""
 
     end: list[arb]
@@ -107,7 +107,7 @@ class ReturnMap:
         """Start time, at the working precision."""
         return enclose(self.model.system.numeric(self.guess.time))
 
-    def __call__(self, free: Sequence[arb], bits: int, *, sharp: bool) -> Returned:
+    def __call__(self, free: Sequence[arb], bits: int, *, sharp: bool) -> MappedPoint:
         """The map at a point or over a box of free coordinates, at the working precision ``bits``.
 
         ``sharp`` asks for a derivative to all digits, and not just good enough to carry a radius along.
@@ -130,7 +130,7 @@ class ReturnMap:
         if self.guess.events is not None:
             self._check_last(events[-1])
         end = walk.points.hull()
-        return Returned(
+        return MappedPoint(
             [end[i + 1] for i in self.free],
             self._derivative(walk.derivative, begin),
             end[0] - self.time,
