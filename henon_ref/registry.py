@@ -34,7 +34,8 @@ COMPILED = "+numba"
 class Entry:
     """Where a built-in solver is found, and what can be said of it without importing it."""
 
-    module: str
+    target: str
+    """``module:OBJECT``."""
     distribution: str
     """The installed package whose version the results name."""
     fixed_step: bool = False
@@ -45,33 +46,39 @@ class Entry:
 
 
 _BUILT_IN = {
-    "henon": Entry("henon_ref.henon.solvers", "henon-ref"),
-    "henon-newton": Entry("henon_ref.henon.solvers", "henon-ref", by_default=False),
-    "henon-brent": Entry("henon_ref.henon.solvers", "henon-ref", by_default=False),
-    "henon-rk4": Entry("henon_ref.henon.rk4", "henon-ref", fixed_step=True),
-    "henon-listing": Entry("henon_ref.henon.listing", "henon-ref", fixed_step=True, by_default=False),
-    "heyoka": Entry("baselines.heyoka_taylor", "heyoka", restart="offset"),
-    "cvode-adams": Entry("baselines.sundials_cvode", "scikit-sundae", restart="event-free-step"),
-    "cvode-bdf": Entry("baselines.sundials_cvode", "scikit-sundae", restart="event-free-step"),
-    "ida": Entry("baselines.sundials_ida", "scikit-sundae", restart="event-free-step"),
-    "scipy-rk45": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
-    "scipy-dop853": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
-    "scipy-radau": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
-    "scipy-bdf": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
-    "scipy-lsoda": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
-    "scipy-smoothed": Entry("baselines.scipy_naive", "scipy"),
-    "scipy-sign": Entry("baselines.scipy_naive", "scipy"),
-    "heyoka+fastmath": Entry("baselines.heyoka_taylor", "heyoka", by_default=False, restart="offset"),
+    "henon": Entry("henon_ref.henon.solvers:HENON_SOLVER", "henon-ref"),
+    "henon-newton": Entry("henon_ref.henon.solvers:HENON_NEWTON", "henon-ref", by_default=False),
+    "henon-brent": Entry("henon_ref.henon.solvers:HENON_BRENT", "henon-ref", by_default=False),
+    "henon-rk4": Entry("henon_ref.henon.rk4:RK4", "henon-ref", fixed_step=True),
+    "henon-listing": Entry("henon_ref.henon.listing:LISTING", "henon-ref", fixed_step=True, by_default=False),
+    "heyoka": Entry("baselines.heyoka_taylor:HEYOKA", "heyoka", restart="offset"),
+    "cvode-adams": Entry("baselines.sundials_cvode:ADAMS", "scikit-sundae", restart="event-free-step"),
+    "cvode-bdf": Entry("baselines.sundials_cvode:BDF", "scikit-sundae", restart="event-free-step"),
+    "ida": Entry("baselines.sundials_ida:IDA", "scikit-sundae", restart="event-free-step"),
+    "scipy-rk45": Entry("baselines.scipy_ivp:RK45", "scipy", restart="event-free-step"),
+    "scipy-dop853": Entry("baselines.scipy_ivp:DOP853", "scipy", restart="event-free-step"),
+    "scipy-radau": Entry("baselines.scipy_ivp:RADAU", "scipy", restart="event-free-step"),
+    "scipy-bdf": Entry("baselines.scipy_ivp:BDF", "scipy", restart="event-free-step"),
+    "scipy-lsoda": Entry("baselines.scipy_ivp:LSODA", "scipy", restart="event-free-step"),
+    "scipy-smoothed": Entry("baselines.scipy_naive:SMOOTHED", "scipy"),
+    "scipy-sign": Entry("baselines.scipy_naive:SIGN", "scipy"),
+    "heyoka+fastmath": Entry("baselines.heyoka_taylor:HEYOKA_FAST_MATH", "heyoka", by_default=False, restart="offset"),
     "cvode-adams+numba": Entry(
-        "baselines.sundials_cvode", "scikit-sundae", by_default=False, restart="event-free-step"
+        "baselines.sundials_cvode:ADAMS_NUMBA", "scikit-sundae", by_default=False, restart="event-free-step"
     ),
-    "cvode-bdf+numba": Entry("baselines.sundials_cvode", "scikit-sundae", by_default=False, restart="event-free-step"),
-    "ida+numba": Entry("baselines.sundials_ida", "scikit-sundae", by_default=False, restart="event-free-step"),
-    "scipy-rk45+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
-    "scipy-dop853+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
-    "scipy-radau+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
-    "scipy-bdf+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
-    "scipy-lsoda+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
+    "cvode-bdf+numba": Entry(
+        "baselines.sundials_cvode:BDF_NUMBA", "scikit-sundae", by_default=False, restart="event-free-step"
+    ),
+    "ida+numba": Entry(
+        "baselines.sundials_ida:IDA_NUMBA", "scikit-sundae", by_default=False, restart="event-free-step"
+    ),
+    "scipy-rk45+numba": Entry("baselines.scipy_ivp:RK45_NUMBA", "scipy", by_default=False, restart="event-free-step"),
+    "scipy-dop853+numba": Entry(
+        "baselines.scipy_ivp:DOP853_NUMBA", "scipy", by_default=False, restart="event-free-step"
+    ),
+    "scipy-radau+numba": Entry("baselines.scipy_ivp:RADAU_NUMBA", "scipy", by_default=False, restart="event-free-step"),
+    "scipy-bdf+numba": Entry("baselines.scipy_ivp:BDF_NUMBA", "scipy", by_default=False, restart="event-free-step"),
+    "scipy-lsoda+numba": Entry("baselines.scipy_ivp:LSODA_NUMBA", "scipy", by_default=False, restart="event-free-step"),
 }
 
 
@@ -202,7 +209,7 @@ def solver(name: str) -> Solver:
     if base not in _BUILT_IN:
         return loaded(_third_party()[base])
     try:
-        instance = _instance(import_module(_BUILT_IN[base].module), base)
+        instance = _imported(_BUILT_IN[base].target)
     except ImportError as error:
         raise UnavailableError(f"{name} cannot be imported: {error}") from error
     if not restart:
@@ -237,8 +244,6 @@ def loaded(point: EntryPoint) -> Solver:
     return cast(Solver, found)
 
 
-def _instance(module: object, name: str) -> Solver:
-    for value in vars(module).values():
-        if not isinstance(value, type) and getattr(value, "name", None) == name and hasattr(value, "prepare"):
-            return cast(Solver, value)
-    raise UnavailableError(f"{getattr(module, '__name__', module)} holds no solver named {name}")
+def _imported(target: str) -> Solver:
+    module, _, name = target.partition(":")
+    return cast(Solver, getattr(import_module(module), name))

@@ -165,7 +165,7 @@ def test_a_reader_that_has_gone_is_no_failure(tmp_path):
 
 def test_what_a_terminal_has_no_characters_for_is_written_another_way():
     call = "exit_status.exit_status(lambda: print(chr(233)), name='', arguments=[])"
-    script = f"import sys; from henon_ref import exit_status; sys.exit({call})"
+    script = f"import sys; from henon_ref.cli import exit_status; sys.exit({call})"
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, "\\xe9\n", "")
