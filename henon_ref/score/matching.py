@@ -24,13 +24,12 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.filippov.modes import Mode
 from henon_ref.score.alignment import align
+from henon_ref.score.reference import Event
 
 IN_STEP_FRACTION = 1e-3
 """After an edit, a pair agrees to this fraction of the distance to the neighbouring transitions of its kind."""
@@ -44,21 +43,6 @@ HORIZON_FACTOR = 3.0
 """A transition this many worst errors before the horizon may fall on its other side."""
 MOST_PAST_HORIZON = 2
 """Transitions of a surface that may lie just beyond the horizon (a pair), or as many as the exact run has together."""
-
-
-class Event(Protocol):
-    """What matching needs to know of a transition (a solver's or the truth's)."""
-
-    @property
-    def kind(self) -> str: ...
-    @property
-    def surface(self) -> int: ...
-    @property
-    def from_mode(self) -> Mode: ...
-    @property
-    def to_mode(self) -> Mode: ...
-    @property
-    def time(self) -> float: ...
 
 
 @dataclass(frozen=True)

@@ -102,8 +102,8 @@ def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
     basis = f"{what}: an error of {allowed:.1e} moves it by {moved:.1e} s, its neighbour is {gap:.1e} s away"
     if moved >= FOLD * gap:
         return Verdict("ill-conditioned", basis)
-    touch = _graze_within(expected, event.time, gap, allowed)
-    return Verdict("solver defect", basis) if touch is None else _touching(touch, allowed)
+    graze = _graze_within(expected, event.time, gap, allowed)
+    return Verdict("solver defect", basis) if graze is None else _grazing(graze, allowed)
 
 
 def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> Verdict:
@@ -111,24 +111,24 @@ def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> V
     what = f"{event.kind} at t = {event.time:.9g} s"
     close = expected.nearest(event.surface, event.time)
     if close is not None:
-        near = expected.transitions[close]
+        other = expected.transitions[close]
         gap = min(expected.gaps[close], expected.until - expected.start)
-        reach = near.conditioning * allowed
+        reach = other.conditioning * allowed
         if reach >= FOLD * gap:
             return Verdict(
                 "ill-conditioned",
-                f"{what}: an error of {allowed:.1e} moves the {near.kind} at t = {near.time:.9g} s by {reach:.1e} s",
+                f"{what}: an error of {allowed:.1e} moves the {other.kind} at t = {other.time:.9g} s by {reach:.1e} s",
             )
     span = expected.until - expected.start
     gap = span if close is None else expected.gaps[close]
-    touch = _graze_within(expected, event.time, gap, allowed)
-    if touch is not None:
-        return _touching(touch, allowed)
-    nearest = expected.touches.from_nearest(event.time)
-    no_touch = "the exact run comes close to no surface without reaching it" if nearest is None else (
+    graze = _graze_within(expected, event.time, gap, allowed)
+    if graze is not None:
+        return _grazing(graze, allowed)
+    nearest = expected.grazes_by_time.from_nearest(event.time)
+    no_graze = "the exact run comes close to no surface without reaching it" if nearest is None else (
         f"the nearest near touch is {nearest:.1e} s away"
     )  # fmt: skip
-    return Verdict("solver defect", f"{what} is not there: an error of {allowed:.1e} is granted, and {no_touch}")
+    return Verdict("solver defect", f"{what} is not there: an error of {allowed:.1e} is granted, and {no_graze}")
 
 
 def graze_distance(expected: Expected, index: int) -> float:
@@ -138,13 +138,13 @@ def graze_distance(expected: Expected, index: int) -> float:
 
 
 def _graze_within(expected: Expected, where: float, gap: float, allowed: float) -> NearGraze | None:
-    """A near touch within reach of the granted error, around this time."""
-    touch = expected.touches.closest(where, gap)
-    return touch if touch is not None and touch.distance <= allowed else None
+    """A near graze within reach of the granted error, around this time."""
+    graze = expected.grazes_by_time.closest(where, gap)
+    return graze if graze is not None and graze.distance <= allowed else None
 
 
-def _touching(touch: NearGraze, allowed: float) -> Verdict:
+def _grazing(graze: NearGraze, allowed: float) -> Verdict:
     return Verdict(
         "ill-conditioned",
-        f"at t = {touch.time:.9g} s the surface is {touch.distance:.1e} away, within an error of {allowed:.1e}",
+        f"at t = {graze.time:.9g} s the surface is {graze.distance:.1e} away, within an error of {allowed:.1e}",
     )
