@@ -22,7 +22,7 @@ SAMPLERS = ("henon", "scipy-dop853")
 
 
 @dataclass(frozen=True)
-class Ladder:
+class PendingRuns:
     """What one solver is still to run on one reading."""
 
     result: ReadingResult
@@ -100,14 +100,14 @@ def case_state(case: Case, statements: dict[tuple[str, str], Statement], options
     return CaseState(case, results, journal)
 
 
-def ladders(state: CaseState, result: ReadingResult, options: Options) -> list[Ladder]:
+def pending_runs(state: CaseState, result: ReadingResult, options: Options) -> list[PendingRuns]:
     """What is to be run on a reading; rows that the journal has are taken from there."""
     key = reading_key(state.case.name, result.reading, result.expected)
-    found: list[Ladder] = []
+    found: list[PendingRuns] = []
     for name, solver in chosen_solvers(result.reading, options).items():
         waiting = _settings_to_run(state, result, key, name, solver, options)
         if waiting:
-            found.append(Ladder(result, name, solver, waiting))
+            found.append(PendingRuns(result, name, solver, waiting))
     return found
 
 

@@ -11,6 +11,9 @@ and all that it has started; behind that stands a limit on wall time, :data:`WAL
 the processor time (elsewhere than on Linux) that alone holds, and memory is bounded by the system's own limit a
 process. Nothing here waits for a worker. Leaving :meth:`WorkerPool.run`, by whatever exception, leaves no process
 behind.
+
+Pebble and loky are no substitute: no shared memory limit, no killing of what a worker has started, no job for the one
+worker that holds its prepared run.
 """
 
 from __future__ import annotations
