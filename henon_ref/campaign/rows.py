@@ -15,7 +15,7 @@ from henon_ref.score.errors import Score, score
 from henon_ref.score.matching import Matching
 from henon_ref.score.reference import Expected
 from henon_ref.score.sticks import Stick, published_partners, sticks
-from henon_ref.score.verdict import graze_distance, missed_verdict, slack, spurious_verdict
+from henon_ref.score.verdict import granted_error, graze_distance, missed_verdict, spurious_verdict
 from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Trajectory
 
@@ -164,7 +164,7 @@ def _transition_rows(
     identity: Row, outcome: Outcome, trajectory: Trajectory, expected: Expected, score: Score
 ) -> list[Row]:
     """The union of the truth's transitions and the run's, in order of time."""
-    reading, allowed = outcome.reading, slack(expected, outcome.setting.rtol)
+    reading, allowed = outcome.reading, granted_error(expected, outcome.setting.rtol)
     system = reading.problem.system
     matching = score.matching
     partner = dict(matching.pairs + matching.touch_pairs)

@@ -27,7 +27,7 @@ PREPARE_SECONDS = 120.0
 """Processor time that the preparation of a run may take [s]."""
 BUDGET = 0.3
 """Seconds that the samples of one row may take where the caller does not say how many to take."""
-FOLD, SPARE = 10, 100_000
+MOST_FOLD, MOST_SPARE = 10, 100_000
 """A run may return so many times the truth's transitions, and so many more: scoring takes the caller's own time."""
 MOST_SHOWN = 40
 """Transitions in a figure of the motion; more cannot be told apart."""
@@ -150,7 +150,7 @@ def _prepare(solver: Solver, job: PrepareJob | SampleJob, times: NDArray[np.floa
 
 def most_transitions(exact: int) -> int:
     """How many transitions a run may return where the exact one has so many (nought where that is not known)."""
-    return FOLD * exact + SPARE
+    return MOST_FOLD * exact + MOST_SPARE
 
 
 @dataclass(frozen=True)

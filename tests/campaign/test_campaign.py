@@ -107,8 +107,8 @@ def test_numbers_of_numpy_are_as_good_as_plain_ones_in_rows_and_in_the_journal(t
 
 
 def test_a_run_with_too_many_transitions_to_score_is_a_failed_row_that_says_so(monkeypatch):
-    monkeypatch.setattr(run_jobs, "FOLD", 0)
-    monkeypatch.setattr(run_jobs, "SPARE", 4)
+    monkeypatch.setattr(run_jobs, "MOST_FOLD", 0)
+    monkeypatch.setattr(run_jobs, "MOST_SPARE", 4)
     row = run(Fake(), tolerances=[1e-6]).records[0].run
     assert (row["status"], row["verdict"]) == ("failed", "solver defect")
     assert row["status_reason"].startswith("the solver returned more than 4 transitions")

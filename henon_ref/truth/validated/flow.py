@@ -28,7 +28,7 @@ TANGENT_ROOM = 4.0
 
 @dataclass(frozen=True)
 class Precision:
-    """How much work a walk puts into each step."""
+    """How much work a flow puts into each step."""
 
     bits: int
     order: int
@@ -55,7 +55,7 @@ class Hit:
     """Slope of the guard at the event [1/s]."""
 
 
-class Walk:
+class ValidatedFlow:
     """Carries a set forward.
 
     Parameters
