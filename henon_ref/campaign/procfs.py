@@ -56,6 +56,14 @@ def resident_bytes(pids: Iterable[int]) -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
+def data_bytes() -> int:
+    """Data of this process, whether it is in memory or only reserved, as the system's limit on data counts it."""
+    if not KNOWN:
+        return 0
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[5])
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
 def own_bytes(pids: Iterable[int]) -> int:
     """Memory that processes hold, what they share counted once (slower to tell)."""
     total = 0

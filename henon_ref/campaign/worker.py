@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from henon_ref.campaign.channel import framed, read_message
-from henon_ref.campaign.procfs import KNOWN, adopt_orphans, signal_with_parent
+from henon_ref.campaign.procfs import KNOWN, adopt_orphans, data_bytes, signal_with_parent
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.jit.processor_time import told_of_compiling
 from henon_ref.text import short_line
@@ -158,5 +158,6 @@ def _isolate(memory: int, log: int, server: int) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     # Not RLIMIT_AS: LLVM and thread stacks reserve far more address space than they use.
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    limit = memory if hard == resource.RLIM_INFINITY else min(memory, hard)
+    limit = memory + data_bytes()  # what a fork has brought along is not its own
+    limit = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
     resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))

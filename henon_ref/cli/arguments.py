@@ -25,7 +25,7 @@ def _folder(text: str | Path) -> Path:
 @app.command()
 def main(
     cases: Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="Folder of the reports.", parser=_folder, metavar="PATH")] = Path("reports"),
+    out: Annotated[Path, typer.Option(help="Folder of the reports.", parser=_folder, metavar="PATH")] = Path("out"),
     solvers: Annotated[str | None, typer.Option(help="Names with commas; all that a case lists if left out.")] = None,
     tolerances: Annotated[str | None, typer.Option(help="Relative tolerances with commas, for the cases' own.")] = None,
     repeats: Annotated[int | None, typer.Option(min=1, help="Timing samples a row.")] = None,

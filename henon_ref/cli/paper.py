@@ -1,4 +1,4 @@
-"""The command: ``python -m henon_ref.paper [--out reports/paper]``.
+"""The command: ``python -m henon_ref.paper [--out out/paper]``.
 
 Exit status 1: a claim of the page fails its check; for the others see :mod:`henon_ref.cli.exit_status`.
 """
@@ -18,7 +18,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    out: Annotated[Path, typer.Option(help="Folder of the page and its figures.")] = Path("reports/paper"),
+    out: Annotated[Path, typer.Option(help="Folder of the page and its figures.")] = Path("out/paper"),
 ) -> int:
     """Compute everything the paper computes again, and write the page that sets it against the paper."""
     from rich.console import Console

@@ -1,4 +1,4 @@
-"""The command: ``python -m henon_ref.price CASES [--out reports/price]``.
+"""The command: ``python -m henon_ref.price CASES [--out out/price]``.
 
 Exit statuses: see :mod:`henon_ref.cli.exit_status`.
 """
@@ -21,7 +21,7 @@ KEPT = "finished rows are kept, --resume goes on from them"
 @app.command()
 def main(
     cases: Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="Folder of the page and its figures.")] = Path("reports/price"),
+    out: Annotated[Path, typer.Option(help="Folder of the page and its figures.")] = Path("out/price"),
     jobs: Annotated[int, typer.Option(min=1, help="Runs at work at once; more than one disturb each other.")] = 1,
     resume: Annotated[bool, typer.Option("--resume", help="Keep the rows of an interrupted list.")] = False,
 ) -> int:

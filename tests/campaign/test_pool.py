@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import os
 import signal
 import subprocess
@@ -168,6 +169,15 @@ def test_memory_counts_wherever_it_is_held(tmp_path):
     assert seen.failures["eat_elsewhere"].reason.startswith("memory: ")
     assert seen.results == {"after": "afterafter"}
     wait_until(lambda: all(map(gone, noted(notes))))
+
+
+def test_what_the_caller_has_reserved_is_not_held_against_a_worker():
+    """A worker that is forked from it begins with all its data, used or not."""
+    reserved = mmap.mmap(-1, memory() + 2**30, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    try:
+        assert run(["a", Act("hold", 5.0)]).results == {"a": "aa", "hold": 2**28}
+    finally:
+        reserved.close()
 
 
 def test_what_a_worker_started_dies_with_it(tmp_path):

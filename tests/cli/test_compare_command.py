@@ -71,10 +71,10 @@ def test_a_gate_that_checked_nothing_does_not_pass(made_up, capsys):
     words = "none of the 2 bounds of the gate is on a solver that ran"
     assert run(made_up, "--solvers", "heyoka") == 0
     captured = capsys.readouterr()
-    assert (captured.out, captured.err) == (f"reports/made_up/report.md; gate not checked: {words}\n", "")
+    assert (captured.out, captured.err) == (f"out/made_up/report.md; gate not checked: {words}\n", "")
     assert run(made_up, "--solvers", "heyoka", "--gate") == 1
     captured = capsys.readouterr()
-    assert captured.out == f"reports/made_up/report.md; gate not checked: {words}\n"
+    assert captured.out == f"out/made_up/report.md; gate not checked: {words}\n"
     assert sorted(captured.err.splitlines()) == [
         "gate: bounds on what did not run are left out: henon",
         f"gate: {words}",
@@ -86,7 +86,7 @@ def test_a_gate_that_is_checked_in_part_says_so(made_up, tmp_path, capsys):
     (tmp_path / "other.yaml").write_text(other)
     assert run(made_up, "other.yaml", "--solvers", "henon", "--gate") == 0
     captured = capsys.readouterr()
-    assert captured.out.splitlines() == ["reports/README.md; gate met (2 of 4 bounds checked)"]
+    assert captured.out.splitlines() == ["out/README.md; gate met (2 of 4 bounds checked)"]
     assert captured.err == "gate: bounds on what did not run are left out: heyoka\n"
 
 
@@ -106,7 +106,7 @@ def test_a_bound_at_a_tolerance_that_did_not_run_is_left_out_and_named(tmp_path,
     assert run("gated.yaml", "--gate", "--tolerances", "1e-3") == status
     (line,) = [line for line in capsys.readouterr().err.splitlines() if "are left out" in line]
     assert named in line
-    report = (tmp_path / "reports/gated/report.md").read_text()
+    report = (tmp_path / "out/gated/report.md").read_text()
     assert "bounds on what did not run are left out: " in report
 
 
@@ -118,7 +118,7 @@ def test_a_tighter_tolerance_than_the_case_has_does_not_stand_in_for_its_tightes
 
 def test_a_required_solver_decides_the_exit_status(made_up, monkeypatch, capsys):
     assert run(made_up, "--require", "henon") == 0
-    assert capsys.readouterr().out == "reports/made_up/report.md; gate met; henon right in 1 of 1 judged\n"
+    assert capsys.readouterr().out == "out/made_up/report.md; gate met; henon right in 1 of 1 judged\n"
     assert run(made_up, "--require", "henon,heyoka") == 1
     captured = capsys.readouterr()
     assert captured.out.endswith("; henon right in 1 of 1 judged; heyoka right in 0 of 1 judged\n")
@@ -142,9 +142,9 @@ def test_a_required_solver_that_cannot_be_judged_does_not_pass(made_up, monkeypa
 def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, capsys):
     (tmp_path / "plain.yaml").write_text(re.sub("gate: .*", "", CASE.format(name="plain")))
     assert run("plain.yaml", "--gate") == 0
-    assert capsys.readouterr().out == "reports/plain/report.md; gate not checked: there is no bound\n"
+    assert capsys.readouterr().out == "out/plain/report.md; gate not checked: there is no bound\n"
     assert run("plain.yaml") == 0
-    assert capsys.readouterr().out == "reports/plain/report.md\n"
+    assert capsys.readouterr().out == "out/plain/report.md\n"
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ def test_a_bad_case_is_named_with_line_and_column(tmp_path, capsys):
     (tmp_path / "bad.yaml").write_text(CASE.format(name="bad").replace("until: 5", "until: soon"))
     assert run("bad.yaml") == 2
     assert "bad.yaml:" in capsys.readouterr().err
-    assert not (tmp_path / "reports").exists()
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_gate_on_a_fixed_step_solver_at_a_tolerance_is_refused_with_its_line(made_up, capsys):
@@ -207,7 +207,7 @@ def test_a_gate_on_a_fixed_step_solver_at_a_tolerance_is_refused_with_its_line(m
 def test_the_rerun_command_has_every_digit_that_was_given():
     request = Request(
         cases=(Path("a.yaml"),),
-        out=Path("reports"),
+        out=Path("out"),
         solvers=None,
         tolerances=(1e-3, 1e-6, 1.23456789e-7),
         repeats=None,

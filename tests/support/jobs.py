@@ -144,6 +144,10 @@ class Act(Job):
             held.append(bytearray(os.urandom(1) * (20 * 2**20)))
             time.sleep(0.01)
 
+    def do_hold(self, state):
+        """A quarter of a GiB, which every worker may."""
+        return len(b"x" * 2**28)
+
     def do_eat_elsewhere(self, state):
         """Three processes, none of which holds too much alone."""
 
