@@ -79,14 +79,14 @@ class Band:
         """
         end = self._h(t, *dense(np.array([t]))[:, 0].tolist())[0]
         if self._region == 0 and abs(end) <= self._width:
-            self._look(t, end, dense)
+            self._check_crossings(t, end, dense)
             return
         times = np.linspace(t_old, t, SUBSTEPS + 1)[1:]
         states = dense(times)
         for time, state in zip(times.tolist(), states.T, strict=True):
-            self._look(time, self._h(time, *state.tolist())[0], dense)
+            self._check_crossings(time, self._h(time, *state.tolist())[0], dense)
 
-    def _look(self, t: float, value: float, dense: Dense) -> None:
+    def _check_crossings(self, t: float, value: float, dense: Dense) -> None:
         t_old, old = self._last
         slope = (value - old) / (t - t_old) if t > t_old else 0.0
         if (old < 0.0) != (value < 0.0) and old != 0.0:

@@ -47,14 +47,14 @@ def counted_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Fie
         return jitted
     field, nowhere = scalar(model.unknowns, model.right), (math.nan,) * n
 
-    def plain(t: float, x: NDArray[np.float64]) -> tuple[float, ...]:
+    def interpreted(t: float, x: NDArray[np.float64]) -> tuple[float, ...]:
         count()
         try:
             return field(t, *x.tolist())
         except ARITHMETIC:
             return nowhere
 
-    return plain
+    return interpreted
 
 
 def filling_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Callable[..., None]:

@@ -19,8 +19,7 @@ transitions here (``time_low``). heyoka has one tolerance: it gets ``rtol``; ``a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from importlib import metadata
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
@@ -28,15 +27,12 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from baselines.driver import prepared, tolerances
+from baselines.base import SCOUTING, Adapter, ConfiguredLibrary
 from baselines.flow import LIMIT, Library, Stop
 from baselines.heyoka_expressions import to_heyoka
 from baselines.mode_functions import EPSILON, ModeFunctions
 from baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
 from baselines.work import Work
-from henon_ref.errors import UnavailableError
-from henon_ref.filippov.problem import Problem
-from henon_ref.solver import Run
 
 CHUNK = 4096
 """Steps between two looks at the clock and at the size of the state."""
@@ -49,7 +45,7 @@ TIME_LIMIT = OUTCOMES - 3
 
 
 @dataclass(frozen=True)
-class HeyokaTaylor:
+class HeyokaTaylor(Adapter):
     """heyoka's adaptive Taylor integrator on one smooth mode after another.
 
     Preparing compiles every mode that a first run visits. Counts: ``steps`` are Taylor steps (those cut off
@@ -57,82 +53,50 @@ class HeyokaTaylor:
     ``rhs_evaluations`` (expansions) and ``event_evaluations`` (event polynomials, one guard each) follow.
     """
 
-    name: str
-    restart: Restart = "offset"
+    restart: Restart = field(default="offset", kw_only=True)
     fast_math: bool = False
     """Let the compiler reorder sums (heyoka's own switch, off by default there too)."""
-    fixed_step: bool = False
-    landing: str = "taylor"
+    landing = "taylor"
+    distribution = "heyoka"
+    warm_up = True
 
-    @property
-    def version(self) -> str:
-        """heyoka's version."""
-        try:
-            return metadata.version("heyoka")
-        except metadata.PackageNotFoundError:
-            return ""
+    def load(self) -> Any:
+        """The module."""
+        import heyoka
 
-    def prepare(
-        self,
-        problem: Problem,
-        *,
-        rtol: float | None = None,
-        atol: float | None = None,
-        step: float | None = None,
-        sample_times: NDArray[np.float64] | None = None,
-        deadline: float | None = None,
-    ) -> Run:
-        """Compile every mode and run once; see :meth:`henon_ref.solver.Solver.prepare`."""
-        rtol, _ = tolerances(self.name, rtol, atol, step)
-        try:
-            import heyoka
-        except ImportError as error:
-            raise UnavailableError("heyoka is not installed") from error
         # heyoka's warnings go to the standard output of the process, past Python.
         heyoka.set_logger_level_error()
-        library = _Library(self, heyoka, rtol)
-        return prepared(problem, library, sample_times=sample_times, deadline=deadline, warm_up=True)
+        return heyoka
 
+    def accuracy(self, rtol: float, atol: float) -> tuple[float, float]:
+        """heyoka has one tolerance, and no step is more accurate than rounding."""
+        return max(rtol, EPSILON), max(rtol, EPSILON)
 
-@dataclass(frozen=True)
-class _Library:
-    """heyoka with its tolerance."""
-
-    solver: HeyokaTaylor
-    heyoka: Any
-    rtol: float
-
-    @property
-    def landing(self) -> str:
-        return self.solver.landing
-
-    @property
-    def accuracy(self) -> tuple[float, float]:
-        return max(self.rtol, EPSILON), max(self.rtol, EPSILON)
-
-    @property
-    def errors(self) -> tuple[float, float]:
-        # A Taylor expansion starts exactly at its state.
+    def start_errors(self, rtol: float, atol: float) -> tuple[float, float]:
+        """A Taylor expansion starts exactly at its state."""
         return EPSILON, 0.0
 
-    def loosened(self) -> Library:
-        # Which modes are visited is found out without compiling for it.
+    def loosened(self, library: ConfiguredLibrary) -> Library:
+        """SciPy's ``DOP853``: which modes are visited is found out without compiling for it."""
         from baselines.scipy_ivp import DOP853
 
-        return DOP853.library(1e-6, 1e-6)
+        return DOP853.library(SCOUTING, SCOUTING)
 
     def location_error(self, t: float) -> float:
+        """Rounding of the time."""
         return 4.0 * EPSILON * abs(t)
 
-    def flow(self, model: ModeFunctions, work: Work, horizon: float) -> _Flow:
-        return _Flow(self, model, work, horizon)
+    def flow(self, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float) -> _Flow:
+        return _Flow(self, library, model, work, horizon)
 
 
 class _Flow:
     """heyoka on one mode."""
 
-    def __init__(self, library: _Library, model: ModeFunctions, work: Work, horizon: float) -> None:
-        solver, hy = library.solver, library.heyoka
+    def __init__(
+        self, solver: HeyokaTaylor, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float
+    ) -> None:
+        hy = library.module
         self._model, self._work, self._horizon = model, work, horizon
         self._policy, self._rtol = solver.restart, library.rtol
         # heyoka has no events on constants; a guard that never changes never falls either.
@@ -141,17 +105,19 @@ class _Flow:
         self._guards = len(self._moving)
         names = [f"x{k}" for k in range(len(model.states))]
         variables = {x: hy.expression(name) for x, name in zip(model.states, names, strict=True)}
-        field = [
+        equations = [
             (variables[x], to_heyoka(f, variables)) for x, f in zip(model.states, model.field_expressions, strict=True)
         ]
         options: dict[str, Any] = {
             "tol": library.rtol,
             "fast_math": solver.fast_math,
-            "compact_mode": len(field) >= COMPACT,
+            "compact_mode": len(equations) >= COMPACT,
         }
-        start = [0.0] * len(field)
+        start = [0.0] * len(equations)
         # The twin without events takes the event-free step, and what is beyond the last event.
-        self._quiet: Any = hy.taylor_adaptive(field, start, **options) if solver.restart == "event-free-step" else None
+        self._quiet: Any = (
+            hy.taylor_adaptive(equations, start, **options) if solver.restart == "event-free-step" else None
+        )
         if self._guards:
             direction = hy.event_direction.any if solver.restart == "none" else hy.event_direction.negative
             # A cooldown of zero: after an event the state goes to another mode, or starts this one afresh.
@@ -159,7 +125,7 @@ class _Flow:
                 hy.t_event(to_heyoka(g, variables) + hy.par[slot], direction=direction, cooldown=0.0)
                 for slot, (_, g) in enumerate(self._moving)
             ]
-        self._taylor = hy.taylor_adaptive(field, start, **options)
+        self._taylor = hy.taylor_adaptive(equations, start, **options)
         self._state, self._lifts = self._taylor.state, self._taylor.pars
         self._weights = [_constant_slope(model, g) for g in model.guard_expressions]
 

@@ -21,11 +21,10 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.filippov.two_signs import CLEAR, sign_after
 from henon_ref.jit.processor_time import compiling
 from henon_ref.trajectory import Status
 
-CLEAR = 1e-9
-"""A normal velocity below this part of the two together is a matter for higher derivatives."""
 ON = 8.0
 """A guard whose value is within so many roundings of its terms starts at zero."""
 
@@ -102,18 +101,18 @@ class ModeEntry:
                 return None
             h, below, above = values[:3]
             speed = abs(below) + abs(above)
-            clear = CLEAR * speed
             if released is not None:
                 return released, values[3:], ((position, speed, beyond * (above if beyond > 0 else below)),), abs(h)
+            sign = sign_after(below, above)
             if room:
                 edge = CLEAR * max(map(abs, room))
                 if len(room) == 1 or abs(min(room)) <= edge:  # one guard alone has nothing to be small against
                     return None
                 if min(room) > 0:
                     return stick, values[3:], (), abs(h)
-            elif below > clear and above < -clear:
+            elif sign == 0:
                 return stick, values[3:], (), abs(h)
-            if below * beyond > clear and above * beyond > clear:
+            if sign == beyond:
                 return slip[beyond], values[3:], ((position, speed, speed),), abs(h)
             return None
 

@@ -1,67 +1,113 @@
-"""What CVODE and IDA share: event functions, and reading scikit-sundae's results."""
+"""What CVODE and IDA share: event functions, a run of scikit-sundae, and reading its results."""
 
 from __future__ import annotations
 
+import io
 import os
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from importlib import metadata
-from math import isfinite
-from typing import Any, Self
+from contextlib import redirect_stdout
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.base import Adapter, CallbackFlow
 from baselines.callbacks import LastSeen
 from baselines.flow import Stop
+from baselines.functions import ARITHMETIC
 from baselines.mode_functions import EPSILON
-from baselines.restart import STOPPED, Watcher
+from baselines.restart import Watcher
+from baselines.work import Stalled
 
 # SUNDIALS' own logger writes its warnings ("t + h = t") to the standard output of the process, past Python.
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
-LEAST_RTOL = 1e-15
-"""scikit-sundae's documentation asks for no smaller ``rtol``."""
 STEPS_BETWEEN_OUTPUTS = 1_000_000
 """``max_num_steps``: counts between outputs only, so it bounds nothing here; the deadline does."""
 
 
-@dataclass(frozen=True)
-class SundialsLibrary:
-    """What is the same of CVODE and IDA as the driver sees them; each adds its ``flow``."""
+class SundialsAdapter(Adapter):
+    """What is the same of CVODE and IDA as solvers."""
 
-    solver: Any
-    make: Callable[..., Any]
-    """The class of scikit-sundae."""
-    rtol: float
-    atol: float
-
-    @property
-    def landing(self) -> str:
-        return str(self.solver.landing)
-
-    @property
-    def accuracy(self) -> tuple[float, float]:
-        return self.rtol, self.atol
-
-    @property
-    def errors(self) -> tuple[float, float]:
-        return STOPPED * self.rtol, STOPPED * self.atol
-
-    def loosened(self) -> Self:
-        return replace(self, rtol=max(self.rtol, 1e-6), atol=max(self.atol, 1e-6))
+    landing = "illinois"
+    distribution = "scikit-sundae"
+    least_rtol = 1e-15  # its documentation asks for no smaller one
 
     def location_error(self, t: float) -> float:
         """SUNDIALS locates a root to ``100 eps (abs(t) + abs(h))``; the step h is not known here."""
         return 100.0 * EPSILON * abs(t)
 
 
-def sundae_version() -> str:
-    """scikit-sundae's version, empty where it is not installed."""
-    try:
-        return metadata.version("scikit-sundae")
-    except metadata.PackageNotFoundError:
-        return ""
+class SundialsFlow(CallbackFlow):
+    """One mode on an integrator of scikit-sundae: subclasses set the attributes and add ``start``."""
+
+    function: Callable[..., None]
+    """Right-hand side or residual."""
+    options: dict[str, Any]
+    """Of the integrator, without events."""
+    events: dict[str, Any]
+    """Its options for events."""
+
+    @abstractmethod
+    def start(self, t: float, x: Sequence[float]) -> tuple[NDArray[np.float64], ...]:
+        """The arrays that ``solve`` starts from at (t, x).
+
+        Raises
+        ------
+        ZeroDivisionError, ValueError, OverflowError
+            Where the field has no value there.
+        """
+
+    def solve(self, t: float, x: Sequence[float], until: float, wanted: NDArray[np.float64] | None) -> Stop:
+        """See :class:`baselines.base.CallbackFlow`."""
+        try:
+            start = self.start(t, x)
+        except ARITHMETIC as error:
+            return Stop("failed", t, 0.0, tuple(x), reason=f"the field has no value at the start: {error}")
+        make, work, said = self.library.module, self.work, io.StringIO()
+        before = work.rhs
+        # scikit-sundae prints its errors.
+        with redirect_stdout(said):
+            try:
+                # A new object every time: it keeps the events of earlier calls.
+                result = make(self.function, **self.options, **self.events).solve([t, until], *start)
+            except (RuntimeError, Stalled) as error:
+                return self.failed(f"{error} {said.getvalue().strip()}")
+            work.steps += result.t.size - 1
+            work.rhs = before + int(result.nfev)
+            stop = self._stop(result, until, said.getvalue())
+            if wanted is None:
+                return stop
+            kept = work.rhs
+            times = wanted[(wanted <= stop.t) & (wanted > t)]
+            samples = self._sampled(start, t, times)
+            work.rhs = kept
+        return stop._replace(samples=samples)
+
+    def _stop(self, result: Any, until: float, said: str) -> Stop:
+        """Where a result of ``solve`` ends; ``said`` is what the library wrote while it ran."""
+        t, x = float(result.t[-1]), tuple(result.y[-1, : self.states].tolist())
+        if not result.success:
+            return Stop("failed", t, 0.0, x, reason=" ".join([result.message, *said.split()]))
+        if result.t_events is None:
+            return self.stopped(until, x, None)
+        # The last row: the object is new for every run of a mode, but a reader of this line should not have to know.
+        return self.stopped(t, x, np.flatnonzero(result.i_events[-1]).tolist())
+
+    def _sampled(
+        self, start: tuple[NDArray[np.float64], ...], t: float, times: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """States at some times, shape (k, n), by a second pass from the start without events."""
+        if not times.size:
+            return np.empty((0, self.states))
+        solver = self.library.module(self.function, **self.options)
+        rows = solver.solve(np.concatenate([[t], times]), *start).y[:, : self.states]
+        # Two times make scikit-sundae return every internal step, the last of which is the one asked for.
+        found = rows[-1:] if times.size == 1 else rows[1:]
+        full = np.full((times.size, self.states), np.nan)
+        full[: len(found)] = found
+        return full
 
 
 def event_function(watchers: Sequence[Watcher], last: LastSeen, direction: int) -> Callable[..., None]:
@@ -94,50 +140,3 @@ def _mark(eventsfn: Callable[..., None], count: int, direction: int) -> None:
     # scikit-sundae reads both off the function.
     eventsfn.terminal = [True] * (count + 1)  # type: ignore[attr-defined]
     eventsfn.direction = [direction] * count + [-1]  # type: ignore[attr-defined]
-
-
-def stopped(result: Any, states: int, until: float, said: str, last: LastSeen) -> Stop:
-    """A :class:`~baselines.flow.Stop` from a result of ``solve``.
-
-    Parameters
-    ----------
-    result : CVODEResult or IDAResult
-    states : int
-        Unknowns beyond these (IDA's algebraic ones) are left out.
-    until : float
-        Horizon.
-    said : str
-        What the library wrote while it ran.
-    last : LastSeen
-        The last finite point.
-    """
-    t, x = float(result.t[-1]), tuple(result.y[-1, :states].tolist())
-    if not result.success:
-        return Stop("failed", t, 0.0, x, reason=" ".join([result.message, *said.split()]))
-    if not all(map(isfinite, x)):
-        return Stop("failed", last.t, 0.0, last.x, reason=f"the state is not finite after t = {last.t:.17g}")
-    if result.t_events is None:
-        return Stop("horizon", until, 0.0, x)
-    # The last row: the object is new for every run of a mode, but a reader of this line should not have to know.
-    found = np.flatnonzero(result.i_events[-1])
-    hits = tuple(int(k) for k in found if k < result.i_events.shape[1] - 1)
-    return Stop("event" if hits else "diverged", t, 0.0, x, hits)
-
-
-def sampled(solve: Callable[..., Any], wanted: NDArray[np.float64], t: float, end: float, states: int) -> NDArray[Any]:
-    """States at the wanted times up to ``end``, by a second pass without events.
-
-    Parameters
-    ----------
-    solve : callable
-        ``solve(times)`` -> result, from the start of the mode.
-    """
-    times = wanted[(wanted <= end) & (wanted > t)]
-    if not times.size:
-        return np.empty((0, states))
-    rows = solve(np.concatenate([[t], times])).y[:, :states]
-    # Two times make scikit-sundae return every internal step, the last of which is the one asked for.
-    found = rows[-1:] if times.size == 1 else rows[1:]
-    full = np.full((times.size, states), np.nan)
-    full[: len(found)] = found
-    return full

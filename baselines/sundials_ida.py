@@ -17,9 +17,7 @@ seen; a new object for every run of a mode, as for CVODE.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,30 +25,17 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from baselines.callbacks import LastSeen
-from baselines.driver import prepared, tolerances
-from baselines.flow import Stop
+from baselines.base import ConfiguredLibrary
 from baselines.functions import ARITHMETIC, Callbacks, Jacobian, compiled, scalar
 from baselines.mode_functions import ModeFunctions
-from baselines.restart import Fresh, GatedGuards, Restart, Watcher
-from baselines.sundials import (
-    LEAST_RTOL,
-    STEPS_BETWEEN_OUTPUTS,
-    SundialsLibrary,
-    event_function_of_dae,
-    sampled,
-    stopped,
-    sundae_version,
-)
-from baselines.work import Stalled, Work
-from henon_ref.errors import UnavailableError
+from baselines.restart import Watcher
+from baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function_of_dae
+from baselines.work import Work
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.problem import Problem
-from henon_ref.solver import Run
 
 
 @dataclass(frozen=True)
-class SundialsIda:
+class SundialsIda(SundialsAdapter):
     """IDA on one mode after another, dense Newton iteration with the Jacobian that SymPy derives.
 
     Counts: ``steps`` are internal steps; ``rhs_evaluations`` are IDA's own count of residuals (Jacobians not
@@ -58,43 +43,17 @@ class SundialsIda:
     them. A second pass for samples is not counted.
     """
 
-    name: str
     callbacks: Callbacks = "python"
     """Residual and Jacobian in plain Python or compiled; the event function is plain Python."""
-    restart: Restart = "event-free-step"
-    fixed_step: bool = False
-    landing: str = "illinois"
 
-    @property
-    def version(self) -> str:
-        """scikit-sundae's version."""
-        return sundae_version()
+    def load(self) -> Callable[..., Any]:
+        """The class ``IDA``."""
+        from sksundae.ida import IDA
 
-    def prepare(
-        self,
-        problem: Problem,
-        *,
-        rtol: float | None = None,
-        atol: float | None = None,
-        step: float | None = None,
-        sample_times: NDArray[np.float64] | None = None,
-        deadline: float | None = None,
-    ) -> Run:
-        """Lambdify (or compile) every mode; see :meth:`henon_ref.solver.Solver.prepare`."""
-        rtol, atol = tolerances(self.name, rtol, atol, step)
-        try:
-            from sksundae.ida import IDA
-        except ImportError as error:
-            raise UnavailableError("scikit-sundae is not installed") from error
-        library = _Library(self, IDA, max(rtol, LEAST_RTOL), atol)
-        return prepared(problem, library, sample_times=sample_times, deadline=deadline)
+        return IDA
 
-
-class _Library(SundialsLibrary):
-    """IDA with its tolerances."""
-
-    def flow(self, model: ModeFunctions, work: Work, horizon: float) -> _Flow:
-        return _Flow(self, model, work, horizon)
+    def flow(self, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float) -> _Flow:
+        return _Flow(self, library, model, work, horizon)
 
 
 class _Equations:
@@ -147,18 +106,16 @@ def _between_signs(expression: sp.Expr, signs: set[sp.Symbol]) -> sp.Expr:
     return expression
 
 
-class _Flow:
+class _Flow(SundialsFlow):
     """IDA on one mode."""
 
-    def __init__(self, library: _Library, model: ModeFunctions, work: Work, horizon: float) -> None:
-        solver = library.solver
-        self._ida, self._work, self._horizon = library.make, work, horizon
-        self._states = n = len(model.states)
+    def __init__(
+        self, adapter: SundialsIda, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float
+    ) -> None:
+        super().__init__(library, model, work, horizon)
         self._equations = equations = _Equations(model)
-        self._gates = GatedGuards(model, solver.restart, library.errors)
-        self._last = LastSeen(n, work.count_event)
-        jacobian = Jacobian(equations.unknowns, equations.right, solver.callbacks)
-        self._resfn = _residual(equations, solver.callbacks, work)
+        jacobian = Jacobian(equations.unknowns, equations.right, adapter.callbacks)
+        self.function = _residual(equations, adapter.callbacks, work)
         moving = np.arange(equations.differential)
 
         def jacfn(t: float, y: Any, yp: Any, res: Any, cj: float, out: NDArray[np.float64]) -> None:
@@ -166,64 +123,32 @@ class _Flow:
             np.negative(out, out=out)
             out[moving, moving] += cj
 
-        self._options = {
+        self.options = {
             "rtol": library.rtol,
             "atol": library.atol,
             "jacfn": jacfn,
             "algebraic_idx": list(range(equations.differential, len(equations.unknowns))) or None,
             "max_num_steps": STEPS_BETWEEN_OUTPUTS,
         }
-        watchers = [self._watcher(model, k) for k in range(len(model.guards))]
-        self._events = {
-            "eventsfn": event_function_of_dae(watchers, self._last, self._gates.direction),
+        watchers = [self._watcher(k) for k in range(len(model.guards))]
+        self.events = {
+            "eventsfn": event_function_of_dae(watchers, self.last, self.gates.direction),
             "num_events": len(watchers) + 1,
         }
 
-    def _watcher(self, model: ModeFunctions, k: int) -> Watcher:
+    def _watcher(self, k: int) -> Watcher:
         """Guard k as a function of (t, y): a stick ends where its unknown reaches -1 or +1."""
-        guard, equations, count = model.guards[k], self._equations, self._work.count_event
+        guard, equations, count = self.model.guards[k], self._equations, self.work.count_event
         if not equations.by_sign(guard):
-            return self._gates.watcher(k, count)
+            return self.gates.watcher(k, count)
         at, side = equations.differential + equations.sliding.index(guard.index), guard.to_sign
-        return self._gates.watcher(k, count, lambda t, y: 1.0 - side * float(y[at]))
+        return self.gates.watcher(k, count, lambda t, y: 1.0 - side * float(y[at]))
 
-    def advance(
-        self,
-        t: float,
-        low: float,
-        x: Sequence[float],
-        until: float,
-        fresh: Sequence[Fresh],
-        wanted: NDArray[np.float64] | None,
-    ) -> Stop:
-        """See :class:`baselines.flow.Flow`."""
-        n, work, said = self._states, self._work, io.StringIO()
-        self._gates.open(t, x, fresh, self._horizon)
-        self._last.start(t, tuple(x))
-        try:
-            found = self._equations.start(t, *x)
-        except ARITHMETIC as error:
-            return Stop("failed", t, 0.0, tuple(x), reason=f"the field has no value at the start: {error}")
-        further = len(self._equations.unknowns) - n
-        y, yp = np.array([*x, *found[:further]]), np.array(found[further:])
-        before = work.rhs
-        # scikit-sundae prints its errors.
-        with redirect_stdout(said), np.errstate(all="ignore"):
-            try:
-                result = self._ida(self._resfn, **self._options, **self._events).solve([t, until], y, yp)
-            except (RuntimeError, Stalled) as error:
-                return Stop("failed", self._last.t, 0.0, self._last.x, reason=f"{error} {said.getvalue().strip()}")
-            work.steps += result.t.size - 1
-            work.rhs = before + int(result.nfev)
-            stop = stopped(result, n, until, said.getvalue(), self._last)
-            if wanted is None:
-                return stop
-            kept = work.rhs
-            samples = sampled(
-                lambda times: self._ida(self._resfn, **self._options).solve(times, y, yp), wanted, t, stop.t, n
-            )
-            work.rhs = kept
-        return stop._replace(samples=samples)
+    def start(self, t: float, x: Sequence[float]) -> tuple[NDArray[np.float64], ...]:
+        """Unknowns and their time derivatives."""
+        found = self._equations.start(t, *x)
+        further = len(self._equations.unknowns) - self.states
+        return np.array([*x, *found[:further]]), np.array(found[further:])
 
 
 def _residual(equations: _Equations, callbacks: Callbacks, work: Work) -> Callable[..., None]:

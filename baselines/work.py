@@ -55,7 +55,7 @@ class Work:
         """
         self.rhs += 1
         if perf_counter() > self.stop_at:
-            self._look()
+            self._check_clock()
         if self.budget is not None and self.rhs > self.budget:
             raise BudgetSpent
 
@@ -68,7 +68,7 @@ class Work:
         """
         self.events += 1
         if perf_counter() > self.stop_at:
-            self._look()
+            self._check_clock()
 
     def check(self) -> None:
         """Look at the clock only.
@@ -78,9 +78,9 @@ class Work:
         DeadlinePassed
         """
         if perf_counter() > self.stop_at:
-            self._look()
+            self._check_clock()
 
-    def _look(self) -> None:
+    def _check_clock(self) -> None:
         """The deadline may have passed."""
         if self.clock.passed():
             raise DeadlinePassed

@@ -4,9 +4,9 @@ A third party registers an instance of :class:`henon_ref.solver.Solver` (or a fu
 makes one) under the entry-point group ``henon_ref.solvers``; the entry point's name is the solver's. One that
 holds no solver is listed all the same: its rows say what is wrong with it.
 
-A library is restarted after every event, and how is a habit of its own (:mod:`baselines.restart`):
-``heyoka@direction`` is heyoka restarted by another habit than ``heyoka``'s own. Such names are solvers like any
-other, and are not listed by :func:`names`.
+A library is restarted after every event in one of four ways (:mod:`baselines.restart`), one of which is its default:
+``heyoka@direction`` is heyoka with another restart than ``heyoka``'s own. Such names are solvers like any other, and
+are not listed by :func:`names`.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from henon_ref.text import did_you_mean, listed
 
 GROUP = "henon_ref.solvers"
 RESTARTS = ("event-free-step", "offset", "direction", "none")
-"""Habits of restarting a library on the surface it has just left; told in :mod:`baselines.restart`."""
+"""Ways of restarting a library on the surface it has just left; described in :mod:`baselines.restart`."""
 AT = "@"
-"""Between a solver's name and the habit it is restarted by."""
+"""Between a solver's name and its restart."""
 COMPILED = "+numba"
 """Mark of a library whose callbacks are compiled; without it, the same with plain Python."""
 
@@ -34,44 +34,51 @@ COMPILED = "+numba"
 class Entry:
     """Where a built-in solver is found, and what can be said of it without importing it."""
 
-    module: str
+    target: str
+    """``module:OBJECT``."""
     distribution: str
     """The installed package whose version the results name."""
     fixed_step: bool = False
     by_default: bool = True
     """Run where neither the case nor the command names solvers."""
     restart: str = ""
-    """The habit it is restarted by; empty for a solver that has no library to restart."""
+    """Its default restart; empty for a solver that has no library to restart."""
 
 
 _BUILT_IN = {
-    "henon": Entry("henon_ref.henon.solvers", "henon-ref"),
-    "henon-newton": Entry("henon_ref.henon.solvers", "henon-ref", by_default=False),
-    "henon-brent": Entry("henon_ref.henon.solvers", "henon-ref", by_default=False),
-    "henon-rk4": Entry("henon_ref.henon.rk4", "henon-ref", fixed_step=True),
-    "henon-listing": Entry("henon_ref.henon.listing", "henon-ref", fixed_step=True, by_default=False),
-    "heyoka": Entry("baselines.heyoka_taylor", "heyoka", restart="offset"),
-    "cvode-adams": Entry("baselines.sundials_cvode", "scikit-sundae", restart="event-free-step"),
-    "cvode-bdf": Entry("baselines.sundials_cvode", "scikit-sundae", restart="event-free-step"),
-    "ida": Entry("baselines.sundials_ida", "scikit-sundae", restart="event-free-step"),
-    "scipy-rk45": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
-    "scipy-dop853": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
-    "scipy-radau": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
-    "scipy-bdf": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
-    "scipy-lsoda": Entry("baselines.scipy_ivp", "scipy", restart="event-free-step"),
-    "scipy-smoothed": Entry("baselines.scipy_naive", "scipy"),
-    "scipy-sign": Entry("baselines.scipy_naive", "scipy"),
-    "heyoka+fastmath": Entry("baselines.heyoka_taylor", "heyoka", by_default=False, restart="offset"),
+    "henon": Entry("henon_ref.henon.solvers:HENON_SOLVER", "henon-ref"),
+    "henon-newton": Entry("henon_ref.henon.solvers:HENON_NEWTON", "henon-ref", by_default=False),
+    "henon-brent": Entry("henon_ref.henon.solvers:HENON_BRENT", "henon-ref", by_default=False),
+    "henon-rk4": Entry("henon_ref.henon.rk4:RK4", "henon-ref", fixed_step=True),
+    "henon-listing": Entry("henon_ref.henon.listing:LISTING", "henon-ref", fixed_step=True, by_default=False),
+    "heyoka": Entry("baselines.heyoka_taylor:HEYOKA", "heyoka", restart="offset"),
+    "cvode-adams": Entry("baselines.sundials_cvode:ADAMS", "scikit-sundae", restart="event-free-step"),
+    "cvode-bdf": Entry("baselines.sundials_cvode:BDF", "scikit-sundae", restart="event-free-step"),
+    "ida": Entry("baselines.sundials_ida:IDA", "scikit-sundae", restart="event-free-step"),
+    "scipy-rk45": Entry("baselines.scipy_ivp:RK45", "scipy", restart="event-free-step"),
+    "scipy-dop853": Entry("baselines.scipy_ivp:DOP853", "scipy", restart="event-free-step"),
+    "scipy-radau": Entry("baselines.scipy_ivp:RADAU", "scipy", restart="event-free-step"),
+    "scipy-bdf": Entry("baselines.scipy_ivp:BDF", "scipy", restart="event-free-step"),
+    "scipy-lsoda": Entry("baselines.scipy_ivp:LSODA", "scipy", restart="event-free-step"),
+    "scipy-smoothed": Entry("baselines.scipy_naive:SMOOTHED", "scipy"),
+    "scipy-sign": Entry("baselines.scipy_naive:SIGN", "scipy"),
+    "heyoka+fastmath": Entry("baselines.heyoka_taylor:HEYOKA_FAST_MATH", "heyoka", by_default=False, restart="offset"),
     "cvode-adams+numba": Entry(
-        "baselines.sundials_cvode", "scikit-sundae", by_default=False, restart="event-free-step"
+        "baselines.sundials_cvode:ADAMS_NUMBA", "scikit-sundae", by_default=False, restart="event-free-step"
     ),
-    "cvode-bdf+numba": Entry("baselines.sundials_cvode", "scikit-sundae", by_default=False, restart="event-free-step"),
-    "ida+numba": Entry("baselines.sundials_ida", "scikit-sundae", by_default=False, restart="event-free-step"),
-    "scipy-rk45+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
-    "scipy-dop853+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
-    "scipy-radau+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
-    "scipy-bdf+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
-    "scipy-lsoda+numba": Entry("baselines.scipy_ivp", "scipy", by_default=False, restart="event-free-step"),
+    "cvode-bdf+numba": Entry(
+        "baselines.sundials_cvode:BDF_NUMBA", "scikit-sundae", by_default=False, restart="event-free-step"
+    ),
+    "ida+numba": Entry(
+        "baselines.sundials_ida:IDA_NUMBA", "scikit-sundae", by_default=False, restart="event-free-step"
+    ),
+    "scipy-rk45+numba": Entry("baselines.scipy_ivp:RK45_NUMBA", "scipy", by_default=False, restart="event-free-step"),
+    "scipy-dop853+numba": Entry(
+        "baselines.scipy_ivp:DOP853_NUMBA", "scipy", by_default=False, restart="event-free-step"
+    ),
+    "scipy-radau+numba": Entry("baselines.scipy_ivp:RADAU_NUMBA", "scipy", by_default=False, restart="event-free-step"),
+    "scipy-bdf+numba": Entry("baselines.scipy_ivp:BDF_NUMBA", "scipy", by_default=False, restart="event-free-step"),
+    "scipy-lsoda+numba": Entry("baselines.scipy_ivp:LSODA_NUMBA", "scipy", by_default=False, restart="event-free-step"),
 }
 
 
@@ -96,54 +103,54 @@ def check(name: str) -> str:
     Raises
     ------
     CaseError
-        With the nearest name, where there is none, or no such habit of restarting it.
+        With the nearest name, where there is none, or no such restart.
     """
-    plain, habit = _parted(name)
-    if plain not in names():
-        raise CaseError(f"unknown solver '{plain}'{did_you_mean(plain, names())}; solvers: {listed(names())}")
-    if plain != name:
-        check_restart(habit)
-        if not restart_of(plain):
+    base, restart = _parted(name)
+    if base not in names():
+        raise CaseError(f"unknown solver '{base}'{did_you_mean(base, names())}; solvers: {listed(names())}")
+    if base != name:
+        check_restart(restart)
+        if not restart_of(base):
             able = [known for known in default_names() if restart_of(known)]
-            raise CaseError(f"'{plain}' restarts no library, so it takes no '{AT}'; those that do: {listed(able)}")
+            raise CaseError(f"'{base}' restarts no library, so it takes no '{AT}'; those that do: {listed(able)}")
     return name
 
 
-def check_restart(habit: str) -> str:
-    """The habit itself, where there is such a one.
+def check_restart(restart: str) -> str:
+    """The restart itself, where there is such a one.
 
     Raises
     ------
     CaseError
-        With the nearest habit, where there is none.
+        With the nearest one, where there is none.
     """
-    if habit not in RESTARTS:
-        raise CaseError(f"unknown restart '{habit}'{did_you_mean(habit, RESTARTS)}; restarts: {listed(RESTARTS)}")
-    return habit
+    if restart not in RESTARTS:
+        raise CaseError(f"unknown restart '{restart}'{did_you_mean(restart, RESTARTS)}; restarts: {listed(RESTARTS)}")
+    return restart
 
 
-def plain_name(name: str) -> str:
-    """The solver's name without the habit it is restarted by."""
+def base_name(name: str) -> str:
+    """The solver's name without its restart."""
     return _parted(name)[0]
 
 
 def _parted(name: str) -> tuple[str, str]:
-    """The solver's name and the habit it is restarted by; a third party's name may hold an ``@`` of its own."""
+    """The solver's name and its restart; a third party's name may hold an ``@`` of its own."""
     if name in _third_party():
         return name, ""
-    plain, _, habit = name.partition(AT)
-    return plain, habit
+    base, _, restart = name.partition(AT)
+    return base, restart
 
 
 def restart_of(name: str) -> str:
-    """The habit by which a built-in solver restarts its library; empty where there is nothing to restart."""
-    plain, habit = _parted(name)
-    return habit or (_BUILT_IN[plain].restart if plain in _BUILT_IN else "")
+    """How a built-in solver restarts its library; empty where there is nothing to restart."""
+    base, restart = _parted(name)
+    return restart or (_BUILT_IN[base].restart if base in _BUILT_IN else "")
 
 
-def with_restart(name: str, habit: str) -> str:
-    """The name of a solver restarted by a habit; one that has no library to restart stays as it is."""
-    return f"{plain_name(name)}{AT}{habit}" if restart_of(name) else name
+def with_restart(name: str, restart: str) -> str:
+    """The name of a solver with this restart; one that has no library to restart stays as it is."""
+    return f"{base_name(name)}{AT}{restart}" if restart_of(name) else name
 
 
 def fixed_step(name: str) -> bool | None:
@@ -151,7 +158,7 @@ def fixed_step(name: str) -> bool | None:
 
     (See :func:`henon_ref.campaign.plugin_probe.fixed_step`, which has a worker import it.)
     """
-    name = plain_name(check(name))
+    name = base_name(check(name))
     return _BUILT_IN[name].fixed_step if name in _BUILT_IN else None
 
 
@@ -161,7 +168,7 @@ _REFUSED: dict[EntryPoint, str] = {}
 
 def entry_point(name: str) -> EntryPoint:
     """Where a third party's solver is found."""
-    return _third_party()[plain_name(check(name))]
+    return _third_party()[base_name(check(name))]
 
 
 def refuse(point: EntryPoint, reason: str) -> None:
@@ -171,7 +178,7 @@ def refuse(point: EntryPoint, reason: str) -> None:
 
 def distribution(name: str) -> str:
     """The package that a solver comes from; empty where that is not known."""
-    name = plain_name(name)
+    name = base_name(name)
     if name in _BUILT_IN:
         return _BUILT_IN[name].distribution
     point = _third_party().get(name)
@@ -193,22 +200,22 @@ def solver(name: str) -> Solver:
     Raises
     ------
     CaseError
-        Where there is no solver of that name, or no such habit of restarting it.
+        Where there is no solver of that name, or no such restart.
     UnavailableError
         Where its library is not installed, or its entry point holds no solver.
     """
     check(name)
-    plain, habit = _parted(name)
-    if plain not in _BUILT_IN:
-        return loaded(_third_party()[plain])
+    base, restart = _parted(name)
+    if base not in _BUILT_IN:
+        return loaded(_third_party()[base])
     try:
-        instance = _instance(import_module(_BUILT_IN[plain].module), plain)
+        instance = _imported(_BUILT_IN[base].target)
     except ImportError as error:
         raise UnavailableError(f"{name} cannot be imported: {error}") from error
-    if not habit:
+    if not restart:
         return instance
     frozen: Any = instance  # a dataclass with a field for it: its entry here says so
-    return cast(Solver, replace(frozen, name=name, restart=habit))
+    return cast(Solver, replace(frozen, name=name, restart=restart))
 
 
 def loaded(point: EntryPoint) -> Solver:
@@ -237,8 +244,6 @@ def loaded(point: EntryPoint) -> Solver:
     return cast(Solver, found)
 
 
-def _instance(module: object, name: str) -> Solver:
-    for value in vars(module).values():
-        if not isinstance(value, type) and getattr(value, "name", None) == name and hasattr(value, "prepare"):
-            return cast(Solver, value)
-    raise UnavailableError(f"{getattr(module, '__name__', module)} holds no solver named {name}")
+def _imported(target: str) -> Solver:
+    module, _, name = target.partition(":")
+    return cast(Solver, getattr(import_module(module), name))

@@ -13,6 +13,8 @@ from difflib import get_close_matches
 LONGEST_LINE = 2000
 """Characters of a line on a terminal."""
 ELLIPSIS = " ... "
+LONGEST_REASON = 500
+"""Characters of a solver's or library's words in a file of results."""
 _FORMULA = tuple("=+-@\t\r\n＝＋－＠")
 """Characters with which a spreadsheet's formula begins."""
 _LITERAL = "'"
@@ -36,15 +38,27 @@ def printable(text: str) -> str:
     >>> printable("no\\x1b[0m \\u202eway \\x9b1m"), printable("at \\udcff")
     ('no [0m  way  1m', 'at \\ufffd')
     """
-    raw = str.__str__(text)
-    if raw.isprintable():
-        return raw
-    return "".join(c if c.isprintable() else "\ufffd" if "\ud800" <= c <= "\udfff" else " " for c in raw)
+    exact = str.__str__(text)
+    if exact.isprintable():
+        return exact
+    return "".join(c if c.isprintable() else "\ufffd" if "\ud800" <= c <= "\udfff" else " " for c in exact)
 
 
 def one_line(text: str) -> str:
     """Printable text in one line, blanks in a row as one."""
     return " ".join(printable(text).split())
+
+
+def short_line(text: str) -> str:
+    """One line for a file of results, as an exact ``str``; what is longer than ``LONGEST_REASON`` is cut.
+
+    Examples
+    --------
+    >>> short_line("no\\r\\n\\tconvergence\\x1b[0m"), short_line("at \\udcff")
+    ('no convergence [0m', 'at \ufffd')
+    """
+    line = one_line(text)
+    return line if len(line) <= LONGEST_REASON else line[: LONGEST_REASON - 3] + "..."
 
 
 def message(text: str) -> str:

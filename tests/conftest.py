@@ -11,8 +11,8 @@ from fakes import CASE, statement
 from problems import make_problem
 
 from henon_ref import registry
-from henon_ref.campaign import truth_job as truthjob
-from henon_ref.cli import compare_cases as report_command
+from henon_ref.campaign import truth_job
+from henon_ref.cli import compare_cases
 
 
 @pytest.fixture
@@ -24,9 +24,9 @@ def problem():
 @pytest.fixture
 def made_up_solvers(monkeypatch, tmp_path):
     """In place of real ones in the command, whose folder is a temporary one."""
-    monkeypatch.setattr(report_command, "figure_job", lambda result, records: Drawing(result.reading.name))
-    monkeypatch.setattr(report_command, "preload", lambda: None)
-    monkeypatch.setattr(truthjob, "statement_of", statement)
+    monkeypatch.setattr(compare_cases, "figure_job", lambda result, records: Drawing(result.reading.name))
+    monkeypatch.setattr(compare_cases, "preload", lambda: None)
+    monkeypatch.setattr(truth_job, "statement_of", statement)
     monkeypatch.setattr(registry, "solver", SOLVERS.__getitem__)
     monkeypatch.chdir(tmp_path)
     handler = signal.getsignal(signal.SIGTERM)

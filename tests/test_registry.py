@@ -11,7 +11,7 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from henon_ref import registry
-from henon_ref.campaign import plugin_probe as asked
+from henon_ref.campaign import plugin_probe
 from henon_ref.campaign.plugin_probe import fixed_step
 from henon_ref.errors import CaseError, UnavailableError
 
@@ -142,7 +142,7 @@ def test_what_is_asked_of_a_solver_before_it_runs_fails_for_no_entry_point(entry
     ("value", "words"), [("test_registry:hang", "no answer within the time"), ("test_registry:die", "SIGABRT")]
 )
 def test_an_entry_point_that_hangs_or_dies_takes_nobody_with_it(entry_point, monkeypatch, value, words):
-    monkeypatch.setattr(asked, "LOADING_SECONDS", 1.0)
+    monkeypatch.setattr(plugin_probe, "LOADING_SECONDS", 1.0)
     entry_point("third-party", value)
     assert not fixed_step("third-party")
     with pytest.raises(UnavailableError, match=f"the entry point third-party = {value} cannot be loaded: .*{words}"):
@@ -157,7 +157,7 @@ def test_a_third_party_may_say_itself_that_its_library_is_missing(entry_point):
 
 def test_a_third_party_s_name_may_hold_an_at(entry_point):
     entry_point("third@party", "test_registry:READY")
-    assert registry.plain_name("third@party") == registry.check("third@party") == "third@party"
+    assert registry.base_name("third@party") == registry.check("third@party") == "third@party"
     assert registry.restart_of("third@party") == ""
     assert registry.solver("third@party").name == "third-party"
     assert fixed_step("third@party")
@@ -175,29 +175,29 @@ def test_names_cost_no_library():
     assert done.stdout.strip() == "set()"
 
 
-@pytest.mark.parametrize("habit", registry.RESTARTS)
+@pytest.mark.parametrize("restart", registry.RESTARTS)
 @pytest.mark.parametrize("name", [name for name in registry.default_names() if registry.restart_of(name)])
-def test_every_library_is_restarted_by_the_habit_that_its_name_asks_for(name, habit):
+def test_every_library_is_restarted_as_its_name_says(name, restart):
     pytest.importorskip({"heyoka": "heyoka", "scikit-sundae": "sksundae"}.get(registry.distribution(name), "scipy"))
     assert registry.solver(name).restart == registry.restart_of(name)
-    found = registry.solver(registry.with_restart(name, habit))
-    assert (found.name, found.restart) == (f"{name}@{habit}", habit)
+    found = registry.solver(registry.with_restart(name, restart))
+    assert (found.name, found.restart) == (f"{name}@{restart}", restart)
     assert not fixed_step(found.name)
     assert registry.library_version(found.name) == registry.library_version(name)
 
 
-def test_a_solver_without_a_library_to_restart_is_left_as_it_is_and_refuses_a_habit():
+def test_a_solver_without_a_library_to_restart_is_left_as_it_is_and_refuses_a_restart():
     assert registry.with_restart("henon", "offset") == "henon"
     with pytest.raises(CaseError, match="'henon' restarts no library"):
         registry.check("henon@offset")
 
 
-def test_an_unknown_habit_is_refused_with_the_nearest():
+def test_an_unknown_restart_is_refused_with_the_nearest():
     with pytest.raises(CaseError, match="unknown restart 'ofset'; did you mean 'offset'"):
         registry.solver("heyoka@ofset")
 
 
-def test_the_habits_are_those_that_the_adapters_know():
+def test_the_restarts_are_those_that_the_adapters_know():
     from typing import get_args
 
     from baselines.restart import Restart

@@ -16,7 +16,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.analysis.variational import Matrix, Passage, TangentFlow, fundamental_matrix
+from henon_ref.analysis.variational import Matrix, TangentFlow, TangentTransition, fundamental_matrix
 from henon_ref.filippov.problem import Problem
 from henon_ref.trajectory import Status
 
@@ -129,7 +129,7 @@ class _Frame:
             stop = min(self.last + every, until)
             slides = 0 in self.flow.mode
             event = self.flow.advance(stop)
-            if isinstance(event, Passage):
+            if isinstance(event, TangentTransition):
                 self.transitions += 1
                 self._lose(self.flow.vectors.shape[0] - event.sliding)
             elif event.status != "ok":

@@ -179,7 +179,7 @@ class Saltation:
 
 
 @dataclass(frozen=True)
-class Passage:
+class TangentTransition:
     """A transition that tangent vectors were carried through."""
 
     transition: Transition
@@ -237,7 +237,7 @@ class TangentFlow:
         self._session.x[self._n :] = vectors.ravel()
         self._session.x_low[self._n :] = 0.0
 
-    def advance(self, until: sp.Expr | float) -> Passage | Trajectory:
+    def advance(self, until: sp.Expr | float) -> TangentTransition | Trajectory:
         """Go to the next transition and through it, or to ``until`` if that comes first.
 
         Parameters
@@ -247,7 +247,7 @@ class TangentFlow:
 
         Returns
         -------
-        Passage
+        TangentTransition
             Of the transition; the vectors are those just after it.
         Trajectory
             Where there was none before ``until`` (status ``ok``; go on with a later ``until``), or the run
@@ -261,7 +261,7 @@ class TangentFlow:
         transition = replace(event, state=event.state[: self._n])
         matrix = self._saltation.matrix(transition)
         self.vectors = matrix @ self.vectors
-        return Passage(transition, matrix, sum(s == 0 for s in transition.to_mode))
+        return TangentTransition(transition, matrix, sum(s == 0 for s in transition.to_mode))
 
 
 def fundamental_matrix(problem: Problem, since: sp.Expr, until: sp.Expr, *, tolerance: float) -> tuple[Matrix, int]:
@@ -291,7 +291,7 @@ def fundamental_matrix(problem: Problem, since: sp.Expr, until: sp.Expr, *, tole
     for stage in (since, until):
         flow.vectors = np.eye(n)
         rank = n - sum(s == 0 for s in flow.mode)
-        while isinstance(event := flow.advance(stage), Passage):
+        while isinstance(event := flow.advance(stage), TangentTransition):
             rank = min(rank, n - event.sliding)
         if event.status != "ok":
             raise UnsupportedError(f"no derivative up to t = {float(stage):.17g}: {event.reason}")

@@ -15,11 +15,11 @@ from henon_ref import registry
 from henon_ref.campaign.options import Deliver, Draw, Observer, Options, Silent
 from henon_ref.campaign.plan import (
     SAMPLERS,
-    Ladder,
+    PendingRuns,
     case_state,
     check_solvers,
     chosen_solvers,
-    ladders,
+    pending_runs,
     reading_is_drawn,
     sample_job,
 )
@@ -118,57 +118,56 @@ class Campaign:
 
     def _queue_runs(self, state: CaseState) -> int:
         """Queue a case's runs, and what is sampled for its figures; how many rows are to be made."""
-        by_solver: dict[str, list[Jobs]] = {}
+        by_solver: dict[str, list[tuple[ReadingResult, Jobs]]] = {}
         rows = 0
         for result in state.results.values():
-            for ladder in ladders(state, result, self.options):
-                jobs = self._sequence(state, result, self._rows(state, ladder))
-                by_solver.setdefault(ladder.name, []).append(jobs)
-                rows += len(ladder.settings)
+            for pending in pending_runs(state, result, self.options):
+                by_solver.setdefault(pending.name, []).append((result, self._rows(state, pending)))
+                rows += len(pending.settings)
             if self.draw is not None and reading_is_drawn(state, result):
-                jobs = self._sequence(state, result, self._samples(result))
-                by_solver.setdefault(SAMPLERS[0], []).append(jobs)
+                by_solver.setdefault(SAMPLERS[0], []).append((result, self._samples(result)))
         # The registry names the fast solvers first: begun last, they fill the gaps that the slow ones leave.
         for name, sequences in reversed(by_solver.items()):
-            for jobs in sequences:
-                self._pool.add(f"{state.case.name} {name}", jobs)
+            for result, jobs in sequences:
+                self._add(f"{state.case.name} {name}", state, result, jobs)
         return rows
 
-    def _sequence(self, state: CaseState, result: ReadingResult, jobs: Jobs) -> Jobs:
-        """Jobs on a reading; the last ones to end see to its figures, and the case's last ones hand it over."""
+    def _add(self, queue: str, state: CaseState, result: ReadingResult, jobs: Jobs, *, first: bool = False) -> None:
+        """Queue jobs on a reading, and count them until they are done."""
         state.pending[result.reading.name] += 1
-        return self._through(state, result, jobs)
+        self._pool.add(queue, self._counted(state, result, jobs), first=first)
 
-    def _through(self, state: CaseState, result: ReadingResult, jobs: Jobs) -> Jobs:
+    def _counted(self, state: CaseState, result: ReadingResult, jobs: Jobs) -> Jobs:
+        """The jobs; after the last ones of a reading its figures are queued, after a case's it is delivered."""
         yield from jobs
         reading = result.reading.name
         state.pending[reading] -= 1
         drawn = self.draw is None or not reading_is_drawn(state, result) or result.drawn
         if state.pending[reading] == 0 and not drawn:
             result.drawn = True
-            self._pool.add("figures", self._sequence(state, result, self._figures(state, result)), first=True)
+            self._add("figures", state, result, self._figures(state, result), first=True)
         if not state.pending.total():
             self._deliver(state)
 
-    def _rows(self, state: CaseState, ladder: Ladder) -> Jobs:
+    def _rows(self, state: CaseState, pending: PendingRuns) -> Jobs:
         """The rows of one solver on one reading; one that ran out of time is not asked for more accuracy."""
-        settings = iter(ladder.settings)
+        settings = iter(pending.settings)
         for number, setting in enumerate(settings):
-            outcome = yield from self._outcome(state, ladder, setting, cold=number == 0)
-            self._keep(state, outcome, ladder.result)
+            outcome = yield from self._outcome(state, pending, setting, cold=number == 0)
+            self._keep(state, outcome, pending.result)
             if outcome.timed_out:
                 for untried in _untried(outcome, settings, self.options.timeout):
-                    self._keep(state, untried, ladder.result)
+                    self._keep(state, untried, pending.result)
 
     def _outcome(
-        self, state: CaseState, ladder: Ladder, setting: Setting, *, cold: bool
+        self, state: CaseState, pending: PendingRuns, setting: Setting, *, cold: bool
     ) -> Generator[Job, Any, Outcome]:
         """Prepare, run, score, and where the answer is right, time."""
-        reading, expected, options = ladder.result.reading, ladder.result.expected, self.options
-        self.observer.begun(state.case.name, f"{reading.name} {ladder.name} {setting.label}")
-        version = registry.library_version(ladder.solver) if isinstance(ladder.solver, str) else ""
-        outcome = Outcome(state.case.name, reading, ladder.name, setting, library_version=version)
-        prepared = yield PrepareJob(ladder.solver, reading.problem, setting, options.timeout)
+        reading, expected, options = pending.result.reading, pending.result.expected, self.options
+        self.observer.begun(state.case.name, f"{reading.name} {pending.name} {setting.label}")
+        version = registry.library_version(pending.solver) if isinstance(pending.solver, str) else ""
+        outcome = Outcome(state.case.name, reading, pending.name, setting, library_version=version)
+        prepared = yield PrepareJob(pending.solver, reading.problem, setting, options.timeout)
         if isinstance(prepared, Failure):
             return replace(outcome, failure=prepared)
         outcome = replace(outcome, **vars(prepared))

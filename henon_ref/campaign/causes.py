@@ -36,12 +36,12 @@ class Seen:
 
     @property
     def solver(self) -> str:
-        """The solver's name without its habit and variant."""
-        return registry.plain_name(str(self.run["solver"])).partition("+")[0]
+        """The solver's name without its restart and variant."""
+        return registry.base_name(str(self.run["solver"])).partition("+")[0]
 
     @property
-    def habit(self) -> str:
-        """The habit by which the library was restarted."""
+    def restart(self) -> str:
+        """How the library was restarted."""
         return registry.restart_of(str(self.run["solver"]))
 
     @property
@@ -98,10 +98,10 @@ def cause_of(run: Row, transitions: Sequence[Row]) -> str | None:
 
 
 def _restart(seen: Seen) -> str | None:
-    """A restart without a habit: the library stops where it starts, or loses the next root."""
-    if seen.habit == "none" and "accumulate" in seen.reason:
+    """A restart that keeps no root out: the library stops where it starts, or loses the next root."""
+    if seen.restart == "none" and "accumulate" in seen.reason:
         return "heyoka-start" if seen.solver == "heyoka" else "scipy-fires-at-start" if seen.solver in SCIPY else None
-    if seen.habit == "direction" and seen.solver == "heyoka" and "stepped over" in seen.reason:
+    if seen.restart == "direction" and seen.solver == "heyoka" and "stepped over" in seen.reason:
         return "heyoka-start"
     return None
 

@@ -1,7 +1,7 @@
 """What a solver hands back, checked in the worker: what breaks the contract is its own failed row.
 
-What passes is made of plain values (:mod:`henon_ref.campaign.contract_values`): the rest of the package need not doubt
-it.
+What passes is made of built-in types (:mod:`henon_ref.campaign.contract_values`); the rest of the package relies
+on.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 import sys
 
-from henon_ref.campaign.contract_values import Plain, shown, wrong
-from henon_ref.campaign.one_line import plain_text
+from henon_ref.campaign.contract_values import Converter, shown, wrong
 from henon_ref.errors import ContractError
 from henon_ref.filippov.problem import Problem
+from henon_ref.text import short_line
 from henon_ref.trajectory import Status, Trajectory
 
 ENDS: tuple[Status, ...] = ("ok", "diverged", "nonunique", "invalid", "timeout", "failed")
@@ -43,11 +43,11 @@ def check_prepared(run: object, *, landing: object, version: object) -> tuple[st
 def _word(what: str, value: object) -> str:
     if not isinstance(value, str):
         raise ContractError(f"the solver's {what} is {shown(value)}, wanted a str")
-    return plain_text(value)
+    return short_line(value)
 
 
-def check_returned(returned: object, problem: Problem, *, most: int) -> Trajectory:
-    """What a run returned, in plain values; samples, which no run that is scored was asked for, left out.
+def check_trajectory(returned: object, problem: Problem, *, most: int) -> Trajectory:
+    """What a run returned, in built-in types; samples, which no run that is scored was asked for, left out.
 
     Parameters
     ----------
@@ -64,16 +64,16 @@ def check_returned(returned: object, problem: Problem, *, most: int) -> Trajecto
     """
     if not isinstance(returned, Trajectory):
         raise ContractError(f"the solver returned {shown(returned)}, wanted a Trajectory")
-    given, plain = Trajectory._make(returned), Plain(problem.system)
+    given, convert = Trajectory._make(returned), Converter(problem.system)
     checked = Trajectory(
-        status=plain.word("status", given.status, ENDS),
-        transitions=plain.transitions(given.transitions, most),
-        end_time=plain.time("end_time", given.end_time),
-        end_state=plain.state("end_state", given.end_state),
-        end_mode=plain.mode("end_mode", given.end_mode),
-        reason=plain.text("reason", given.reason),
-        counts=plain.counts(given.counts),
-        max_surface_drift=plain.size("max_surface_drift", given.max_surface_drift),
+        status=convert.word("status", given.status, ENDS),
+        transitions=convert.transitions(given.transitions, most),
+        end_time=convert.time("end_time", given.end_time),
+        end_state=convert.state("end_state", given.end_state),
+        end_mode=convert.mode("end_mode", given.end_mode),
+        reason=convert.text("reason", given.reason),
+        counts=convert.counts(given.counts),
+        max_surface_drift=convert.size("max_surface_drift", given.max_surface_drift),
     )
     _check_times(checked, problem)
     if checked.status == "ok":

@@ -1,4 +1,4 @@
-"""Values that a solver hands back, made plain: exact ``str``, ``int``, ``float``, ``tuple``, ``Transition``.
+"""Values that a solver hands back, as built-in types: exact ``str``, ``int``, ``float``, ``tuple``, ``Transition``.
 
 NumPy's numbers are what a solver naturally has; objects of its own classes may be anything when they are looked at
 a second time, or taken out of a pickle. None of them leaves the worker.
@@ -12,10 +12,10 @@ from itertools import islice
 from numbers import Integral, Real
 from typing import TypeVar, get_args
 
-from henon_ref.campaign.one_line import plain_text
 from henon_ref.errors import ContractError
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Kind, Transition
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -25,8 +25,8 @@ LARGEST_COUNT = 2**63 - 1
 Word = TypeVar("Word", bound=str)
 
 
-class Plain:
-    """Makes values plain, or says what is wrong with them (:class:`~henon_ref.solver.ContractError`).
+class Converter:
+    """Makes values of built-in types, or says what is wrong with them (:class:`~henon_ref.errors.ContractError`).
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Plain:
         self.surfaces = len(system.surfaces)
 
     def transitions(self, found: object, most: int) -> tuple[Transition, ...]:
-        """Transitions, no more than ``most``, each of plain values."""
+        """Transitions, no more than ``most``, each of built-in types."""
         if not isinstance(found, Sequence):
             raise wrong("transitions", found, "a sequence of Transition")
         events = tuple(islice(found, most + 1))
@@ -48,11 +48,11 @@ class Plain:
                 f"the solver returned more than {most} transitions, the most that are scored on this reading"
             )
         return tuple(
-            event if self.is_plain(event) else self.transition(f"transitions[{k}]", event)
+            event if self.is_builtin(event) else self.transition(f"transitions[{k}]", event)
             for k, event in enumerate(events)
         )
 
-    def is_plain(self, event: Transition) -> bool:
+    def is_builtin(self, event: Transition) -> bool:
         """Whether there is nothing to convert and nothing wrong."""
         return (
             type(event) is Transition
@@ -60,8 +60,8 @@ class Plain:
             and event.kind in KINDS
             and type(event.surface) is int
             and 0 <= event.surface < self.surfaces
-            and self._is_plain_mode(event.from_mode)
-            and self._is_plain_mode(event.to_mode)
+            and self._is_builtin_mode(event.from_mode)
+            and self._is_builtin_mode(event.to_mode)
             and type(event.time) is float
             and type(event.time_low) is float
             and math.isfinite(event.time)
@@ -70,15 +70,15 @@ class Plain:
             and len(event.state) == self.states
             and set(map(type, event.state)) == {float}
             and type(event.landing) is str
-            and event.landing == plain_text(event.landing)
+            and event.landing == short_line(event.landing)
         )
 
-    def _is_plain_mode(self, mode: Mode) -> bool:
-        plain = type(mode) is tuple and len(mode) == self.surfaces and set(map(type, mode)) == {int}
-        return plain and SIGNS.issuperset(mode)
+    def _is_builtin_mode(self, mode: Mode) -> bool:
+        builtin = type(mode) is tuple and len(mode) == self.surfaces and set(map(type, mode)) == {int}
+        return builtin and SIGNS.issuperset(mode)
 
     def transition(self, where: str, event: object) -> Transition:
-        """A transition of plain values."""
+        """A transition of built-in types."""
         if not isinstance(event, Transition):
             raise wrong(where, event, "a Transition")
         kind = self.word(f"{where}.kind", event.kind, KINDS)
@@ -152,7 +152,7 @@ class Plain:
         """Words, in one line."""
         if not isinstance(value, str):
             raise wrong(what, value, "a str")
-        return plain_text(value)
+        return short_line(value)
 
     def word(self, what: str, value: object, allowed: Sequence[Word]) -> Word:
         """One of the words that are allowed."""

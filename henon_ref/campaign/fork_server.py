@@ -45,9 +45,9 @@ SELDOM = 200_000
 BEGUN, ENDED = 0, 1
 """What the server tells: a worker has begun (0), or ended (exit status)."""
 _FORK, _IMPORT = 0, 1
-_ASKED = struct.Struct("=iq116s")
+_REQUEST = struct.Struct("=iq116s")
 """What it is asked: kind, memory of a worker, what to import. Two file descriptors go along with a fork."""
-_TOLD = struct.Struct("=iqq")
+_REPORT = struct.Struct("=iqq")
 _LEISURE = 20
 """Milliseconds between two looks while something is left to be killed."""
 _LAST_SECONDS = 5.0
@@ -132,11 +132,11 @@ class ForkServer:
 
     def fork(self, theirs: socket.socket, log: int, memory: int) -> None:
         """Ask for a worker (see :func:`henon_ref.campaign.worker.serve`)."""
-        self._ask(_ASKED.pack(_FORK, memory, b""), theirs.fileno(), log)
+        self._ask(_REQUEST.pack(_FORK, memory, b""), theirs.fileno(), log)
 
     def preload(self, what: str) -> None:
         """Have a module imported, or one of its functions called (``module:function``), when there is time for it."""
-        self._ask(_ASKED.pack(_IMPORT, 0, what.encode()))
+        self._ask(_REQUEST.pack(_IMPORT, 0, what.encode()))
 
     def _ask(self, what: bytes, *descriptors: int) -> None:
         try:
@@ -144,7 +144,7 @@ class ForkServer:
         except OSError:  # it is gone, or has taken nothing for long
             self._broken = True
 
-    def told(self) -> list[tuple[int, int, int]]:
+    def reports(self) -> list[tuple[int, int, int]]:
         """What it has told by now: BEGUN or ENDED, process, exit status; workers begin in the order asked for."""
         with suppress(BlockingIOError):
             try:
@@ -153,8 +153,8 @@ class ForkServer:
                 self._broken = True
             except ConnectionResetError:
                 self._broken = True
-        whole = len(self._come) - len(self._come) % _TOLD.size
-        found = list(_TOLD.iter_unpack(bytes(self._come[:whole])))
+        whole = len(self._come) - len(self._come) % _REPORT.size
+        found = list(_REPORT.iter_unpack(bytes(self._come[:whole])))
         del self._come[:whole]
         return found
 
@@ -244,12 +244,12 @@ def _serve(control: socket.socket, modules: tuple[str, ...]) -> NoReturn:
                 _import(to_import.popleft())
             continue
         try:
-            asked, descriptors, _, _ = socket.recv_fds(control, _ASKED.size, 2)
+            request, descriptors, _, _ = socket.recv_fds(control, _REQUEST.size, 2)
         except ConnectionResetError:
-            asked = b""
-        if not asked:
+            request = b""
+        if not request:
             _leave()
-        kind, memory, name = _ASKED.unpack(asked)
+        kind, memory, name = _REQUEST.unpack(request)
         if kind == _IMPORT:
             to_import.append(name.rstrip(b"\0").decode())
             continue
@@ -259,7 +259,7 @@ def _serve(control: socket.socket, modules: tuple[str, ...]) -> NoReturn:
         for descriptor in descriptors:
             os.close(descriptor)
         workers.add(pid)
-        control.sendall(_TOLD.pack(BEGUN, pid, 0))
+        control.sendall(_REPORT.pack(BEGUN, pid, 0))
 
 
 def _become_worker(control: socket.socket, others: list[socket.socket], descriptors: list[int], memory: int) -> None:
@@ -294,7 +294,7 @@ def _without_strays(control: socket.socket, workers: set[int]) -> bool:
             if pid in workers:
                 workers.remove(pid)
                 with suppress(BrokenPipeError, ConnectionResetError):
-                    control.sendall(_TOLD.pack(ENDED, pid, os.waitstatus_to_exitcode(status)))
+                    control.sendall(_REPORT.pack(ENDED, pid, os.waitstatus_to_exitcode(status)))
     strays = [pid for pid in children(os.getpid()) if pid not in workers]
     for pid in strays:
         kill_family(pid)

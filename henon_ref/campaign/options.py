@@ -17,6 +17,8 @@ from henon_ref.solver import Solver, fault
 
 LEAST_TIMEOUT = 0.01
 """Shortest time that a run may be given [s]."""
+MOST_DRAWN = 6
+"""Readings of a case that figures are drawn for; a family of dozens would be a heap of look-alikes."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Options:
     solvers: tuple[str | Solver, ...] | None = None
     """Solvers to run, out of those that a case lists; None: all that it lists."""
     restarts: tuple[str, ...] = ()
-    """Habits by which libraries are restarted after an event; none: each solver by its own."""
+    """How libraries are restarted after an event; none: each solver in its own way."""
     tolerances: tuple[float, ...] | None = None
     """In place of the cases' own."""
     repeats: int | None = None
@@ -80,10 +82,6 @@ def _is_number(value: object) -> bool:
 def _shown(value: object) -> str:
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-MOST_DRAWN = 6
-"""Readings of a case that figures are drawn for; a family of dozens would be a heap of look-alikes."""
 
 
 Deliver = Callable[[Case, list[ReadingResult], list[Record]], None]

@@ -22,7 +22,7 @@ SAMPLERS = ("henon", "scipy-dop853")
 
 
 @dataclass(frozen=True)
-class Ladder:
+class PendingRuns:
     """What one solver is still to run on one reading."""
 
     result: ReadingResult
@@ -44,8 +44,8 @@ def check_solvers(cases: Sequence[Case], options: Options) -> None:
     for entry in options.solvers or ():
         if isinstance(entry, str):
             registry.check(entry)
-    for habit in options.restarts:
-        registry.check_restart(habit)
+    for restart in options.restarts:
+        registry.check_restart(restart)
     for case in cases:
         if not any(chosen_solvers(reading, options) for reading in case.readings):
             listed = sorted({name for reading in case.readings for name in reading.solvers or ()})
@@ -79,14 +79,14 @@ def chosen_solvers(reading: Reading, options: Options) -> dict[str, str | Solver
     for entry in options.solvers:
         if not isinstance(entry, str):
             chosen[entry.name] = entry
-        elif reading.solvers is None or registry.plain_name(entry) in reading.solvers:
+        elif reading.solvers is None or registry.base_name(entry) in reading.solvers:
             chosen.update((name, name) for name in _restarted(entry, options))
     return chosen
 
 
 def _restarted(solver: str, options: Options) -> list[str]:
-    """The solver as it is, or restarted by each of the habits asked for."""
-    return [registry.with_restart(solver, habit) for habit in options.restarts] or [solver]
+    """The solver as it is, or restarted in each of the ways wanted."""
+    return [registry.with_restart(solver, restart) for restart in options.restarts] or [solver]
 
 
 def case_state(case: Case, statements: dict[tuple[str, str], Statement], options: Options) -> CaseState:
@@ -100,14 +100,14 @@ def case_state(case: Case, statements: dict[tuple[str, str], Statement], options
     return CaseState(case, results, journal)
 
 
-def ladders(state: CaseState, result: ReadingResult, options: Options) -> list[Ladder]:
+def pending_runs(state: CaseState, result: ReadingResult, options: Options) -> list[PendingRuns]:
     """What is to be run on a reading; rows that the journal has are taken from there."""
     key = reading_key(state.case.name, result.reading, result.expected)
-    found: list[Ladder] = []
+    found: list[PendingRuns] = []
     for name, solver in chosen_solvers(result.reading, options).items():
         waiting = _settings_to_run(state, result, key, name, solver, options)
         if waiting:
-            found.append(Ladder(result, name, solver, waiting))
+            found.append(PendingRuns(result, name, solver, waiting))
     return found
 
 

@@ -1,4 +1,4 @@
-"""What is asked of a stranger's solver before it runs, by a worker: its module may hang or die when imported."""
+"""Third parties' solvers, loaded by a worker before this process does so: their modules may hang or die."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LOADING_SECONDS = 60.0
 
 
 @dataclass(frozen=True)
-class _Asking(Job):
+class LoadJob(Job):
     """Import a solver and see whether it is driven by a step."""
 
     point: tuple[str, str, str]
@@ -38,24 +38,24 @@ def fixed_step(name: str) -> bool:
 
 @cache
 def _probed(point: EntryPoint) -> bool:
-    fixed, reason = ask(point)
+    fixed, reason = probe(point)
     if reason:
         registry.refuse(point, reason)
     return fixed
 
 
-def ask(point: EntryPoint) -> tuple[bool, str]:
+def probe(point: EntryPoint) -> tuple[bool, str]:
     """Whether a solver is driven by a step, and why it must not be imported (empty where it may be)."""
-    heard: list[bool | Failure] = []
+    results: list[bool | Failure] = []
 
-    def asking() -> Jobs:
-        heard.append((yield _Asking((point.name, point.value, point.group))))
+    def loading() -> Jobs:
+        results.append((yield LoadJob((point.name, point.value, point.group))))
 
     pool = WorkerPool(workers=1, memory=Options().memory)
-    pool.add(point.name, asking())
+    pool.add(point.name, loading())
     pool.run()
-    (answer,) = heard
-    if not isinstance(answer, Failure):
-        return answer, ""
+    (found,) = results
+    if not isinstance(found, Failure):
+        return found, ""
     # One that is unavailable says so itself, and better.
-    return False, "" if answer.status == "unavailable" else answer.reason
+    return False, "" if found.status == "unavailable" else found.reason

@@ -11,6 +11,9 @@ and all that it has started; behind that stands a limit on wall time, :data:`WAL
 the processor time (elsewhere than on Linux) that alone holds, and memory is bounded by the system's own limit a
 process. Nothing here waits for a worker. Leaving :meth:`WorkerPool.run`, by whatever exception, leaves no process
 behind.
+
+Pebble and loky are no substitute: no shared memory limit, no killing of what a worker has started, no job for the one
+worker that holds its prepared run.
 """
 
 from __future__ import annotations
@@ -24,10 +27,10 @@ from typing import Any
 
 from henon_ref.campaign.channel import NoReply, new_token
 from henon_ref.campaign.fork_server import BEGUN, ENDED, ForkServer, present_server
-from henon_ref.campaign.one_line import plain_text
 from henon_ref.campaign.worker import REPLY, Failure, Job, failure_of
 from henon_ref.campaign.worker_process import WorkerProcess
 from henon_ref.errors import HenonRefError
+from henon_ref.text import short_line
 
 POLL = 0.05
 """Seconds between two looks at the clock and at memory."""
@@ -248,7 +251,7 @@ class WorkerPool:
 
     def _hear(self) -> None:
         """Take what the fork server tells: which workers have begun, and which have ended."""
-        for kind, pid, status in self._server.told() if self._server is not None else []:
+        for kind, pid, status in self._server.reports() if self._server is not None else []:
             if kind == BEGUN:
                 worker = self._starting.popleft()
                 worker.pid = pid
@@ -278,7 +281,7 @@ class WorkerPool:
             return
         except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever the solver's classes do out of a pickle
             reason = f"what the worker sent cannot be read: {failure_of(error).reason}"
-            self._finish(task, Failure("failed", plain_text(reason)), sound=False)
+            self._finish(task, Failure("failed", short_line(reason)), sound=False)
             return
         self._finish(task, result, sound=not (isinstance(result, Failure) and result.status == "failed"))
 

@@ -1,6 +1,7 @@
 """What processes hold and have used, by Linux's ``/proc``; a process counts with all that it has started.
 
-Elsewhere there is no ``/proc``: only a process itself is known then, and neither its memory nor its time.
+Elsewhere there is no ``/proc``: only a process itself is known then, and neither its memory nor its time. psutil would
+read the same files, a family's members by a look at every process of the machine, and has no call for ``prctl``.
 """
 
 from __future__ import annotations

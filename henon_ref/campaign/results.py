@@ -67,8 +67,8 @@ class CaseState:
 
         def place(slot: Slot) -> tuple[int, int, str, float]:
             name, solver, setting = slot
-            plain = registry.plain_name(solver)
-            rank = names.index(plain) if plain in names else len(names)
+            base = registry.base_name(solver)
+            rank = names.index(base) if base in names else len(names)
             return order.index(name), rank, solver, -(setting.rtol or setting.step or 0.0)
 
         return [self.rows[slot] for slot in sorted(self.rows, key=place) if reading in (None, slot[0])]

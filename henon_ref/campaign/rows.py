@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from henon_ref.campaign.causes import cause_of
-from henon_ref.campaign.one_line import plain_text
 from henon_ref.campaign.settings import Setting
 from henon_ref.campaign.timing import summarise
 from henon_ref.campaign.worker import Failure
@@ -16,7 +15,8 @@ from henon_ref.score.errors import Score, score
 from henon_ref.score.matching import Matching
 from henon_ref.score.reference import Expected
 from henon_ref.score.sticks import Stick, published_partners, sticks
-from henon_ref.score.verdict import graze_distance, missed_verdict, slack, spurious_verdict
+from henon_ref.score.verdict import granted_error, graze_distance, missed_verdict, spurious_verdict
+from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Trajectory
 
 SCORED = ("ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "failed")
@@ -120,7 +120,7 @@ def _run_row(outcome: Outcome, expected: Expected | None, identity: Row, stick_r
 def _and_then(reason: object, failure: Failure) -> str:
     """The reason of a row, and what happened when its run was repeated."""
     how = f"{REPEATED}{failure.status}: {failure.reason}"
-    return plain_text(f"{reason}; {how}" if reason else how)
+    return short_line(f"{reason}; {how}" if reason else how)
 
 
 def _trajectory_values(trajectory: Trajectory) -> Row:
@@ -137,7 +137,7 @@ def _trajectory_values(trajectory: Trajectory) -> Row:
         "event_evaluations": counts.event_evaluations or None,
         "end_time_s": trajectory.end_time,
     }
-    return values | ({"landing": plain_text("+".join(landings))} if landings else {})
+    return values | ({"landing": short_line("+".join(landings))} if landings else {})
 
 
 def _score_values(score: Score) -> Row:
@@ -164,7 +164,7 @@ def _transition_rows(
     identity: Row, outcome: Outcome, trajectory: Trajectory, expected: Expected, score: Score
 ) -> list[Row]:
     """The union of the truth's transitions and the run's, in order of time."""
-    reading, allowed = outcome.reading, slack(expected, outcome.setting.rtol)
+    reading, allowed = outcome.reading, granted_error(expected, outcome.setting.rtol)
     system = reading.problem.system
     matching = score.matching
     partner = dict(matching.pairs + matching.touch_pairs)

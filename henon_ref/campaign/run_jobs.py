@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref import registry
-from henon_ref.campaign.contract_check import check_prepared, check_returned
+from henon_ref.campaign.contract_check import check_prepared, check_trajectory
 from henon_ref.campaign.settings import Setting
 from henon_ref.campaign.timing import repeat
 from henon_ref.campaign.worker import Job, WorkerState
@@ -27,7 +27,7 @@ PREPARE_SECONDS = 120.0
 """Processor time that the preparation of a run may take [s]."""
 BUDGET = 0.3
 """Seconds that the samples of one row may take where the caller does not say how many to take."""
-FOLD, SPARE = 10, 100_000
+MOST_FOLD, MOST_SPARE = 10, 100_000
 """A run may return so many times the truth's transitions, and so many more: scoring takes the caller's own time."""
 MOST_SHOWN = 40
 """Transitions in a figure of the motion; more cannot be told apart."""
@@ -105,7 +105,7 @@ class RunJob(Job):
             begin = run_time()
             returned = run()
             took = run_time() - begin
-        return Ran(check_returned(returned, problem, most=self.most), took)
+        return Ran(check_trajectory(returned, problem, most=self.most), took)
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def _prepare(solver: Solver, job: PrepareJob | SampleJob, times: NDArray[np.floa
 
 def most_transitions(exact: int) -> int:
     """How many transitions a run may return where the exact one has so many (nought where that is not known)."""
-    return FOLD * exact + SPARE
+    return MOST_FOLD * exact + MOST_SPARE
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,10 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from henon_ref.campaign.channel import framed, read_message
-from henon_ref.campaign.one_line import plain_text
 from henon_ref.campaign.procfs import KNOWN, adopt_orphans, data_bytes, signal_with_parent
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.jit.processor_time import told_of_compiling
+from henon_ref.text import short_line
 from henon_ref.trajectory import Status
 
 REPLY, COMPILING = "reply", "compiling"
@@ -114,7 +114,7 @@ def serve(theirs: socket.socket, log: int, memory: int, server: int) -> None:
 
 def failure_of(error: BaseException) -> Failure:
     """Status and reason of an exception that a job raised."""
-    text = plain_text(_said(error))
+    text = short_line(_said(error))
     if isinstance(error, UnsupportedError):
         return Failure("unsupported", text)
     if isinstance(error, UnavailableError):
@@ -123,7 +123,7 @@ def failure_of(error: BaseException) -> Failure:
         return Failure("failed", "memory: the run needs more than the limit")
     if isinstance(error, ContractError):
         return Failure("failed", text)
-    return Failure("failed", plain_text(f"{type(error).__name__}: {text}" if text else type(error).__name__))
+    return Failure("failed", short_line(f"{type(error).__name__}: {text}" if text else type(error).__name__))
 
 
 def _said(error: BaseException) -> str:

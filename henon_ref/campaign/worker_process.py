@@ -10,9 +10,9 @@ from contextlib import suppress
 
 from henon_ref.campaign.channel import Channel
 from henon_ref.campaign.fork_server import ForkServer
-from henon_ref.campaign.one_line import plain_text
 from henon_ref.campaign.procfs import KNOWN, family, kill_family, own_bytes, processor_seconds, resident_bytes
 from henon_ref.campaign.worker import Failure, Job
+from henon_ref.text import short_line
 
 LOG_TAIL = 4000
 """Bytes of a worker's output that are kept, for its last words."""
@@ -82,7 +82,7 @@ class WorkerProcess:
         if self.ended is not None and self.ended < 0:
             how = f"the library was ended by signal {signal.Signals(-self.ended).name}"
         self.read_log()
-        lines = map(plain_text, self._tail.decode(errors="replace").split("\n"))
+        lines = map(short_line, self._tail.decode(errors="replace").split("\n"))
         words = next((line for line in reversed([*lines]) if line), "")
         return Failure("failed", f"{how}: {words}" if words else how)
 

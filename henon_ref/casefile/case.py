@@ -16,7 +16,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from henon_ref.casefile import expected as answers
+from henon_ref.casefile import expected
 from henon_ref.casefile.expected import Exact, Expect, Gate, Orbit, Published
 from henon_ref.casefile.problem import build_problem, mathematics
 from henon_ref.casefile.schema import READING_KEYS, CaseForm, file_name, one_line
@@ -196,7 +196,7 @@ def _reading(
 ) -> Reading:
     form = validated(source.tree, file=source.file, within=source.within)
     _check_model(source, form)
-    answers.check_runs(source, form, solvers)
+    expected.check_runs(source, form, solvers)
     problem, names = build_problem(source, form)
     if not problem.system.surfaces:
         message = "without friction there is no surface, so no transition to find; name a friction effect"
@@ -212,11 +212,11 @@ def _reading(
         tolerances=tuple(form.tolerances),
         steps=tuple(form.steps),
         measure_after=float(after),
-        published=answers.published(form),
-        exact=answers.exact(source, form, names, problem),
-        orbit=answers.orbit(source, form, names),
-        gate=answers.gates(source, form, fixed_step),
-        expect=answers.expectation(source, form, names, problem),
+        published=expected.published(form),
+        exact=expected.exact(source, form, names, problem),
+        orbit=expected.orbit(source, form, names),
+        gate=expected.gates(source, form, fixed_step),
+        expect=expected.expectation(source, form, names, problem),
         source=form.source,
         story=form.story,
         equations=form.equations,

@@ -59,7 +59,7 @@ def _table(cases: Sequence[Case], root: Path) -> Iterable[str]:
         assert case.path is not None  # read from a file just now
         link = case.path.relative_to(root).as_posix()
         readings = str(len(case.readings))
-        cells = [f"[{case.name}]({link})", _idea(case), readings, _answers(case), _origin(case)]
+        cells = [f"[{case.name}]({link})", _idea(case), readings, _origins_of_truths(case), _origin(case)]
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
 
 
@@ -70,14 +70,14 @@ def _idea(case: Case) -> str:
     return f"**{markdown(case.title)}.** {markdown(first)}{'.' if stop else ''}".strip()
 
 
-def _answers(case: Case) -> str:
+def _origins_of_truths(case: Case) -> str:
     found: dict[str, None] = {}
     for reading in case.readings:
-        found[_answer(reading)] = None
+        found[_origin_of_truth(reading)] = None
     return "; ".join(found)
 
 
-def _answer(reading: Reading) -> str:
+def _origin_of_truth(reading: Reading) -> str:
     """How the truth of a reading is known, and how its run ends."""
     exact = reading.exact
     if reading.expect is not None and reading.expect.status != "ok":

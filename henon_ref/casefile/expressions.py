@@ -28,7 +28,7 @@ from henon_ref.filippov.bounds import (
     terms,
     with_known_functions,
 )
-from henon_ref.filippov.work import LOOK_UP, OPERATION, SCAN, Work, key_of, names_in
+from henon_ref.filippov.work import CACHED, OPERATION, SCAN, Work, key_of, names_in
 
 _SYMPY: dict[str, Callable[..., sp.Expr]] = {
     **{name: getattr(sp, name) for name in FUNCTIONS},
@@ -64,7 +64,7 @@ def parse_expression(text: str, names: Mapping[str, sp.Expr], work: Work | None 
         With the offset of what is not allowed and what is.
     """
     work = Work() if work is None else work
-    work.charge(LOOK_UP, 0)
+    work.charge(CACHED, 0)
     key = key_of("expression", text, names)
     if key not in work.values:
         work.values[key] = _smooth(_Walker(_read(text, names, work), names, work).value())
@@ -135,7 +135,7 @@ def parse_number(text: str, names: Mapping[str, sp.Expr], work: Work | None = No
         Also where the value is complex, infinite, undefined, or beyond the largest double.
     """
     work = Work() if work is None else work
-    work.charge(LOOK_UP, 0)
+    work.charge(CACHED, 0)
     key = key_of("number", text, names)
     if key not in work.values:
         value = _Walker(_read(text, names, work, constant=True), names, work).value()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 
 Scalar = str | int | bool | Decimal | None
-Plain = Scalar | list["Plain"] | dict[str, "Plain"]
+PythonValue = Scalar | list["PythonValue"] | dict[str, "PythonValue"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +57,12 @@ class MappingNode:
 Node = ScalarNode | SequenceNode | MappingNode
 
 
-def plain(node: Node) -> Plain:
-    """The tree as plain Python: dict, list, str, int, Decimal, bool, None."""
+def to_python(node: Node) -> PythonValue:
+    """The tree as Python values: dict, list, str, int, Decimal, bool, None."""
     if isinstance(node, MappingNode):
-        return {key: plain(value) for key, value in node.entries.items()}
+        return {key: to_python(value) for key, value in node.entries.items()}
     if isinstance(node, SequenceNode):
-        return [plain(item) for item in node.items]
+        return [to_python(item) for item in node.items]
     return node.value
 
 

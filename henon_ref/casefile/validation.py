@@ -7,7 +7,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from henon_ref.casefile.schema import CaseForm, Form
-from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, child, locate, plain
+from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, child, locate, to_python
 from henon_ref.errors import CaseError
 from henon_ref.text import did_you_mean, listed, shortened
 
@@ -21,7 +21,7 @@ def validated(tree: MappingNode, *, file: str | None, within: str = "") -> CaseF
         At the line and column of the first key or value that does not fit.
     """
     try:
-        return CaseForm.model_validate(plain(tree))
+        return CaseForm.model_validate(to_python(tree))
     except ValidationError as error:
         found = [(item["type"] == "missing", *_explained(tree, dict(item))) for item in error.errors(include_url=False)]
     # A misspelt key is unknown and missing at once; only the first is of use.

@@ -34,7 +34,7 @@ _INTEGER = re.compile(r"[-+]?[0-9]{1,400}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,5})?")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _BASED = re.compile(r"0o[0-7]{1,400}|0x[0-9a-fA-F]{1,400}")
-_WORDS: dict[str, Scalar] = {
+_NAMED_SCALARS: dict[str, Scalar] = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL")),
     **dict.fromkeys(("true", "True", "TRUE"), True),
     **dict.fromkeys(("false", "False", "FALSE"), False),
@@ -241,8 +241,8 @@ def _scalar(event: ev.ScalarEvent, file: str | None) -> ScalarNode:
 
 def _core(text: str, file: str | None, place: Place) -> Scalar:
     """Resolve a plain scalar by the core schema of YAML 1.2."""
-    if text in _WORDS:
-        return _WORDS[text]
+    if text in _NAMED_SCALARS:
+        return _NAMED_SCALARS[text]
     if _INTEGER.fullmatch(text):
         return int(text)
     if _BASED.fullmatch(text):

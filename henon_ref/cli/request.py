@@ -21,7 +21,7 @@ class Request:
     gate: bool = False
     figures: bool = True
     restarts: tuple[str, ...] = ()
-    """Habits by which libraries are restarted after an event; none: each solver by its own."""
+    """How libraries are restarted after an event; none: each solver in its own way."""
     required: tuple[str, ...] = ()
     """Solvers that have to be right in every reading."""
 

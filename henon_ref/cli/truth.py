@@ -17,8 +17,7 @@ from henon_ref.casefile.files import read_cases
 from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed
 from henon_ref.errors import CaseError, ModelError
 from henon_ref.text import message
-from henon_ref.truth import compute as settle
-from henon_ref.truth import store
+from henon_ref.truth import compute, store
 from henon_ref.truth.reference import Truth, TruthError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -81,11 +80,11 @@ class Stored:
         try:
             truth, fault = store.load(folder, case.name, reading.name), ""
         except store.StoredTruthError as error:
-            settle.tell(error)
+            compute.tell(error)
             truth, fault = error.content, error.reason
         if truth is not None and truth.mathematics_hash != reading.mathematics_hash:
             truth = None
-        return cls(truth, fault, truth is not None and settle.claimed(truth, reading))
+        return cls(truth, fault, truth is not None and compute.claimed(truth, reading))
 
 
 def _one(case: Case, reading: Reading, shown: Progress, *, check: bool, missing: bool, proof_seconds: float) -> bool:
@@ -97,11 +96,11 @@ def _one(case: Case, reading: Reading, shown: Progress, *, check: bool, missing:
         return True
     task = shown.add_task(name, total=1.0)
 
-    def told(stage: str, done: float) -> None:
+    def report(stage: str, done: float) -> None:
         shown.update(task, description=f"{name}: {stage}", completed=done)
 
     try:
-        fresh = settle.compute(case, reading, proof_seconds=proof_seconds, progress=told)
+        fresh = compute.compute(case, reading, proof_seconds=proof_seconds, progress=report)
     except (TruthError, ModelError) as error:
         _print(shown, f"{name}: {error}")
         return False
@@ -116,7 +115,7 @@ def _compared(name: str, stored: Stored, fresh: Truth, folder: Path, shown: Prog
     A certified truth is not given up for one that is not.
     """
     old = stored.truth
-    faults = [] if old is None else settle.differences(old, fresh)
+    faults = [] if old is None else compute.differences(old, fresh)
     faults += [stored.fault] if stored.fault else []
     weaker = old is not None and old.certified and not fresh.certified
     stays = check or weaker

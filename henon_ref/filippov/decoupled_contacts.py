@@ -22,7 +22,7 @@ from henon_ref.taylor.tape import TIME
 
 
 @dataclass(frozen=True)
-class Switches:
+class ModeIndicators:
     """The symbols that one surface's entry of the mode sets."""
 
     sign: sp.Symbol
@@ -43,7 +43,7 @@ class SwitchedEquations:
     """Equations of every mode, in time, states, parameters and switches."""
 
     system: FilippovSystem
-    switches: tuple[Switches, ...]
+    switches: tuple[ModeIndicators, ...]
     """One a surface."""
     field: tuple[sp.Expr, ...]
     outputs: tuple[sp.Expr, ...]
@@ -92,7 +92,7 @@ def switched_equations(system: FilippovSystem) -> SwitchedEquations | None:
     if any(len(system.field[k].free_symbols & set(system.signs)) != 1 for k in rows):
         return None
     switches = tuple(
-        Switches(s, sp.Symbol(f"slip_{i}", real=True), sp.Symbol(f"slide_{i}", real=True))
+        ModeIndicators(s, sp.Symbol(f"slip_{i}", real=True), sp.Symbol(f"slide_{i}", real=True))
         for i, s in enumerate(system.signs)
     )
     field, outputs = list(system.field), []

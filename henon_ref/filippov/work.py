@@ -13,7 +13,7 @@ from henon_ref.errors import ExpressionError
 
 MAX_WORK = 1_000_000
 """Characters that the expressions of one file may count; SymPy takes two microseconds or three for each."""
-OPERATION, SCAN, LOOK_UP = 20, 2, 3
+OPERATION, SCAN, CACHED = 20, 2, 3
 """An operation counts as so many characters besides its own, taking a text apart as so many for each of it, and a text
 that is known already as so many."""
 

@@ -25,6 +25,7 @@ from henon_ref.filippov.modes import Mode, replaced, transition_kind
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.filippov.two_signs import sign_after
 from henon_ref.henon.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, crossed_guards, land
 from henon_ref.jit.processor_time import Deadline, compiling
 from henon_ref.solver import Run
@@ -35,8 +36,6 @@ CHUNK = 200_000
 """Steps between two looks at the clock."""
 TOGETHER = 1e-12
 """Guards that land within this time of each other [s] are one event."""
-CLEAR = 1e-6
-"""Relative size of dh/dt on both sides of a surface from which they decide alone what follows."""
 CROWDED = 100
 """Events within the length of one step after which the run gives up: they accumulate, or it chatters."""
 HUGE = 1e10
@@ -129,11 +128,9 @@ class _Plan:
                 below, above = (self._normals(t, *x, *replaced(mode, i, s))[i] for s in (-1, 1))
             except (ArithmeticError, ValueError):
                 return self.switching.after_event(t, x, mode, hits)
-            clear = CLEAR * (abs(below) + abs(above))
-            if below > clear and above < -clear:
-                return Decision("unique", replaced(mode, i, 0))
-            if min(below, above) > clear or max(below, above) < -clear:
-                return Decision("unique", replaced(mode, i, 1 if above > 0 else -1))
+            sign = sign_after(below, above)
+            if sign is not None:
+                return Decision("unique", replaced(mode, i, sign))
         return self.switching.after_event(t, x, mode, hits)
 
     def _by_signs(self, hit: Guard) -> bool:

@@ -14,9 +14,9 @@ from itertools import takewhile
 import numpy as np
 
 from henon_ref.score.matching import Matching, match
-from henon_ref.score.reference import HALF_ULP, Expected, ReferenceEvent
+from henon_ref.score.reference import HALF_ULP, Event, Expected
 from henon_ref.score.verdict import FIXED_STEP_TOLERANCE, RIGHT, Verdict, verdict
-from henon_ref.trajectory import Status, Trajectory, Transition
+from henon_ref.trajectory import Status, Trajectory
 
 EARLY = ("diverged", "nonunique", "invalid")
 """Statuses with which a run may rightly end before the horizon."""
@@ -44,7 +44,7 @@ class Score:
     """Decimal digits of the worst transition time, counted from the case's unit of time."""
 
 
-def time_error(event: Transition, reference: ReferenceEvent) -> float:
+def time_error(event: Event, reference: Event) -> float:
     """Signed time error [s] of two compensated times; the leading parts cancel exactly (Sterbenz)."""
     return (event.time - reference.time) + (event.time_low - reference.time_low)
 

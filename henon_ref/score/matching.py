@@ -24,13 +24,12 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.filippov.modes import Mode
 from henon_ref.score.alignment import align
+from henon_ref.score.reference import Event
 
 IN_STEP_FRACTION = 1e-3
 """After an edit, a pair agrees to this fraction of the distance to the neighbouring transitions of its kind."""
@@ -42,23 +41,8 @@ ROUGH_FRACTION = 0.05
 """Fraction of the distance to the neighbours that counts as agreement where the error is not known yet."""
 HORIZON_FACTOR = 3.0
 """A transition this many worst errors before the horizon may fall on its other side."""
-MOST_BEYOND = 2
+MOST_PAST_HORIZON = 2
 """Transitions of a surface that may lie just beyond the horizon (a pair), or as many as the exact run has together."""
-
-
-class Event(Protocol):
-    """What matching needs to know of a transition (a solver's or the truth's)."""
-
-    @property
-    def kind(self) -> str: ...
-    @property
-    def surface(self) -> int: ...
-    @property
-    def from_mode(self) -> Mode: ...
-    @property
-    def to_mode(self) -> Mode: ...
-    @property
-    def time(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -136,7 +120,9 @@ def match(
         missed, cut_reference = _cut_off([e.time for e in reference], missed, last_ref, bounds)
         spurious, cut_found = _cut_off([e.time for e in found], spurious, last_run, bounds)
         if not accumulating:
-            most = _most_beyond(reference, found, max((found[j].time for j in cut_found), default=until) - min(bounds))
+            most = _most_past_horizon(
+                reference, found, max((found[j].time for j in cut_found), default=until) - min(bounds)
+            )
             spurious, cut_found = sorted(spurious + cut_found[most:]), cut_found[:most]
     ref_touches = [i for i, e in enumerate(reference) if e.kind == "graze"]
     run_touches = [j for j, e in enumerate(found) if e.kind == "graze"]
@@ -301,9 +287,9 @@ def _cut_off(
     return counting, cut
 
 
-def _most_beyond(reference: Sequence[Event], found: Sequence[Event], length: float) -> int:
+def _most_past_horizon(reference: Sequence[Event], found: Sequence[Event], length: float) -> int:
     """How many transitions may lie just beyond the horizon: as many as the reference has in any such length of time."""
     times = np.sort([event.time for event in reference if event.kind != "graze"])
     together = int((np.searchsorted(times, times + length, side="right") - np.arange(times.size)).max(initial=0))
     surfaces = max((len(events[0].from_mode) for events in (reference, found) if events), default=1)
-    return max(together, MOST_BEYOND * surfaces)
+    return max(together, MOST_PAST_HORIZON * surfaces)

@@ -17,8 +17,8 @@ from henon_ref.trajectory import Status
 HALF_ULP = 2.0**-53
 
 
-class ReferenceEvent(Protocol):
-    """A transition of the truth."""
+class Event(Protocol):
+    """A transition, a run's or the truth's: what matching, time errors and sticks need to know of it."""
 
     @property
     def kind(self) -> str: ...
@@ -32,6 +32,11 @@ class ReferenceEvent(Protocol):
     def time(self) -> float: ...
     @property
     def time_low(self) -> float: ...
+
+
+class ReferenceEvent(Event, Protocol):
+    """A transition of the truth, with what only the truth knows of it."""
+
     @property
     def radius(self) -> float: ...
     @property
@@ -42,7 +47,7 @@ class ReferenceEvent(Protocol):
     def state(self) -> Sequence[object]: ...
 
 
-class NearTouch(Protocol):
+class NearGraze(Protocol):
     """An instant at which a surface is nearly touched."""
 
     @property
@@ -51,24 +56,24 @@ class NearTouch(Protocol):
     def distance(self) -> float: ...
 
 
-class Touches:
-    """Near touches, found by time.
+class NearGrazes:
+    """Instants at which a surface is nearly touched, found by time.
 
     Parameters
     ----------
-    touches : sequence of NearTouch
+    grazes : sequence of NearGraze
         In any order.
     """
 
-    def __init__(self, touches: Sequence[NearTouch]) -> None:
-        self._touches = sorted(touches, key=lambda touch: touch.time)
-        self._times = [touch.time for touch in self._touches]
-        self._distances = np.array([touch.distance for touch in self._touches])
+    def __init__(self, grazes: Sequence[NearGraze]) -> None:
+        self._grazes = sorted(grazes, key=lambda graze: graze.time)
+        self._times = [graze.time for graze in self._grazes]
+        self._distances = np.array([graze.distance for graze in self._grazes])
 
-    def closest(self, time: float, within: float) -> NearTouch | None:
+    def closest(self, time: float, within: float) -> NearGraze | None:
         """The one that comes closest to its surface of those no more than ``within`` from a time [s]."""
         begin, end = bisect_left(self._times, time - within), bisect_right(self._times, time + within)
-        return self._touches[begin + int(np.argmin(self._distances[begin:end]))] if begin < end else None
+        return self._grazes[begin + int(np.argmin(self._distances[begin:end]))] if begin < end else None
 
     def from_nearest(self, time: float) -> float | None:
         """How far the nearest is from a time [s]; None where there is none."""
@@ -90,7 +95,7 @@ class Expected:
     """Horizon [s]."""
     end_time: float
     """Where the exact run ends: the horizon, or before it [s]."""
-    near_grazes: Sequence[NearTouch] = ()
+    near_grazes: Sequence[NearGraze] = ()
     start_size: float = 0.0
     """Largest entry of the state at the start."""
     partial: bool = False
@@ -147,9 +152,9 @@ class Expected:
         return min(places[max(at - 1, 0) : at + 1], key=lambda i: abs(self.transitions[i].time - time), default=None)
 
     @cached_property
-    def touches(self) -> Touches:
-        """Its near touches, by time."""
-        return Touches(self.near_grazes)
+    def grazes_by_time(self) -> NearGrazes:
+        """Its near grazes, found by time."""
+        return NearGrazes(self.near_grazes)
 
     @property
     def scale(self) -> float:

@@ -4,26 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from henon_ref.filippov.modes import Mode
-
-
-class Located(Protocol):
-    """A transition with its compensated time and its state."""
-
-    @property
-    def surface(self) -> int: ...
-    @property
-    def from_mode(self) -> Mode: ...
-    @property
-    def to_mode(self) -> Mode: ...
-    @property
-    def time(self) -> float: ...
-    @property
-    def time_low(self) -> float: ...
+from henon_ref.score.reference import Event
 
 
 @dataclass(frozen=True)
@@ -42,14 +26,14 @@ class Stick:
     """How long it lasts [s]."""
 
 
-def sticks(transitions: Sequence[Located], *, start: float, after: float) -> tuple[Stick, ...]:
+def sticks(transitions: Sequence[Event], *, start: float, after: float) -> tuple[Stick, ...]:
     """The whole sticks of a sequence that do not end before ``after``, in order of their ends.
 
     A stick that the horizon cuts off has no end and is left out; one that the run starts in begins at ``start``.
 
     Parameters
     ----------
-    transitions : sequence
+    transitions : sequence of Event
         In order of time.
     start : float
         Initial time [s].
@@ -61,14 +45,14 @@ def sticks(transitions: Sequence[Located], *, start: float, after: float) -> tup
     left_once: set[int] = set()
     for k, event in enumerate(transitions):
         s = event.surface
-        before, beyond = event.from_mode[s], event.to_mode[s]
-        if before == 0 and beyond != 0:
+        before, after_it = event.from_mode[s], event.to_mode[s]
+        if before == 0 and after_it != 0:
             begin = open_since.pop(s, None)
             if (begin is not None or s not in left_once) and event.time >= after:
                 since, low = (start, 0.0) if begin is None else (transitions[begin].time, transitions[begin].time_low)
                 duration = (event.time - since) + (event.time_low - low)
                 found.append(Stick(s, begin, k, since, duration))
-        elif before != 0 and beyond == 0:
+        elif before != 0 and after_it == 0:
             open_since[s] = k
         left_once.add(s)
     return tuple(found)

@@ -1,12 +1,12 @@
 """Whose fault a wrong run is: the solver's, or the question's.
 
-A run at tolerance r is granted an error of ``slack = r * size of the state`` in the state at any instant. What
-such an error does to a transition is known from the truth: it moves its time by ``conditioning * slack``. Where
-that is a good part of the distance to the next transition of the same surface, the run cannot know whether the two
-are there at all. On a parabola whose slope at its roots is h' and whose roots are a gap apart the surface function
-goes to a depth of ``h' * gap / 4``, and ``conditioning * h'`` is by how much an error in the state moves it: the
-pair is gone once ``conditioning * slack >= gap / 4``. Where a surface is nearly touched without a transition, the
-distance itself is compared with the slack.
+A run at tolerance r is granted an error of ``e = r * size of the state`` in the state at any instant. What such an
+error does to a transition is known from the truth: it moves its time by ``conditioning * e``. Where that is a good
+part of the distance to the next transition of the same surface, the run cannot know whether the two are there at all.
+On a parabola whose slope at its roots is h' and whose roots are a gap apart the surface function goes to a depth of
+``h' * gap / 4``, and ``conditioning * h'`` is by how much an error in the state moves it: the pair is gone once
+``conditioning * e >= gap / 4``. Where a surface is nearly touched without a transition, the distance itself is
+compared with e.
 
 ``not unique`` is for runs that are right up to the instant from which on the exact one has several futures;
 ``not judged`` for runs that are right up to where the time limit stopped them: how far they come is the machine's
@@ -20,14 +20,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 from henon_ref.score.matching import Matching
-from henon_ref.score.reference import Expected, NearTouch, ReferenceEvent
+from henon_ref.score.reference import Expected, NearGraze, ReferenceEvent
 from henon_ref.trajectory import Transition
 
 Word = Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
 
 FIXED_STEP_TOLERANCE = 1e-12
 """Stands for the tolerance of a run that has none."""
-FOLD = 0.25
+PARABOLA_PART = 0.25
 """Part of the distance to its neighbour by which a transition has to move for the pair to be gone (a parabola)."""
 
 
@@ -43,7 +43,7 @@ class Verdict:
 RIGHT = Verdict("right")
 
 
-def slack(expected: Expected, tolerance: float | None) -> float:
+def granted_error(expected: Expected, tolerance: float | None) -> float:
     """Error in the state that a run of this tolerance is granted."""
     return (FIXED_STEP_TOLERANCE if tolerance is None else tolerance) * expected.scale
 
@@ -74,7 +74,7 @@ def verdict(
     """
     if expected.nothing_known:
         return Verdict("not judged", "nothing is known of the exact run after its start")
-    allowed = slack(expected, tolerance)
+    allowed = granted_error(expected, tolerance)
     missed = [expected.transitions[i].time for i in matching.missed[:1]]
     invented = [found[j].time for j in matching.spurious[:1]]
     where = min(missed + invented, default=None)
@@ -100,10 +100,10 @@ def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
         return Verdict("ill-conditioned", f"{what} only touches: any error makes it two transitions or none")
     gap, moved = expected.gaps[index], event.conditioning * allowed
     basis = f"{what}: an error of {allowed:.1e} moves it by {moved:.1e} s, its neighbour is {gap:.1e} s away"
-    if moved >= FOLD * gap:
+    if moved >= PARABOLA_PART * gap:
         return Verdict("ill-conditioned", basis)
-    touch = _touch_near(expected, event.time, gap, allowed)
-    return Verdict("solver defect", basis) if touch is None else _touching(touch, allowed)
+    graze = _graze_within(expected, event.time, gap, allowed)
+    return Verdict("solver defect", basis) if graze is None else _grazing(graze, allowed)
 
 
 def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> Verdict:
@@ -111,40 +111,40 @@ def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> V
     what = f"{event.kind} at t = {event.time:.9g} s"
     close = expected.nearest(event.surface, event.time)
     if close is not None:
-        near = expected.transitions[close]
+        other = expected.transitions[close]
         gap = min(expected.gaps[close], expected.until - expected.start)
-        reach = near.conditioning * allowed
-        if reach >= FOLD * gap:
+        reach = other.conditioning * allowed
+        if reach >= PARABOLA_PART * gap:
             return Verdict(
                 "ill-conditioned",
-                f"{what}: an error of {allowed:.1e} moves the {near.kind} at t = {near.time:.9g} s by {reach:.1e} s",
+                f"{what}: an error of {allowed:.1e} moves the {other.kind} at t = {other.time:.9g} s by {reach:.1e} s",
             )
     span = expected.until - expected.start
     gap = span if close is None else expected.gaps[close]
-    touch = _touch_near(expected, event.time, gap, allowed)
-    if touch is not None:
-        return _touching(touch, allowed)
-    nearest = expected.touches.from_nearest(event.time)
-    no_touch = "the exact run comes close to no surface without reaching it" if nearest is None else (
+    graze = _graze_within(expected, event.time, gap, allowed)
+    if graze is not None:
+        return _grazing(graze, allowed)
+    nearest = expected.grazes_by_time.from_nearest(event.time)
+    no_graze = "the exact run comes close to no surface without reaching it" if nearest is None else (
         f"the nearest near touch is {nearest:.1e} s away"
     )  # fmt: skip
-    return Verdict("solver defect", f"{what} is not there: an error of {allowed:.1e} is granted, and {no_touch}")
+    return Verdict("solver defect", f"{what} is not there: an error of {allowed:.1e} is granted, and {no_graze}")
 
 
 def graze_distance(expected: Expected, index: int) -> float:
     """How far a transition is from a graze [unit of the surface]: depth of the parabola to its neighbour's root."""
     event: ReferenceEvent = expected.transitions[index]
-    return FOLD * event.transversality * expected.gaps[index]
+    return PARABOLA_PART * event.transversality * expected.gaps[index]
 
 
-def _touch_near(expected: Expected, where: float, gap: float, allowed: float) -> NearTouch | None:
-    """A near touch within reach of the granted error, around this time."""
-    touch = expected.touches.closest(where, gap)
-    return touch if touch is not None and touch.distance <= allowed else None
+def _graze_within(expected: Expected, where: float, gap: float, allowed: float) -> NearGraze | None:
+    """A near graze within reach of the granted error, around this time."""
+    graze = expected.grazes_by_time.closest(where, gap)
+    return graze if graze is not None and graze.distance <= allowed else None
 
 
-def _touching(touch: NearTouch, allowed: float) -> Verdict:
+def _grazing(graze: NearGraze, allowed: float) -> Verdict:
     return Verdict(
         "ill-conditioned",
-        f"at t = {touch.time:.9g} s the surface is {touch.distance:.1e} away, within an error of {allowed:.1e}",
+        f"at t = {graze.time:.9g} s the surface is {graze.distance:.1e} away, within an error of {allowed:.1e}",
     )

@@ -181,7 +181,7 @@ def compute(
     seconds = barren_seconds if barren else proof_seconds
     proof = prove(problem, seconds=seconds, progress=_stage(progress, "proof"))
     where = f"{case.name}, {reading.name}"
-    truth = _settled(case.name, reading, computed, proof, where)
+    truth = _combined(case.name, reading, computed, proof, where)
     transitions = truth.transitions
     try:
         if reading.exact is not None:
@@ -213,7 +213,7 @@ def _stage(progress: Progress | None, name: str) -> Callable[[float], None] | No
     return None if progress is None else lambda done: progress(name, done)
 
 
-def _settled(case: str, reading: Reading, computed: Route, proof: Route, where: str) -> Truth:
+def _combined(case: str, reading: Reading, computed: Route, proof: Route, where: str) -> Truth:
     """One truth of two routes."""
     if computed.accumulates:
         proof = replace(proof, transitions=proof.transitions[: len(computed.transitions)])
@@ -254,15 +254,15 @@ def difference(a: ReferenceTransition, b: ReferenceTransition) -> str:
     for name in ("kind", "surface", "from_mode", "to_mode"):
         if getattr(a, name) != getattr(b, name):
             return f"{name} {getattr(a, name)} and {getattr(b, name)} at t = {a.time_digits[:19]}"
-    if far := _apart(a.time_digits, a.radius, b.time_digits, b.radius):
+    if far := _separation(a.time_digits, a.radius, b.time_digits, b.radius):
         return f"times {far} s apart, radii {a.radius:g} and {b.radius:g}, at t = {a.time_digits[:19]}"
     for mine, other in zip(a.state, b.state, strict=True):
-        if far := _apart(mine, a.state_radius, other, b.state_radius):
+        if far := _separation(mine, a.state_radius, other, b.state_radius):
             return f"states {far} apart, radii {a.state_radius:g} and {b.state_radius:g}, at t = {a.time_digits[:19]}"
     return ""
 
 
-def _apart(a: str, radius_a: float, b: str, radius_b: float) -> str:
+def _separation(a: str, radius_a: float, b: str, radius_b: float) -> str:
     """How far apart two numbers are, where their radii do not overlap; else empty."""
     with localcontext() as context:
         context.prec = 1000
@@ -278,7 +278,7 @@ def differences(stored: Truth, fresh: Truth) -> list[str]:
             found.append(f"{name}: stored {getattr(stored, name)}, now {getattr(fresh, name)}")
     if len(stored.transitions) != len(fresh.transitions):
         found.append(f"transitions: stored {len(stored.transitions)}, now {len(fresh.transitions)}")
-    if far := _apart(stored.end_digits, stored.end_radius, fresh.end_digits, fresh.end_radius):
+    if far := _separation(stored.end_digits, stored.end_radius, fresh.end_digits, fresh.end_radius):
         found.append(f"end: {far} s apart")
     for index, (old, new) in enumerate(zip(stored.transitions, fresh.transitions, strict=False)):
         if fault := difference(old, new):

@@ -18,7 +18,7 @@ END = 1 + 2.0**-40
 """A little past the step, where its polynomial still holds: a root at the step's end falls in, not between."""
 SPLIT = 0.5078125
 """Where a piece is split: off the middle, so that a root at a round fraction of a step is on no boundary."""
-NEAR = 2.0**-10
+LEAST_SEPARATION = 2.0**-10
 """Fraction of a step: a minimum that would have a pair of roots so close together is a near graze."""
 
 
@@ -133,7 +133,7 @@ class _Search:
         elif _sign(value) != _sign(curvature):  # the extremum lies beyond zero: a root on either side of it
             self._between(a, at)
             self._between(at, b)
-        elif abs(2 * value / curvature) < NEAR**2:
+        elif abs(2 * value / curvature) < LEAST_SEPARATION**2:
             self.found.near_misses.append(NearMiss(at, value))
 
     def _cluster(self, a: arb, b: arb, order: int) -> None:

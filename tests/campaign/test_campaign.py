@@ -12,8 +12,7 @@ from fakes import TIMES, Fake, case, expected, statement
 from jobs import memory
 
 from henon_ref import registry
-from henon_ref.campaign import run_jobs as runjob
-from henon_ref.campaign import truth_job as truthjob
+from henon_ref.campaign import run_jobs, truth_job
 from henon_ref.campaign.comparison import Comparison, compare, compare_all
 from henon_ref.campaign.options import Options
 from henon_ref.campaign.run_jobs import TimeJob
@@ -28,7 +27,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths 
 
 @pytest.fixture(autouse=True)
 def _made_up_truth(monkeypatch):
-    monkeypatch.setattr(truthjob, "statement_of", statement)
+    monkeypatch.setattr(truth_job, "statement_of", statement)
 
 
 def run(*solvers: Fake, **options: object) -> Comparison:
@@ -108,8 +107,8 @@ def test_numbers_of_numpy_are_as_good_as_plain_ones_in_rows_and_in_the_journal(t
 
 
 def test_a_run_with_too_many_transitions_to_score_is_a_failed_row_that_says_so(monkeypatch):
-    monkeypatch.setattr(runjob, "FOLD", 0)
-    monkeypatch.setattr(runjob, "SPARE", 4)
+    monkeypatch.setattr(run_jobs, "MOST_FOLD", 0)
+    monkeypatch.setattr(run_jobs, "MOST_SPARE", 4)
     row = run(Fake(), tolerances=[1e-6]).records[0].run
     assert (row["status"], row["verdict"]) == ("failed", "solver defect")
     assert row["status_reason"].startswith("the solver returned more than 4 transitions")
@@ -248,7 +247,7 @@ def test_without_a_truth_runs_are_kept_and_not_scored(monkeypatch):
     def contradiction(case, reading):
         raise ValueError("the routes disagree")
 
-    monkeypatch.setattr(truthjob, "statement_of", contradiction)
+    monkeypatch.setattr(truth_job, "statement_of", contradiction)
     result = run(Fake())
     assert list(result.runs["status"]) == ["ok", "ok"]
     assert result.runs["max_time_error_s"].isna().all()
@@ -257,7 +256,7 @@ def test_without_a_truth_runs_are_kept_and_not_scored(monkeypatch):
 
 def test_a_truth_that_ends_at_the_start_makes_no_run_right(monkeypatch):
     nothing = Statement(expected((), end_time=0.0, partial=True), reason="the field is not finite")
-    monkeypatch.setattr(truthjob, "statement_of", lambda case, reading: nothing)
+    monkeypatch.setattr(truth_job, "statement_of", lambda case, reading: nothing)
     rows = run(Fake()).run_rows
     assert {(row["status"], row["verdict"], row["expected_status"]) for row in rows} == {("ok", "not judged", None)}
     assert not demand("fake", rows).judged

@@ -11,10 +11,10 @@ import pytest
 from fakes import case, found, trajectory
 
 from baselines.record import Transitions
-from henon_ref.campaign.contract_check import check_prepared, check_returned
-from henon_ref.campaign.one_line import LONGEST, plain_text
+from henon_ref.campaign.contract_check import check_prepared, check_trajectory
 from henon_ref.campaign.worker import failure_of
 from henon_ref.errors import ContractError
+from henon_ref.text import LONGEST_REASON, short_line
 from henon_ref.trajectory import Counts, Trajectory, Transition
 
 PROBLEM = case().readings[0].problem
@@ -23,7 +23,7 @@ EVENT = found()[1]
 
 
 def check(returned: object) -> Trajectory:
-    return check_returned(returned, PROBLEM, most=MOST)
+    return check_trajectory(returned, PROBLEM, most=MOST)
 
 
 def test_what_is_plain_stays_the_same_and_a_view_becomes_a_tuple():
@@ -82,14 +82,14 @@ def test_objects_of_a_solver_s_own_classes_become_plain_ones():
 
 
 def test_words_become_one_line_that_files_can_hold():
-    assert plain_text("no\r\n\tconvergence\x1b\x00 at \udcff\u2028.") == "no convergence at \ufffd ."
-    assert plain_text("\N{GREEK SMALL LETTER MU} = 0.5") == "\N{GREEK SMALL LETTER MU} = 0.5"
-    assert len(plain_text("x" * 3_000_000)) == LONGEST
-    assert plain_text("x" * 501).endswith("x...")
+    assert short_line("no\r\n\tconvergence\x1b\x00 at \udcff\u2028.") == "no convergence at \ufffd ."
+    assert short_line("\N{GREEK SMALL LETTER MU} = 0.5") == "\N{GREEK SMALL LETTER MU} = 0.5"
+    assert len(short_line("x" * 3_000_000)) == LONGEST_REASON
+    assert short_line("x" * 501).endswith("x...")
     given = trajectory((replace(EVENT, landing="a\nb"),), "failed", reason="a\n| b" * 200)
     plain = check(given)
     assert plain.transitions[0].landing == "a b"
-    assert (len(plain.reason), plain.reason[:9]) == (LONGEST, "a | ba | ")
+    assert (len(plain.reason), plain.reason[:9]) == (LONGEST_REASON, "a | ba | ")
 
 
 def test_more_transitions_than_can_be_scored_are_refused():
@@ -223,7 +223,7 @@ def test_exceptions_whose_words_cannot_be_had_are_told_by_their_name():
 
     assert failure_of(MuteError()).reason == "MuteError"
     loud = failure_of(LoudError()).reason
-    assert (type(loud), len(loud), loud[:14]) == (str, LONGEST, "LoudError: a b")
+    assert (type(loud), len(loud), loud[:14]) == (str, LONGEST_REASON, "LoudError: a b")
 
 
 def test_the_reason_of_a_row_is_the_message_alone():

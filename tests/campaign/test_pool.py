@@ -274,13 +274,13 @@ def test_the_command_s_server_has_imported_what_workers_need_and_is_as_good(tmp_
 @pytest.mark.parametrize(
     "without",
     [
-        "def refuse(*given): raise OSError('no socket')\nforkserver.util.spawnv_passfds = refuse",
+        "def refuse(*given): raise OSError('no socket')\nfork_server.util.spawnv_passfds = refuse",
         "os.sched_getaffinity = lambda process: {0}",
     ],
 )
 def test_where_there_is_no_socket_or_no_second_core_workers_are_forked_from_the_caller(tmp_path, without):
-    code = 'print(run(["a"]).results, len(forkserver._begun))'
-    begin = f"from henon_ref.campaign import fork_server as forkserver\n{without}\n{SERVER}"
+    code = 'print(run(["a"]).results, len(fork_server._begun))'
+    begin = f"from henon_ref.campaign import fork_server\n{without}\n{SERVER}"
     done = subprocess.run(
         [sys.executable, str(script(tmp_path, begin, code))], capture_output=True, text=True, check=True, timeout=300
     )

@@ -9,8 +9,7 @@ from dataclasses import replace
 import pytest
 from fakes import CASE, TIMES, Fake, case, statement
 
-from henon_ref.campaign import code_version, journal
-from henon_ref.campaign import truth_job as truthjob
+from henon_ref.campaign import code_version, journal, truth_job
 from henon_ref.campaign.comparison import Comparison, compare, compare_all
 from henon_ref.campaign.journal import FILE, SET_ASIDE, Journal, line_of, read
 from henon_ref.campaign.options import Options
@@ -22,7 +21,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths 
 
 @pytest.fixture(autouse=True)
 def _made_up_truth(monkeypatch):
-    monkeypatch.setattr(truthjob, "statement_of", statement)
+    monkeypatch.setattr(truth_job, "statement_of", statement)
 
 
 def run(*solvers: Fake, **options: object) -> Comparison:

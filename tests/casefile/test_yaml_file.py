@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from henon_ref.casefile.tree import Place, ScalarNode, child, locate, merged, plain
+from henon_ref.casefile.tree import Place, ScalarNode, child, locate, merged, to_python
 from henon_ref.casefile.yaml_file import MAX_BYTES, parse_yaml, read_yaml
 from henon_ref.errors import CaseError
 
 
 def test_scalars_follow_the_core_schema_of_yaml_1_2() -> None:
     text = "{a: 1e-6, b: 0x1F, c: yes, d: true, e: ~, f: '1', g: 0.10, h: 1_000, i: -.5, j: 0o17, k: on}"
-    assert plain(parse_yaml(text)) == {
+    assert to_python(parse_yaml(text)) == {
         "a": Decimal("1e-6"),
         "b": 31,
         "c": "yes",
@@ -45,7 +45,7 @@ def test_keys_and_values_know_their_places() -> None:
 def test_overrides_merge_mappings_replace_the_rest_and_null_removes() -> None:
     base = parse_yaml("{a: {x: 1, y: 2}, b: [1, 2], c: 3}")
     over = parse_yaml("{a: {y: 5}, b: [9], c: null, d: 4}")
-    assert plain(merged(base, over)) == {"a": {"x": 1, "y": 5}, "b": [9], "d": 4}
+    assert to_python(merged(base, over)) == {"a": {"x": 1, "y": 5}, "b": [9], "d": 4}
 
 
 BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
@@ -109,4 +109,4 @@ def test_bytes_are_bounded_and_must_be_utf_8(tmp_path: Path) -> None:
         read_yaml(path)
     assert (caught.value.line, caught.value.column) == (2, 4)
     path.write_bytes("\ufeffa: 1".encode())
-    assert plain(read_yaml(path)) == {"a": 1}
+    assert to_python(read_yaml(path)) == {"a": 1}

@@ -15,8 +15,7 @@ from commands import SOLVERS, compare, run
 from fakes import CASE, Fake
 
 from henon_ref import registry
-from henon_ref.campaign import run_jobs as runjob
-from henon_ref.campaign import truth_job as truthjob
+from henon_ref.campaign import run_jobs, truth_job
 from henon_ref.campaign.case_files import load_cases
 from henon_ref.casefile.files import case_files
 from henon_ref.cli.compare_cases import rerun_command
@@ -235,7 +234,7 @@ def test_one_file_by_several_paths_is_one_case(made_up, tmp_path):
 def test_the_help_tells_the_limits_of_what_is_not_a_run(capsys):
     assert compare.command(["--help"]) == 0
     words = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    for seconds in (runjob.PREPARE_SECONDS, truthjob.TRUTH_SECONDS):
+    for seconds in (run_jobs.PREPARE_SECONDS, truth_job.TRUTH_SECONDS):
         assert f" {seconds:.0f}" in words
 
 

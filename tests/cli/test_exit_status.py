@@ -15,10 +15,7 @@ from pathlib import Path
 import pytest
 from problems import LEAVING_SLIDE as TEXT
 
-from henon_ref.cli import check
-from henon_ref.cli import compare_cases as report_command
-from henon_ref.cli import crash_log as crashlog
-from henon_ref.cli import exit_status as commandline
+from henon_ref.cli import check, compare_cases, crash_log, exit_status
 from henon_ref.cli import truth as truth_command
 from henon_ref.errors import CaseError
 from henon_ref.report.files import write
@@ -42,7 +39,7 @@ def logs(monkeypatch, tmp_path_factory) -> Path:
 
 
 COMMANDS = {
-    "compare": (importlib.import_module("henon_ref.cli.compare"), report_command, "load_cases"),
+    "compare": (importlib.import_module("henon_ref.cli.compare"), compare_cases, "load_cases"),
     "truth": (truth_command, truth_command, "read_cases"),
     "price": (importlib.import_module("henon_ref.cli.price"), "henon_ref.studies.price.run", "load_cases"),
     "paper": (importlib.import_module("henon_ref.cli.paper"), write, "check_writable"),
@@ -73,13 +70,13 @@ def test_what_nobody_foresaw_is_status_3_and_one_message_with_the_path_of_a_log(
 
 @pytest.mark.parametrize("fault", ["a file in its place", "others can write there"])
 def test_a_log_that_cannot_lie_in_the_user_s_folder_lies_in_a_temporary_one(logs, tmp_path, monkeypatch, fault):
-    monkeypatch.setattr(crashlog.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(crash_log.tempfile, "tempdir", str(tmp_path))
     if fault == "a file in its place":
         logs.parent.write_text("")
     else:
         logs.mkdir(parents=True)
         logs.chmod(0o777)
-    log = crashlog.write_log(ValueError("it"), "compare", [])
+    log = crash_log.write_log(ValueError("it"), "compare", [])
     assert log.parent.parent == tmp_path
     assert stat.S_IMODE(log.parent.stat().st_mode) == 0o700
     assert "ValueError: it" in log.read_text()
@@ -93,11 +90,11 @@ def test_what_cannot_even_say_what_is_wrong_is_logged(logs, tmp_path, monkeypatc
     def act() -> int:
         raise MuteError
 
-    monkeypatch.setattr(crashlog.metadata, "distributions", broken)
+    monkeypatch.setattr(crash_log.metadata, "distributions", broken)
     (tmp_path / "gone").mkdir()
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()
-    assert commandline.exit_status(act, name="compare", arguments=[]) == 3
+    assert exit_status.exit_status(act, name="compare", arguments=[]) == 3
     (line,) = capsys.readouterr().err.splitlines()
     assert Path(line.rpartition("the log is ")[2]).parent == logs
 
@@ -106,7 +103,7 @@ def test_a_library_that_wants_to_exit_is_nothing_foreseen(logs, capsys):
     def act() -> int:
         sys.exit(0)
 
-    assert commandline.exit_status(act, name="compare", arguments=[]) == 3
+    assert exit_status.exit_status(act, name="compare", arguments=[]) == 3
     assert "unforeseen: SystemExit" in capsys.readouterr().err
 
 
@@ -124,15 +121,15 @@ def test_a_library_that_wants_to_exit_is_nothing_foreseen(logs, capsys):
 )
 def test_what_is_wrong_with_the_folder_is_a_bad_argument_and_nothing_else_is(logs, capsys, error, status):
     def act() -> int:
-        with commandline.writing_into(Path("out")):
+        with exit_status.writing_into(Path("out")):
             raise error
 
-    assert commandline.exit_status(act, name="compare", arguments=[]) == status
+    assert exit_status.exit_status(act, name="compare", arguments=[]) == status
     assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_a_message_is_one_line_that_a_terminal_can_be_shown(capsys):
-    commandline.say("a\x1b[31m\nb\r" + "c" * 60_000)
+    exit_status.say("a\x1b[31m\nb\r" + "c" * 60_000)
     line = capsys.readouterr().err
     assert line.startswith("a [31m b ccc")
     assert len(line) <= 2001
@@ -167,8 +164,8 @@ def test_a_reader_that_has_gone_is_no_failure(tmp_path):
 
 
 def test_what_a_terminal_has_no_characters_for_is_written_another_way():
-    call = "commandline.exit_status(lambda: print(chr(233)), name='', arguments=[])"
-    script = f"import sys; from henon_ref import commandline; sys.exit({call})"
+    call = "exit_status.exit_status(lambda: print(chr(233)), name='', arguments=[])"
+    script = f"import sys; from henon_ref.cli import exit_status; sys.exit({call})"
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, "\\xe9\n", "")

@@ -16,7 +16,7 @@ from problems import LEAVING_SLIDE as TEXT
 
 from henon_ref.casefile.case import load_case
 from henon_ref.cli.truth import command
-from henon_ref.truth import compute as settle
+from henon_ref.truth import compute
 from henon_ref.truth.reference import Truth
 
 Run = Callable[..., tuple[int, str]]
@@ -233,8 +233,8 @@ def computed(file: Path, monkeypatch: pytest.MonkeyPatch) -> Truth:
     """The truth, in place of whatever would be computed; the user's cache is in the same folder."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(file.parent.parent / "cache"))
     case = load_case(file)
-    truth = settle.compute(case, case.readings[0], proof_seconds=0)
-    monkeypatch.setattr(settle, "compute", lambda *a, **k: truth)
+    truth = compute.compute(case, case.readings[0], proof_seconds=0)
+    monkeypatch.setattr(compute, "compute", lambda *a, **k: truth)
     return truth
 
 
@@ -242,12 +242,12 @@ def test_a_damaged_truth_in_the_user_s_cache_is_told_and_replaced(
     file: Path, computed: Truth, caplog: pytest.LogCaptureFixture
 ) -> None:
     case = load_case(file.rename(file.parent.parent / "mine.yaml"))
-    settle.truth_for(case, case.readings[0])
+    compute.truth_for(case, case.readings[0])
     (kept,) = file.parent.parent.glob("cache/**/default.json")
     assert stat.S_IMODE(kept.parents[2].stat().st_mode) == 0o700
     before = kept.read_text()
     kept.write_text(dropped(before))
-    assert settle.truth_for(case, case.readings[0]) == computed
+    assert compute.truth_for(case, case.readings[0]) == computed
     assert [message.startswith(f"{kept} is no stored truth (") for message in caplog.messages] == [True]
     assert kept.read_text() == before
 
@@ -255,5 +255,5 @@ def test_a_damaged_truth_in_the_user_s_cache_is_told_and_replaced(
 def test_where_nothing_can_be_stored_beside_the_cases_the_user_s_cache_takes_it(file: Path, computed: Truth) -> None:
     (file.parent / "truth").write_text("a file in its place")
     case = load_case(file)
-    settle.truth_for(case, case.readings[0])
+    compute.truth_for(case, case.readings[0])
     assert len(list(file.parent.parent.glob("cache/**/truth/leaving_slide/default.json"))) == 1

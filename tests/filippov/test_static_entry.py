@@ -23,7 +23,7 @@ from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
 from henon_ref.registry import solver
 from henon_ref.truth.balls import enclose
-from henon_ref.truth.multiprecision.mode_selection import Decider
+from henon_ref.truth.multiprecision.mode_selection import ModeSelection
 from henon_ref.truth.multiprecision.numbers import exact_ball
 from henon_ref.truth.multiprecision.run import simulate
 from henon_ref.truth.validated import certify
@@ -112,7 +112,7 @@ def test_a_start_on_the_belt_is_held_up_to_the_limit(x: str, mode: Mode) -> None
     at = problem.start, problem.initial, problem.initial_mode
     assert Switching(problem.system).initial_mode(*at).mode == mode
     with ctx.workprec(256):
-        assert Decider(problem.system, 256).initial_mode(*at).mode == mode
+        assert ModeSelection(problem.system, 256).initial_mode(*at).mode == mode
     proof = certify(problem)
     assert (proof.status, proof.mode) == ("certified", mode)
     run = solver("henon").prepare(problem, rtol=1e-12)()

@@ -20,7 +20,7 @@ from commands import run
 
 from henon_ref.campaign import journal
 from henon_ref.campaign.rows import Record
-from henon_ref.cli import compare_cases as report_command
+from henon_ref.cli import compare_cases
 from henon_ref.columns import RUN_COLUMNS
 from henon_ref.errors import CaseError
 from henon_ref.report import case_report
@@ -199,8 +199,8 @@ def test_an_interrupt_keeps_finished_rows_and_says_how_to_go_on(made_up, tmp_pat
         from fakes import Fake, statement
         from henon_ref import registry
         from henon_ref.cli import compare
-        from henon_ref.campaign import truth_job as truthjob
-        truthjob.statement_of = statement
+        from henon_ref.campaign import truth_job
+        truth_job.statement_of = statement
         registry.solver = lambda name: Fake(name, "right" if name == "henon" else "hangs")
         sys.exit(compare.command(["made_up.yaml", "--out", "out", "--timeout", "60"]))
         """)
@@ -237,7 +237,7 @@ def test_a_damaged_journal_is_told_in_one_line_and_the_comparison_ends_with_all_
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(report_command, "write_report", interrupted)
+        patch.setattr(compare_cases, "write_report", interrupted)
         assert run(made_up, "--out", "out") == 130
     partial = tmp_path / "out" / "made_up" / journal.FILE
     first, second, third, last = partial.read_bytes().splitlines(keepends=True)

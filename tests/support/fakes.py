@@ -92,7 +92,7 @@ def trajectory(transitions: tuple[Transition, ...], status: str = "ok", **change
 
 
 def statement(case: Case, reading: object) -> Statement:
-    """Takes the place of ``truthjob.statement_of``."""
+    """Takes the place of ``truth_job.statement_of``."""
     return Statement(expected(), methods=(("made up", (256,), 0.1),), certified=True, proven=len(TIMES))
 
 

@@ -12,8 +12,7 @@ import sympy as sp
 from problems import LEAVING_SLIDE as TEXT
 
 from henon_ref.casefile.case import Case, Reading, parse_case
-from henon_ref.truth import compute as settle
-from henon_ref.truth import store
+from henon_ref.truth import compute, store
 from henon_ref.truth.closed_forms import with_closed_forms
 from henon_ref.truth.reference import ReferenceTransition, Route, Truth, TruthError
 
@@ -36,7 +35,7 @@ def route(*transitions: ReferenceTransition, undecided: str = "", **changes: obj
 
 
 def settled(computed: Route, proof: Route) -> Truth:
-    return settle._settled("leaving_slide", reading(), computed, proof, "here")
+    return compute._combined("leaving_slide", reading(), computed, proof, "here")
 
 
 def test_what_is_proven_takes_precedence() -> None:
@@ -120,24 +119,24 @@ def test_exact_modes_have_to_agree() -> None:
 
 def test_computed_stored_and_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stages = []
-    truth = settle.truth_for(case(), reading(), folder=tmp_path, progress=lambda stage, done: stages.append(stage))
+    truth = compute.truth_for(case(), reading(), folder=tmp_path, progress=lambda stage, done: stages.append(stage))
     assert truth.certified
     assert truth.status == "ok"
     assert [t.closed_form for t in truth.transitions] == [True]
     assert truth.transitions[0].conditioning == 0.0
     assert {"heyoka", "proof"} <= set(stages)
-    monkeypatch.setattr(settle, "compute", lambda *a, **k: pytest.fail("computed, although it is stored"))
-    assert settle.truth_for(case(), reading(), folder=tmp_path) == replace(
+    monkeypatch.setattr(compute, "compute", lambda *a, **k: pytest.fail("computed, although it is stored"))
+    assert compute.truth_for(case(), reading(), folder=tmp_path) == replace(
         truth, methods=tuple((m, b, round(s, 1)) for m, b, s in truth.methods)
     )
 
 
 def test_other_mathematics_is_computed_anew(tmp_path: Path) -> None:
-    stored = settle.compute(case(), reading())
+    stored = compute.compute(case(), reading())
     store.save(tmp_path, stored)
     other = TEXT.replace("until: 3", "until: 2")
-    assert settle.stored_truth(case(), reading(), tmp_path) is not None
-    assert settle.stored_truth(case(other), reading(other), tmp_path) is None
+    assert compute.stored_truth(case(), reading(), tmp_path) is not None
+    assert compute.stored_truth(case(other), reading(other), tmp_path) is None
 
 
 @pytest.mark.parametrize(
@@ -150,37 +149,37 @@ def test_other_mathematics_is_computed_anew(tmp_path: Path) -> None:
     ],
 )
 def test_a_truth_that_was_not_held_against_what_the_case_claims_is_computed_anew(tmp_path: Path, claims: str) -> None:
-    store.save(tmp_path, settle.compute(case(), reading()))
+    store.save(tmp_path, compute.compute(case(), reading()))
     other = TEXT[: TEXT.index("exact")] + claims
     assert reading(other).mathematics_hash == reading().mathematics_hash
-    assert settle.stored_truth(case(other), reading(other), tmp_path) is None
+    assert compute.stored_truth(case(other), reading(other), tmp_path) is None
 
 
 def test_a_folder_that_cannot_be_written_costs_a_warning_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    made = settle.compute(case(), reading())
-    monkeypatch.setattr(settle, "compute", lambda *a, **k: made)
+    made = compute.compute(case(), reading())
+    monkeypatch.setattr(compute, "compute", lambda *a, **k: made)
     file = tmp_path / "file"
     file.write_text("")
     with caplog.at_level(logging.WARNING):
-        assert settle.truth_for(case(), reading(), folder=file) is made
+        assert compute.truth_for(case(), reading(), folder=file) is made
     assert "is not kept" in caplog.text
 
 
 def test_an_end_that_the_case_does_not_expect_is_refused() -> None:
     text = TEXT + "expect: {status: diverged, reason: it does not}\n"
     with pytest.raises(TruthError, match="expects status diverged, computed is ok"):
-        settle.compute(case(text), reading(text))
+        compute.compute(case(text), reading(text))
 
 
 def test_differences_name_what_changed() -> None:
     old = settled(route(transition("1")), route(transition("1", proven=True)))
-    assert settle.differences(old, old) == []
+    assert compute.differences(old, old) == []
     moved = replace(old, transitions=(transition("1.1"),))
-    assert "transition 0: times 0.1" in settle.differences(moved, old)[0]
-    assert settle.differences(replace(old, transitions=()), old) == ["transitions: stored 0, now 1"]
-    assert "status" in settle.differences(replace(old, status="failed"), old)[0]
+    assert "transition 0: times 0.1" in compute.differences(moved, old)[0]
+    assert compute.differences(replace(old, transitions=()), old) == ["transitions: stored 0, now 1"]
+    assert "status" in compute.differences(replace(old, status="failed"), old)[0]
 
 
 def test_a_proof_gets_little_time_where_there_is_no_transition_to_prove(monkeypatch, tmp_path: Path) -> None:
@@ -196,5 +195,5 @@ def test_a_proof_gets_little_time_where_there_is_no_transition_to_prove(monkeypa
     text = TEXT.replace('exact: {transition_times: ["1"]}\n', "")
     for found in (route(undecided="singular", status="failed"), route()):
         monkeypatch.setattr("henon_ref.truth.multiprecision.route.multiprecision", lambda *_, found=found, **__: found)
-        settle.truth_for(case(text), reading(text), folder=tmp_path, recompute=True)
-    assert asked == [settle.BARREN_SECONDS, settle.PROOF_SECONDS]
+        compute.truth_for(case(text), reading(text), folder=tmp_path, recompute=True)
+    assert asked == [compute.BARREN_SECONDS, compute.PROOF_SECONDS]

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from henon_ref.casefile.case import load_case
-from henon_ref.truth import compute as settle
-from henon_ref.truth import store
+from henon_ref.truth import compute, store
 from henon_ref.truth.reference import Truth
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -18,7 +17,7 @@ PERIOD = 1.64853333333333333
 
 def stored(reading: str) -> Truth:
     case = load_case(FILE)
-    truth = settle.stored_truth(case, case.reading(reading), store.folder_of(FILE))
+    truth = compute.stored_truth(case, case.reading(reading), store.folder_of(FILE))
     assert truth is not None, f"run python -m henon_ref.truth {FILE}"
     return truth
 

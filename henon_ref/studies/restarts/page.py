@@ -55,7 +55,7 @@ def write_page(rows: Sequence[Row], origin: Provenance, folder: Path) -> Path:
 
 def libraries_of(rows: Sequence[Row]) -> list[str]:
     """Solvers without their habit, in the registry's order."""
-    present = {registry.plain_name(str(row["solver"])) for row in rows}
+    present = {registry.base_name(str(row["solver"])) for row in rows}
     return [name for name in registry.names() if name in present]
 
 

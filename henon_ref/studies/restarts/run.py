@@ -71,7 +71,7 @@ def run_restarts(
     folder = out / FOLDER
     changed = replace(
         options,
-        solvers=tuple(dict.fromkeys(map(registry.plain_name, libraries))),
+        solvers=tuple(dict.fromkeys(map(registry.base_name, libraries))),
         restarts=registry.RESTARTS,
         tolerances=TOLERANCES,
         timed=False,

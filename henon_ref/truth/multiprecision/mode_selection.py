@@ -22,9 +22,9 @@ from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.switching import EXHAUSTIVE
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
-from henon_ref.truth.multiprecision import series as jets
+from henon_ref.truth.multiprecision import series
 
-Head = tuple[int, int] | None
+LeadingTerm = tuple[int, int] | None
 """(index, sign) of a guard's first Taylor coefficient that is not zero; None: none found."""
 
 
@@ -36,7 +36,7 @@ class Point:
     state: tuple[arb, ...]
 
 
-class Decider:
+class ModeSelection:
     """Decides modes of one system at one precision.
 
     Parameters
@@ -84,7 +84,7 @@ class Decider:
         active = {g.index for g in hits} | {i for i, s in enumerate(mode) if s == 0}
         return self._decide(point, mode, tuple(sorted(active)))
 
-    def heads(self, point: Point, mode: Mode, active: frozenset[int]) -> list[Head] | None:
+    def leading_terms(self, point: Point, mode: Mode, active: frozenset[int]) -> list[LeadingTerm] | None:
         """What each guard of a mode does first, just after a point; None where its field is not finite.
 
         Parameters
@@ -100,7 +100,7 @@ class Decider:
         if not all(c[0].is_finite() and c[1].is_finite() for c in expansions):
             return None
         first = [1 if g.kind == "surface" and g.index in active else 0 for g in guards]
-        return [jets.leading(c, k) for c, k in zip(expansions, first, strict=True)]
+        return [series.leading(c, k) for c, k in zip(expansions, first, strict=True)]
 
     def values(self, point: Point, mode: Mode) -> list[arb]:
         """Values of a mode's guards at the middle of a point (balls drop digits below their radius)."""
@@ -108,13 +108,13 @@ class Decider:
         return [c[0] for c in self._expansions(middle, mode, order=0)]
 
     def _exact(self, number: sp.Expr) -> arb:
-        return jets.exact_ball(number, self.bits)
+        return series.exact_ball(number, self.bits)
 
-    def _expansions(self, point: Point, mode: Mode, order: int = jets.ORDER) -> list[list[arb]]:
+    def _expansions(self, point: Point, mode: Mode, order: int = series.ORDER) -> list[list[arb]]:
         system, equations = self.system, self.system.equations(mode)
         field = [system.numeric(f) for f in equations.field]
         outputs = [system.numeric(g.expression) for g in equations.guards]
-        return jets.along(field, outputs, system.states, point.time, point.state, bits=self.bits, order=order)
+        return series.along(field, outputs, system.states, point.time, point.state, bits=self.bits, order=order)
 
     def _decide(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
         decision = self._decided(point, mode, active)
@@ -141,11 +141,11 @@ class Decider:
 
     def _indeterminate(self, point: Point, mode: Mode, index: int) -> bool:
         """Whether no end of a slide on a surface is anything but zero, so far as its derivatives tell."""
-        heads = self.heads(point, mode, frozenset((index,)))
+        terms = self.leading_terms(point, mode, frozenset((index,)))
         guards = self.system.equations(mode).guards
-        assert heads is not None
-        ends = [h for g, h in zip(guards, heads, strict=True) if g.kind == "release" and g.index == index]
-        return index not in self.system.overrides and all(head is None for head in ends)
+        assert terms is not None
+        ends = [h for g, h in zip(guards, terms, strict=True) if g.kind == "release" and g.index == index]
+        return index not in self.system.overrides and all(term is None for term in ends)
 
     def _search(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
         """Start from all sliding; let go what cannot be held, hold what comes back, until nothing changes."""
@@ -165,10 +165,10 @@ class Decider:
     def _violations(self, point: Point, mode: Mode, active: Sequence[int]) -> tuple[Guard, ...] | None:
         """Guards of the mode that do not hold just after the point; None where the mode has no equations."""
         try:
-            heads = self.heads(point, mode, frozenset(active))
+            terms = self.leading_terms(point, mode, frozenset(active))
         except ModelError:
             return None
-        if heads is None:
+        if terms is None:
             return None
         own = {i for i in active if mode[i] == 0 and i in self.system.overrides}
         inside = {i for i in active if mode[i] != 0 and self.system.held_inside(i)}
@@ -176,11 +176,11 @@ class Decider:
         if not all(self._sticks(point, mode, i) for i in own) or any(self._sticks(point, mode, i) for i in inside):
             return None
         broken = []
-        for guard, head in zip(self.system.equations(mode).guards, heads, strict=True):
+        for guard, term in zip(self.system.equations(mode).guards, terms, strict=True):
             if guard.ends or guard.index not in active or guard.index in own:
                 continue
             # A surface that is never left is no slip; an equivalent sign that stays at its limit still holds.
-            holds = guard.kind == "release" if head is None else head[1] > 0
+            holds = guard.kind == "release" if term is None else term[1] > 0
             if not holds:
                 broken.append(guard)
         return tuple(broken)
@@ -191,13 +191,13 @@ class Decider:
             return self._attracts(point, mode, index)
         stick = replaced(mode, index, 0)
         try:
-            heads = self.heads(point, stick, frozenset((index,)))
+            terms = self.leading_terms(point, stick, frozenset((index,)))
         except ModelError:  # beside another sliding surface it has no equations: no derivatives, but the load is there
-            return all(jets.sign(value) > 0 for value in self._hold_values(point, index))
+            return all(series.sign(value) > 0 for value in self._hold_values(point, index))
         guards = self.system.equations(stick).guards
-        return heads is not None and all(
-            head is None or head[1] > 0
-            for guard, head in zip(guards, heads, strict=True)
+        return terms is not None and all(
+            term is None or term[1] > 0
+            for guard, term in zip(guards, terms, strict=True)
             if guard.kind == "release" and guard.index == index
         )
 
@@ -207,7 +207,7 @@ class Decider:
         guards = [system.numeric(g.expression) for g in system.hold_guards(index)]
         frozen = [sp.Integer(0)] * len(system.states)
         return [
-            c[0] for c in jets.along(frozen, guards, system.states, point.time, point.state, bits=self.bits, order=0)
+            c[0] for c in series.along(frozen, guards, system.states, point.time, point.state, bits=self.bits, order=0)
         ]
 
     def _attracts(self, point: Point, mode: Mode, index: int) -> bool:
@@ -218,8 +218,8 @@ class Decider:
             for side in (replaced(mode, index, -1), replaced(mode, index, 1))
         )
         frozen = [sp.Integer(0)] * len(system.states)
-        speeds = jets.along(frozen, [below, above], system.states, point.time, point.state, bits=self.bits, order=0)
-        return jets.sign(speeds[0][0]) >= 0 and jets.sign(speeds[1][0]) <= 0
+        speeds = series.along(frozen, [below, above], system.states, point.time, point.state, bits=self.bits, order=0)
+        return series.sign(speeds[0][0]) >= 0 and series.sign(speeds[1][0]) <= 0
 
 
 def _short(point: Point) -> str:

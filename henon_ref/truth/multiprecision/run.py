@@ -14,10 +14,10 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
-from henon_ref.truth.multiprecision.mode_selection import Decider, Point
+from henon_ref.truth.multiprecision.mode_selection import ModeSelection, Point
 from henon_ref.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball, to_real
 from henon_ref.truth.multiprecision.stepper import Step, Stepper
-from henon_ref.truth.multiprecision.termination import CROWD, EndedError, Watch, written
+from henon_ref.truth.multiprecision.termination import CROWD, EndedError, Termination, written
 from henon_ref.truth.reference import NearGraze
 from henon_ref.truth.roots import isolate
 
@@ -90,7 +90,7 @@ class _Simulation:
         self.bits = bits
         self.zero = arb(2) ** (-(3 * bits) // 4)
         self.progress = progress
-        self.decider = Decider(problem.system, bits)
+        self.selection = ModeSelection(problem.system, bits)
         # As heyoka rounds them: a horizon between two of its numbers would never be reached.
         self.start, self.until = (to_ball(to_real(exact_ball(t, bits), bits)) for t in (problem.start, problem.until))
         self.span = float(self.until - self.start)
@@ -102,7 +102,7 @@ class _Simulation:
         """Sign of each guard since the last root (0: it stays zero and is not watched)."""
         self.skipped: list[int] = []
         """Leading coefficients of each guard that are zero at the start of the next step."""
-        self.watch = Watch(self.span, bits)
+        self.termination = Termination(self.span, bits)
 
     def run(self) -> Run:
         try:
@@ -123,9 +123,9 @@ class _Simulation:
     def _begin(self) -> None:
         problem = self.problem
         self.result.end_time = self.start
-        decision = self.decider.initial_mode(problem.start, problem.initial, problem.initial_mode)
+        decision = self.selection.initial_mode(problem.start, problem.initial, problem.initial_mode)
         mode = self._decided(decision)
-        sides = self.decider.sides(problem.start, problem.initial, problem.system.surfaces)
+        sides = self.selection.sides(problem.start, problem.initial, problem.system.surfaces)
         self._enter(mode, frozenset(i for i, side in enumerate(sides) if side == 0))
         for guard, sign in zip(problem.system.equations(self.mode).guards, self.signs, strict=True):
             if guard.kind == "valid" and sign == 0:
@@ -141,21 +141,21 @@ class _Simulation:
     def _enter(self, mode: Mode, active: frozenset[int]) -> None:
         """Go on in a mode from the present point; what fails at once is the next event."""
         self.mode = mode
-        heads = self.decider.heads(self.point, mode, active)
-        if heads is None:
+        terms = self.selection.leading_terms(self.point, mode, active)
+        if terms is None:
             raise EndedError("failed", f"the field is not finite at t = {self._now()}")
         guards = self.problem.system.equations(mode).guards
-        self.signs = [0 if head is None else head[1] for head in heads]
-        self.skipped = [0 if head is None else head[0] for head in heads]
+        self.signs = [0 if term is None else term[1] for term in terms]
+        self.skipped = [0 if term is None else term[0] for term in terms]
         failing = [
             g
             for g, s in zip(guards, self.signs, strict=True)
             if (s < 0 and not g.rising_only) or (s == 0 and g.kind == "attracts")
         ]
         if failing:
-            self._settle(failing, 0.0)
+            self._change_mode(failing, 0.0)
             return
-        values = self.decider.values(self.point, mode)
+        values = self.selection.values(self.point, mode)
         self.stepper.start(mode, self.point.time, self.point.state, values)
 
     @property
@@ -179,7 +179,7 @@ class _Simulation:
         self.point = self._blurred(time, state, step)
         self.skipped = [0] * len(self.skipped)
         self.result.end_time = time
-        self.watch.step(step, len(state), stepper.guards, self.until - time)
+        self.termination.step(step, len(state), stepper.guards, self.until - time)
         if self.progress:
             self.progress(float(time - self.start) / self.span)
         return self._at_horizon()
@@ -234,14 +234,14 @@ class _Simulation:
         time = (to_ball(step.time) + hits[0].at * to_ball(step.length)).mid()
         self.point = self._blurred(time, self.stepper.state_at(time), step)
         guards = self.problem.system.equations(self.mode).guards
-        self._settle([guards[hit.guard] for hit in hits], min(hit.transversality for hit in hits))
+        self._change_mode([guards[hit.guard] for hit in hits], min(hit.transversality for hit in hits))
 
-    def _settle(self, hits: Sequence[Guard], transversality: float) -> None:
+    def _change_mode(self, hits: Sequence[Guard], transversality: float) -> None:
         """Decide the mode after an event, note the event, and go on."""
         before, point = self.mode, self.point
         self.result.end_time = point.time.mid()
-        self.watch.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
-        after = self._decided(self.decider.after_event(point, before, hits))
+        self.termination.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
+        after = self._decided(self.selection.after_event(point, before, hits))
         active = frozenset({g.index for g in hits} | {i for i, s in enumerate(before) if s == 0})
         changed = tuple(i for i in sorted(active) if after[i] != before[i])
         touched = tuple(sorted({g.index for g in hits}))

@@ -22,7 +22,7 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
-from henon_ref.truth.multiprecision import series as jets
+from henon_ref.truth.multiprecision import series
 from henon_ref.truth.multiprecision.heyoka import RealParameters, to_heyoka
 from henon_ref.truth.multiprecision.numbers import to_ball, to_real
 from henon_ref.truth.roots import END
@@ -146,7 +146,7 @@ class Stepper:
         heyoka takes the length from the size of the last coefficients, which presumes that later ones are
         smaller. Where a drive sleeps (a pulse far ahead, all of whose derivatives are next to nothing), they
         grow first, and the step leaps over it. Where coefficients do not fall, the remainder of order
-        ``jets.ORDER`` (Lagrange) is enclosed over the step.
+        ``series.ORDER`` (Lagrange) is enclosed over the step.
         """
         tails = [np.abs(row[-4:]) for row in step.coefficients]
         rows = [i for i, c in enumerate(tails) if not max(c[2], c[3]) * hy.real("2", self.bits) < max(c[0], c[1])]
@@ -163,12 +163,12 @@ class Stepper:
         rhs = [e.xreplace(signs) for e in self._rhs]
         n = self._dimension
         try:
-            slopes = jets.along(rhs[:n], [rhs[i] for i in rows], self._system.states, time, box[:n], bits=self.bits)
+            slopes = series.along(rhs[:n], [rhs[i] for i in rows], self._system.states, time, box[:n], bits=self.bits)
         except (ZeroDivisionError, ValueError):
             return False
         floor = ROUNDINGS * 2.0**-self.bits * max(1e-300, float(np.abs(step.rough).max()))
         return all(
-            bool(abs(c[-1]) * length ** (jets.ORDER + 1) <= max(LOOSE * variations[i], floor))
+            bool(abs(c[-1]) * length ** (series.ORDER + 1) <= max(LOOSE * variations[i], floor))
             for i, c in zip(rows, slopes, strict=True)
         )
 

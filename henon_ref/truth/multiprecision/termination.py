@@ -46,7 +46,7 @@ class EndedError(Exception):
         self.accumulates = accumulates
 
 
-class Watch:
+class Termination:
     """Watches one run for an early end.
 
     Parameters

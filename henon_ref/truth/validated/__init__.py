@@ -1,9 +1,9 @@
 """Certified truth: validated integration of Filippov systems in ball arithmetic.
 
-Every step of a run is a proof: the solution exists and its Taylor tail is bounded (:mod:`.norms`), no guard
-falls before the one claimed (:mod:`.event`), that one falls once (interval Newton), the mode that follows is
-told by strict signs or exact zeros (:mod:`.modes`), and the set of possible states is carried along without
-wrapping (:mod:`.sets`). What cannot be proven is said to be so, with the reason.
+Every step of a run is a proof: the solution exists and its Taylor tail is bounded (``tail_bounds``), no guard falls
+before the one claimed (``event``), that one falls once (interval Newton), the mode that follows is decided by strict
+signs or exact zeros (``mode_selection``), and the set of possible states is carried along without wrapping
+(``lohner``). What cannot be proven is said to be so, with the reason.
 """
 
 from henon_ref.truth.validated.periodic_orbit import PeriodicOrbit, find_periodic_orbit, settled_guess

@@ -21,14 +21,14 @@ from henon_ref.truth.validated.model import ModeModel, SystemModel
 TANGENT_ORDER = 16
 TANGENT_BITS = 64
 """Order and precision of the variational equations, where their result only carries a radius along."""
-BEYOND = 1.125
+HORIZON_MARGIN = 1.125
 TANGENT_ROOM = 4.0
 """Their disc over their step, to begin with."""
 
 
 @dataclass(frozen=True)
 class Precision:
-    """How much work a walk puts into each step."""
+    """How much work a flow puts into each step."""
 
     bits: int
     order: int
@@ -55,7 +55,7 @@ class Hit:
     """Slope of the guard at the event [1/s]."""
 
 
-class Walk:
+class ValidatedFlow:
     """Carries a set forward.
 
     Parameters
@@ -275,10 +275,10 @@ def _watch(
     watched: Sequence[tuple[Curve, bool, str]], reach: float, left: float
 ) -> tuple[tuple[int, arb] | None, list[bool]]:
     """The first guard to fall on a step of length ``reach``, of which ``left`` is left to the horizon."""
-    if left * BEYOND < reach:
+    if left * HORIZON_MARGIN < reach:
         try:
             # Look a little beyond the horizon, so that an event just there shows as a tie with it.
-            return first_root(watched, left * BEYOND)
+            return first_root(watched, left * HORIZON_MARGIN)
         except UndecidedError:
             return first_root(watched, left)
     return first_root(watched, min(left, reach))

@@ -1,6 +1,6 @@
 """Periodic orbits: a fixed point of the return map by Krawczyk's test, with everything about it enclosed.
 
-The derivative of the return map comes with the walk (variational equations and saltation matrices). Coordinates
+The derivative of the return map comes with the flow (variational equations and saltation matrices). Coordinates
 that a surface makes redundant are left out, so that an orbit which starts in a stick of an oscillator with one
 degree of freedom is the fixed point of a scalar map.
 """

@@ -21,7 +21,7 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.balls import enclose, proves_zero
-from henon_ref.truth.validated.flow import Hit, Precision, Walk
+from henon_ref.truth.validated.flow import Hit, Precision, ValidatedFlow
 from henon_ref.truth.validated.lohner import PointSet
 from henon_ref.truth.validated.mode_selection import Entry
 from henon_ref.truth.validated.model import SystemModel
@@ -67,7 +67,7 @@ class OrbitEvent:
 
 
 @dataclass(frozen=True)
-class Returned:
+class MappedPoint:
     """What the return map gives."""
 
     end: list[arb]
@@ -107,32 +107,32 @@ class ReturnMap:
         """Start time, at the working precision."""
         return enclose(self.model.system.numeric(self.guess.time))
 
-    def __call__(self, free: Sequence[arb], bits: int, *, sharp: bool) -> Returned:
+    def __call__(self, free: Sequence[arb], bits: int, *, sharp: bool) -> MappedPoint:
         """The map at a point or over a box of free coordinates, at the working precision ``bits``.
 
         ``sharp`` asks for a derivative to all digits, and not just good enough to carry a radius along.
         """
         state = self._state(free)
         precision = Precision.of(bits, sharp_tangent=sharp)
-        walk = Walk(self.model, PointSet.box([self.time, *state]), self._entry(), precision)
-        begin = walk.points.hull()
+        flow = ValidatedFlow(self.model, PointSet.box([self.time, *state]), self._entry(), precision)
+        begin = flow.points.hull()
         events: list[Hit] = []
         period = self.guess.period
         horizon = self.time + enclose(self.model.system.numeric(period)) if period is not None else self.time + FAR
-        while not walk.done and len(events) != self.guess.events:
-            if walk.steps >= MAX_STEPS:
+        while not flow.done and len(events) != self.guess.events:
+            if flow.steps >= MAX_STEPS:
                 raise OrbitError(f"the return map does not end within {MAX_STEPS} steps")
-            hit = walk.step(horizon)
+            hit = flow.step(horizon)
             if hit is not None:
                 events.append(hit)
-        if walk.mode != self.guess.mode:
-            raise OrbitError(f"the return map ends in mode {walk.mode}, not in {self.guess.mode} where it started")
+        if flow.mode != self.guess.mode:
+            raise OrbitError(f"the return map ends in mode {flow.mode}, not in {self.guess.mode} where it started")
         if self.guess.events is not None:
             self._check_last(events[-1])
-        end = walk.points.hull()
-        return Returned(
+        end = flow.points.hull()
+        return MappedPoint(
             [end[i + 1] for i in self.free],
-            self._derivative(walk.derivative, begin),
+            self._derivative(flow.derivative, begin),
             end[0] - self.time,
             tuple(OrbitEvent(h.before, h.after, h.box[0], h.box[1:]) for h in events),
             tuple(state),

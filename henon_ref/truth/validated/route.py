@@ -46,11 +46,11 @@ def prove(problem: Problem, *, seconds: float | None = None, progress: Progress 
     """
     start, span = float(problem.start), float(problem.until - problem.start)
 
-    def told(time: float, _count: int) -> None:
+    def report(time: float, _count: int) -> None:
         if progress is not None:
             progress((time - start) / span)
 
-    run = certify(problem, radius=max(RADIUS * min(1.0, span), float_info.min), deadline=seconds, progress=told)
+    run = certify(problem, radius=max(RADIUS * min(1.0, span), float_info.min), deadline=seconds, progress=report)
     with working_precision(run.bits + GUARD_BITS):
         return _route(run)
 

@@ -16,7 +16,7 @@ from henon_ref.precision import working_precision
 from henon_ref.trajectory import Kind
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.validated.enclosure import UndecidedError
-from henon_ref.truth.validated.flow import Hit, Precision, Walk
+from henon_ref.truth.validated.flow import Hit, Precision, ValidatedFlow
 from henon_ref.truth.validated.lohner import PointSet
 from henon_ref.truth.validated.mode_selection import EndedError, initial_entry
 from henon_ref.truth.validated.model import SystemModel
@@ -169,7 +169,7 @@ class _Attempt:
         numeric = problem.system.numeric
         self.horizon = enclose(numeric(problem.until))
         self.start = [enclose(numeric(e)) for e in (problem.start, *problem.initial)]
-        self.walk: Walk | None = None
+        self.flow: ValidatedFlow | None = None
 
     def run(self) -> CertifiedRun:
         """Go as far as can be proven."""
@@ -178,32 +178,32 @@ class _Attempt:
             unit = 2.0 ** max(
                 -1000, min(1000, round(log2(max(float(abs(self.horizon - self.start[0]).upper()), 1e-300))))
             )
-            self.walk = Walk(self.model, PointSet.box(self.start), entry, self.precision, min(unit, 1.0))
-            reason = self._advance(self.walk)
+            self.flow = ValidatedFlow(self.model, PointSet.box(self.start), entry, self.precision, min(unit, 1.0))
+            reason = self._advance(self.flow)
         except UndecidedError as stop:
             # Where events accumulate, more bits only buy a few more of them.
             crowded = self._crowded()
             return self._result("not provable", "budget" if crowded else "undecided", crowded + stop.reason)
         except EndedError as stop:
-            certified = stop.ended == "invalid" and self.walk is not None
+            certified = stop.ended == "invalid" and self.flow is not None
             return self._result("certified" if certified else "not provable", stop.ended, stop.reason)
         return self._result("not provable", "budget", reason) if reason else self._result("certified", "horizon", "")
 
-    def _advance(self, walk: Walk) -> str:
+    def _advance(self, flow: ValidatedFlow) -> str:
         """To the horizon; what ran out before it, in words."""
         begin = float(self.start[0].mid())
-        while not walk.done:
-            before = walk.points.centre[0]
-            hit = walk.step(self.horizon)
+        while not flow.done:
+            before = flow.points.centre[0]
+            hit = flow.step(self.horizon)
             if hit is not None:
                 self._record(hit)
-            now = walk.points.centre[0]
+            now = flow.points.centre[0]
             if self.progress is not None:
                 self.progress(float(now), len(self.transitions))
             if len(self.transitions) >= self.max_transitions:
                 return f"stopped after {self.max_transitions} transitions, at t = {now.str(17, radius=False)}"
             stalled = float(now - before) < SHORTEST * max(float(now) - begin, float(self.horizon) - begin)
-            if walk.steps >= MAX_STEPS or (stalled and not walk.done):
+            if flow.steps >= MAX_STEPS or (stalled and not flow.done):
                 return (
                     f"steps become too short at t = {now.str(17, radius=False)}: the solution runs into a singularity"
                 )
@@ -230,7 +230,7 @@ class _Attempt:
                 )
 
     def _result(self, status: Literal["certified", "not provable"], ended: Ended, reason: str) -> CertifiedRun:
-        box = self.walk.points.hull() if self.walk is not None else self.start
+        box = self.flow.points.hull() if self.flow is not None else self.start
         return CertifiedRun(
             status,
             ended,
@@ -238,9 +238,9 @@ class _Attempt:
             tuple(self.transitions),
             box[0],
             tuple(box[1:]),
-            self.walk.mode if self.walk is not None else None,
+            self.flow.mode if self.flow is not None else None,
             self.precision.bits,
             self.precision.order,
-            self.walk.steps if self.walk is not None else 0,
+            self.flow.steps if self.flow is not None else 0,
             0.0,
         )

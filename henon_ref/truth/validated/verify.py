@@ -78,7 +78,7 @@ def hold_against(run: CertifiedRun, claims: Sequence[Claim], names: Sequence[str
     with working_precision(2 * run.bits):
         for index in range(len(claims)):
             if index >= len(run.transitions):
-                return _beyond(run, claims, index, names)
+                return _unproven(run, claims, index, names)
             verdict = _compare(run.transitions, claims, index, names)
             if verdict is not None:
                 return verdict
@@ -91,7 +91,7 @@ def hold_against(run: CertifiedRun, claims: Sequence[Claim], names: Sequence[str
     return Verdict("agreed", "")
 
 
-def _beyond(run: CertifiedRun, claims: Sequence[Claim], index: int, names: Sequence[str]) -> Verdict:
+def _unproven(run: CertifiedRun, claims: Sequence[Claim], index: int, names: Sequence[str]) -> Verdict:
     claimed = _claimed(claims[index], names)
     if run.status == "certified":
         return Verdict("refuted", f"{claimed} is claimed as transition {index}, but there are only {index}", index)
