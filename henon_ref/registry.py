@@ -45,9 +45,9 @@ class Entry:
 
 
 _BUILT_IN = {
-    "henon": Entry("henon_ref.henon.solvers", "henon-ref"),
-    "henon-newton": Entry("henon_ref.henon.solvers", "henon-ref", by_default=False),
-    "henon-brent": Entry("henon_ref.henon.solvers", "henon-ref", by_default=False),
+    "henon": Entry("henon_ref.henon.solver", "henon-ref"),
+    "henon-newton": Entry("henon_ref.henon.solver", "henon-ref", by_default=False),
+    "henon-brent": Entry("henon_ref.henon.solver", "henon-ref", by_default=False),
     "henon-rk4": Entry("henon_ref.henon.rk4", "henon-ref", fixed_step=True),
     "henon-listing": Entry("henon_ref.henon.listing", "henon-ref", fixed_step=True, by_default=False),
     "heyoka": Entry("baselines.heyoka_taylor", "heyoka", restart="offset"),
