@@ -105,7 +105,7 @@ def _choice(candidate, k):  # type: ignore[no-untyped-def]
 
 @inner()
 def _each(address, constants, t, low, point, values, n, active, count, before):  # type: ignore[no-untyped-def]
-    """The candidate of surfaces that do not act on each other, from their velocities on both sides; -1 where unclear."""
+    """The candidate of surfaces that do not act on each other, from their velocities on both sides; -1: unclear."""
     first = point.size
     for side in range(2):
         point[n:] = 2.0 * side - 1.0
