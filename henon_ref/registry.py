@@ -46,9 +46,9 @@ class Entry:
 
 
 _BUILT_IN = {
-    "henon": Entry("henon_ref.henon.solvers:HENON_SOLVER", "henon-ref"),
-    "henon-newton": Entry("henon_ref.henon.solvers:HENON_NEWTON", "henon-ref", by_default=False),
-    "henon-brent": Entry("henon_ref.henon.solvers:HENON_BRENT", "henon-ref", by_default=False),
+    "henon": Entry("henon_ref.henon.solver:HENON_SOLVER", "henon-ref"),
+    "henon-newton": Entry("henon_ref.henon.solver:HENON_NEWTON", "henon-ref", by_default=False),
+    "henon-brent": Entry("henon_ref.henon.solver:HENON_BRENT", "henon-ref", by_default=False),
     "henon-rk4": Entry("henon_ref.henon.rk4:RK4", "henon-ref", fixed_step=True),
     "henon-listing": Entry("henon_ref.henon.listing:LISTING", "henon-ref", fixed_step=True, by_default=False),
     "heyoka": Entry("baselines.heyoka_taylor:HEYOKA", "heyoka", restart="offset"),

@@ -12,7 +12,7 @@ import pytest
 
 import henon_ref
 from henon_ref.casefile.case import parse_case
-from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.henon.solver import HENON_SOLVER
 
 ROOT = Path(__file__).parent.parent
 

@@ -28,11 +28,11 @@ from henon_ref.filippov.equations import Guard, ModeEquations
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.compiled import double_double
-from henon_ref.henon.engine import Engine
-from henon_ref.henon.registers import HENON
-from henon_ref.henon.session import Session
-from henon_ref.henon.solvers import order_for
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.mode_table import double_double
+from henon_ref.henon.run import Run
+from henon_ref.henon.solver import order_for
+from henon_ref.henon.state import HENON
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition
 
@@ -206,36 +206,36 @@ class TangentFlow:
         p = n if columns is None else columns
         self._n, self._p = n, p
         self._saltation = Saltation(problem.system)
-        self._engine = Engine(AugmentedSystem.of(problem.system, p), order_for(tolerance))
+        self._integrator = Integrator(AugmentedSystem.of(problem.system, p), order_for(tolerance))
         vectors = tuple(sp.Integer(i == j) for i in range(n) for j in range(p))
-        augmented = replace(problem, system=self._engine.system, initial=problem.initial + vectors)
-        start = self._engine.start(augmented, tolerance=tolerance, landing=HENON)
-        self._session = Session(self._engine, start, block=1)
+        augmented = replace(problem, system=self._integrator.system, initial=problem.initial + vectors)
+        start = self._integrator.start(augmented, tolerance=tolerance, landing=HENON)
+        self._run = Run(self._integrator, start, block=1)
 
     @property
     def time(self) -> float:
         """Present time [s]."""
-        return self._session.time
+        return self._run.time
 
     @property
     def mode(self) -> Mode:
         """Present mode."""
-        return self._session.mode
+        return self._run.mode
 
     @property
     def state(self) -> Matrix:
         """Present state, shape (n,): a copy."""
-        return self._session.x[: self._n].copy()
+        return self._run.x[: self._n].copy()
 
     @property
     def vectors(self) -> Matrix:
         """Present tangent vectors, shape (n, p): a copy; assign to it to change them."""
-        return self._session.x[self._n :].reshape(self._n, self._p).copy()
+        return self._run.x[self._n :].reshape(self._n, self._p).copy()
 
     @vectors.setter
     def vectors(self, vectors: Matrix) -> None:
-        self._session.x[self._n :] = vectors.ravel()
-        self._session.x_low[self._n :] = 0.0
+        self._run.x[self._n :] = vectors.ravel()
+        self._run.x_low[self._n :] = 0.0
 
     def advance(self, until: sp.Expr | float) -> TangentTransition | Trajectory:
         """Go to the next transition and through it, or to ``until`` if that comes first.
@@ -253,9 +253,9 @@ class TangentFlow:
             Where there was none before ``until`` (status ``ok``; go on with a later ``until``), or the run
             ended there.
         """
-        self._session.until = (until, 0.0) if isinstance(until, float) else double_double(sp.sympify(until))
-        self._session.blocks.clear()  # transitions handed out already
-        event = self._session.next_event()
+        self._run.until = (until, 0.0) if isinstance(until, float) else double_double(sp.sympify(until))
+        self._run.blocks.clear()  # transitions handed out already
+        event = self._run.next_event()
         if isinstance(event, Trajectory):
             return event
         transition = replace(event, state=event.state[: self._n])

@@ -34,7 +34,7 @@ from henon_ref.campaign.procfs import adopt_orphans, children, family, is_at_wor
 from henon_ref.errors import HenonRefError
 
 WORKERS_NEED = (
-    "henon_ref.henon.solvers",
+    "henon_ref.henon.solver",
     "henon_ref.campaign.run_jobs",
     "henon_ref.campaign.truth_job",
     "henon_ref.jit.njit:warm_up",

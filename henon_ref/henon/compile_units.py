@@ -26,7 +26,7 @@ UNITS: dict[str, Compiled] = {}
 _linked: set[str] = set()
 
 
-def unit(function: Any, result: Any, *given: Any) -> Callable[..., Any]:
+def compile_unit(function: Any, result: Any, *given: Any) -> Callable[..., Any]:
     """What calls a function by its symbol, in compiled code, with the function's own arguments.
 
     The function must raise nothing.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-from henon_ref.henon.registers import BRACKET, NEWTON
+from henon_ref.henon.state import BRACKET, NEWTON
 from henon_ref.jit.njit import inner
 from henon_ref.jit.primitives import EPS, fma, larger, smaller
 from henon_ref.roots.double import at_end, value
 
-STEEP = 3.0
+CUBIC_STEEPNESS = 3.0
 """How many times less steep than the chord an end may be for an inverse cubic: it is monotone then."""
 
 
@@ -47,7 +47,7 @@ def land(q, degree, low, high, method):  # type: ignore[no-untyped-def]
     if below > 0.0 and above < -0.01 * below:  # else another root next to ``high`` may have left nothing but rounding
         part, fall = below / (below - above), above - below
         tau = fma(high - low, part, low)
-        if low == 0.0 and high == 1.0 and STEEP * q[1] < fall and STEEP * slope < fall:
+        if low == 0.0 and high == 1.0 and CUBIC_STEEPNESS * q[1] < fall and CUBIC_STEEPNESS * slope < fall:
             tau = _interpolated(part, fall / q[1], fall / slope)
     order_one, before = method == NEWTON, 1.0
     for _ in range(12):

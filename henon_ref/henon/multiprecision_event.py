@@ -1,6 +1,6 @@
 """Multiprecision event location: what double precision cannot decide (a graze, a pair of roots, a flat root).
 
-The mode is expanded again with 220 bits (:mod:`henon_ref.henon.multiprecision`), from the step's start as it is, and
+The mode is expanded again with 220 bits (:mod:`henon_ref.henon.precise_modes`), from the step's start as it is, and
 the roots of its guards are isolated (:mod:`henon_ref.roots.multiprecision`). Expansions are cut off where their terms
 count for nothing, and roots found to about 1e-50 of the step: no proof, but far beyond what a double can tell.
 
@@ -20,48 +20,48 @@ from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import Switching
-from henon_ref.henon.multiprecision import QUIET, PreciseModes
+from henon_ref.henon.precise_modes import ENDING_ORDERS, PreciseModes
 from henon_ref.jit.primitives import EPS
 from henon_ref.precision import working_precision
-from henon_ref.roots.double import BESIDE
+from henon_ref.roots.double import KNOWN_ZERO_LEVEL
 from henon_ref.roots.multiprecision import (
     BITS,
-    DOUBTS,
-    NOTHING,
+    CLEARANCE,
+    FLAT_STEPS,
     ONE,
-    ROUNDS,
+    RELATIVE_ZERO,
     ZERO,
     What,
     bernstein_on,
-    decided,
+    first_event_of,
     fixed,
     fixed_point,
-    lift,
+    leading_term,
 )
 
-NOISE = 2.0**-204
+EQUAL_LEVEL = 2.0**-204
 """Coefficients below this of each other count as equal: a few roundings."""
-HEAD = 26
+LEADING_COEFFICIENTS = 26
 """Coefficients that tell zeros next to 0 apart from the rest, to all digits."""
-LOST = 2.0**-106
+PAIR_ROUNDING = 2.0**-106
 """What two doubles lose of a number; less than that would only make the second one miss round numbers."""
 FINEST = 1e-47
 """No place on the step is known to less."""
 ROUNDING = 32 * EPS
 """Part of its size within which double precision takes a guard for zero at the event of another one."""
-STEEP = 1e-5
+DECIDED_STEEPNESS = 1e-5
 """Relative steepness from which double precision decides a root."""
-CLEAR = 1e-9
+CLEAR_LEVEL = 1e-9
 """A guard that stays above this of its size by the sizes of its terms alone has no event."""
-AHEAD = 1.25
+EXPANDED_PART = 1.25
 """So many times as far as the place that is suspected the motion is expanded: what lies behind has to wait."""
 EQUAL = 1e-13
 """Part of the friction by which a force may be off that counts as equal to it (as in the compiled loop)."""
-TOGETHER = 1e-12
+SAME_MINIMUM_PART = 1e-12
 """Minima no farther from each other than this part of the step, one of them above zero, are left behind together."""
-UNPROVEN = 1e-15
+TIE_LEVEL = 1e-15
 """Relative size of zero where balls leave no mode: what rounding has left of a tie of steep guards."""
-_BEYOND = 1 + arb(2) ** -46
+_STEP_MARGIN = 1 + arb(2) ** -46
 """A root that rounding has put on the step's end may lie just behind it."""
 Pair = tuple[float, float]
 """A number as its double and what that leaves."""
@@ -128,7 +128,7 @@ def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent:
     """Go to the first event of a step, or past the place where one was suspected."""
     with working_precision(BITS):
         start = arb(step.time[0]) + arb(step.time[1])
-        unit = arb(min(step.length, AHEAD * step.suspect)) * _BEYOND
+        unit = arb(min(step.length, EXPANDED_PART * step.suspect)) * _STEP_MARGIN
         states, outputs, whole = modes.expand(
             step.mode, start, [arb(high) + arb(low) for high, low in step.state], unit
         )
@@ -136,9 +136,9 @@ def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent:
         events = _events(guards, outputs, step, unit, whole=whole)
         first = events[0]
         met = [event for event in events if event is first or event.meets(first)]
-        told = [event for event in met if event.what != "miss"] or met
-        best = min(told, key=lambda event: event.radius)
-        radius = max(event.radius + abs(event.place - best.place) / ONE for event in told)
+        reported = [event for event in met if event.what != "miss"] or met
+        best = min(reported, key=lambda event: event.radius)
+        radius = max(event.radius + abs(event.place - best.place) / ONE for event in reported)
         place = arb(best.place) / ONE
         time, state = _split(start + unit * place), tuple(_split(series(place)) for series in states)
         falling = [event.guard for event in met if event.what == "root" or _ends(modes, guards, event)]
@@ -159,15 +159,19 @@ def _events(
     """What the guards do up to the first event of any of them; that one comes first. ``whole``: no term is left out."""
     own, longer = step.known_zeros[step.guard], step.length / float(unit)
     suspected = fixed_point(arb(step.suspect) / unit)
-    found = [_look(step.guard, _Series(outputs[step.guard], own, whole), suspected)]
+    found = [_first_event(step.guard, _Series(outputs[step.guard], own, whole), suspected)]
     for g, guard in enumerate(guards):
         first = found[0]
-        if g == step.guard or _at_limit(guards, outputs, g, longer) or _clear(outputs[g], guard, first.place):
+        if (
+            g == step.guard
+            or _load_equals_friction(guards, outputs, g, longer)
+            or _clear(outputs[g], guard, first.place)
+        ):
             continue
         series = _Series(outputs[g], step.known_zeros[g], whole)
         if series.positive(first.place):
             continue
-        event = _look(g, series, first.place)
+        event = _first_event(g, series, first.place)
         if event.what != "miss" and event.place < first.place and not event.meets(first):
             found.insert(0, event)
         else:
@@ -189,14 +193,14 @@ class _Series:
     """
 
     def __init__(self, coefficients: Sequence[arb], zeros: int, whole: bool) -> None:
-        self.zeros, self.q = zeros, fixed(_zeros_apart(coefficients, zeros)[zeros:])
+        self.zeros, self.q = zeros, fixed(_without_known_zeros(coefficients, zeros)[zeros:])
         self._order = len(coefficients) - 1
-        last = [] if whole else [abs(float(c)) for c in coefficients[-QUIET:]]
+        last = [] if whole else [abs(float(c)) for c in coefficients[-ENDING_ORDERS:]]
         self._last = max(last, default=0.0) / (sum(abs(float(c)) for c in coefficients) or 1.0)
 
     def positive(self, place: int) -> bool:
         """Whether it is clearly positive up to a little behind a place, by its Bernstein coefficients."""
-        return min(bernstein_on(self.q, 0, min(ONE, place + (place >> 30) + 1))) > DOUBTS * ZERO
+        return min(bernstein_on(self.q, 0, min(ONE, place + (place >> 30) + 1))) > CLEARANCE * ZERO
 
     def around(self, place: int) -> list[float]:
         """Its Taylor coefficients at a place."""
@@ -209,40 +213,40 @@ class _Series:
 
     def noise(self, part: float) -> float:
         """What its value at a place may be off: what counts as zero, or what is left out of the series."""
-        return DOUBTS * max(NOTHING, self._last * part**self._order)
+        return CLEARANCE * max(RELATIVE_ZERO, self._last * part**self._order)
 
 
-def _look(guard: int, series: _Series, near: int) -> _Event:
+def _first_event(guard: int, series: _Series, near: int) -> _Event:
     """What a guard does up to a place on the step."""
-    what, lowest, place = decided(series.q, series.zeros, near)
+    what, lowest, place = first_event_of(series.q, series.zeros, near)
     part, local = place / ONE, series.around(place)
-    radius, order = lift(local, series.noise(part))
+    radius, order = leading_term(local, series.noise(part))
     slope, size = (abs(local[1]) if len(local) > 1 else 0.0), series.size(part)
-    rounding = ROUNDING * size / slope if what == "root" and slope * part > STEEP * size else 0.0
+    rounding = ROUNDING * size / slope if what == "root" and slope * part > DECIDED_STEEPNESS * size else 0.0
     return _Event(guard, what, lowest, place, max(radius, FINEST), order - order % 2 if lowest else order, rounding)
 
 
-def _zeros_apart(c: Sequence[arb], zeros: int) -> list[arb]:
+def _without_known_zeros(c: Sequence[arb], zeros: int) -> list[arb]:
     """A guard with its known zeros put at 0, where rounding has left them beside it; the other roots stay.
 
     See :func:`henon_ref.roots.double.factored`.
     """
     q = list(c[zeros:])
-    if zeros and len(q) > 1 and all(abs(low) <= BESIDE * abs(q[0]) for low in c[:zeros]):
-        head, factor = arb_poly(c[: zeros + HEAD]), [arb(0)] * zeros
-        for _ in range(ROUNDS):
+    if zeros and len(q) > 1 and all(abs(low) <= KNOWN_ZERO_LEVEL * abs(q[0]) for low in c[:zeros]):
+        head, factor = arb_poly(c[: zeros + LEADING_COEFFICIENTS]), [arb(0)] * zeros
+        for _ in range(FLAT_STEPS):
             before = factor.copy()
             for i in range(zeros):
                 known = [factor[j] * q[i - j] for j in range(i) if i - j < len(q)]
                 factor[i] = ((c[i] - sum(known, arb(0))) / q[0]).mid()
-            if all(abs(new - old) <= NOISE * abs(new) for new, old in zip(factor, before, strict=True)):
+            if all(abs(new - old) <= EQUAL_LEVEL * abs(new) for new, old in zip(factor, before, strict=True)):
                 break
             q = (head // arb_poly([*factor, 1])).coeffs()
         q = (arb_poly(list(c)) // arb_poly([*factor, 1])).coeffs()
     return [arb(0)] * zeros + q
 
 
-def _at_limit(guards: Sequence[Guard], outputs: Sequence[Sequence[arb]], own: int, longer: float) -> bool:
+def _load_equals_friction(guards: Sequence[Guard], outputs: Sequence[Sequence[arb]], own: int, longer: float) -> bool:
     """Whether a guard is a slide's end at which the force equals the friction all over the step: the slide holds.
 
     ``longer``: length of the step in units of what is expanded.
@@ -269,7 +273,7 @@ def _clear(series: Sequence[arb], guard: Guard, place: int) -> bool:
         power *= part
     if guard.rising_only and first < 0.0:
         first = -first
-    return not first - size <= CLEAR * (abs(first) + size)
+    return not first - size <= CLEAR_LEVEL * (abs(first) + size)
 
 
 def _ends(modes: PreciseModes, guards: Sequence[Guard], event: _Event) -> bool:
@@ -283,7 +287,7 @@ def _zeros_behind(events: Sequence[_Event], here: _Event, count: int) -> tuple[i
     """Zeros of a mode's guards where it goes on from a minimum of one of them."""
     zeros = [0] * count
     for event in events:
-        near = abs(event.place - here.place) / ONE <= TOGETHER
+        near = abs(event.place - here.place) / ONE <= SAME_MINIMUM_PART
         if event.lowest and (event is here or event.meets(here) or (near and event.what == "miss")):
             zeros[event.guard] = event.order
     return tuple(zeros)
@@ -306,16 +310,16 @@ def _next_mode(
     if decision.status == "none":
         time, state = float(time), [float(x) for x in state]
         switching = modes.switching
-        decision = switching.after_event(time, state, mode, hits, zero=UNPROVEN)
+        decision = switching.after_event(time, state, mode, hits, zero=TIE_LEVEL)
     if decision.mode is None:
         return decision, ()
     active = {g.index for g in hits if g.kind != "valid"}
     active |= {i for i, s in enumerate(decision.mode) if s == 0 or mode[i] == 0}
-    return decision, tuple(switching.contact_orders(time, state, decision.mode, active, zero=UNPROVEN))
+    return decision, tuple(switching.contact_orders(time, state, decision.mode, active, zero=TIE_LEVEL))
 
 
 def _split(number: arb) -> Pair:
     """A number as two doubles."""
     high = float(number)
     low = float(number - high)
-    return high, (low if abs(low) > LOST * abs(high) else 0.0)
+    return high, (low if abs(low) > PAIR_ROUNDING * abs(high) else 0.0)

@@ -11,7 +11,7 @@ from math import comb
 
 from henon_ref.jit.ir_writer import LANES, ZERO, Writer, declarations, literal, row_length
 from henon_ref.jit.native_module import MachineCode
-from henon_ref.roots.double import LOOK, NONE, ROOT
+from henon_ref.roots.double import NONE, ROOT, SUBDIVIDE
 
 _VECTOR = f"<{LANES} x double>"
 
@@ -21,7 +21,7 @@ def bernstein_ir(order: int, name: str) -> str:
 
     ``a`` receives q_k powers_k up to ``degree``, then zeros; ``b`` the Bernstein coefficients of degree ``order`` of
     that polynomial on [0, 1]; both have room for whole vectors. The value is ROOT where it falls through one root
-    there, NONE where it falls through none, and LOOK where the signs leave that open.
+    there, NONE where it falls through none, and SUBDIVIDE where the signs leave that open.
     """
     w = Writer()
     blocks = row_length(order) // LANES
@@ -52,9 +52,9 @@ def bernstein_ir(order: int, name: str) -> str:
     turned = w.emit(f"xor i64 {positive}, {w.emit(f'lshr i64 {positive}, 1')}")
     changes = w.emit(f"call i64 @llvm.ctpop.i64(i64 {w.emit(f'and i64 {turned}, {every >> 1}')})")
     falling = w.emit(f"select i1 {w.emit(f'trunc i64 {positive} to i1')}, i64 {ROOT}, i64 {NONE}")
-    outcome = w.emit(f"select i1 {w.emit(f'icmp eq i64 {changes}, 1')}, i64 {falling}, i64 {LOOK}")
+    outcome = w.emit(f"select i1 {w.emit(f'icmp eq i64 {changes}, 1')}, i64 {falling}, i64 {SUBDIVIDE}")
     outcome = w.emit(f"select i1 {w.emit(f'icmp eq i64 {changes}, 0')}, i64 {NONE}, i64 {outcome}")
-    outcome = w.emit(f"select i1 {certain}, i64 {outcome}, i64 {LOOK}")
+    outcome = w.emit(f"select i1 {certain}, i64 {outcome}, i64 {SUBDIVIDE}")
     body = "\n".join(w.lines)
     return (
         f"define i64 @{name}(ptr noalias %q, ptr noalias %powers, i64 %degree, ptr noalias %a, ptr noalias %b) {{\n"

@@ -1,9 +1,9 @@
 """Roots of a guard's Taylor polynomial on one step: none is stepped over.
 
-A guard is first bounded (:func:`excluded`); where the bound does not decide, the signs of its Bernstein coefficients
-on the step count the roots (:mod:`henon_ref.roots.bernstein`), subdividing until the first falling root stands alone
-or the polynomial is zero to rounding (a touch). A piece that may hold two roots or none is cut on both sides of its
-minimum, which leaves little in doubt; another one is halved.
+A guard is first bounded (:func:`positive_by_bound`); where the bound does not decide, the signs of its Bernstein
+coefficients on the step count the roots (:mod:`henon_ref.roots.bernstein`), subdividing until the first falling root
+stands alone or the polynomial is zero to rounding (a tangential root). A piece that may hold two roots or none is cut
+on both sides of its minimum, which leaves little undecided; another one is halved.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ import math
 from henon_ref.jit.njit import inner
 from henon_ref.jit.primitives import EPS, fma, larger, smaller
 
-NONE, ROOT, TOUCH, LOOK = range(4)
-"""Outcome of :func:`first_falling_root`, and of :mod:`henon_ref.roots.bernstein` (LOOK: it has to be called)."""
+NONE, ROOT, TANGENTIAL, SUBDIVIDE = range(4)
+"""Outcome of :func:`first_falling_root`, and of :mod:`henon_ref.roots.bernstein` (SUBDIVIDE: it has to be called)."""
 DEPTH = 64
 """Subdivisions kept at once: as many halvings as a double has room for."""
-DOUBTS = 4.0
+CLEARANCE = 4.0
 """A piece no larger than so many times noise is a touch, one where the polynomial is larger than noise is none."""
-BESIDE = 1e-9
+KNOWN_ZERO_LEVEL = 1e-9
 """Coefficients before those of known zeros are divided out up to this part of what follows them."""
-ROUNDS = 32
+CUT_PIECES = 32
 """Pieces looked at after which they are only halved."""
-STEPS = 6
+NEWTON_STEPS = 6
 """Steps of Newton's method towards the minimum of a piece."""
-CLOSE, FAR = 2.0**-20, 2.0**-3
+CUT_LEAST, CUT_MOST = 2.0**-20, 2.0**-3
 """What is cut out around a minimum: at least the one and at most the other of its piece, to either side."""
 
 
@@ -41,7 +41,7 @@ def powers_of(theta, powers, order):  # type: ignore[no-untyped-def]
 
 
 @inner(forceinline=True)
-def excluded(q, powers, degree):  # type: ignore[no-untyped-def]
+def positive_by_bound(q, powers, degree):  # type: ignore[no-untyped-def]
     """True if q > 0 on the whole step by its negative terms alone (q[k] * powers[k] at the step's end)."""
     odd, even = 0.0, 0.0  # in two sums, which do not wait for each other; so below
     for k in range(1, degree, 2):
@@ -62,7 +62,7 @@ def value(q, degree, tau):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def factored(c, zeros, degree, factor, quotient):  # type: ignore[no-untyped-def]
+def deflated(c, zeros, degree, factor, quotient):  # type: ignore[no-untyped-def]
     """The factor of a polynomial's known zeros, and what is left without it; False where these are not next to zero.
 
     A guard is known to be zero where it has just been left, but the state stands beside that by its rounding. Were the
@@ -74,7 +74,7 @@ def factored(c, zeros, degree, factor, quotient):  # type: ignore[no-untyped-def
         return False
     for i in range(zeros):
         factor[i] = 0.0
-        if not abs(c[i]) <= BESIDE * abs(c[zeros]):
+        if not abs(c[i]) <= KNOWN_ZERO_LEVEL * abs(c[zeros]):
             return False
     for _ in range(3):
         for k in range(size - 1, -1, -1):
@@ -107,7 +107,7 @@ def _around_minimum(a, degree, low, high, noise):  # type: ignore[no-untyped-def
     width = high - low
     middle = low + 0.5 * width
     tau, shift = middle, 0.0
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         slope, bend, twist = degree * a[degree], 0.0, 0.0  # twist is half the third derivative
         for k in range(degree - 1, 0, -1):
             twist = fma(twist, tau, bend)
@@ -123,22 +123,25 @@ def _around_minimum(a, degree, low, high, noise):  # type: ignore[no-untyped-def
         tau += shift
         if not low < tau < high:
             return middle, middle
-        if abs(shift) <= CLOSE * width:
+        if abs(shift) <= CUT_LEAST * width:
             break
-    apart = larger(8.0 * abs(shift), CLOSE * width)
-    if not apart < FAR * width:
+    distance = larger(8.0 * abs(shift), CUT_LEAST * width)
+    if not distance < CUT_MOST * width:
         return middle, middle
     if abs(value(a, degree, tau)) <= noise:
-        least = DOUBTS * noise
+        least = CLEARANCE * noise
         if bend > 0.0:  # where a parabola is midway between noise and a touch: a touch is left between, nothing beside
             near = math.sqrt((noise + least) / bend)
             left, right = value(a, degree, tau - near), value(a, degree, tau + near)
-            if near < FAR * width and smaller(left, right) > noise and larger(left, right) < least:
+            if near < CUT_MOST * width and smaller(left, right) > noise and larger(left, right) < least:
                 return tau - near, tau + near
-        while apart < FAR * width and smaller(value(a, degree, tau - apart), value(a, degree, tau + apart)) <= least:
-            apart *= 4.0
-        apart = smaller(apart, FAR * width)
-    return tau - apart, tau + apart
+        while (
+            distance < CUT_MOST * width
+            and smaller(value(a, degree, tau - distance), value(a, degree, tau + distance)) <= least
+        ):
+            distance *= 4.0
+        distance = smaller(distance, CUT_MOST * width)
+    return tau - distance, tau + distance
 
 
 @inner()
@@ -157,7 +160,7 @@ def first_falling_root(a, degree, stack, bounds):  # type: ignore[no-untyped-def
     Returns
     -------
     outcome : int
-        NONE, ROOT or TOUCH.
+        NONE, ROOT or TANGENTIAL.
     low, high : float
         The interval it lies in (equal where it was hit exactly).
     """
@@ -166,11 +169,11 @@ def first_falling_root(a, degree, stack, bounds):  # type: ignore[no-untyped-def
         size += abs(a[k])
     noise = 4.0 * EPS * size
     bounds[0, 0], bounds[0, 1] = 0.0, 1.0
-    top, looked = 1, 0
+    top, pieces = 1, 0
     before = 0
     while top > 0:
         top -= 1
-        looked += 1
+        pieces += 1
         b = stack[top]
         low, high = bounds[top, 0], bounds[top, 1]
         first, last, clear, changes, largest, lowest = 0, 0, 0, 0, 0.0, 2.0 * size
@@ -190,17 +193,17 @@ def first_falling_root(a, degree, stack, bounds):  # type: ignore[no-untyped-def
         if before > 0 and first < 0:
             return ROOT, low, low
         if before > 0 and first > 0 and b[0] <= noise:  # zero where the step was halved, positive on both sides
-            return (ROOT if clear < 0 else TOUCH), low, low
+            return (ROOT if clear < 0 else TANGENTIAL), low, low
         unclear = first > 0 and lowest <= noise  # rounding may have hidden roots of even number
         if (changes == 0 and not unclear) or (changes == 1 and first < 0):
             before = last if last != 0 else before
             continue
         if changes == 1:
             return ROOT, low, high
-        if largest <= DOUBTS * noise or top + 2 > DEPTH or high - low < 4.0 * EPS:
-            return TOUCH, low, high
+        if largest <= CLEARANCE * noise or top + 2 > DEPTH or high - low < 4.0 * EPS:
+            return TANGENTIAL, low, high
         left = right = 0.5 * (low + high)
-        if first > 0 and looked < ROUNDS:
+        if first > 0 and pieces < CUT_PIECES:
             left, right = _around_minimum(a, degree, low, high, noise)
         for at in (right, left):
             if low < at < high:

@@ -19,31 +19,31 @@ from henon_ref.precision import working_precision
 BITS = 220
 """Bits after the point of a polynomial's coefficients, its size on the step being 1, and of places on the step."""
 ONE = 1 << BITS
-NOTHING = 2.0**-166
+RELATIVE_ZERO = 2.0**-166
 """What counts as zero: 1e-50 of the polynomial's size."""
-ROUNDS = 20
+FLAT_STEPS = 20
 """Steps of Newton's method after which it is not found."""
-ZERO = int(ONE * NOTHING)
+ZERO = int(ONE * RELATIVE_ZERO)
 """The same in fixed point."""
-DOUBTS = 4
+CLEARANCE = 4
 """A piece no larger than so many times what counts as zero is a touch, one larger than that is none."""
-CLOSE = 2 ** (BITS - 160)
+SAME_PLACE = 2 ** (BITS - 160)
 """Places closer to each other than 1e-48 of the step are one."""
-SAME = int(ONE * 1e-10)
+SAME_MINIMUM = int(ONE * 1e-10)
 """Minima closer to each other are one and the same."""
-NEXT = int(ONE * 1e-6)
+FLAT_RANGE = int(ONE * 1e-6)
 """A place where all is next to nothing lies no farther from where the slope vanishes."""
 HIGHEST = 16
 """Highest order of a root that is told."""
-LEAST = ONE >> 200
+POINT = ONE >> 200
 """What is left of the step when it counts as a point."""
 NEGLIGIBLE = ZERO >> 20
 """Coefficients that do not count."""
-PIECES = 64
+CUT_PIECES = 64
 """Pieces looked at after which they are only halved."""
-STEPS = 12
+NEWTON_STEPS = 12
 """Steps of Newton's method towards the minimum of a piece."""
-APART, FAR = 2.0**-20, 2.0**-3
+CUT_LEAST, CUT_MOST = 2.0**-20, 2.0**-3
 """What is cut out around a minimum: at least the one and at most the other of its piece, to either side."""
 What = Literal["root", "touch", "miss"]
 Fixed = Sequence[int]
@@ -63,7 +63,7 @@ def fixed(series: Sequence[arb]) -> list[int]:
     return [fixed_point(c / size) for c in series] if size != 0 else [0] * len(series)
 
 
-def decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
+def first_event_of(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
     """What q tau^zeros does on (0, 1] up to its minimum near a point: (what, at a minimum, where)."""
     outcome, low, high = first_falling_root(q)
     whole = [0] * zeros + list(q)
@@ -76,7 +76,7 @@ def decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
     if outcome == "touch":
         touched = _minimum(whole, middle)
         touched = middle if touched is None else touched
-        if bottom is None or touched <= bottom + SAME:
+        if bottom is None or touched <= bottom + SAME_MINIMUM:
             return "touch", True, _flat_root(whole, touched, 0, exact=True)
     if outcome != "root" or (bottom is not None and low > bottom):  # what lies behind a minimum has to wait
         return "miss", bottom is not None, near if bottom is None else bottom
@@ -85,12 +85,12 @@ def decided(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
 
 def _falls_behind(q: Fixed, low: int, high: int) -> bool:
     """Whether a polynomial that is next to nothing between two places is below zero where it is so no more."""
-    apart = max(high - low, CLOSE)
-    while high + apart <= ONE:
-        value = horner(q, high + apart)
-        if abs(value) > DOUBTS * ZERO:
+    distance = max(high - low, SAME_PLACE)
+    while high + distance <= ONE:
+        value = horner(q, high + distance)
+        if abs(value) > CLEARANCE * ZERO:
             return value < 0
-        apart *= 2
+        distance *= 2
     return False
 
 
@@ -104,7 +104,7 @@ def _flat_root(q: Fixed, place: int, parity: int, *, exact: bool) -> int:
     for _ in range(HIGHEST):
         derivatives.append(_derivative(derivatives[-1]))
     near = place if exact else _exactly_flat(derivatives, place)
-    order = lift([horner(d, near) / ONE / factorial(k) for k, d in enumerate(derivatives)], NOTHING)[1]
+    order = leading_term([horner(d, near) / ONE / factorial(k) for k, d in enumerate(derivatives)], RELATIVE_ZERO)[1]
     if order % 2 != parity or order == 0:
         return place
     for _ in range(8):
@@ -114,8 +114,8 @@ def _flat_root(q: Fixed, place: int, parity: int, *, exact: bool) -> int:
 
 def _exactly_flat(derivatives: Sequence[Fixed], place: int) -> int:
     """Where the slope vanishes near a place: Newton's method on the slope over its derivative while it converges."""
-    found, longest = place, NEXT
-    for _ in range(ROUNDS):
+    found, longest = place, FLAT_RANGE
+    for _ in range(FLAT_STEPS):
         slope, bend, twist = (horner(d, found) for d in derivatives[1:4])
         below = bend * bend - slope * twist
         if below <= 0:
@@ -124,13 +124,13 @@ def _exactly_flat(derivatives: Sequence[Fixed], place: int) -> int:
         if abs(shift) > longest:
             break
         found -= shift
-        if abs(shift) <= CLOSE:
+        if abs(shift) <= SAME_PLACE:
             break
         longest = abs(shift) // 2
     return found
 
 
-def lift(local: Sequence[float], level: float) -> tuple[float, int]:
+def leading_term(local: Sequence[float], level: float) -> tuple[float, int]:
     """How far from a place a polynomial stays within ``level`` of its value there, and the order of what lifts it.
 
     ``local`` are its Taylor coefficients at the place.
@@ -155,7 +155,7 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
             b = bernstein(piece)
             signs = signs_of(b)
             changes = sum(x != y for x, y in pairwise(signs))
-            if max(map(abs, b)) <= DOUBTS * ZERO or high - low <= LEAST:
+            if max(map(abs, b)) <= CLEARANCE * ZERO or high - low <= POINT:
                 return "touch", low, high
             if before and abs(b[0]) <= ZERO:  # zero where the step was cut: what comes next decides
                 if changes == 0:
@@ -165,9 +165,9 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
             elif (changes == 0 and not _unclear(b)) or (changes == 1 and not signs[0]):
                 before = signs[-1]
                 continue
-            elif changes == 1 and abs(b[-1]) > DOUBTS * ZERO:
+            elif changes == 1 and abs(b[-1]) > CLEARANCE * ZERO:
                 return "root", low, high
-            places = _around_minimum(q, piece, low, high) if signs[0] and looked < PIECES else []
+            places = _around_minimum(q, piece, low, high) if signs[0] and looked < CUT_PIECES else []
             stack += reversed([*pairwise([low, *(places or [_middle(q, low, high)]), high])])
     return "none", 0, 0
 
@@ -189,7 +189,7 @@ def _piece(whole: arb_poly, low: int, high: int) -> list[int]:
 def _middle(q: Fixed, low: int, high: int) -> int:
     """A place about half way that is clear of zero, where there is one."""
     places = [low + (high - low) * part // 16 for part in (8, 7, 9, 6, 10)]
-    return next((at for at in places if abs(horner(q, at)) > DOUBTS * ZERO), places[0])
+    return next((at for at in places if abs(horner(q, at)) > CLEARANCE * ZERO), places[0])
 
 
 def _around_minimum(q: Fixed, piece: Fixed, low: int, high: int) -> list[int]:
@@ -198,12 +198,12 @@ def _around_minimum(q: Fixed, piece: Fixed, low: int, high: int) -> list[int]:
     if found is None:
         return []
     width = high - low
-    middle, apart = (int(part * 2.0**53) * width >> 53 for part in found)
-    while apart < FAR * width:
-        places = [at for at in (low + middle - apart, low + middle + apart) if low < at < high]
-        if all(abs(horner(q, at)) > DOUBTS * ZERO for at in places):
+    middle, distance = (int(part * 2.0**53) * width >> 53 for part in found)
+    while distance < CUT_MOST * width:
+        places = [at for at in (low + middle - distance, low + middle + distance) if low < at < high]
+        if all(abs(horner(q, at)) > CLEARANCE * ZERO for at in places):
             return places
-        apart *= 4
+        distance *= 4
     return []
 
 
@@ -216,7 +216,7 @@ def _roughly_flat(piece: Fixed) -> tuple[float, float] | None:
     size = max(map(abs, piece))
     c = [x / size for x in piece]
     tau, shift = 0.5, 0.0
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         slope, bend, twist = 0.0, 0.0, 0.0  # twist is half the third derivative
         for k in range(len(c) - 1, 0, -1):
             twist = twist * tau + bend
@@ -232,12 +232,12 @@ def _roughly_flat(piece: Fixed) -> tuple[float, float] | None:
         tau += shift
         if not 0.0 < tau < 1.0:
             return None
-        if abs(shift) <= APART:
+        if abs(shift) <= CUT_LEAST:
             break
     height = 0.0
     for x in reversed(c):
         height = height * tau + x
-    return (tau, max(8.0 * abs(shift), APART)) if bend > 0.0 or abs(height) <= APART else None
+    return (tau, max(8.0 * abs(shift), CUT_LEAST)) if bend > 0.0 or abs(height) <= CUT_LEAST else None
 
 
 def bernstein(q: Fixed) -> list[int]:
@@ -266,12 +266,12 @@ def rising_root(rising: Fixed, low: int, high: int) -> int:
     """
     slope = _derivative(rising)
     tau, slow = (low + high) >> 1, 0
-    while high - low > CLOSE:
+    while high - low > SAME_PLACE:
         width = high - low
         value, rate = horner(rising, tau), horner(slope, tau)
         low, high = (tau, high) if value < 0 else (low, tau)
         new = tau - (value << BITS) // rate if rate > 0 else -1
-        if abs(new - tau) <= CLOSE and low <= new <= high:
+        if abs(new - tau) <= SAME_PLACE and low <= new <= high:
             return new
         slow = slow + 1 if 2 * (high - low) > width else 0
         if slow > 2 or not low <= new <= high:

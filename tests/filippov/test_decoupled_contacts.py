@@ -15,11 +15,11 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.decoupled_contacts import switched_equations
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon import compiled
-from henon_ref.henon.engine import Engine
-from henon_ref.henon.registers import HENON
-from henon_ref.henon.session import Session
-from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.henon import mode_table
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.run import Run
+from henon_ref.henon.solver import HENON_SOLVER
+from henon_ref.henon.state import HENON
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 
@@ -54,9 +54,9 @@ until: 1
     return parse_case(text.replace("'", '"')).readings[0].problem.system
 
 
-def run(problem: Problem) -> tuple[Trajectory, Engine]:
-    engine = Engine(problem.system, 18)
-    return Session(engine, engine.start(problem, tolerance=1e-15, landing=HENON)).run(), engine
+def run(problem: Problem) -> tuple[Trajectory, Integrator]:
+    integrator = Integrator(problem.system, 18)
+    return Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON)).to_horizon(), integrator
 
 
 def told(trajectory: Trajectory) -> list[tuple[str, int]]:
@@ -120,12 +120,12 @@ def test_who_acts_on_whom() -> None:
 
 
 def test_a_chain_runs_on_one_machine_code_as_on_one_a_mode(monkeypatch: pytest.MonkeyPatch) -> None:
-    ours, engine = run(chain())
-    assert not engine.compiled._shapes
-    assert len(engine.compiled.modes) > 20
-    monkeypatch.setattr(compiled, "SHAPES", 8)
+    ours, integrator = run(chain())
+    assert not integrator.mode_table._shapes
+    assert len(integrator.mode_table.modes) > 20
+    monkeypatch.setattr(mode_table, "SHAPES", 8)
     theirs, many = run(chain())
-    assert len(many.compiled._shapes) > 20
+    assert len(many.mode_table._shapes) > 20
     assert told(ours) == told(theirs)
     assert len(ours.transitions) == 41
     for a, b in zip(ours.transitions, theirs.transitions, strict=True):
@@ -151,14 +151,16 @@ def test_two_blocks_move_as_each_would_alone(apart: str) -> None:
 
 def test_a_release_just_after_another_is_decided_in_machine_code(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = load_case(CASES / "hard/near_ties.yaml").reading("d_1e_10").problem
-    engine = Engine(problem.system, 18)
-    Session(engine, engine.start(problem, tolerance=1e-15, landing=HENON)).run()
+    integrator = Integrator(problem.system, 18)
+    Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON)).to_horizon()
 
-    def never(self: Session, **options: float) -> None:
+    def never(self: Run, **options: float) -> None:
         raise AssertionError("Python was asked")
 
-    monkeypatch.setattr(Session, "_resolve", never)
-    assert len(Session(engine, engine.start(problem, tolerance=1e-15, landing=HENON)).run().transitions) == 10
+    monkeypatch.setattr(Run, "_select_mode", never)
+    assert (
+        len(Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON)).to_horizon().transitions) == 10
+    )
 
 
 def test_a_mode_seen_for_the_first_time_changes_nothing() -> None:

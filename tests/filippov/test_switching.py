@@ -15,7 +15,7 @@ from henon_ref.filippov import switching
 from henon_ref.filippov.derivatives import leading, rate_of
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.switching import Switching
-from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.taylor.series import expand
 
 

@@ -13,7 +13,7 @@ from numba.core.dispatcher import Dispatcher
 
 from henon_ref.casefile.case import load_case
 from henon_ref.henon import compile_units
-from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.roots import double as polynomial
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -35,7 +35,7 @@ def test_nothing_is_compiled_but_before_a_run(monkeypatch: pytest.MonkeyPatch) -
 def test_the_loop_does_not_compile_with_other_types_than_a_unit_takes(monkeypatch: pytest.MonkeyPatch) -> None:
     """A wrong type would be read as something else: compiled code checks nothing when it runs."""
     monkeypatch.setattr(compile_units, "UNITS", {})
-    value = compile_units.unit(polynomial.value, float64, compile_units.ROW, int64, float64)
+    value = compile_units.compile_unit(polynomial.value, float64, compile_units.ROW, int64, float64)
 
     @numba.njit
     def wrong(q, degree):  # type: ignore[no-untyped-def]
@@ -47,6 +47,6 @@ def test_the_loop_does_not_compile_with_other_types_than_a_unit_takes(monkeypatc
 
 def test_no_two_units_have_one_symbol(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compile_units, "UNITS", {})
-    compile_units.unit(polynomial.value, float64, compile_units.ROW, int64, float64)
+    compile_units.compile_unit(polynomial.value, float64, compile_units.ROW, int64, float64)
     with pytest.raises(AssertionError, match="two compile units"):
-        compile_units.unit(polynomial.value, float64, compile_units.ROW, int64, float64)
+        compile_units.compile_unit(polynomial.value, float64, compile_units.ROW, int64, float64)

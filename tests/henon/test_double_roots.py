@@ -9,9 +9,9 @@ import sympy as sp
 
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.engine import Engine
-from henon_ref.henon.registers import HENON
-from henon_ref.henon.session import Session
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.run import Run
+from henon_ref.henon.state import HENON
 
 X, V, Y = sp.symbols("x v y", real=True)
 S = sp.Symbol("s", real=True)
@@ -38,9 +38,9 @@ def test_no_pair_is_missed(problem) -> None:
         first = sp.Rational(rng.randint(5 * 10**5, 25 * 10**5), 10**6)
         second = first + sp.Rational(round(10 ** (exponent + 12)), 10**12)
         given = problem(first, second)
-        engine = Engine(given.system, 20)
+        integrator = Integrator(given.system, 20)
         for tolerance in (2e-16, 1e-13, 1e-10, 1e-7):
-            run = Session(engine, engine.start(given, tolerance=tolerance, landing=HENON)).run()
+            run = Run(integrator, integrator.start(given, tolerance=tolerance, landing=HENON)).to_horizon()
             assert [t.to_mode for t in run.transitions] == [(-1,), (1,)], (first, second, tolerance)
             for transition, root in zip(run.transitions, (first, second), strict=True):
                 error = abs(float(sp.Rational(transition.time) + sp.Rational(transition.time_low) - root))

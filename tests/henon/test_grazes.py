@@ -12,10 +12,10 @@ from problems import make_problem
 from runs import kinds, run
 
 from henon_ref.casefile.case import load_case
-from henon_ref.henon import registers as k
-from henon_ref.henon.engine import Engine
-from henon_ref.henon.session import Session
-from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.henon import state as k
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.run import Run
+from henon_ref.henon.solver import HENON_SOLVER
 
 CASES = Path(__file__).parents[2] / "cases"
 X = sp.Symbol("x", real=True)
@@ -124,9 +124,9 @@ def test_where_one_surface_is_touched_and_another_crossed_the_crossing_is_told(r
 
 def test_where_there_is_room_for_one_touch_alone_both_are_told_of() -> None:
     problem = make_problem("x v y w", BALLS, {"a": "x - 1/2", "b": "y - 1/2"}, [0, 1, 0, 1], "9/5")
-    engine = Engine(problem.system, 20)
-    session = Session(engine, engine.start(problem, tolerance=1e-12, landing=k.HENON), block=1)
-    told = [transition for block in session.stream() for transition in block]
+    integrator = Integrator(problem.system, 20)
+    run = Run(integrator, integrator.start(problem, tolerance=1e-12, landing=k.HENON), block=1)
+    told = [transition for block in run.stream() for transition in block]
     assert [(q.kind, q.surface) for q in told] == [("graze", 0), ("graze", 1)]
 
 

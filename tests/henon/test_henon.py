@@ -13,10 +13,10 @@ from runs import kinds, run, times
 
 from baselines.scipy_ivp import DOP853
 from henon_ref.casefile.case import load_case
-from henon_ref.henon import registers as k
-from henon_ref.henon.engine import Engine
-from henon_ref.henon.session import Session
-from henon_ref.henon.solvers import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
+from henon_ref.henon import state as k
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.run import Run
+from henon_ref.henon.solver import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.truth.multiprecision.run import simulate
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -236,17 +236,17 @@ def test_a_model_ends_where_it_only_just_does(valid: str) -> None:
 def test_runs_of_one_engine_do_not_disturb_each_other() -> None:
     """They share what the compiled loop works on: here two are stopped at each transition, a third hands out blocks."""
     (reading,) = [r for r in load_case(CASES / "fig8.yaml").readings if r.name == "listing_limit"]
-    engine = Engine(reading.problem.system, 20)
-    tight = engine.start(reading.problem, tolerance=1e-12, landing=k.HENON)
+    integrator = Integrator(reading.problem.system, 20)
+    tight = integrator.start(reading.problem, tolerance=1e-12, landing=k.HENON)
     loose = replace(tight, tolerance=1e-8)
-    alone = [list(Session(engine, start).run().transitions) for start in (tight, loose)]
+    alone = [list(Run(integrator, start).to_horizon().transitions) for start in (tight, loose)]
     assert alone[0] != alone[1]
-    sessions = [Session(engine, start, block=1) for start in (tight, loose)]
-    in_turn = [[session.next_event() for session in sessions] for _ in alone[0]]
+    runs = [Run(integrator, start, block=1) for start in (tight, loose)]
+    in_turn = [[run.next_event() for run in runs] for _ in alone[0]]
     assert [list(found) for found in zip(*in_turn, strict=True)] == alone
-    stream = Session(engine, tight, block=10)
+    stream = Run(integrator, tight, block=10)
     streamed = []
     for block in stream.stream():
-        assert list(Session(engine, loose).run().transitions) == alone[1]
+        assert list(Run(integrator, loose).to_horizon().transitions) == alone[1]
         streamed += list(block)
     assert streamed == alone[0]

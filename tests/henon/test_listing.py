@@ -1,7 +1,7 @@
 """henon-listing: the appendix of Olejnik and Awrejcewicz (2013) as printed.
 
 The durations and lengths of the sticks of Fig. 8 are the paper's; the limits are FACTS of this project,
-computed by the Taylor engine and checked here by henon-rk4.
+computed by the Taylor integrator and checked here by henon-rk4.
 """
 
 from __future__ import annotations

@@ -13,10 +13,10 @@ from runs import kinds, run
 
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.multiprecision import PreciseModes
 from henon_ref.henon.multiprecision_event import LocatedEvent, UndecidedStep, locate_event
+from henon_ref.henon.precise_modes import PreciseModes
 from henon_ref.roots import multiprecision as isolation
-from henon_ref.roots.multiprecision import ONE, bernstein, decided, first_falling_root
+from henon_ref.roots.multiprecision import ONE, bernstein, first_event_of, first_falling_root
 from henon_ref.taylor.tape import TIME
 
 X = sp.Symbol("x", real=True)
@@ -155,7 +155,7 @@ def product(*roots: str, degree: int = 20) -> list[int]:
 def test_an_odd_number_of_roots_next_to_each_other_is_a_crossing(roots: int, apart: str) -> None:
     """Even where all between them is below 1e-50: the guard is below zero on their far side."""
     cluster = [str(sp.Rational("0.238008") + k * sp.Rational(apart)) for k in range(roots)]
-    what, _, place = decided(product(*cluster), 0, ONE * 3 // 10)
+    what, _, place = first_event_of(product(*cluster), 0, ONE * 3 // 10)
     assert what == "root"
     assert abs(place / ONE - 0.238008) < 2e-9
 
@@ -168,7 +168,7 @@ def test_an_even_number_of_roots_is_a_crossing_down_to_1e_50_and_then_a_touch(
     roots: int, apart: str, told: bool
 ) -> None:
     cluster = [str(sp.Rational("0.238008") + k * sp.Rational(apart)) for k in range(roots)]
-    what, lowest, _ = decided(product(*cluster), 0, ONE * 238008 // 10**6)
+    what, lowest, _ = first_event_of(product(*cluster), 0, ONE * 238008 // 10**6)
     assert (what, lowest) == (("root", False) if told else ("touch", True))
 
 

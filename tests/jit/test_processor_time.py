@@ -9,9 +9,9 @@ from baselines.work import DeadlinePassed, Work
 from henon_ref.campaign.run_jobs import KEPT, RunJob
 from henon_ref.campaign.worker import COMPILING, WorkerState
 from henon_ref.casefile.case import parse_case
-from henon_ref.henon import compiled, session
-from henon_ref.henon.compiled import CompiledSystem
-from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.henon.mode_table import ModeTable
+from henon_ref.henon.run import Run
+from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.jit import processor_time
 from henon_ref.jit.processor_time import Deadline, compiling, run_time, told_of_compiling
 
@@ -108,7 +108,7 @@ def test_the_reference_compiles_off_the_clock_of_its_run(clocks, monkeypatch):
     text = text.replace('["cos(t) - F*s"]', '["cos(t) - F*s", "sin(t) - F*r"]').replace("x: 1}}", "x: 1, y: 1}}")
     problem = parse_case(text.format(name="two")).readings[0].problem
     run = HENON_SOLVER.prepare(problem, rtol=1e-6, deadline=1.0)
-    slow, advance, compiled_modes = CompiledSystem._row, session.Session._advance, []
+    slow, advance, compiled_modes = ModeTable._own_row, Run._advance, []
 
     def row(self, mode):
         compiled_modes.append(mode)
@@ -119,7 +119,7 @@ def test_the_reference_compiles_off_the_clock_of_its_run(clocks, monkeypatch):
         clocks.work(0.01)
         return advance(self, stop=stop)
 
-    monkeypatch.setattr(compiled.CompiledSystem, "_row", row)
-    monkeypatch.setattr(session.Session, "_advance", in_pieces)
+    monkeypatch.setattr(ModeTable, "_own_row", row)
+    monkeypatch.setattr(Run, "_advance", in_pieces)
     assert run().status == "ok"
     assert compiled_modes

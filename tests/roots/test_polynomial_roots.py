@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
 from henon_ref.henon import landing as landings
-from henon_ref.henon import registers as k
+from henon_ref.henon import state as k
 from henon_ref.jit.calls import call_bernstein
 from henon_ref.jit.ir_writer import row_length
 from henon_ref.roots import double as p
@@ -36,7 +36,7 @@ def isolated(coefficients: np.ndarray) -> tuple[int, float, float]:
     q[: ORDER + 1] = coefficients
     stack, bounds = np.zeros((p.DEPTH + 2, width)), np.zeros((p.DEPTH + 2, 2))
     outcome, found = isolate(q, np.ones(width), np.zeros(width), stack, bounds)
-    assert outcome in (p.LOOK, found[0])
+    assert outcome in (p.SUBDIVIDE, found[0])
     return found
 
 
@@ -49,8 +49,8 @@ def land(coefficients, low, high, method):
 
 
 @numba.njit
-def excluded(q, powers):
-    return p.excluded(q, powers, ORDER)
+def positive_by_bound(q, powers):
+    return p.positive_by_bound(q, powers, ORDER)
 
 
 def first_root(roots: list[float], lead: float, landing: int = k.HENON) -> tuple[int, float, int]:
@@ -113,7 +113,7 @@ def test_a_pair_of_roots_is_not_stepped_over(gap: float) -> None:
 
 
 def test_a_double_root_is_a_touch_and_a_near_miss_is_nothing() -> None:
-    assert first_root([0.5, 0.5], 1.0)[0] in (p.TOUCH, p.ROOT)
+    assert first_root([0.5, 0.5], 1.0)[0] in (p.TANGENTIAL, p.ROOT)
     coefficients = np.zeros(ORDER + 1)
     coefficients[:3] = [0.25 + 1e-9, -1.0, 1.0]
     assert isolated(coefficients)[0] == p.NONE
@@ -127,9 +127,9 @@ def test_what_is_left_of_a_touch_ends_where_the_polynomial_is_clear_of_noise(pla
     coefficients = np.zeros(ORDER + 1)
     coefficients[:3] = [place**2 + depth * noise, -2 * place, 1.0]
     outcome, low, high = isolated(coefficients)
-    assert (outcome, low < place < high) == (p.TOUCH, True)
+    assert (outcome, low < place < high) == (p.TANGENTIAL, True)
     for end in (low, high):
-        assert 1.2 * noise < (end - place) ** 2 + depth * noise < p.DOUBTS * noise
+        assert 1.2 * noise < (end - place) ** 2 + depth * noise < p.CLEARANCE * noise
 
 
 def test_a_rising_root_is_no_event_but_the_falling_one_after_it_is() -> None:
@@ -148,9 +148,9 @@ def test_the_cheap_exclusion_never_excludes_a_root() -> None:
     powers = np.ones(ORDER + 1)
     q = np.zeros(ORDER + 1)
     q[:2] = [1.0, -0.999]
-    assert excluded(q, powers)
+    assert positive_by_bound(q, powers)
     q[1] = -1.0
-    assert not excluded(q, powers)
+    assert not positive_by_bound(q, powers)
 
 
 def test_a_pair_whose_first_root_is_a_bisection_point_is_no_touch() -> None:
@@ -182,10 +182,10 @@ def test_the_machine_code_makes_bernstein_coefficients_and_reads_their_signs(ord
         np.testing.assert_allclose(b[: order + 1], exact, atol=1e-14 * abs(kept).sum())
         changes = sum(x * y < 0 for x, y in itertools.pairwise(exact))
         assert outcome == (
-            p.NONE if changes == 0 or (changes == 1 and exact[0] < 0) else p.ROOT if changes == 1 else p.LOOK
+            p.NONE if changes == 0 or (changes == 1 and exact[0] < 0) else p.ROOT if changes == 1 else p.SUBDIVIDE
         )
         seen.add(outcome)
-    assert seen == {p.NONE, p.ROOT, p.LOOK}
+    assert seen == {p.NONE, p.ROOT, p.SUBDIVIDE}
 
 
 def test_a_zero_or_no_number_among_them_is_looked_at() -> None:
@@ -194,4 +194,4 @@ def test_a_zero_or_no_number_among_them_is_looked_at() -> None:
         q = np.ones(width)
         q[0] = first
         stack, bounds = np.zeros((p.DEPTH + 2, width)), np.zeros((p.DEPTH + 2, 2))
-        assert isolate(q, np.ones(width), np.zeros(width), stack, bounds)[0] == p.LOOK
+        assert isolate(q, np.ones(width), np.zeros(width), stack, bounds)[0] == p.SUBDIVIDE

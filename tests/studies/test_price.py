@@ -17,7 +17,7 @@ from henon_ref.campaign.options import Options, Silent
 from henon_ref.casefile.case import load_case
 from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.filippov.problem import Problem
-from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.studies.price import effects
 from henon_ref.studies.price.compiling import Ready, paid_after, readiness
 from henon_ref.studies.price.costs import mean_costs, why_not

@@ -36,7 +36,7 @@ NOTES = (
     "column **compile**; what is kept on disk (`henon`'s machine code, numba's) comes from there once it has been "
     "made, in some seconds. "
     "A library is restarted on the surface after every event, and the **verdict** is on the library with its default "
-    "habit of that: `python -m henon_ref.restarts` tries the others. "
+    "way of that: `--restart` tries the others. "
     "**Steps**, **fields** (right-hand sides) and **events** (evaluations of event functions) are what each solver's "
     "docstring says they are."
 )

@@ -13,10 +13,10 @@ import sympy as sp
 
 from henon_ref import registry
 from henon_ref.filippov.problem import Problem
-from henon_ref.henon.engine import Engine
-from henon_ref.henon.registers import HENON
-from henon_ref.henon.session import Session
-from henon_ref.henon.solvers import order_for
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.run import Run
+from henon_ref.henon.solver import order_for
+from henon_ref.henon.state import HENON
 from henon_ref.studies.price.fit import Fit, power
 from henon_ref.studies.price.fresh import in_fresh_process
 
@@ -92,13 +92,13 @@ def _measured(solver: str, until: float, run: _Run) -> Horizon:
 
 def _streamed(problem: Problem) -> Callable[[float], _Run]:
     """Runs of the reference, by its stream of transitions."""
-    engine = Engine(problem.system, order_for(TOLERANCE))
-    start = engine.start(problem, tolerance=TOLERANCE, landing=HENON)
+    integrator = Integrator(problem.system, order_for(TOLERANCE))
+    start = integrator.start(problem, tolerance=TOLERANCE, landing=HENON)
 
     def prepare(until: float) -> _Run:
         def run() -> tuple[int, list[float]]:
             count, last = 0, _Last()
-            for block in Session(engine, replace(start, until=(until, 0.0))).stream():
+            for block in Run(integrator, replace(start, until=(until, 0.0))).stream():
                 count += len(block)
                 last.add(zip(block.times[-SEEN:], block.kinds[-SEEN:], strict=True))
             return count, last.sticks

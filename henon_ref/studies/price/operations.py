@@ -10,10 +10,10 @@ import numpy as np
 
 from henon_ref.campaign.interleaved import interleaved
 from henon_ref.filippov.problem import Problem
-from henon_ref.henon.engine import Engine
-from henon_ref.henon.registers import HENON
-from henon_ref.henon.session import Session
-from henon_ref.henon.solvers import HENON_SOLVER, order_for
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.run import Run
+from henon_ref.henon.solver import HENON_SOLVER, order_for
+from henon_ref.henon.state import HENON
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.step_end import closing_ir
 from henon_ref.taylor.tape import build_tape
@@ -82,11 +82,11 @@ def work(problem: Problem) -> Work:
         equations = system.shared_equations(sliding)
         tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
         counts.append(count(expansion_ir(tape, n, order, "expansion")))
-    engine = Engine(system, order)
-    start = engine.start(problem, tolerance=tolerance, landing=HENON)
+    integrator = Integrator(system, order)
+    start = integrator.start(problem, tolerance=tolerance, landing=HENON)
 
     def run():  # type: ignore[no-untyped-def]
-        return Session(engine, start).run()
+        return Run(integrator, start).to_horizon()
 
     a = np.linspace(0, 1, SIZE * SIZE).reshape(SIZE, SIZE)
     out = np.empty_like(a)
@@ -98,7 +98,7 @@ def work(problem: Problem) -> Work:
     times = interleaved({"run": run, "product": product}, rounds=ROUNDS)
     made = run().counts
     in_stick = _while_stuck(
-        problem, lambda until: Session(engine, replace(start, until=(until, 0.0))).run().counts.rhs_evaluations
+        problem, lambda until: Run(integrator, replace(start, until=(until, 0.0))).to_horizon().counts.rhs_evaluations
     )
     return Work(
         expansion=counts[0],

@@ -1,4 +1,4 @@
-"""One run: the conversation with the compiled mode loop, and what it cannot decide."""
+"""One run from Python: calls the compiled mode loop, answers its return codes, and ends the run."""
 
 from __future__ import annotations
 
@@ -14,44 +14,46 @@ from numpy.typing import NDArray
 from henon_ref.filippov.decision import Decision, ended
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced, transition_kind
-from henon_ref.henon.blocks import KINDS, TransitionBlock
-from henon_ref.henon.engine import Engine
-from henon_ref.henon.kernel import advance
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.loop import advance
 from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
-from henon_ref.henon.recording import crowded, record
-from henon_ref.henon.registers import (
-    ACCUMULATED,
-    CROSS,
+from henon_ref.henon.recorder import events_accumulate, record_transition
+from henon_ref.henon.state import (
+    BLOCK_FULL,
+    BUDGET_SPENT,
+    CHUNK,
+    CROSSING,
     DIVERGED,
-    DOUBTFUL,
-    F_LOW,
-    F_NEAR,
-    F_REACH,
+    EVENTS_ACCUMULATE,
     F_STATE,
+    F_STEP_LENGTH,
+    F_SUSPECT,
     F_TIME,
-    FREE,
-    FULL,
-    G_AFTER,
-    G_STUCK,
+    F_TIME_LOW,
+    G_MODE_ACROSS,
+    G_MODE_STUCK,
     GRAZE,
     HORIZON,
-    I_BLOCK,
-    I_COUNT,
-    I_EVENTS,
     I_GUARD,
+    I_GUARD_EVALUATIONS,
     I_LANDING,
     I_MODE,
-    I_SAMPLE,
+    I_NEXT_SAMPLE,
+    I_PENDING_KIND,
     I_STEPS,
-    I_WHAT,
+    I_TRANSITION_CAPACITY,
+    I_TRANSITIONS,
+    MODE_NOT_COMPILED,
     NOWHERE,
-    PAUSE,
-    RESOLVE,
+    RELEASED,
+    SELECT_MODE,
     STALLED,
     STICK,
-    UNKNOWN,
+    UNDECIDED_EVENT,
+    Start,
+    State,
 )
-from henon_ref.henon.state import CHUNK, Start, State
+from henon_ref.henon.transition_array import KINDS, TransitionArray
 from henon_ref.jit.njit import in_python
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
@@ -59,20 +61,20 @@ from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 _tuple = tuple.__new__
 _head: Callable[..., tuple[int, ...]] = Struct(f"{I_GUARD}q").unpack_from
 _STATE = 8 * F_STATE
-_COUNTED = slice(I_STEPS, I_EVENTS + 1)
+_COUNTED = slice(I_STEPS, I_GUARD_EVALUATIONS + 1)
 _NO_SAMPLES = np.zeros((0, 2))
-_write_down, _accumulating = in_python(record), in_python(crowded)
+_record_transition, _events_accumulate = in_python(record_transition), in_python(events_accumulate)
 
 
-class Session(State):
-    """One run: the conversation with the compiled loop.
+class Run(State):
+    """One run: the compiled loop is called until the horizon, and its return codes are answered.
 
-    :meth:`run` goes to the horizon; :meth:`next_event` stops after each transition, so that whoever asks may
+    :meth:`to_horizon` goes to the horizon; :meth:`next_event` stops after each transition, so that whoever asks may
     read and change :attr:`x` there (saltation of variational equations, say) before going on.
 
     Parameters
     ----------
-    engine, start
+    integrator, start
         Of one system.
     sample_times : ndarray, shape (k,), optional
     deadline : float, optional
@@ -88,21 +90,21 @@ class Session(State):
         How the run ended, once :meth:`stream` is through.
     """
 
-    __slots__ = ("blocks", "deadline", "ended", "engine", "samples")
+    __slots__ = ("blocks", "deadline", "ended", "integrator", "samples")
 
     def __init__(
         self,
-        engine: Engine,
+        integrator: Integrator,
         start: Start,
         sample_times: NDArray[np.float64] | None = None,
         deadline: float | None = None,
         block: int = CHUNK,
     ) -> None:
-        self.engine, self.start, self.deadline = engine, start, deadline
+        self.integrator, self.start, self.deadline = integrator, start, deadline
         self.state, self._parts = start.state.copy(), None
-        engine.switching.forget()
+        integrator.switching.forget()
         if block != CHUNK:
-            self.integers[I_BLOCK] = block
+            self.integers[I_TRANSITION_CAPACITY] = block
         self.samples = _NO_SAMPLES
         if sample_times is not None:
             self.samples = np.full((sample_times.size, len(start.x) + 2), np.nan)
@@ -111,10 +113,10 @@ class Session(State):
         self.ended: Trajectory | None = None
 
     def _close_block(self) -> None:
-        self.blocks.append(self.engine.scratch.records[: self.integers[I_COUNT]].copy())
-        self.integers[I_COUNT] = 0
+        self.blocks.append(self.integrator.scratch.records[: self.integers[I_TRANSITIONS]].copy())
+        self.integers[I_TRANSITIONS] = 0
 
-    def run(self) -> Trajectory:
+    def to_horizon(self) -> Trajectory:
         """Go to the horizon (or to where the run ends before it)."""
         end = self._advance()
         if end is not None:  # short, as most are: no clock is needed
@@ -125,73 +127,72 @@ class Session(State):
                 return self._end("timeout", f"stopped after {self.deadline:g} s at t = {self.time:.17g}")
         return end
 
-    def stream(self) -> Iterator[TransitionBlock]:
+    def stream(self) -> Iterator[TransitionArray]:
         """Go to the horizon, handing transitions out as they come: memory does not grow with the run.
 
         What ended the run is :attr:`ended` afterwards; its transitions are those not handed out before.
         """
         while (end := self._advance()) is None:
             for records in self.blocks:
-                yield TransitionBlock(records, self.engine.compiled.modes)
+                yield TransitionArray(records, self.integrator.mode_table.modes)
             self.blocks.clear()
         self.ended = end
         if end.transitions:
-            yield cast(TransitionBlock, end.transitions)
+            yield cast(TransitionArray, end.transitions)
 
     def next_event(self) -> Transition | Trajectory:
         """Go to the next transition; the trajectory instead where the run ends before one."""
-        self.integers[I_COUNT] = 0
+        self.integers[I_TRANSITIONS] = 0
         while (end := self._advance(stop=True)) is None:
-            if self.integers[I_COUNT]:
-                return TransitionBlock(self.engine.scratch.records[:1], self.engine.compiled.modes)[0]
+            if self.integers[I_TRANSITIONS]:
+                return TransitionArray(self.integrator.scratch.records[:1], self.integrator.mode_table.modes)[0]
         return end
 
     @property
     def guards(self) -> tuple[Guard, ...]:
         """Guards of the present mode, in the order of its row."""
-        return self.engine.compiled.guards(self.mode)
+        return self.integrator.mode_table.guards(self.mode)
 
     @property
     def mode(self) -> Mode:
         """Present mode."""
-        return self.engine.compiled.modes[self.integers[I_MODE]]
+        return self.integrator.mode_table.modes[self.integers[I_MODE]]
 
     def _advance(self, *, stop: bool = False) -> Trajectory | None:
         """Let the compiled loop run until it needs something; None if the run goes on."""
-        engine = self.engine
+        integrator, table = self.integrator, self.integrator.mode_table
         refused = self.start.refused
         if refused is not None:
             unasked = self.samples is _NO_SAMPLES
             return refused if unasked else refused._replace(samples=self.samples[:, 1:-1], sample_modes=())
         code = advance(
-            self.state, engine.compiled.tables, engine.compiled.numbers, engine.settling if engine.several else None,
-            self.samples,
-        )  # fmt: skip
+            self.state, table.tables, table.numbers, integrator.selection if integrator.several else None, self.samples
+        )
         if code == HORIZON:
             return self._end("ok", "")
-        if code == FULL and not stop:
+        if code == BLOCK_FULL and not stop:
             self._close_block()
-        elif code in (RESOLVE, DOUBTFUL, UNKNOWN):
+        elif code in (SELECT_MODE, UNDECIDED_EVENT, MODE_NOT_COMPILED):
             why = None
-            if code == UNKNOWN:
-                why = self._go_on()
-            elif code == RESOLVE:
-                why = self._resolve()
+            if code == MODE_NOT_COMPILED:
+                why = self._enter_new_mode()
+            elif code == SELECT_MODE:
+                why = self._select_mode()
             else:
                 why = self._locate()
             return None if why is None else self._end(*why)
-        elif code not in (FULL, PAUSE):
-            return self._end(*_why_ended(self, code))
+        elif code not in (BLOCK_FULL, BUDGET_SPENT):
+            return self._end(*_ending_of(self, code))
         return None
 
     def _locate(self) -> tuple[Status, str] | None:
         """Go to an event that double precision leaves undecided, in multiprecision; None if the run goes on."""
-        engine, floats, mode, row = self.engine, self.floats, self.mode, self.integers.item(I_MODE)
-        places = engine.compiled.places(mode)
-        zeros = dict(zip(places, self.multiplicity.tolist(), strict=False))
-        time, low, near, reach = floats[[F_TIME, F_LOW, F_NEAR, F_REACH]].tolist()
+        integrator, floats, mode, row = self.integrator, self.floats, self.mode, self.integers.item(I_MODE)
+        places = integrator.mode_table.places(mode)
+        zeros = dict(zip(places, self.known_zeros.tolist(), strict=False))
+        time, low, near, reach = floats[[F_TIME, F_TIME_LOW, F_SUSPECT, F_STEP_LENGTH]].tolist()
         found = locate_event(
-            engine.precise,
+            integrator.precise,
             UndecidedStep(
                 mode=mode,
                 time=(time, low),
@@ -199,102 +200,104 @@ class Session(State):
                 length=reach,
                 suspect=near,
                 guard=places[self.integers.item(I_GUARD)],
-                known_zeros=tuple(zeros.get(g, 0) for g in range(len(engine.system.equations(mode).guards))),
+                known_zeros=tuple(zeros.get(g, 0) for g in range(len(integrator.system.equations(mode).guards))),
             ),
         )
-        floats[F_TIME], floats[F_LOW] = found.time
+        floats[F_TIME], floats[F_TIME_LOW] = found.time
         self.x[:] = [high for high, _ in found.state]
         self.x_low[:] = [lost for _, lost in found.state]
         self.integers[I_STEPS] += 1
-        self.multiplicity[:] = 0
+        self.known_zeros[:] = 0
         until, until_low = self.until
         if (until - found.time[0]) + (until_low - found.time[1]) < -2e-17 * abs(until):  # more than a sum's rounding
-            floats[F_TIME], floats[F_LOW] = until, until_low
+            floats[F_TIME], floats[F_TIME_LOW] = until, until_low
             return None
-        guards = engine.system.equations(mode).guards
-        touched = sorted({guards[g].index for g, _ in found.touching if guards[g].kind == "surface"})
+        guards = integrator.system.equations(mode).guards
+        tangential = sorted({guards[g].index for g, _ in found.touching if guards[g].kind == "surface"})
         if found.decision is not None:
-            touched += [guards[g].index for g in found.falling if guards[g].kind == "surface"]
-            return self._follow(found.decision, found.known_zeros, sorted(set(touched)))
-        self._leave(mode, found.known_zeros)
-        for i in touched:  # a stick whose own end is touched goes on, and nothing is told
+            tangential += [guards[g].index for g in found.falling if guards[g].kind == "surface"]
+            return self._change_mode(found.decision, found.known_zeros, sorted(set(tangential)))
+        self._set_known_zeros(mode, found.known_zeros)
+        for i in tangential:  # a stick whose own end is touched goes on, and nothing is told
             self._record(GRAZE, i, row, row)
         return None
 
-    def _leave(self, mode: Mode, zeros: Sequence[int]) -> None:
+    def _set_known_zeros(self, mode: Mode, zeros: Sequence[int]) -> None:
         """Set the known zeros of the present mode's guards, given in the order of its equations."""
-        for g, place in enumerate(self.engine.compiled.places(mode)):
-            self.multiplicity[g] = zeros[place] if place >= 0 else 0
+        for g, place in enumerate(self.integrator.mode_table.places(mode)):
+            self.known_zeros[g] = zeros[place] if place >= 0 else 0
 
-    def _follow(self, decision: Decision, zeros: Sequence[int], touched: Sequence[int]) -> tuple[Status, str] | None:
-        """Go over to the mode that follows; ``touched``: surfaces at zero, told of where none changes its sign."""
+    def _change_mode(
+        self, decision: Decision, zeros: Sequence[int], tangential: Sequence[int]
+    ) -> tuple[Status, str] | None:
+        """Go over to the mode that follows; ``tangential``: surfaces at zero, told of where none changes its sign."""
         if decision.mode is None:
             return decision.ending, decision.reason
         before, source = self.mode, self.integers.item(I_MODE)
-        row = self.engine.compiled.compile(decision.mode)
+        row = self.integrator.mode_table.row(decision.mode)
         if row is None:
             return "failed", f"the mode after t = {self.time:.17g} has no equations"
         self.integers[I_MODE] = row
-        self._leave(decision.mode, zeros)
+        self._set_known_zeros(decision.mode, zeros)
         changed = [i for i, s in enumerate(decision.mode) if s != before[i]]
-        for i in changed or touched:
+        for i in changed or tangential:
             self._record(KINDS.index(transition_kind(before[i], decision.mode[i])), i, source, row)
-        return _why_ended(self, ACCUMULATED) if _accumulating(self.floats, self.integers) else None
+        return _ending_of(self, EVENTS_ACCUMULATE) if _events_accumulate(self.floats, self.integers) else None
 
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:
-        if self.integers[I_COUNT] >= self.integers[I_BLOCK]:
+        if self.integers[I_TRANSITIONS] >= self.integers[I_TRANSITION_CAPACITY]:
             self._close_block()
         landing = self.integers.item(I_LANDING)
-        _write_down(
-            self.floats, self.integers, self.x, self.engine.scratch.records, kind, surface, source, target, landing
+        _record_transition(
+            self.floats, self.integers, self.x, self.integrator.scratch.records, kind, surface, source, target, landing
         )
 
-    def _go_on(self) -> tuple[Status, str] | None:
+    def _enter_new_mode(self) -> tuple[Status, str] | None:
         """Complete a transition that is decided, into a mode that has no row yet."""
-        compiled, row, hit = self.engine.compiled, int(self.integers[I_MODE]), int(self.integers[I_GUARD])
-        guard, what = self.guards[hit], int(self.integers[I_WHAT])
+        mode_table, row, hit = self.integrator.mode_table, int(self.integers[I_MODE]), int(self.integers[I_GUARD])
+        guard, what = self.guards[hit], int(self.integers[I_PENDING_KIND])
         after = replaced(self.mode, guard.index, 0 if what == STICK else guard.to_sign)
-        zeros = {STICK: 0, CROSS: 1}.get(what, int(compiled.tables[row, 1 + hit, G_STUCK]))
-        target = compiled.compile(after)
-        if target is None or (what == FREE and zeros == 0):  # no such mode, or zeros that have to be measured
-            return self._resolve()
-        compiled.tables[row, 1 + hit, G_STUCK if what == STICK else G_AFTER] = target
+        zeros = {STICK: 0, CROSSING: 1}.get(what, int(mode_table.tables[row, 1 + hit, G_MODE_STUCK]))
+        target = mode_table.row(after)
+        if target is None or (what == RELEASED and zeros == 0):  # no such mode, or zeros that have to be measured
+            return self._select_mode()
+        mode_table.tables[row, 1 + hit, G_MODE_STUCK if what == STICK else G_MODE_ACROSS] = target
         self._record(what, guard.index, row, target)
         self.integers[I_MODE] = target
-        self.multiplicity[:] = 0
-        for g, own in enumerate(compiled.guards(after)):
+        self.known_zeros[:] = 0
+        for g, own in enumerate(mode_table.guards(after)):
             if own.kind == "surface" and own.index == guard.index:
-                self.multiplicity[g] = zeros
-        return _why_ended(self, ACCUMULATED) if _accumulating(self.floats, self.integers) else None
+                self.known_zeros[g] = zeros
+        return _ending_of(self, EVENTS_ACCUMULATE) if _events_accumulate(self.floats, self.integers) else None
 
-    def _resolve(self) -> tuple[Status, str] | None:
+    def _select_mode(self) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
         before = self.mode
         hits: list[Guard] = [g for g, hit in zip(self.guards, self.hits, strict=False) if hit]
         x = self.x.tolist()
-        switching = self.engine.switching
+        switching = self.integrator.switching
         decision = switching.after_event(self.time, x, before, hits)
         if decision.mode is None:
             return decision.ending, decision.reason
         early = self.integers[I_GUARD] == NOWHERE
         # Where no step was taken, surfaces left a moment ago are still as good as touched.
-        fresh = {g.index for g, zeros in zip(self.guards, self.multiplicity, strict=False) if zeros and early}
+        fresh = {g.index for g, zeros in zip(self.guards, self.known_zeros, strict=False) if zeros and early}
         active = fresh | {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0}
         orders = switching.contact_orders(self.time, x, decision.mode, active)
-        touched = [] if early else sorted({g.index for g in hits if g.kind == "surface"})
-        return self._follow(decision, orders, touched)
+        tangential = [] if early else sorted({g.index for g in hits if g.kind == "surface"})
+        return self._change_mode(decision, orders, tangential)
 
     def _end(self, status: Status, reason: str) -> Trajectory:
-        state, start, modes = self.state, self.start, self.engine.compiled.modes
+        state, start, modes = self.state, self.start, self.integrator.mode_table.modes
         integers = _head(state, start.behind)
         transitions: Sequence[Transition] = ()
-        if integers[I_COUNT] or self.blocks:
-            records = self.engine.scratch.records[: integers[I_COUNT]].copy()
-            transitions = TransitionBlock(np.concatenate([*self.blocks, records]) if self.blocks else records, modes)
+        if integers[I_TRANSITIONS] or self.blocks:
+            records = self.integrator.scratch.records[: integers[I_TRANSITIONS]].copy()
+            transitions = TransitionArray(np.concatenate([*self.blocks, records]) if self.blocks else records, modes)
         samples = sample_modes = None
         if self.samples is not _NO_SAMPLES:
             samples = self.samples[:, 1:-1]
-            sample_modes = tuple(modes[int(m)] for m in self.samples[: self.integers[I_SAMPLE], -1])
+            sample_modes = tuple(modes[int(m)] for m in self.samples[: self.integers[I_NEXT_SAMPLE], -1])
         # As the tuples they are, past Python's constructors: a tenth of a short run.
         counts = _tuple(Counts, integers[_COUNTED])
         end, mode = state.item(F_TIME), modes[integers[I_MODE]]
@@ -303,43 +306,43 @@ class Session(State):
         return _tuple(Trajectory, fields)
 
 
-def _why_ended(run: Session, code: int) -> tuple[Status, str]:
-    """Status and reason of a run that stands where the loop said DIVERGED, STALLED, ACCUMULATED or INVALID."""
+def _ending_of(run: Run, code: int) -> tuple[Status, str]:
+    """Status and reason where the loop returned DIVERGED, STALLED, EVENTS_ACCUMULATE or LEFT_DOMAIN."""
     at = f"t = {run.time:.17g}"
     largest = max(map(abs, run.x.tolist()))
     grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
     if code == DIVERGED or (code == STALLED and grown):
         return "diverged", f"the state leaves every bound at {at}"
-    singular = _shrunk(run) if code == STALLED else None
+    singular = _vanishing_guard(run) if code == STALLED else None
     if singular is not None:
-        return _fallen(run, singular)
+        return _domain_ending(run, singular)
     if code == STALLED:
         return "failed", f"the step size fell to zero at {at}: {_singular(run)} there"
-    if code == ACCUMULATED:
+    if code == EVENTS_ACCUMULATE:
         return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
-    return _fallen(run, run.guards[run.integers[I_GUARD]])
+    return _domain_ending(run, run.guards[run.integers[I_GUARD]])
 
 
-def _fallen(run: Session, guard: Guard) -> tuple[Status, str]:
+def _domain_ending(run: Run, guard: Guard) -> tuple[Status, str]:
     """How the run ends here for a guard that ends it."""
-    refused = ended(run.engine.system, run.mode, [guard], f"{run.time:.17g}")
+    refused = ended(run.integrator.system, run.mode, [guard], f"{run.time:.17g}")
     assert refused is not None
     return refused.ending, refused.reason
 
 
-def _shrunk(run: Session) -> Guard | None:
+def _vanishing_guard(run: Run) -> Guard | None:
     """A guard that ends the run and has shrunk to nothing where it stalled (the field may be singular there)."""
     next_to_nothing = 1e-14 * max(1.0, abs(run.start.time[0]), abs(run.time))
     for g, guard in enumerate(run.guards):
-        if guard.ends and abs(run.engine.scratch.band.item(run.x.size + g, 0)) <= next_to_nothing:
+        if guard.ends and abs(run.integrator.scratch.band.item(run.x.size + g, 0)) <= next_to_nothing:
             return guard
     return None
 
 
-def _singular(run: Session) -> str:
+def _singular(run: Run) -> str:
     """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
-    system, order, states = run.engine.system, run.engine.order, run.x.size
-    series = run.engine.scratch.band[: states + len(run.guards), : order + 1].tolist()
+    system, order, states = run.integrator.system, run.integrator.order, run.x.size
+    series = run.integrator.scratch.band[: states + len(run.guards), : order + 1].tolist()
     finite = [sum(1 for _ in takewhile(math.isfinite, row)) for row in series]
     # What is not finite spreads: to a state one order after the field that it is integrated from.
     at = finite.index(min(finite))

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.filippov.modes import Mode
-from henon_ref.henon.registers import LANDINGS, R_FROM, R_KIND, R_LANDING, R_LOW, R_STATE, R_SURFACE, R_TIME, R_TO
+from henon_ref.henon.state import LANDINGS, R_FROM, R_KIND, R_LANDING, R_STATE, R_SURFACE, R_TIME, R_TIME_LOW, R_TO
 from henon_ref.trajectory import Kind, Transition
 
 KINDS: tuple[Kind, ...] = ("stick", "release", "crossing", "graze")
-"""By the numbers of :mod:`henon_ref.henon.registers`."""
+"""By the numbers of :mod:`henon_ref.henon.state`."""
 
 
-class TransitionBlock(Sequence[Transition]):
+class TransitionArray(Sequence[Transition]):
     """Transitions kept as rows of an array; each becomes a :class:`Transition` when it is looked at.
 
     Parameters
@@ -34,7 +34,7 @@ class TransitionBlock(Sequence[Transition]):
     @property
     def times(self) -> NDArray[np.float64]:
         """Time and what rounding it lost [s], shape (k, 2)."""
-        return self._records[:, [R_TIME, R_LOW]]
+        return self._records[:, [R_TIME, R_TIME_LOW]]
 
     @property
     def kinds(self) -> NDArray[np.int64]:
@@ -47,10 +47,10 @@ class TransitionBlock(Sequence[Transition]):
     @overload
     def __getitem__(self, at: int) -> Transition: ...
     @overload
-    def __getitem__(self, at: slice) -> TransitionBlock: ...
-    def __getitem__(self, at: int | slice) -> Transition | TransitionBlock:
+    def __getitem__(self, at: slice) -> TransitionArray: ...
+    def __getitem__(self, at: int | slice) -> Transition | TransitionArray:
         if isinstance(at, slice):
-            return TransitionBlock(self._records[at], self._modes)
+            return TransitionArray(self._records[at], self._modes)
         row = self._records[at].tolist()
         return Transition(
             kind=KINDS[int(row[R_KIND])],
@@ -59,6 +59,6 @@ class TransitionBlock(Sequence[Transition]):
             to_mode=self._modes[int(row[R_TO])],
             time=row[R_TIME],
             state=tuple(row[R_STATE:]),
-            time_low=row[R_LOW],
+            time_low=row[R_TIME_LOW],
             landing=LANDINGS[int(row[R_LANDING])],
         )

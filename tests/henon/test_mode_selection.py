@@ -15,11 +15,11 @@ import sympy as sp
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
-from henon_ref.henon.engine import Engine
-from henon_ref.henon.registers import HENON, I_COUNT
-from henon_ref.henon.session import Session
-from henon_ref.henon.settling import decided
-from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.mode_selection import select_mode
+from henon_ref.henon.run import Run
+from henon_ref.henon.solver import HENON_SOLVER
+from henon_ref.henon.state import HENON, I_TRANSITIONS
 from henon_ref.jit.njit import njit
 from henon_ref.trajectory import Trajectory
 
@@ -29,29 +29,29 @@ CASES = Path(__file__).parents[2] / "cases"
 def runs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[Trajectory, Trajectory, int]:
     """A run decided in machine code and one decided in Python, and how often the first asked Python."""
     asked = 0
-    plain = Session._resolve
+    plain = Run._select_mode
 
-    def counted(self: Session) -> object:
+    def counted(self: Run) -> object:
         nonlocal asked
         asked += 1
         return plain(self)
 
-    def run(engine: Engine) -> Trajectory:
-        return Session(engine, engine.start(problem, tolerance=1e-15, landing=HENON)).run()
+    def run(integrator: Integrator) -> Trajectory:
+        return Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON)).to_horizon()
 
-    engine = Engine(problem.system, 18)
-    run(engine)  # modes are compiled on first sight
+    integrator = Integrator(problem.system, 18)
+    run(integrator)  # modes are compiled on first sight
     with monkeypatch.context() as patch:
-        patch.setattr(Session, "_resolve", counted)
-        ours = run(engine)
-    return ours, run(slow_engine(problem)), asked
+        patch.setattr(Run, "_select_mode", counted)
+        ours = run(integrator)
+    return ours, run(slow_integrator(problem)), asked
 
 
-def slow_engine(problem: Problem) -> Engine:
-    """An engine whose every event of several surfaces is decided in Python."""
-    engine = Engine(problem.system, 18)
-    engine.several = False
-    return engine
+def slow_integrator(problem: Problem) -> Integrator:
+    """An integrator whose every event of several surfaces is decided in Python."""
+    integrator = Integrator(problem.system, 18)
+    integrator.several = False
+    return integrator
 
 
 def same_transitions(ours: Trajectory, theirs: Trajectory) -> None:
@@ -197,27 +197,27 @@ def test_five_surfaces_that_are_not_clear_are_left_to_python(
     same_transitions(ours, theirs)
 
 
-def after_first_event(engine: Engine, problem: Problem, transitions: int) -> tuple[Mode, list[int]]:
+def after_first_event(integrator: Integrator, problem: Problem, transitions: int) -> tuple[Mode, list[int]]:
     """Mode and known zeros right after an event with so many transitions."""
-    session = Session(engine, engine.start(problem, tolerance=1e-15, landing=HENON), block=transitions)
-    while not session.blocks and session.integers[I_COUNT] < transitions:
-        assert session._advance() is None
-    return session.mode, session.multiplicity[: len(session.guards)].tolist()
+    run = Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON), block=transitions)
+    while not run.blocks and run.integers[I_TRANSITIONS] < transitions:
+        assert run._advance() is None
+    return run.mode, run.known_zeros[: len(run.guards)].tolist()
 
 
 @pytest.mark.parametrize("name", ["five", "three", "coupled", "stick_and_cross", "duplicate"])
 def test_surfaces_just_left_are_known_to_be_at_zero(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = load_case(CASES / "hard" / "simultaneous_events.yaml").reading(name).problem
-    engine, count = Engine(problem.system, 18), len(problem.system.surfaces)
-    expected = after_first_event(slow_engine(problem), problem, count)
-    assert after_first_event(engine, problem, count) == expected
-    monkeypatch.delattr(Session, "_resolve")  # all modes are compiled now
-    assert after_first_event(engine, problem, count) == expected
+    integrator, count = Integrator(problem.system, 18), len(problem.system.surfaces)
+    expected = after_first_event(slow_integrator(problem), problem, count)
+    assert after_first_event(integrator, problem, count) == expected
+    monkeypatch.delattr(Run, "_select_mode")  # all modes are compiled now
+    assert after_first_event(integrator, problem, count) == expected
 
 
 @njit()
-def decide(t, x, mode, layout, hits, settling):  # type: ignore[no-untyped-def]
-    return decided(t, 0.0, x, mode, layout, hits, settling)
+def decide(t, x, mode, layout, hits, selection):  # type: ignore[no-untyped-def]
+    return select_mode(t, 0.0, x, mode, layout, hits, selection)
 
 
 class Corner:
@@ -236,9 +236,9 @@ class Corner:
         field = [f"a{i}" + "".join(f" + b{i}_{j}*s{j}" for k, j in acts if k == i) for i in range(surfaces)]
         field += ["0"] * (len(names) - surfaces)
         problem = straight(names, field, [f"{name}: 1" for name in names], surfaces, 1)
-        self.engine = Engine(problem.system, 8)
+        self.integrator = Integrator(problem.system, 8)
         for mode in product((-1, 0, 1), repeat=surfaces):
-            self.engine.compiled.compile(mode)
+            self.integrator.mode_table.compile(mode)
 
     def both(self, numbers: Sequence[float], mode: Mode, hit: Sequence[int]) -> tuple[Mode | None, Any]:
         """What machine code makes of it (None: left to Python), and what Python does.
@@ -250,15 +250,15 @@ class Corner:
         mode : tuple of int
             Before the surfaces ``hit`` were.
         """
-        compiled = self.engine.compiled
+        compiled = self.integrator.mode_table
         x = [0.0] * self.surfaces + [float(v) for v in numbers]
         row, guards = compiled.index[mode], compiled.guards(mode)
         at_zero = [g.kind == "surface" and g.index in hit for g in guards]
         hits = np.zeros(compiled.most_guards, dtype=np.int64)
         hits[: len(guards)] = at_zero
-        found = decide(0.0, np.array(x), row, compiled.tables[row], hits, self.engine.settling)
+        found = decide(0.0, np.array(x), row, compiled.tables[row], hits, self.integrator.selection)
         asked = [g for g, zero in zip(guards, at_zero, strict=True) if zero]
-        return compiled.modes[found] if found >= 0 else None, self.engine.switching.after_event(0.0, x, mode, asked)
+        return compiled.modes[found] if found >= 0 else None, self.integrator.switching.after_event(0.0, x, mode, asked)
 
 
 @pytest.mark.parametrize(

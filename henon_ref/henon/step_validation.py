@@ -1,27 +1,37 @@
-"""Whether a step is to be believed: what its last terms do, and what the field says where it leads."""
+"""Step validation: terms that do not decrease, gaps, branch points, cancellation."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from henon_ref.henon.clock import lost
-from henon_ref.henon.registers import F_LOW, F_SIGMA, F_TIME, I_RHS, I_STATES, T_CLOSING, T_EXPANSION, T_GUARDS, T_WARY
+from henon_ref.henon.compensated_time import below_compensated_resolution
+from henon_ref.henon.state import (
+    F_TIME,
+    F_TIME_LOW,
+    F_UNIT,
+    I_EXPANSIONS,
+    I_STATES,
+    T_EXPANSION,
+    T_GUARDS,
+    T_SLOPES,
+    T_STEP_END,
+)
 from henon_ref.jit.calls import call_closing, call_expand
 from henon_ref.jit.njit import inner
 from henon_ref.jit.primitives import EPS, larger, smaller
 
-GAP = 1e-5
+GAP_RATIO = 1e-5
 """Terms this much smaller than those before them are no tail but a gap."""
 SHORTER = 0.7
 """What is left of a step at a time where terms grow."""
 QUARTER = 0.25
-"""And at least of one that is not to be believed: as much as would make up for what it is off, its terms falling."""
+"""And at least of one that is not accepted: as much as would make up for what it is off, its terms falling."""
 SLOW = 0.5
 """Terms that fall by less than this over two orders have not converged."""
-FALLS, GROWS, HOLLOW = range(3)
-"""What the last terms of a step do (see :func:`_tail`)."""
+DECREASING, NOT_DECREASING, ENDS_IN_GAP = range(3)
+"""What the last terms of a step do (see :func:`tail_shape`)."""
 LEAST = 1.0 / 64.0
-"""A step this much shorter than the last one is believed though guards are not what was foretold."""
+"""A step this much shorter than the last one is accepted though guards are not what was predicted."""
 SHORTEST = 1e-60
 """One this much shorter, or too short to move the time, though slopes are not (but numbers): steps end before a kink
 or a singularity, and the run with them."""
@@ -32,7 +42,7 @@ POINTS = 4
 
 
 @inner()
-def steady(c, rows, degree, theta, tolerance):  # type: ignore[no-untyped-def]
+def cancellation_limit(c, rows, degree, theta, tolerance):  # type: ignore[no-untyped-def]
     """A step no longer than where terms of a polynomial cancel by more digits than there are to spare.
 
     No coefficient limits a step where a motion is a polynomial by its form.
@@ -56,24 +66,24 @@ def steady(c, rows, degree, theta, tolerance):  # type: ignore[no-untyped-def]
 
 
 @inner(forceinline=True)
-def swells(c, rows, order, theta):  # type: ignore[no-untyped-def]
+def tail_unconverged(c, rows, order, theta):  # type: ignore[no-untyped-def]
     """True if the terms of some row do not fall towards the last ones as those of a series do that has converged."""
     if c[rows, 0] * theta <= SHORTER * c[rows, 1]:  # the usual case
         return False
     found = False
     for r in range(rows):
-        found = found or _tail(c[r], order, theta, EPS) != FALLS
+        found = found or tail_shape(c[r], order, theta, EPS) != DECREASING
     return found
 
 
 @inner()
-def _tail(row, order, theta, least):  # type: ignore[no-untyped-def]
-    """What the last terms of a row do on a step: FALLS, GROWS or HOLLOW.
+def tail_shape(row, order, theta, least):  # type: ignore[no-untyped-def]
+    """What the last terms of a row do on a step: DECREASING, NOT_DECREASING or ENDS_IN_GAP.
 
-    GROWS: the last two are not much smaller than those before them or halfway to them; what comes after may be larger
-    still (a singularity on the step, a high power whose turn comes later). HOLLOW: they are next to nothing all at
-    once; a gap tells nothing of what comes after. Where they are below ``least`` > 0 of the row's size they may do
-    what they like.
+    NOT_DECREASING: the last two are not much smaller than those before them or halfway to them; what comes after may
+    be larger still (a singularity on the step, a high power whose turn comes later). ENDS_IN_GAP: they are next to
+    nothing all at once; a gap tells nothing of what comes after. Where they are below ``least`` > 0 of the row's size
+    they may do what they like.
     """
     middle, last = order // 2 - 1, order - 3
     square = theta * theta
@@ -87,82 +97,82 @@ def _tail(row, order, theta, least):  # type: ignore[no-untyped-def]
     )
     before = shift * larger(abs(row[last]), abs(row[last + 1]) * theta)
     end = shift * larger(abs(row[last + 2]) * square, abs(row[last + 3]) * cube)
-    if GAP * before < end < SLOW * smaller(half, before):
-        return FALLS
+    if GAP_RATIO * before < end < SLOW * smaller(half, before):
+        return DECREASING
     scale = least * (abs(row[0]) + theta * (abs(row[1]) + theta * abs(row[2])))
     for _ in range(middle):
         scale /= theta
     if least > 0.0 and larger(end, before) <= scale:
-        return FALLS
-    return HOLLOW if end <= GAP * before else GROWS
+        return DECREASING
+    return ENDS_IN_GAP if end <= GAP_RATIO * before else NOT_DECREASING
 
 
 @inner()
-def trusted(floats, integers, x, layout, constants, c, ahead, change, point, order, theta, leap, doubt):  # type: ignore[no-untyped-def]
-    """A step no longer than where the expansion still tells what lies there, ``theta`` if that is so.
+def validated_step(floats, integers, x, layout, constants, c, ahead, change, point, order, theta, grown, unconverged):  # type: ignore[no-untyped-def]
+    """A step no longer than where the expansion still holds, ``theta`` if that is so.
 
     Where terms grow the step is shortened until they fall: then it ends within their circle of convergence. Terms
     that only sink below rounding, are zero or end in a gap promise nothing (a high power seen from where it is flat),
-    nor do those below rounding on a step much longer than the last one (``leap``). There the expansion is made anew
-    on the step and at its end: guards and slopes must be what was foretold, or the step is shortened and asked again.
-    A step whose terms fall, or one much shorter than the last, needs no such trust in guards (where one is next to zero
+    nor do those below rounding on a step much longer than the last one (``grown``). There the expansion is made anew
+    on the step and at its end: guards and slopes must be what was predicted, or the step is shortened and asked again.
+    A step whose terms fall, or one much shorter than the last, needs no such check of guards (where one is next to zero
     rounding alone may disagree); in slopes it does, for behind a branch point the terms of a root may fall as well.
 
-    Without ``doubt`` terms are not looked at: the field has branch points (T_WARY), behind which a square root's
-    series, a polynomial perhaps, goes on as if there were none. Slopes alone are held against it.
+    Without ``unconverged`` terms are not looked at: the field has branch points (T_SLOPES), behind which a square
+    root's series, a polynomial perhaps, goes on as if there were none. Slopes alone are held against it.
     """
     n, guards = integers[I_STATES], layout[0, T_GUARDS]
-    sigma = floats[F_SIGMA]
-    all_told = True
-    for r in range(n + guards if doubt else 0):
-        tail = _tail(c[r], order, theta, 0.0 if leap else EPS)
-        if tail == GROWS:
-            while _tail(c[r], order, theta, EPS) == GROWS:
+    unit = floats[F_UNIT]
+    decreasing = True
+    for r in range(n + guards if unconverged else 0):
+        tail = tail_shape(c[r], order, theta, 0.0 if grown else EPS)
+        if tail == NOT_DECREASING:
+            while tail_shape(c[r], order, theta, EPS) == NOT_DECREASING:
                 theta *= SHORTER
-            tail = _tail(c[r], order, theta, 0.0)
-        all_told = all_told and tail == FALLS
-    compared = n if all_told else n + guards
-    slopes = layout[0, T_WARY] if all_told else 0  # the code that makes them alone
-    ask = not all_told or slopes > 0
-    while ask:
-        agreed, kept, shorter, worst = True, True, theta, 1.0
+            tail = tail_shape(c[r], order, theta, 0.0)
+        decreasing = decreasing and tail == DECREASING
+    compared = n if decreasing else n + guards
+    slopes = layout[0, T_SLOPES] if decreasing else 0  # the code that makes them alone
+    checking = not decreasing or slopes > 0
+    while checking:
+        agrees, kept, shorter, worst = True, True, theta, 1.0
         for part in (1.0, 0.37):
             if not kept:
                 break
             at = part * theta
-            call_closing(layout[0, T_CLOSING], at, c, change)
+            call_closing(layout[0, T_STEP_END], at, c, change)
             for i in range(n):
                 point[i] = x[i] + change[i]
-            end = floats[F_TIME] + at * sigma
+            end = floats[F_TIME] + at * unit
             code = slopes if slopes > 0 else layout[0, T_EXPANSION]
-            call_expand(code, end, floats[F_LOW], sigma, point, constants, ahead)
-            integers[I_RHS] += 1
+            call_expand(code, end, floats[F_TIME_LOW], unit, point, constants, ahead)
+            integers[I_EXPANSIONS] += 1
             # The exponentials allow the way back, too.
-            agreed = agreed and (slopes > 0 or ahead[n + guards, 3] >= 0.25 * at)
+            agrees = agrees and (slopes > 0 or ahead[n + guards, 3] >= 0.25 * at)
             for r in range(compared):
                 first = 1 if r < n else 0  # slopes of states, values of guards
-                foretold, size, power = 0.0, abs(ahead[r, first]), 1.0
+                predicted, size, power = 0.0, abs(ahead[r, first]), 1.0
                 for k in range(first, order + 1):
                     term = c[r, k] * power * (k if first == 1 else 1)
-                    foretold += term
+                    predicted += term
                     size += abs(term)
                     power *= at
                 # A slope that moves its state by no more than rounding over the step is none, whatever its digits.
-                dust = 4.0 * EPS * abs(x[r]) / at if first == 1 else 0.0
-                off, allowed = abs(foretold - ahead[r, first]), larger(1e-6 * size, dust)
+                rounding = 4.0 * EPS * abs(x[r]) / at if first == 1 else 0.0
+                off, allowed = abs(predicted - ahead[r, first]), larger(1e-6 * size, rounding)
                 if not off <= allowed:
                     worst = larger(worst, off / allowed) if off < np.inf else np.inf
-                    agreed, kept = False, kept and first == 0
-                    while shorter > LEAST * theta and _tail(c[r], order, shorter, 0.0) == GROWS:
+                    agrees, kept = False, kept and first == 0
+                    while shorter > LEAST * theta and tail_shape(c[r], order, shorter, 0.0) == NOT_DECREASING:
                         shorter *= SHORTER
-        if agreed:
+        if agrees:
             break
         falls = LEAST * theta < shorter < theta
         if falls and kept:
             return shorter
         theta *= larger(QUARTER, 0.95 * worst ** (-1.0 / order)) if worst < np.inf else SHORTER
         theta = smaller(theta, shorter) if falls else theta
-        nowhere = theta <= SHORTEST or (worst < np.inf and lost(floats, theta * sigma))
+        nowhere = theta <= SHORTEST or (worst < np.inf and below_compensated_resolution(floats, theta * unit))
         enough = theta <= LEAST if kept else nowhere
-        ask = not enough or swells(c, n + guards, order, theta)
+        checking = not enough or tail_unconverged(c, n + guards, order, theta)
     return theta

@@ -17,19 +17,19 @@ from henon_ref.filippov.decoupled_contacts import SwitchedEquations, switched_eq
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.registers import (
-    G_AFTER,
-    G_STUCK,
+from henon_ref.henon.state import (
+    G_MODE_ACROSS,
+    G_MODE_STUCK,
     RELEASE,
     SURFACE,
     T_BERNSTEIN,
-    T_CLOSING,
-    T_EXACT,
     T_EXPANSION,
     T_GUARDS,
-    T_PROBE,
+    T_NORMAL_VELOCITIES,
+    T_POLYNOMIAL_DEGREE,
     T_SIZE,
-    T_WARY,
+    T_SLOPES,
+    T_STEP_END,
     VALID,
 )
 from henon_ref.jit.ir_writer import declarations, row_length
@@ -73,13 +73,13 @@ class _Shape:
     code: MachineCode
     degree: int
     """Degree of states and guards where by their form they are polynomials in time, up to the order; else 0."""
-    wary: bool
+    has_branch_points: bool
     """Whether there may be branch points."""
 
     @property
     def entries(self) -> list[int]:
         """Addresses of expansion, closing and probe; degree; address of slopes for the wary, else 0."""
-        slopes = self.code.address("slopes") if self.wary else 0
+        slopes = self.code.address("slopes") if self.has_branch_points else 0
         return [*(self.code.address(name) for name in ("expansion", "closing", "probe")), self.degree, slopes]
 
 
@@ -91,19 +91,19 @@ def _shape(
     nodes = expansion.nodes
     degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
     degree = max(degrees) if max(degrees) <= order else 0
-    wary = degree == 0 and any(node.op in BRANCHING for node in nodes)
+    has_branch_points = degree == 0 and any(node.op in BRANCHING for node in nodes)
     code = MachineCode(
         declarations()
         + expansion_ir(expansion, n, order, "expansion")
         + closing_ir(n, len(outputs), order, "closing")
         + expansion_ir(probe, n, 0, "probe")
-        + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if wary else "")
+        + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else "")
     )
-    return _Shape(expansion, probe, code, degree, wary)
+    return _Shape(expansion, probe, code, degree, has_branch_points)
 
 
 @dataclass
-class CompiledSystem:
+class ModeTable:
     """Grows a row in every table for each mode that is asked for.
 
     Parameters
@@ -138,7 +138,7 @@ class CompiledSystem:
         self.rows = np.full(3**surfaces if several else 0, -1, dtype=np.int64)
         if len(self.system.surfaces) == 1:
             for mode in ((-1,), (1,), (0,)):
-                self.compile(mode)
+                self.row(mode)
 
     @property
     def most_guards(self) -> int:
@@ -149,12 +149,12 @@ class CompiledSystem:
         minors = 0 if self.decoupled else 2**surfaces - 1 if surfaces <= EXHAUSTIVE else surfaces + 1
         return 2 * surfaces + releases + minors + len(system.valid)
 
-    def compile(self, mode: Mode) -> int | None:
+    def row(self, mode: Mode) -> int | None:
         """Row of a mode, compiled on first sight; None where the mode has no equations."""
         if mode not in self.index:
             try:
                 with compiling():
-                    made = self._switched.row(mode) if self._switched else self._row(mode)
+                    made = self._switched.row(mode) if self._switched else self._own_row(mode)
             except ModelError:
                 return None
             row = len(self.modes)
@@ -196,7 +196,7 @@ class CompiledSystem:
         self._normals_code = MachineCode(declarations() + expansion_ir(tape, len(inputs), 0, "normals"))
         return self._normals_code.address("normals"), np.array([*self._numbers(tape, {}), 0.0])
 
-    def _row(self, mode: Mode) -> tuple[list[int], list[float], list[float]]:
+    def _own_row(self, mode: Mode) -> tuple[list[int], list[float], list[float]]:
         """Entries and constants of a mode on the machine code of its sliding surfaces."""
         system = self.system
         sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
@@ -217,20 +217,20 @@ class CompiledSystem:
         self.numbers = _with_row(self.numbers, row, numbers)
         self.signs = _with_row(self.signs, row, np.array(mode))
         layout = np.zeros(self.tables.shape[1:], dtype=np.int64)
-        layout[1:, [G_AFTER, G_STUCK]] = -1
+        layout[1:, [G_MODE_ACROSS, G_MODE_STUCK]] = -1
         guards, system = self.guards(mode), self.system
         sliding = [i for i, s in enumerate(mode) if s == 0]
         layout[0, T_GUARDS] = len(guards)
-        layout[0, [T_EXPANSION, T_CLOSING, T_PROBE, T_EXACT, T_WARY]] = entries
+        layout[0, [T_EXPANSION, T_STEP_END, T_NORMAL_VELOCITIES, T_POLYNOMIAL_DEGREE, T_SLOPES]] = entries
         layout[0, T_BERNSTEIN] = bernstein_code(self.order).address("bernstein")
         for g, guard in enumerate(guards):
             surface = guard.kind == "surface"
-            held = surface and system.held_inside(guard.index)
+            inside_hold_zone = surface and system.held_inside(guard.index)
             acting = surface and len(system.together(guard.index, sliding)) > 1
-            layout[1 + g, :G_AFTER] = _KIND[guard.kind], guard.index, guard.rising_only, held, acting
+            layout[1 + g, :G_MODE_ACROSS] = _KIND[guard.kind], guard.index, guard.rising_only, inside_hold_zone, acting
             if guard.kind == "release":
                 # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
-                layout[1 + g, G_STUCK] = 0 if guard.index in system.overrides else 2
+                layout[1 + g, G_MODE_STUCK] = 0 if guard.index in system.overrides else 2
         self.tables = _with_row(self.tables, row, layout)
 
     def _numbers(self, tape: Tape, signs: dict[sp.Symbol, sp.Expr]) -> list[float]:
@@ -243,10 +243,10 @@ class CompiledSystem:
         for row, mode in enumerate(self.modes):
             for g, guard in enumerate(self.system.equations(mode).guards):
                 if guard.kind == "surface":
-                    self.tables[row, 1 + g, G_STUCK] = self.index.get(replaced(mode, guard.index, 0), -1)
+                    self.tables[row, 1 + g, G_MODE_STUCK] = self.index.get(replaced(mode, guard.index, 0), -1)
                 if guard.ends is None:
                     after = replaced(mode, guard.index, guard.to_sign)
-                    self.tables[row, 1 + g, G_AFTER] = self.index.get(after, -1)
+                    self.tables[row, 1 + g, G_MODE_ACROSS] = self.index.get(after, -1)
 
 
 def speeds(system: FilippovSystem, guards: Sequence[Guard]) -> list[sp.Expr]:

@@ -14,12 +14,10 @@ from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import ZERO, Switching
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.compile_units import link
-from henon_ref.henon.compiled import CompiledSystem, double_double
-from henon_ref.henon.multiprecision import PreciseModes
-from henon_ref.henon.registers import R_STATE
-from henon_ref.henon.settling import settling_space
-from henon_ref.henon.state import CHUNK, Start
-from henon_ref.henon.workspace import work_places
+from henon_ref.henon.mode_selection import selection_space
+from henon_ref.henon.mode_table import ModeTable, double_double
+from henon_ref.henon.precise_modes import PreciseModes
+from henon_ref.henon.state import CHUNK, R_STATE, Start, work_places
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 
@@ -27,24 +25,24 @@ from henon_ref.trajectory import Trajectory
 class Scratch(NamedTuple):
     """Arrays that the compiled loop works on.
 
-    Runs of one engine share them: what is in them is a run's own until it hands on its transitions, no longer.
+    Runs of one integrator share them: what is in them is a run's own until it hands on its transitions, no longer.
     """
 
     work: NDArray[np.float64]
     band: NDArray[np.float64]
-    """A view: coefficients of the last expansion (see :func:`henon_ref.henon.workspace.work_space`)."""
+    """A view: coefficients of the last expansion (see :func:`henon_ref.henon.state.work_space`)."""
     records: NDArray[np.float64]
     """A view: transitions."""
 
 
-def _scratch(compiled: CompiledSystem) -> Scratch:
-    n, most = len(compiled.system.states), compiled.most_guards
-    width, room, records = work_places(n, most, compiled.order)
+def _scratch(mode_table: ModeTable) -> Scratch:
+    n, most = len(mode_table.system.states), mode_table.most_guards
+    width, room, records = work_places(n, most, mode_table.order)
     work = np.zeros(records + CHUNK * (R_STATE + n))
     return Scratch(work, work[:room].reshape(-1, width), work[records:].reshape(CHUNK, -1))
 
 
-class Engine:
+class Integrator:
     """Runs of one system at one order; compiles what it needs and keeps it.
 
     Parameters
@@ -58,21 +56,21 @@ class Engine:
         link()  # before anything that calls a compile unit is compiled or loaded: a missing symbol ends the process
         self.system = system
         self.order = order
-        self.compiled = CompiledSystem(system, order)
+        self.mode_table = ModeTable(system, order)
         self.switching = Switching(system)
         self.precise = PreciseModes(system, self.switching)
-        self.scratch = _scratch(self.compiled)
-        self.several = self.compiled.rows.size > 0
+        self.scratch = _scratch(self.mode_table)
+        self.several = self.mode_table.rows.size > 0
         """Whether the compiled loop decides events of several surfaces."""
-        self._settling = settling_space(len(system.states), len(system.surfaces))
+        self._selection_space = selection_space(len(system.states), len(system.surfaces))
 
     @property
-    def settling(self) -> tuple[Any, ...] | None:
+    def selection(self) -> tuple[Any, ...] | None:
         """What the compiled loop decides events of several surfaces with; None where it need not."""
-        compiled = self.compiled
+        mode_table = self.mode_table
         if not self.several:
             return None
-        return (*compiled.normals, compiled.signs, compiled.rows, compiled.decoupled, *self._settling)
+        return (*mode_table.normals, mode_table.signs, mode_table.rows, mode_table.decoupled, *self._selection_space)
 
     def start(self, problem: Problem, *, tolerance: float, landing: int) -> Start:
         """What is decided once a problem, in exact numbers: where it starts and in which mode.
@@ -80,11 +78,11 @@ class Engine:
         Parameters
         ----------
         problem : Problem
-            Of this engine's system.
+            Of this integrator's system.
         tolerance : float
             Local error of a step, relative to the size of each state and guard on the step.
         landing : int
-            HENON, NEWTON or BRENT of :mod:`henon_ref.henon.registers`.
+            HENON, NEWTON or BRENT of :mod:`henon_ref.henon.state`.
         """
         system = self.system
         decision = self.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
@@ -95,14 +93,14 @@ class Engine:
             for expressions in (system.surfaces, system.valid)
         )
         time, until, point = double_double(problem.start), double_double(problem.until), tuple(high for high, _ in x)
-        refused, row, zeros = None, 0, (0,) * self.compiled.most_guards
+        refused, row, zeros = None, 0, (0,) * self.mode_table.most_guards
         if decision.mode is None:
             nowhere = (0,) * len(system.surfaces)
             refused = Trajectory(decision.ending, (), time[0], point, nowhere, decision.reason)
-        elif (compiled := self.compiled.compile(decision.mode)) is None:
+        elif (mode_table := self.mode_table.row(decision.mode)) is None:
             refused = Trajectory("failed", (), time[0], point, decision.mode, "the mode at the start has no equations")
         else:
-            row, own = compiled, self.known_zeros(time[0], point, decision.mode, active, edges)
+            row, own = mode_table, self.known_zeros(time[0], point, decision.mode, active, edges)
             zeros = own + zeros[len(own) :]
         return Start(time, until, tuple(x), refused, row, zeros, self.order, tolerance, landing, self.scratch.work)
 
@@ -119,7 +117,7 @@ class Engine:
 
         ``active`` are the surfaces that the state is on, ``edges`` the ``valid`` expressions that are zero there.
         """
-        places = self.compiled.places(mode)
+        places = self.mode_table.places(mode)
         if not active and not edges:
             return (0,) * len(places)
         orders = self.switching.contact_orders(t, x, mode, active, edges, zero=zero)

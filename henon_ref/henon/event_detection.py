@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from numba import boolean, float64, int64, types
 
-from henon_ref.henon.compile_units import unit
+from henon_ref.henon.compile_units import compile_unit
 from henon_ref.henon.landing import brent, land
-from henon_ref.henon.registers import (
+from henon_ref.henon.state import (
     BRACKET,
     BRENT,
     G_INDEX,
     G_KIND,
     G_RISING,
-    I_EVENTS,
+    I_GUARD_EVALUATIONS,
     RELEASE,
     SURFACE,
     T_BERNSTEIN,
@@ -24,39 +24,39 @@ from henon_ref.jit.njit import inner
 from henon_ref.jit.primitives import EPS
 from henon_ref.jit.views import DOUBLES, GRID, rest_of
 from henon_ref.roots.double import (
-    LOOK,
     NONE,
-    TOUCH,
-    excluded,
-    factored,
+    SUBDIVIDE,
+    TANGENTIAL,
+    deflated,
     first_falling_root,
+    positive_by_bound,
     powers_of,
     steepness,
     value,
 )
 
-FLAT = 1e-5
+UNDECIDED_STEEPNESS = 1e-5
 """Relative steepness of a guard at its root below which the root is located in multiprecision."""
 EQUAL = 1e-13
 """Part of the friction by which a force may be off that counts as equal to it."""
-_isolate = unit(first_falling_root, types.Tuple((int64, float64, float64)), DOUBLES, int64, GRID, GRID)
-_factored = unit(factored, boolean, DOUBLES, int64, int64, DOUBLES, DOUBLES)
-_land = unit(land, types.Tuple((float64, int64, int64)), DOUBLES, int64, float64, float64, int64)
-_brent = unit(brent, types.Tuple((float64, int64)), DOUBLES, int64, float64, float64)
+_isolate = compile_unit(first_falling_root, types.Tuple((int64, float64, float64)), DOUBLES, int64, GRID, GRID)
+_deflated = compile_unit(deflated, boolean, DOUBLES, int64, int64, DOUBLES, DOUBLES)
+_land = compile_unit(land, types.Tuple((float64, int64, int64)), DOUBLES, int64, float64, float64, int64)
+_brent = compile_unit(brent, types.Tuple((float64, int64)), DOUBLES, int64, float64, float64)
 
 
 @inner(forceinline=True)
-def first_event(integers, c, n, order, layout, multiplicity, lower, theta, natural, method, work, bounds):  # type: ignore[no-untyped-def]
+def first_event(integers, c, n, order, layout, known_zeros, lower, theta, natural, method, work, bounds):  # type: ignore[no-untyped-def]
     """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used).
 
     ``natural``: theta of the step that nothing has cut short.
     """
     powers, scaled, stack = work[0], work[1], rest_of(work, 2)
-    best, hit, doubtful, used = 2.0, -1, False, 0
+    best, hit, undecided, used = 2.0, -1, False, 0
     begin = 2.0  # of a touch somewhere on a piece of the step
     powers[0] = 0.0
     for g in range(layout[0, T_GUARDS]):
-        zeros = multiplicity[g]
+        zeros = known_zeros[g]
         if zeros == 0 and lower[g] > 0.0:
             continue
         if powers[0] == 0.0:
@@ -64,16 +64,16 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, natur
         q = rest_of(c[n + g], zeros)
         degree = order - zeros
         if zeros > 0:
-            if q[0] > 0.0 and excluded(q, powers, degree):
+            if q[0] > 0.0 and positive_by_bound(q, powers, degree):
                 continue
-            if _factored(c[n + g], zeros, order, stack[1], stack[2]):  # rows that are free until cuts
+            if _deflated(c[n + g], zeros, order, stack[1], stack[2]):  # rows that are free until cuts
                 q = stack[2]
         outcome, low, high = call_bernstein(layout[0, T_BERNSTEIN], q, powers, degree, scaled, stack[0]), 0.0, 1.0
-        if outcome == LOOK:
+        if outcome == SUBDIVIDE:
             outcome, low, high = _isolate(scaled, order, stack, bounds)
-        if outcome == NONE or at_limit(c, n, order, layout, g, natural):
+        if outcome == NONE or load_equals_friction(c, n, order, layout, g, natural):
             continue
-        if outcome == TOUCH:
+        if outcome == TANGENTIAL:
             tau, landing, evaluations = 0.5 * (low + high), BRACKET, 0
         else:
             tau, landing, evaluations = -1.0, BRENT, 0
@@ -81,12 +81,12 @@ def first_event(integers, c, n, order, layout, multiplicity, lower, theta, natur
                 tau, evaluations = _brent(scaled, degree, low, high)
             if tau < 0.0:
                 tau, landing, evaluations = _land(scaled, degree, low, high, method)
-        integers[I_EVENTS] += evaluations
-        first = low if outcome == TOUCH else tau
+        integers[I_GUARD_EVALUATIONS] += evaluations
+        first = low if outcome == TANGENTIAL else tau
         if first < begin:
-            flat = outcome == TOUCH or steepness(scaled, degree, tau, stack[0]) < FLAT
-            begin, best, hit, doubtful, used = first, tau, g, flat, landing
-    return best, hit, doubtful, used
+            flat = outcome == TANGENTIAL or steepness(scaled, degree, tau, stack[0]) < UNDECIDED_STEEPNESS
+            begin, best, hit, undecided, used = first, tau, g, flat, landing
+    return best, hit, undecided, used
 
 
 @inner()
@@ -107,11 +107,11 @@ def below_zero(row, order, surface):  # type: ignore[no-untyped-def]
     return 0, abs(row[0]) + size != 0.0
 
 
-_below_zero = unit(below_zero, types.Tuple((int64, boolean)), DOUBLES, int64, boolean)
+_below_zero = compile_unit(below_zero, types.Tuple((int64, boolean)), DOUBLES, int64, boolean)
 
 
 @inner()
-def at_limit(c, n, order, layout, guard, natural):  # type: ignore[no-untyped-def]
+def load_equals_friction(c, n, order, layout, guard, natural):  # type: ignore[no-untyped-def]
     """True if a guard is a slide's end at which the force equals the friction all over a step: the slide holds.
 
     Against what all ends of that slide come to, which is the friction's size; on a step that nothing has cut short, for
@@ -133,17 +133,17 @@ def at_limit(c, n, order, layout, guard, natural):  # type: ignore[no-untyped-de
 
 
 @inner(forceinline=True)
-def fails_at_once(c, n, order, layout, multiplicity, hits, natural):  # type: ignore[no-untyped-def]
+def guards_below_zero(c, n, order, layout, known_zeros, hits, natural):  # type: ignore[no-untyped-def]
     """True if a guard is below zero where the step begins, and is not being left; ``hits``: which ones."""
     found = False
     for g in range(layout[0, T_GUARDS]):
         row = c[n + g]
         hits[g] = 0
-        if row[multiplicity[g]] <= 0.0 and layout[1 + g, G_RISING] == 0:
-            surface = multiplicity[g] == 0 and layout[1 + g, G_KIND] == SURFACE
+        if row[known_zeros[g]] <= 0.0 and layout[1 + g, G_RISING] == 0:
+            surface = known_zeros[g] == 0 and layout[1 + g, G_KIND] == SURFACE
             zeros, fails = _below_zero(row, order, surface)
-            fails = fails and not at_limit(c, n, order, layout, g, natural)
-            multiplicity[g] += zeros
+            fails = fails and not load_equals_friction(c, n, order, layout, g, natural)
+            known_zeros[g] += zeros
             hits[g] = 1 if fails else 0
             found = found or fails
     return found

@@ -16,9 +16,9 @@ from henon_ref.jit import njit as jit
 
 SCRIPT = """
 import json, sys
-from henon_ref.henon.kernel import advance
-from henon_ref.henon.loading import called
-from henon_ref.henon.solvers import HENON_SOLVER
+from henon_ref.henon.loop import advance
+from henon_ref.henon.loop import called
+from henon_ref.henon.solver import HENON_SOLVER
 from problems import make_problem
 found = HENON_SOLVER.prepare(make_problem(*json.loads(sys.argv[1])), rtol=1e-9)()
 parts = called(advance.signatures[0][3])
@@ -56,7 +56,7 @@ def test_two_processes_share_the_work(problem: tuple[Any, ...], tmp_path: Path) 
 
 UNITS = """
 import json
-from henon_ref.henon import compile_units, kernel
+from henon_ref.henon import compile_units, loop
 compile_units.link()
 functions = [function for function, _ in compile_units.UNITS.values()]
 print(json.dumps([sum(function.stats.cache_misses.values()) for function in functions]))

@@ -19,13 +19,13 @@ from henon_ref.jit.processor_time import compiling
 from henon_ref.taylor.series import Ring, expand
 from henon_ref.taylor.tape import INFINITE, Tape, build_tape
 
-ORDER = 320
+MOST_ORDER = 320
 """Highest order of an expansion; it ends before where its terms count for nothing, or the motion is a polynomial."""
 NEGLIGIBLE = 1e-50
 """What counts for nothing, relative to the sum of all terms on the step."""
-LEAST = 48
+LEAST_ORDER = 48
 """Order before which it does not end: terms may be missing at first."""
-QUIET = 4
+ENDING_ORDERS = 4
 """So many orders in a row that count for nothing end an expansion."""
 DIGITS = 75
 """Of the constants: more than the precision holds."""
@@ -92,9 +92,9 @@ class PreciseModes:
 
         def enough(x: Sequence[Sequence[arb]], y: Sequence[Sequence[arb]]) -> bool:
             """Looked at now and then."""
-            return len(x[0]) > LEAST and len(x[0]) % QUIET == 1 and _faded([*x, *y])
+            return len(x[0]) > LEAST_ORDER and len(x[0]) % ENDING_ORDERS == 1 and _negligible_tail([*x, *y])
 
-        order, end = (made.degree, None) if made.degree else (ORDER, enough)
+        order, end = (made.degree, None) if made.degree else (MOST_ORDER, enough)
         states, outputs = expand(made.tape, made.numbers, time, state, order, _RING, unit, end)
         return [arb_poly(series) for series in states], outputs, made.degree > 0
 
@@ -119,7 +119,7 @@ def _mode_tape(system: FilippovSystem, mode: Mode) -> _ModeTape:
     tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
     nodes = tape.nodes
     degrees = [nodes[row].degree + 1 for row in tape.field] + [nodes[row].degree for row in tape.outputs]
-    degree = max(degrees) if max(degrees) <= ORDER < INFINITE else 0
+    degree = max(degrees) if max(degrees) <= MOST_ORDER < INFINITE else 0
     return _ModeTape(tape, equations.guards, _numbers(system, tape), degree)
 
 
@@ -131,10 +131,10 @@ def _number(constant: sp.Expr) -> arb:
     return arb(str(sp.N(constant, DIGITS))).mid()
 
 
-def _faded(rows: Sequence[Sequence[arb]]) -> bool:
+def _negligible_tail(rows: Sequence[Sequence[arb]]) -> bool:
     """True if the last terms of some series count for nothing where their variable is 1."""
     sizes = (list(map(abs, map(float, row))) for row in rows)
-    return all(max(terms[-QUIET:]) <= NEGLIGIBLE * sum(terms) for terms in sizes)
+    return all(max(terms[-ENDING_ORDERS:]) <= NEGLIGIBLE * sum(terms) for terms in sizes)
 
 
 class BallSwitching(Switching):

@@ -1,4 +1,4 @@
-"""The reference as solvers: ``henon``, and the same engine with the landings ``newton`` and ``brent``."""
+"""The reference as solvers: ``henon``, and the same integrator with the landings ``newton`` and ``brent``."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.problem import Problem
-from henon_ref.henon.engine import Engine
-from henon_ref.henon.loading import load
-from henon_ref.henon.registers import BRENT, HENON, LANDINGS, NEWTON
-from henon_ref.henon.session import Session
-from henon_ref.henon.state import Start
-from henon_ref.solver import Run
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.loop import load
+from henon_ref.henon.run import Run
+from henon_ref.henon.state import BRENT, HENON, LANDINGS, NEWTON, Start
+from henon_ref.solver import Run as PreparedRun
 from henon_ref.trajectory import Trajectory
 
 
@@ -54,19 +53,21 @@ class HenonSolver:
         step: float | None = None,
         sample_times: NDArray[np.float64] | None = None,
         deadline: float | None = None,
-    ) -> Run:
+    ) -> PreparedRun:
         """See :class:`henon_ref.solver.Solver`."""
         if rtol is None:
             raise UnsupportedError(f"{self.name} chooses its own step: give rtol")
         tolerance = max(0.1 * rtol, 2e-16)
-        engine = Engine(problem.system, order_for(tolerance))
-        start = engine.start(problem, tolerance=tolerance, landing=self.method)
-        load(engine.settling)
-        return partial(_run, engine, start, sample_times, deadline)
+        integrator = Integrator(problem.system, order_for(tolerance))
+        start = integrator.start(problem, tolerance=tolerance, landing=self.method)
+        load(integrator.selection)
+        return partial(_run, integrator, start, sample_times, deadline)
 
 
-def _run(engine: Engine, start: Start, sample_times: NDArray[np.float64] | None, deadline: float | None) -> Trajectory:
-    return Session(engine, start, sample_times, deadline).run()
+def _run(
+    integrator: Integrator, start: Start, sample_times: NDArray[np.float64] | None, deadline: float | None
+) -> Trajectory:
+    return Run(integrator, start, sample_times, deadline).to_horizon()
 
 
 def order_for(tolerance: float) -> int:

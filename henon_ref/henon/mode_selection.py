@@ -4,7 +4,7 @@ The rule is that of :mod:`henon_ref.filippov.switching`: of all candidate modes 
 At one point the normal velocities are affine in the signs of the surfaces in play, N = a + B s; so a few
 numbers settle it: for each candidate the equivalent signs of its sliding surfaces solve B s = -a, and what is
 left must point the right way. Where no surface's velocity has another one's sign in it, each surface is decided
-alone, by its velocities below and above. Whatever is not clear (a number within ``MARGIN`` of where it would
+alone, by its velocities below and above. Whatever is not clear (a number within ``CLEAR_MARGIN`` of where it would
 decide otherwise, none or several modes that fit, signs that multiply each other) is left to Python.
 """
 
@@ -15,17 +15,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.henon.registers import G_INDEX, G_KIND, SURFACE, T_GUARDS
+from henon_ref.henon.state import G_INDEX, G_KIND, SURFACE, T_GUARDS
 from henon_ref.jit.calls import call_expand
 from henon_ref.jit.njit import inner
 
-MARGIN = 1e-6
+CLEAR_MARGIN = 1e-6
 """Relative distance from a tie from which on a decision is clear in double precision."""
 MOST = 4
 """Surfaces in play that act on each other; with more the candidates are searched, not tried (Python does)."""
 
 
-def settling_space(states: int, surfaces: int) -> tuple[NDArray[Any], ...]:
+def selection_space(states: int, surfaces: int) -> tuple[NDArray[Any], ...]:
     """Room for states and signs, normal velocities at two choices of signs, the linear systems, surfaces in play."""
     return (
         np.zeros(states + surfaces),
@@ -36,7 +36,7 @@ def settling_space(states: int, surfaces: int) -> tuple[NDArray[Any], ...]:
 
 
 @inner()
-def decided(t, low, x, mode, layout, hits, settling):  # type: ignore[no-untyped-def]
+def select_mode(t, low, x, mode, layout, hits, selection):  # type: ignore[no-untyped-def]
     """Row of the mode that follows; -1 where that is not clear or the mode not compiled.
 
     Parameters
@@ -46,15 +46,15 @@ def decided(t, low, x, mode, layout, hits, settling):  # type: ignore[no-untyped
     mode : int
         Row of the mode that ends.
     layout : rows of int
-        Its guards (see :func:`henon_ref.henon.kernel.advance`).
+        Its guards (see :func:`henon_ref.henon.loop.advance`).
     hits : row of int
         Its guards at zero.
-    settling : tuple
+    selection : tuple
         Address of the normal velocities' machine code and its constants; the signs of every row and the row of
         every combination of signs; whether no normal velocity has the sign of another surface in it; work space
-        of :func:`settling_space`.
+        of :func:`selection_space`.
     """
-    address, constants, signs, rows, decoupled, point, values, numbers, places = settling
+    address, constants, signs, rows, decoupled, point, values, numbers, places = selection
     surfaces = signs.shape[1]
     n = point.size - surfaces
     active, index = places[0], places[1]
@@ -105,7 +105,7 @@ def _choice(candidate, k):  # type: ignore[no-untyped-def]
 
 @inner()
 def _each(address, constants, t, low, point, values, n, active, count, before):  # type: ignore[no-untyped-def]
-    """The candidate of surfaces that do not act on each other, from their velocities below and above; -1 in doubt."""
+    """The candidate of surfaces that do not act on each other, from their velocities on both sides; -1: unclear."""
     first = point.size
     for side in range(2):
         point[n:] = 2.0 * side - 1.0
@@ -113,7 +113,7 @@ def _each(address, constants, t, low, point, values, n, active, count, before): 
     found, power = 0, 1
     for k in range(count):
         below, above = values[0, first + active[k]], values[1, first + active[k]]
-        margin = MARGIN * max(abs(below), abs(above))
+        margin = CLEAR_MARGIN * max(abs(below), abs(above))
         if below > margin and above < -margin:
             entry = 0
         elif before[active[k]] == 0:  # it was not hit and slides on, if it is far from its own release
@@ -153,19 +153,19 @@ def _affine(address, constants, t, low, point, values, n, active, count, a, b, s
         size[k] = abs(a[k])
         for j in range(count):
             size[k] += abs(b[k, j])
-        lean[k] = np.sign(a[k]) if 2.0 * abs(a[k]) - size[k] > MARGIN * size[k] else 0.0
+        lean[k] = np.sign(a[k]) if 2.0 * abs(a[k]) - size[k] > CLEAR_MARGIN * size[k] else 0.0
         for corner in range(corners):
             rest = found[corner, k] - a[k]
             for j in range(count):
                 rest -= b[k, j] if corner >> j & 1 else -b[k, j]
-            if not abs(rest) <= 1e-3 * MARGIN * size[k]:  # not affine, or no number
+            if not abs(rest) <= 1e-3 * CLEAR_MARGIN * size[k]:  # not affine, or no number
                 return False
     return True
 
 
 @inner()
 def _only(a, b, size, lean, count, s, m, index):  # type: ignore[no-untyped-def]
-    """The one candidate that is consistent beyond doubt; -1 where there is none, several, or a doubt."""
+    """The one candidate that is clearly consistent; -1 where there is none, several, or an unclear one."""
     best = -1
     for candidate in range(3**count):
         holds = _consistent(a, b, size, lean, count, candidate, s, m, index)
@@ -184,7 +184,7 @@ def _consistent(a, b, size, lean, count, candidate, s, m, index):  # type: ignor
     for k in range(count):
         if lean[k] != 0.0 and lean[k] != _choice(candidate, k):
             return -1
-    doubt = not _solved(a, b, count, candidate, s, m, index)
+    unclear = not _solved(a, b, count, candidate, s, m, index)
     for k in range(count):
         side = _choice(candidate, k)
         speed, coupling = a[k], 0.0
@@ -193,18 +193,18 @@ def _consistent(a, b, size, lean, count, candidate, s, m, index):  # type: ignor
             coupling += abs(b[k, j]) if j != k else 0.0
         if side != 0:
             clear = side * speed / size[k] if size[k] > 0.0 else 0.0
-            if doubt:
+            if unclear:
                 clear = 0.0  # the equivalent signs are not known
-        elif -b[k, k] > MARGIN * size[k]:
-            clear = 0.0 if doubt else 1.0 - abs(s[k])
+        elif -b[k, k] > CLEAR_MARGIN * size[k]:
+            clear = 0.0 if unclear else 1.0 - abs(s[k])
         elif coupling == 0.0 and size[k] > 0.0:  # it does not attract: one of the fields points away
             clear = min(-(a[k] + b[k, k]), a[k] - b[k, k]) / size[k]
         else:
             clear = 0.0
-        if clear < -MARGIN:
+        if clear < -CLEAR_MARGIN:
             return -1
-        doubt = doubt or not clear > MARGIN
-    return 0 if doubt else 1
+        unclear = unclear or not clear > CLEAR_MARGIN
+    return 0 if unclear else 1
 
 
 @inner()
@@ -232,7 +232,7 @@ def _solved(a, b, count, candidate, s, m, index):  # type: ignore[no-untyped-def
         for q in range(sliding + 1):
             m[r, q], m[pivot, q] = m[pivot, q], m[r, q]
             largest = max(largest, abs(m[r, q]))
-        if abs(m[r, r]) <= MARGIN * largest:
+        if abs(m[r, r]) <= CLEAR_MARGIN * largest:
             return False
         for q in range(sliding):
             factor = m[q, r] / m[r, r]

@@ -1,0 +1,151 @@
+"""The mode after an event of one guard, by two normal velocities or the hold zone."""
+
+from __future__ import annotations
+
+from numba import float64, int64
+
+from henon_ref.henon.compile_units import compile_unit
+from henon_ref.henon.event_detection import zeros_at_release
+from henon_ref.henon.mode_selection import select_mode
+from henon_ref.henon.recorder import change_mode, events_accumulate, record_transition, set_known_zeros
+from henon_ref.henon.state import (
+    CROSSING,
+    EVENTS_ACCUMULATE,
+    F_STATE,
+    F_TIME,
+    F_TIME_LOW,
+    F_UNIT,
+    G_ACTS,
+    G_HOLD,
+    G_INDEX,
+    G_KIND,
+    G_MODE_ACROSS,
+    G_MODE_STUCK,
+    I_EXPANSIONS,
+    I_GUARD,
+    I_GUARDS,
+    I_LANDING,
+    I_MODE,
+    I_ORDER,
+    I_PENDING_KIND,
+    I_SIZE,
+    I_STATES,
+    LEFT_DOMAIN,
+    MODE_NOT_COMPILED,
+    ON,
+    RELEASE,
+    RELEASED,
+    SELECT_MODE,
+    STICK,
+    SURFACE,
+    T_EXPANSION,
+    T_GUARDS,
+    T_NORMAL_VELOCITIES,
+    TANGENT,
+    VALID,
+)
+from henon_ref.jit.calls import call_expand
+from henon_ref.jit.njit import inner
+from henon_ref.jit.primitives import smaller
+from henon_ref.jit.views import DOUBLES, GRID, TABLE, rest_of, rows_in
+
+HOLD_MARGIN = 1e-9
+"""Size of the smallest release guard, relative to all their coefficients, below which Python looks closer."""
+
+
+@inner()
+def inside_hold_zone(t, low, unit, n, x, index, layout, constants, ahead, order):  # type: ignore[no-untyped-def]
+    """+1 inside the hold zone of a surface, -1 outside, 0 where that is not clear.
+
+    Parameters
+    ----------
+    t, low, unit, n, x
+        Time, what rounding it lost, a unit of time, states, and the state.
+    index : int
+        The surface.
+    layout : rows of int
+        Table of the stick (see :func:`henon_ref.henon.loop.advance`).
+    constants : row
+        Its constants.
+    ahead : rows
+        Work space of its expansion.
+    """
+    call_expand(layout[0, T_EXPANSION], t, low, unit, x, constants, ahead)
+    least, size = 1e300, 0.0
+    for g in range(layout[0, T_GUARDS]):
+        if layout[1 + g, G_KIND] == RELEASE and layout[1 + g, G_INDEX] == index:
+            least = smaller(least, ahead[n + g, 0])
+            for k in range(order + 1):
+                size += abs(ahead[n + g, k])
+    if not abs(least) > HOLD_MARGIN * size:
+        return 0
+    return 1 if least > 0.0 else -1
+
+
+_inside_hold_zone = compile_unit(
+    inside_hold_zone, int64, float64, float64, float64, int64, DOUBLES, int64, TABLE, DOUBLES, GRID, int64
+)
+
+
+@inner(forceinline=True)
+def apply_event(floats, integers, records, tables, numbers, selection, band, room):  # type: ignore[no-untyped-def]
+    """Change the mode at the event the run stands at; ON, or why Python is needed."""
+    n, most = integers[I_STATES], integers[I_GUARDS]
+    x, speeds = rest_of(floats, F_STATE), rest_of(room, 2 * n + most)
+    known_zeros, hits = rest_of(integers, I_SIZE), rest_of(integers, I_SIZE + most)
+    mode, hit, used = integers[I_MODE], integers[I_GUARD], integers[I_LANDING]
+    layout = rows_in(tables, mode)
+    kind, index = layout[1 + hit, G_KIND], layout[1 + hit, G_INDEX]
+    coincident = False
+    for g in range(layout[0, T_GUARDS]):
+        coincident = coincident or (hits[g] == 1 and g != hit)
+    if kind == VALID:
+        return LEFT_DOMAIN
+    zeros, what, target = 1, CROSSING, layout[1 + hit, G_MODE_ACROSS]
+    if kind == SURFACE:
+        if coincident or layout[1 + hit, G_ACTS] == 1:
+            if selection is None:
+                return SELECT_MODE
+            target = select_mode(floats[F_TIME], floats[F_TIME_LOW], x, mode, layout, hits, selection)
+            if target < 0 or not change_mode(
+                floats, integers, x, records, known_zeros, target, layout, rows_in(tables, target), hits, selection[2]
+            ):
+                return SELECT_MODE
+            return EVENTS_ACCUMULATE if events_accumulate(floats, integers) else ON
+        code, constants = layout[0, T_NORMAL_VELOCITIES], rows_in(numbers, mode)[1]
+        call_expand(code, floats[F_TIME], floats[F_TIME_LOW], 1.0, x, constants, speeds)
+        integers[I_EXPANSIONS] += 1
+        inside, beyond = speeds[n + 2 * hit], speeds[n + 2 * hit + 1]
+        if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
+            return SELECT_MODE
+        stuck = beyond < 0.0
+        if layout[1 + hit, G_HOLD] == 1:
+            stick = layout[1 + hit, G_MODE_STUCK]
+            zone = 0 if stick < 0 else _inside_hold_zone(
+                floats[F_TIME], floats[F_TIME_LOW], floats[F_UNIT], n, x, index, rows_in(tables, stick),
+                rows_in(numbers, stick)[0], rest_of(band, n + most + 1), integers[I_ORDER],
+            )  # fmt: skip
+            if zone == 0 or (stuck and zone < 0):
+                return SELECT_MODE
+            stuck = zone > 0
+        if stuck:
+            zeros, what, target = 0, STICK, layout[1 + hit, G_MODE_STUCK]
+    else:
+        zeros, what = layout[1 + hit, G_MODE_STUCK], RELEASED
+    if coincident:
+        return SELECT_MODE
+    if target < 0:
+        integers[I_PENDING_KIND] = what
+        return MODE_NOT_COMPILED
+    after = rows_in(tables, target)
+    if zeros == 0 and what == RELEASED:
+        code, constants = after[0, T_NORMAL_VELOCITIES], rows_in(numbers, target)[1]
+        call_expand(code, floats[F_TIME], floats[F_TIME_LOW], 1.0, x, constants, speeds)
+        integers[I_EXPANSIONS] += 1
+        zeros = zeros_at_release(after, index, rest_of(speeds, n))
+        if zeros == 0:
+            return SELECT_MODE
+    record_transition(floats, integers, x, records, what, index, mode, target, used)
+    integers[I_MODE] = target
+    set_known_zeros(known_zeros, after, index, zeros)
+    return EVENTS_ACCUMULATE if events_accumulate(floats, integers) else ON
