@@ -36,10 +36,10 @@ def printable(text: str) -> str:
     >>> printable("no\\x1b[0m \\u202eway \\x9b1m"), printable("at \\udcff")
     ('no [0m  way  1m', 'at \\ufffd')
     """
-    raw = str.__str__(text)
-    if raw.isprintable():
-        return raw
-    return "".join(c if c.isprintable() else "\ufffd" if "\ud800" <= c <= "\udfff" else " " for c in raw)
+    exact = str.__str__(text)
+    if exact.isprintable():
+        return exact
+    return "".join(c if c.isprintable() else "\ufffd" if "\ud800" <= c <= "\udfff" else " " for c in exact)
 
 
 def one_line(text: str) -> str:
