@@ -15,9 +15,10 @@ from itertools import count
 from henon_ref.jit.ir_writer import LANES, MINUS, ONE, Value, Writer, row_length
 from henon_ref.taylor.llvm.convolutions import Convolutions, convolved
 from henon_ref.taylor.llvm.layout import store_combination, store_integral, store_values
-from henon_ref.taylor.llvm.linear_forms import LINEAR, Factor, Form, Forms
+from henon_ref.taylor.llvm.linear_forms import Factor, Form, Forms
 from henon_ref.taylor.llvm.recurrences import Recurrences
 from henon_ref.taylor.llvm.step_bounds import inverse_size, longest, norms
+from henon_ref.taylor.rules import LINEAR
 from henon_ref.taylor.tape import Node, Tape
 
 

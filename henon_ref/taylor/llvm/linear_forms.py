@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from henon_ref.taylor.rules import LINEAR, RULES, Linear
 from henon_ref.taylor.tape import Tape
-
-LINEAR = frozenset({"add", "sub", "scale", "shift", "rsub"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +19,8 @@ class Factor:
     sign: int = 1
     constants: tuple[int, ...] = ()
 
-    def negated(self) -> Factor:
-        return Factor(-self.sign, self.constants)
+    def signed(self, sign: int) -> Factor:
+        return Factor(sign * self.sign, self.constants)
 
     def times(self, constant: int) -> Factor:
         return Factor(self.sign, (*self.constants, constant))
@@ -97,14 +96,15 @@ class Forms:
                 form.constant.append(factor.times(node.constants[0]))
             elif node.op not in LINEAR or current in stops:
                 form.terms.setdefault(current, []).append(factor)
-            elif node.op in ("add", "sub"):
-                a, b = node.args
-                waiting += [(a, factor), (b, factor if node.op == "add" else factor.negated())]
-            elif node.op == "scale":
-                waiting.append((node.args[0], factor.times(node.constants[0])))
-            else:  # shift: a + c, rsub: c - a
-                form.constant.append(factor.times(node.constants[0]))
-                waiting.append((node.args[0], factor if node.op == "shift" else factor.negated()))
+            else:
+                rule = RULES[node.op]
+                assert isinstance(rule, Linear)
+                if rule.constant == "term":
+                    form.constant.append(factor.times(node.constants[0]))
+                elif rule.constant == "factor":
+                    factor = factor.times(node.constants[0])
+                signs = (rule.first, rule.second)[: len(node.args)]
+                waiting += [(a, factor.signed(sign)) for a, sign in zip(node.args, signs, strict=True)]
         return form
 
 

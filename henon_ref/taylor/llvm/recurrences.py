@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from henon_ref.jit.ir_writer import LANES, ONE, ZERO, Value, Writer, literal
 from henon_ref.taylor.llvm.convolutions import Convolutions
 from henon_ref.taylor.llvm.sin_cos import sin_cos
+from henon_ref.taylor.rules import RULES, IntegralOfProduct, IntegralOfQuotient, Power, Root
 from henon_ref.taylor.tape import Node, Tape
 
 
@@ -197,22 +198,23 @@ class Recurrences:
         return self.made(op, argument, make=lambda: w.call(op, argument))
 
     def _transcendental(self, at: int, node: Node, k: int) -> Value:
-        w, op, y, a = self.w, node.op, self.series(at), self.series(node.args[0])
-        if op == "sqrt":
-            return w.mul(w.scaled(0.5, w.sub(a[k], self._halved(at, k))), self._inverse(y[0]))
-        if op == "power":
-            return self._power(at, node, k)
-        if op in ("exp", "sin", "cos", "sinh", "cosh", "tan", "tanh"):
-            q = y if op == "exp" else self.series(node.args[1])
-            terms = [(self._weighted(node.args[0], j), q[k - j]) for j in range(1, k + 1)]
-            value = w.scaled(1.0 / k, w.total(terms[1:-1], terms[:1] + terms[1:][-1:]))
-            return w.neg(value) if op == "cos" else value
-        # log, atan, asin, acos: y' q = a'
-        below = node.args[0] if op == "log" else node.args[1]
-        q = self.series(below)
-        terms = [(self._weighted(at, j), q[k - j]) for j in range(1, k)]
-        rest = w.neg(a[k]) if op == "acos" else a[k]
-        return w.mul(w.sub(rest, w.scaled(1.0 / k, w.total(terms[:-1], terms[-1:]))), self._inverse(q[0]))
+        w, y, a = self.w, self.series(at), self.series(node.args[0])
+        match RULES[node.op]:
+            case Root():
+                return w.mul(w.scaled(0.5, w.sub(a[k], self._halved(at, k))), self._inverse(y[0]))
+            case Power():
+                return self._power(at, node, k)
+            case IntegralOfProduct(sign) as rule:
+                q = self.series(rule.place(at, node.args))
+                terms = [(self._weighted(node.args[0], j), q[k - j]) for j in range(1, k + 1)]
+                value = w.scaled(1.0 / k, w.total(terms[1:-1], terms[:1] + terms[1:][-1:]))
+                return w.neg(value) if sign < 0 else value
+            case IntegralOfQuotient(sign) as rule:
+                q = self.series(rule.place(at, node.args))
+                terms = [(self._weighted(at, j), q[k - j]) for j in range(1, k)]
+                rest = w.neg(a[k]) if sign < 0 else a[k]
+                return w.mul(w.sub(rest, w.scaled(1.0 / k, w.total(terms[:-1], terms[-1:]))), self._inverse(q[0]))
+        raise NotImplementedError(node.op)
 
     def _power(self, at: int, node: Node, k: int) -> Value:
         w, y, a = self.w, self.series(at), self.series(node.args[0])
