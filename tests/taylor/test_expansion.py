@@ -92,7 +92,7 @@ def test_lanes_of_convolutions_add_up(order: int) -> None:
         [7 / (2 + y), 1 / (3 + x) - 5 / (2 + y), z / (4 + z)],
     ],
 )
-def test_factors_taken_into_what_they_multiply(field: list[sp.Expr], order: int) -> None:
+def test_coefficients_are_those_of_the_recurrences_whatever_is_folded(field: list[sp.Expr], order: int) -> None:
     """Whatever is folded, skipped or stored from another row: the coefficients are those of plain recurrences."""
     tape = build_tape((x, y, z), field, [x - 2 * y, z * x + sp.cos(3 * TIME)])
     numbers = [float(c) for c in tape.constants]

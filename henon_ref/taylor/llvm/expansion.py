@@ -19,7 +19,7 @@ from henon_ref.taylor.llvm.linear_forms import Factor, Form, Forms
 from henon_ref.taylor.llvm.recurrences import Recurrences
 from henon_ref.taylor.llvm.step_bounds import inverse_size, longest, norms
 from henon_ref.taylor.rules import LINEAR
-from henon_ref.taylor.tape import Node, Tape
+from henon_ref.taylor.tape import Tape
 
 
 def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | None = None) -> str:
@@ -80,9 +80,8 @@ class _Expander:
         self.field = [self.forms.of(root) for root in tape.field]
         self.targets = [self.forms.of(root) for root in tape.outputs]
         self.kept = {at: self.forms.of(at) for at in self.forms.kept}
-        self.shares = self._shares()
         self.convolutions = Convolutions(w, self.series, convolved(tape, self._base), order)
-        self.recurrences = Recurrences(w, tape, self.constant, self.convolutions, self.series, self.shares, order)
+        self.recurrences = Recurrences(w, tape, self.constant, self.convolutions, self.series, order)
         self.rates = [self._rates(form) for form in self.field]
         self.followed = self._followed()
         self.needed_last = self._needed([leaf for form in self.targets for leaf in form.terms])
@@ -143,7 +142,7 @@ class _Expander:
         total = self.factor(form.constant) if k == 0 and form.constant else None
         newest: list[tuple[Value, Value]] = []
         for leaf in form.leaves():
-            factor = ONE if leaf in self.shares else self.factor(form.terms[leaf])
+            factor = self.factor(form.terms[leaf])
             if k > 0 and self._state(leaf) in self.followed:  # not by way of the state: from what its rate reads
                 source, rate = self.followed[self._state(leaf)]
                 newest.append((w.scaled(1.0 / k, self._product(rate, factor)), self.solution[source][k - 1]))
@@ -158,10 +157,7 @@ class _Expander:
 
     def _rates(self, form: Form) -> dict[int, Value]:
         """Factors of a state's rate, times sigma."""
-        return {
-            leaf: ONE if leaf in self.shares else self.w.mul(self.factor(factors), "%sigma")
-            for leaf, factors in form.terms.items()
-        }
+        return {leaf: self.w.mul(self.factor(factors), "%sigma") for leaf, factors in form.terms.items()}
 
     def _slope(self, form: Form, rate: dict[int, Value], k: int) -> Value:
         """Coefficient k + 1 of a state whose rate is this form."""
@@ -235,31 +231,6 @@ class _Expander:
     def _base(self, at: int) -> int:
         """What a reciprocal of a node reads."""
         return self.forms.bases[at][0] if at in self.forms.bases else at
-
-    def _shares(self) -> dict[int, Value]:
-        """Factors taken into the node that they multiply, which nothing else reads: a reciprocal, or a sine of time."""
-        if self.order == 0:
-            return {}
-        readers: dict[int, int] = {}
-        for form in (*self.field, *self.targets, *self.kept.values()):
-            for leaf in form.terms:
-                readers[leaf] = readers.get(leaf, 0) + 1
-        for node in self.tape.nodes:
-            if node.op not in (*LINEAR, "state") and not self._turns(node):
-                for at in node.args:
-                    base = self._base(at) if node.op == "recip" else at
-                    readers[base] = readers.get(base, 0) + 2
-        shares: dict[int, Value] = {}
-        for forms, unit in ((self.field, "%sigma"), ((*self.targets, *self.kept.values()), ONE)):
-            for form in forms:
-                for leaf, factors in form.terms.items():
-                    node = self.tape.nodes[leaf]
-                    if readers[leaf] == 1 and (node.op == "recip" or self._turns(node)):
-                        shares[leaf] = self.w.mul(self.factor(factors), unit)
-        return shares
-
-    def _turns(self, node: Node) -> bool:
-        return node.op in ("sin", "cos") and self.tape.nodes[node.args[0]].op == "clock"
 
     def _needed(self, roots: Sequence[int]) -> set[int]:
         """Every node that these read, and these."""

@@ -7,7 +7,7 @@ come last, so that from order to order only they are waited for.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from henon_ref.jit.ir_writer import LANES, ONE, ZERO, Value, Writer, literal
 from henon_ref.taylor.llvm.convolutions import Convolutions
@@ -26,8 +26,6 @@ class Recurrences:
     convolutions : Convolutions
     series : callable
         Coefficients known so far of a node.
-    shares : mapping
-        Factors that reciprocals and sines of time are made with, where whoever reads them would multiply.
     """
 
     def __init__(
@@ -37,11 +35,10 @@ class Recurrences:
         constant: Callable[[int, bool], str],
         convolutions: Convolutions,
         series: Callable[[int], list[Value]],
-        shares: Mapping[int, Value],
         order: int,
     ) -> None:
         self.w, self.tape, self.constant, self.convolutions = w, tape, constant, convolutions
-        self.series, self.shares, self.order = series, shares, order
+        self.series, self.order = series, order
         self._phase: dict[int, tuple[str, str]] = {}
         self._made: dict[tuple[object, ...], Value] = {}
         self._turns: dict[int, list[Value]] = {}
@@ -76,7 +73,7 @@ class Recurrences:
         inverse = self._inverse(start)
         if k == 0:
             numerator = self.constant(self.tape.nodes[at].constants[0], False)
-            return w.mul(w.mul(self.shares.get(at, ONE), numerator), inverse)
+            return w.mul(numerator, inverse)
         return self._divided(base, at, k, self.made(at, "minus", make=lambda: w.neg(w.mul(slope, inverse))))
 
     def _inverse(self, value: Value) -> str:
@@ -160,10 +157,9 @@ class Recurrences:
     def _turning(self, at: int, node: Node) -> list[Value]:
         """All coefficients of the sine or cosine of c0 + c1 t: (c1 sigma)^k / k! times a value that turns."""
         if at not in self._turns:
-            w, share = self.w, self.shares.get(at, ONE)
-            powers, (sine, cosine) = self._phases(node.args[0])
-            s, c = w.mul(sine, share), w.mul(cosine, share)
-            row = [s if node.op == "sin" else c]
+            w = self.w
+            powers, (s, c) = self._phases(node.args[0])
+            row: list[Value] = [s if node.op == "sin" else c]
             pattern = [s, c, w.neg(s), w.neg(c)] if node.op == "sin" else [c, w.neg(s), w.neg(c), s]
             turn = w.vector([value or ZERO for value in pattern])
             for v, power in enumerate(powers):
@@ -176,7 +172,8 @@ class Recurrences:
     def _phases(self, clock: int) -> tuple[list[str], tuple[str, str]]:
         """Powers of c1 sigma up to the order, in vectors (none for order 0); sine and cosine of c0 + c1 t."""
         if clock not in self._turned:
-            w, powers = self.w, []
+            w = self.w
+            powers: list[str] = []
             if self.order:
                 rate = w.mul(self.constant(self.tape.nodes[clock].constants[1], False), "%sigma")
                 powers = powers_of(w, rate or ZERO, -(-(self.order + 1) // LANES))
