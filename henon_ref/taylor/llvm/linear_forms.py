@@ -86,6 +86,14 @@ class Forms:
         """The form of a node; of a kept one, what it is made of."""
         return self._flat(at, self.kept - {at})
 
+    def denominator(self, at: int) -> int:
+        """What a reciprocal of a node reads in its place (reading through: Fig. 8: 5 to 12 % of a run)."""
+        return self.bases[at][0] if at in self.bases else at
+
+    def below(self, at: int) -> Form:
+        """The same as a form of it."""
+        return self.bases[at][1] if at in self.bases else Form({at: [Factor()]})
+
     def _flat(self, at: int, stops: frozenset[int] | set[int]) -> Form:
         form = Form()
         waiting = [(at, Factor())]
