@@ -27,7 +27,7 @@ from henon_ref.filippov.decoupled_contacts import switched_equations
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.jit.ir_writer import row_length
 from henon_ref.taylor.llvm.expansion import expansion_ir
-from henon_ref.taylor.llvm.step_end import closing_ir
+from henon_ref.taylor.llvm.step_end import step_end_ir
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -66,7 +66,7 @@ def _written(tape: Tape, states: int, order: int) -> tuple[str, int]:
     shortest = 4
     text = expansion_ir(tape, states, order, "f", None if order >= shortest else row_length(shortest))
     if order >= shortest:
-        text += closing_ir(states, len(tape.outputs), order, "g")
+        text += step_end_ir(states, len(tape.outputs), order, "g")
     return sha256(text.encode()).hexdigest()[:20], text.count("\n")
 
 

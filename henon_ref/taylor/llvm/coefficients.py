@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from henon_ref.jit.ir_writer import MINUS, ONE, ZERO, Value, Writer
+from henon_ref.jit.ir_writer import MINUS, ONE, ZERO, IRWriter, Value
 from henon_ref.taylor.llvm.linear_forms import Factor
 from henon_ref.taylor.llvm.sin_cos import sin_cos
 from henon_ref.taylor.tape import Tape
@@ -13,7 +13,7 @@ from henon_ref.taylor.tape import Tape
 class Coefficients(list[Value]):
     """Taylor coefficients of one node, as far as they are written; a structural zero is None."""
 
-    def __init__(self, w: Writer, values: Sequence[Value] = ()) -> None:
+    def __init__(self, w: IRWriter, values: Sequence[Value] = ()) -> None:
         super().__init__(values)
         self._w = w
         self._doubled: dict[int, Value] = {}
@@ -41,7 +41,7 @@ class Coefficients(list[Value]):
 class Constants:
     """The constants of a tape, loaded before anything else: they wait for nothing."""
 
-    def __init__(self, w: Writer, tape: Tape) -> None:
+    def __init__(self, w: IRWriter, tape: Tape) -> None:
         self._w, self._count = w, len(tape.constants)
         self._loaded: dict[int, str] = {}
         self._products: dict[Factor, Value] = {}
@@ -86,7 +86,7 @@ class Constants:
 class Functions:
     """Functions of values, each made once however many nodes want it."""
 
-    def __init__(self, w: Writer) -> None:
+    def __init__(self, w: IRWriter) -> None:
         self._w = w
         self._inverses: dict[str, str] = {}
         self._calls: dict[tuple[str, str], str] = {}

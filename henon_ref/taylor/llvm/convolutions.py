@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from henon_ref.jit.ir_writer import LANES, ZERO, Value, Writer
+from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value
 from henon_ref.taylor.tape import INFINITE, Tape
 
-SHORTEST = 8
-"""Order from which convolutions go in vectors."""
+VECTOR_ORDER = 8
+"""Order from which convolutions go in vectors: below it a sum has one or two products for a lane."""
 
 Pair = tuple[int, int, int]
 """Nodes u and v, and the node whose recurrence wants the sum of u_j v_(k-j)."""
@@ -22,10 +22,10 @@ class Convolutions:
     and the middle) is for whoever asks.
     """
 
-    def __init__(self, w: Writer, series: Mapping[int, Sequence[Value]], pairs: Sequence[Pair], order: int) -> None:
+    def __init__(self, w: IRWriter, series: Mapping[int, Sequence[Value]], pairs: Sequence[Pair], order: int) -> None:
         self.w, self.series, self.order = w, series, order
         half = LANES // 2
-        wanted = list(pairs) if order >= SHORTEST else []
+        wanted = list(pairs) if order >= VECTOR_ORDER else []
         self.groups = [wanted[i : i + half] for i in range(0, len(wanted), half)]
         self.operands: list[dict[int, tuple[str, str]]] = [{} for _ in self.groups]
         self.sums: dict[tuple[Pair, int], str] = {}
@@ -88,14 +88,14 @@ class Convolutions:
         return w.add(rest, total)
 
 
-def convolved(tape: Tape, bases: Callable[[int], int]) -> list[Pair]:
-    """The products worth a lane: of nodes that are no polynomials in time; ``bases``: what a node is read as."""
+def convolved(tape: Tape, denominator: Callable[[int], int]) -> list[Pair]:
+    """The products worth a lane: of nodes that are no polynomials in time; ``denominator``: what a node is read as."""
     pairs: list[Pair] = []
     for at, node in enumerate(tape.nodes):
         if node.op == "mul":
             pair = node.args[0], node.args[1], at
         elif node.op in ("recip", "div"):
-            pair = bases(node.args[-1]), at, at
+            pair = denominator(node.args[-1]), at, at
         else:
             continue
         if all(tape.nodes[i].degree == INFINITE for i in pair):

@@ -4,8 +4,8 @@ The tape is unrolled to a fixed order and written as LLVM IR: every coefficient 
 constant's derivatives, a clock's beyond the first) never become instructions, squares are halved, sums are taken
 together (:mod:`henon_ref.taylor.llvm.linear_forms`), convolutions share the lanes of vectors
 (:mod:`henon_ref.taylor.llvm.convolutions`). One object a node writes its coefficients in turn (``recurrences``,
-``sums``, ``functions_of_time``); here they are made and called. Time is measured in units of ``sigma``, about the size
-of a step, so that coefficients neither overflow nor vanish whatever the units of the model.
+``sums``, ``functions_of_time``); here they are made and called. Time is measured in a unit of about
+the size of a step, so that coefficients neither overflow nor vanish whatever the units of the model.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import count
 
-from henon_ref.jit.ir_writer import LANES, Value, Writer, row_length
+from henon_ref.jit.ir_writer import LANES, IRWriter, Value, row_length
 from henon_ref.taylor import rules
 from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Functions
 from henon_ref.taylor.llvm.convolutions import Convolutions, convolved
@@ -33,17 +33,18 @@ from henon_ref.taylor.llvm.recurrences import (
     Root,
     Square,
 )
-from henon_ref.taylor.llvm.step_bounds import inverse_size, longest, norms
+from henon_ref.taylor.llvm.step_bounds import inverse_size, last_terms, longest_step
 from henon_ref.taylor.llvm.sums import IntegralOfForm, LinearForm, StateIntegral
 from henon_ref.taylor.tape import Node, Tape
 
 
 def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | None = None) -> str:
-    """LLVM IR of ``void name(double t_hi, double t_lo, double sigma, double* x, double* K, double* C)``.
+    """LLVM IR of ``void name(double t_hi, double t_lo, double unit, double* x, double* K, double* C)``.
 
+    ``t_hi + t_lo`` is the time at the start [s], ``unit`` the unit of time of the coefficients [s], ``x`` the state.
     ``K`` holds the constants rounded to double, then what that rounding lost. ``C`` receives the Taylor
-    coefficients in units of sigma, a row a state, then one an output; and behind the rows, for ``order`` >= 3, the
-    largest last and last but one coefficient relative to the row's size on a step of sigma, a sum that is not finite
+    coefficients in that unit of time, a row a state, then one an output; and behind the rows, for ``order`` >= 3, the
+    largest last and last but one coefficient relative to the row's size on a step of one unit, a sum that is not finite
     where any coefficient is not, and the longest step that the exponentials allow.
 
     Parameters
@@ -58,19 +59,19 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
     width : int, optional
         Doubles from one row to the next where that is not the :func:`row_length` of the order (an order below 4).
     """
-    w = Writer()
+    w = IRWriter()
     expansion = _Expansion(w, tape, states, order)
     expansion.run()
     width = row_length(order) if width is None else width
     expansion.store(width)
     if order >= 3:
         rows = [*expansion.solution, *expansion.outputs]
-        tails = [(n.op, expansion.series[n.args[0]]) for n in tape.nodes if n.op in ("exp", "sinh", "tanh")]
-        for at, value in enumerate([*norms(w, rows, expansion.sizes, order), longest(w, tails)]):
+        exponentials = [(n.op, expansion.series[n.args[0]]) for n in tape.nodes if n.op in ("exp", "sinh", "tanh")]
+        for at, value in enumerate([*last_terms(w, rows, expansion.sizes, order), longest_step(w, exponentials)]):
             w.store(value, "%C", len(rows) * width + at)
     body = "\n".join(w.lines)
     return (
-        f"define void @{name}(double %t_hi, double %t_lo, double %sigma, ptr noalias %x, ptr noalias %K, "
+        f"define void @{name}(double %t_hi, double %t_lo, double %unit, ptr noalias %x, ptr noalias %K, "
         f"ptr noalias %C) {{\nentry:\n{body}\n  ret void\n}}\n"
     )
 
@@ -78,7 +79,7 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
 class _Expansion:
     """Writes all recurrences of a tape, order by order."""
 
-    def __init__(self, w: Writer, tape: Tape, states: int, order: int) -> None:
+    def __init__(self, w: IRWriter, tape: Tape, states: int, order: int) -> None:
         self.w, self.tape, self.states, self.order = w, tape, states, order
         self.forms = Forms(tape)
         self.constants, self.functions = Constants(w, tape), Functions(w)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from henon_ref.jit.ir_writer import LANES, ONE, ZERO, Value, Writer, literal
+from henon_ref.jit.ir_writer import LANES, ONE, ZERO, IRWriter, Value, literal
 from henon_ref.taylor.llvm.coefficients import Constants
 from henon_ref.taylor.llvm.sin_cos import sin_cos
 
@@ -12,15 +12,15 @@ from henon_ref.taylor.llvm.sin_cos import sin_cos
 class Clock:
     """y = c0 + c1 t in double-double, so that a phase loses nothing at large times."""
 
-    def __init__(self, w: Writer, constants: Constants, start: int, slope: int, order: int) -> None:
+    def __init__(self, w: IRWriter, constants: Constants, start: int, slope: int, order: int) -> None:
         self.w, self.constants, self.start, self.slope, self.order = w, constants, start, slope, order
         self._phase: tuple[str, str] = ZERO, ZERO
-        self._turned: tuple[list[str], tuple[str, str]] | None = None
+        self._powers_and_sines: tuple[list[str], tuple[str, str]] | None = None
 
     def coefficient(self, k: int) -> Value:
         if k == 0:
             return self._value()
-        return self.w.mul(self.constants.value(self.slope), "%sigma") if k == 1 else None
+        return self.w.mul(self.constants.value(self.slope), "%unit") if k == 1 else None
 
     def _value(self) -> str:
         w, constants = self.w, self.constants
@@ -42,20 +42,20 @@ class Clock:
         return w.binary("fadd", total, low)
 
     def powers_and_sines(self) -> tuple[list[str], tuple[str, str]]:
-        """Powers of c1 sigma up to the order, in vectors (none for order 0); sine and cosine of c0 + c1 t."""
-        if self._turned is None:
+        """Powers of c1 unit up to the order, in vectors (none for order 0); sine and cosine of c0 + c1 t."""
+        if self._powers_and_sines is None:
             powers: list[str] = []
             if self.order:
-                rate = self.w.mul(self.constants.value(self.slope), "%sigma")
+                rate = self.w.mul(self.constants.value(self.slope), "%unit")
                 powers = powers_of(self.w, rate or ZERO, -(-(self.order + 1) // LANES))
-            self._turned = powers, sin_cos(self.w, *self._phase)
-        return self._turned
+            self._powers_and_sines = powers, sin_cos(self.w, *self._phase)
+        return self._powers_and_sines
 
 
 class SineOfTime:
-    """y = sin or cos of c0 + c1 t: coefficient k is (c1 sigma)^k / k! times a value that turns."""
+    """y = sin or cos of c0 + c1 t: coefficient k is (c1 unit)^k / k! times one of +-sin, +-cos."""
 
-    def __init__(self, w: Writer, op: str, clock: Clock) -> None:
+    def __init__(self, w: IRWriter, op: str, clock: Clock) -> None:
         self.w, self.op, self.clock = w, op, clock
         self._row: list[Value] = []
 
@@ -69,15 +69,15 @@ class SineOfTime:
         powers, (s, c) = self.clock.powers_and_sines()
         row: list[Value] = [s if self.op == "sin" else c]
         pattern = [s, c, w.neg(s), w.neg(c)] if self.op == "sin" else [c, w.neg(s), w.neg(c), s]
-        turn = w.vector([value or ZERO for value in pattern])
+        cycle = w.vector([value or ZERO for value in pattern])
         for v, power in enumerate(powers):
             inverse = [literal(1.0 / math.factorial(v * LANES + i)) for i in range(LANES)]
-            vector = w.lanewise("fmul", LANES, power, w.lanewise("fmul", LANES, turn, w.vector(inverse)))
+            vector = w.lanewise("fmul", LANES, power, w.lanewise("fmul", LANES, cycle, w.vector(inverse)))
             row += [w.lane(LANES, vector, i) for i in range(LANES) if v + i > 0]
         return row
 
 
-def powers_of(w: Writer, x: str, vectors: int) -> list[str]:
+def powers_of(w: IRWriter, x: str, vectors: int) -> list[str]:
     """x^0, x^1, ... in vectors."""
     square = w.binary("fmul", x, x)
     powers = [w.vector([ONE, x, square, w.binary("fmul", square, x)])]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from henon_ref.jit.ir_writer import ZERO, Value, Writer, literal
+from henon_ref.jit.ir_writer import ZERO, IRWriter, Value, literal
 from henon_ref.taylor.llvm.coefficients import Coefficients, Functions
 from henon_ref.taylor.llvm.convolutions import Convolutions, Pair
 from henon_ref.taylor.llvm.sums import LinearForm
@@ -35,7 +35,7 @@ class Constant:
 class Product:
     """y = a b."""
 
-    def __init__(self, w: Writer, a: Coefficients, b: Coefficients, convolutions: Convolutions, pair: Pair) -> None:
+    def __init__(self, w: IRWriter, a: Coefficients, b: Coefficients, convolutions: Convolutions, pair: Pair) -> None:
         self.w, self.a, self.b = w, a, b
         self.convolutions, self.pair = convolutions, pair
 
@@ -50,7 +50,7 @@ class Product:
 class Square:
     """y = a a: half the products."""
 
-    def __init__(self, w: Writer, a: Coefficients) -> None:
+    def __init__(self, w: IRWriter, a: Coefficients) -> None:
         self.w, self.a = w, a
 
     def coefficient(self, k: int) -> Value:
@@ -63,7 +63,7 @@ class Square:
 class QuotientTail:
     """Sum of (factor x_j) y_(k-j) over 1 <= j <= k: what a quotient's coefficient owes to its older ones."""
 
-    def __init__(self, w: Writer, x: Coefficients, y: Coefficients, convolutions: Convolutions, pair: Pair) -> None:
+    def __init__(self, w: IRWriter, x: Coefficients, y: Coefficients, convolutions: Convolutions, pair: Pair) -> None:
         self.w, self.x, self.y = w, x, y
         self.convolutions, self.pair = convolutions, pair
         self.factor: Value = None
@@ -93,7 +93,7 @@ class QuotientTail:
 class Quotient:
     """y = a / b."""
 
-    def __init__(self, w: Writer, functions: Functions, a: Coefficients, b: Coefficients, tail: QuotientTail) -> None:
+    def __init__(self, w: IRWriter, functions: Functions, a: Coefficients, b: Coefficients, tail: QuotientTail) -> None:
         self.w, self.functions, self.a, self.b, self.tail = w, functions, a, b, tail
 
     def coefficient(self, k: int) -> Value:
@@ -108,7 +108,7 @@ class Quotient:
 class Reciprocal:
     """y = c / (slope x + rest): where the denominator is such a form of one node, its coefficients are not wanted."""
 
-    def __init__(self, w: Writer, functions: Functions, c: Value, below: LinearForm, tail: QuotientTail) -> None:
+    def __init__(self, w: IRWriter, functions: Functions, c: Value, below: LinearForm, tail: QuotientTail) -> None:
         self.w, self.functions, self.c, self.below, self.tail = w, functions, c, below, tail
         self.inverse: Value = None
 
@@ -126,7 +126,7 @@ class Reciprocal:
 class Root:
     """y y = a."""
 
-    def __init__(self, w: Writer, functions: Functions, a: Coefficients, y: Coefficients) -> None:
+    def __init__(self, w: IRWriter, functions: Functions, a: Coefficients, y: Coefficients) -> None:
         self.w, self.functions, self.a, self.y = w, functions, a, y
 
     def coefficient(self, k: int) -> Value:
@@ -139,7 +139,7 @@ class Root:
 class Power:
     """y' a = c a' y, from y_0 = a_0^c."""
 
-    def __init__(self, w: Writer, functions: Functions, c: str, a: Coefficients, y: Coefficients) -> None:
+    def __init__(self, w: IRWriter, functions: Functions, c: str, a: Coefficients, y: Coefficients) -> None:
         self.w, self.functions, self.c, self.a, self.y = w, functions, c, a, y
 
     def coefficient(self, k: int) -> Value:
@@ -159,7 +159,7 @@ class IntegralOfProduct:
     """y' = sign a' factor, from y_0 = op(a_0)."""
 
     def __init__(
-        self, w: Writer, functions: Functions, op: str, sign: int, a: Coefficients, factor: Coefficients
+        self, w: IRWriter, functions: Functions, op: str, sign: int, a: Coefficients, factor: Coefficients
     ) -> None:
         self.w, self.functions, self.op, self.sign, self.a, self.factor = w, functions, op, sign, a, factor
 
@@ -177,7 +177,7 @@ class IntegralOfQuotient:
 
     def __init__(
         self,
-        w: Writer,
+        w: IRWriter,
         functions: Functions,
         op: str,
         sign: int,

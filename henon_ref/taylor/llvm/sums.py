@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from henon_ref.jit.ir_writer import Value, Writer
+from henon_ref.jit.ir_writer import IRWriter, Value
 from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Functions
 from henon_ref.taylor.llvm.linear_forms import Form
 
@@ -16,7 +16,7 @@ class StateIntegral(NamedTuple):
     source: int
     """Index of the other state."""
     rate: Value
-    """The factor, times sigma."""
+    """The factor, times the unit of time."""
 
 
 class LinearForm:
@@ -27,7 +27,7 @@ class LinearForm:
 
     def __init__(
         self,
-        w: Writer,
+        w: IRWriter,
         constants: Constants,
         functions: Functions,
         form: Form,
@@ -62,18 +62,18 @@ class IntegralOfForm:
     """A state x with x' = linear form, from its value at the start."""
 
     def __init__(
-        self, w: Writer, constants: Constants, form: Form, nodes: Mapping[int, Coefficients], start: Value
+        self, w: IRWriter, constants: Constants, form: Form, nodes: Mapping[int, Coefficients], start: Value
     ) -> None:
         self.w, self.constants, self.form, self.start = w, constants, form, start
         self.leaves, self.nodes = form.leaves(), nodes
-        self.rates = {leaf: w.mul(constants.total(factors), "%sigma") for leaf, factors in form.terms.items()}
-        """Factors of the nodes, times sigma."""
+        self.rates = {leaf: w.mul(constants.total(factors), "%unit") for leaf, factors in form.terms.items()}
+        """Factors of the nodes, times the unit of time."""
 
     def coefficient(self, k: int) -> Value:
         if k == 0:
             return self.start
         w, before, part = self.w, k - 1, 1.0 / k
-        total = w.mul(self.constants.total(self.form.constant), "%sigma") if before == 0 else None
+        total = w.mul(self.constants.total(self.form.constant), "%unit") if before == 0 else None
         for leaf in self.leaves[:-1]:
             total = w.fused(self.rates[leaf], self.nodes[leaf][before], total)
         total = w.scaled(part, total)
