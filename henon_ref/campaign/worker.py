@@ -22,7 +22,7 @@ from typing import Any, ClassVar
 from henon_ref.campaign.channel import framed, read_message
 from henon_ref.campaign.procfs import KNOWN, adopt_orphans, data_bytes, signal_with_parent
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
-from henon_ref.jit.processor_time import told_of_compiling
+from henon_ref.jit.processor_time import compile_listener
 from henon_ref.text import short_line
 from henon_ref.trajectory import Status
 
@@ -41,7 +41,7 @@ class WorkerState:
 
     def off_the_clock(self) -> AbstractContextManager[None]:
         """Where what is compiled does not count for the deadline of the job."""
-        return told_of_compiling(lambda seconds: self.tell(COMPILING, seconds))
+        return compile_listener(lambda seconds: self.tell(COMPILING, seconds))
 
 
 class Job(ABC):

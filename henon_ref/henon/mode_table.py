@@ -33,11 +33,11 @@ from henon_ref.henon.state import (
     VALID,
 )
 from henon_ref.jit.ir_writer import declarations, row_length
-from henon_ref.jit.native_module import MachineCode
+from henon_ref.jit.native_module import NativeModule
 from henon_ref.jit.processor_time import compiling
 from henon_ref.roots.bernstein import bernstein_code
 from henon_ref.taylor.llvm.expansion import expansion_ir
-from henon_ref.taylor.llvm.step_end import closing_ir
+from henon_ref.taylor.llvm.step_end import step_end_ir
 from henon_ref.taylor.tape import Tape, build_tape
 
 SURFACES = 8
@@ -70,7 +70,7 @@ class _Shape:
 
     expansion: Tape
     probe: Tape
-    code: MachineCode
+    code: NativeModule
     degree: int
     """Degree of states and guards where by their form they are polynomials in time, up to the order; else 0."""
     has_branch_points: bool
@@ -92,10 +92,10 @@ def _shape(
     degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
     degree = max(degrees) if max(degrees) <= order else 0
     has_branch_points = degree == 0 and any(node.op in BRANCHING for node in nodes)
-    code = MachineCode(
+    code = NativeModule(
         declarations()
         + expansion_ir(expansion, n, order, "expansion")
-        + closing_ir(n, len(outputs), order, "closing")
+        + step_end_ir(n, len(outputs), order, "closing")
         + expansion_ir(probe, n, 0, "probe")
         + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else "")
     )
@@ -193,7 +193,7 @@ class ModeTable:
             return 0, np.zeros(1)
         inputs = (*system.states, *system.signs)
         tape = build_tape(inputs, (), [system.normal_velocity(i) for i in range(len(system.surfaces))])
-        self._normals_code = MachineCode(declarations() + expansion_ir(tape, len(inputs), 0, "normals"))
+        self._normals_code = NativeModule(declarations() + expansion_ir(tape, len(inputs), 0, "normals"))
         return self._normals_code.address("normals"), np.array([*self._numbers(tape, {}), 0.0])
 
     def _own_row(self, mode: Mode) -> tuple[list[int], list[float], list[float]]:

@@ -17,7 +17,7 @@ from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.mode_table import double_double
 from henon_ref.jit.calls import call_expand
 from henon_ref.jit.ir_writer import declarations
-from henon_ref.jit.native_module import MachineCode
+from henon_ref.jit.native_module import NativeModule
 from henon_ref.jit.njit import inner, njit
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.tape import TIME, Tape, build_tape
@@ -55,7 +55,7 @@ class Kernel:
         tapes = [build_tape(system.states, (), part) for part in (equations.field, expressions)]
         names = ("field", "guards")
         parts = [expansion_ir(tape, n, 0, name) for tape, name in zip(tapes, names, strict=True)]
-        self._code = MachineCode(declarations() + "".join(parts))
+        self._code = NativeModule(declarations() + "".join(parts))
         self._addresses = np.array([self._code.address(name) for name in names])
         self._constants = tuple(_numbers(system, tape) for tape in tapes)
         self._room = np.zeros(3 * n), np.zeros(n + len(expressions))

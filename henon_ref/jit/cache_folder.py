@@ -158,7 +158,7 @@ def set_aside(folder: Path, why: object) -> None:
         note_unwritten(error)
     else:
         _SAID.add(aside.name)
-        _LOG.warning("%s (%s)", _aside_words([aside]), why)
+        _LOG.warning("%s (%s)", _set_aside_message([aside]), why)
 
 
 def note_unwritten(error: OSError) -> None:
@@ -195,7 +195,7 @@ def _signs(root: Path) -> set[str]:
 def _tell(root: Path, names: list[str]) -> None:
     aside = [root / name for name in names if name.startswith(ASIDE)]
     if aside:
-        _LOG.warning("%s", _aside_words(aside))
+        _LOG.warning("%s", _set_aside_message(aside))
     notes = [name for name in names if name.startswith(UNWRITTEN)]
     if notes:
         reason = os.strerror(int(notes[0].removeprefix(UNWRITTEN).partition("-")[0]))
@@ -205,7 +205,7 @@ def _tell(root: Path, names: list[str]) -> None:
             (root / name).unlink()
 
 
-def _aside_words(folders: list[Path]) -> str:
+def _set_aside_message(folders: list[Path]) -> str:
     more = f" and {len(folders) - 1} more" if folders[1:] else ""
     return f"cache folder was damaged, its code is compiled anew; set aside: {_named(folders[0])}{more}"
 

@@ -10,7 +10,7 @@ from henon_ref.jit.views import begin_of
 
 
 @intrinsic
-def call_expand(typing, address, t, low, sigma, x, constants, out):  # type: ignore[no-untyped-def]
+def call_expand(typing, address, t, low, unit, x, constants, out):  # type: ignore[no-untyped-def]
     """Call compiled Taylor coefficients by address (of views, or of arrays that are C-contiguous)."""
     signature = types.void(types.int64, types.float64, types.float64, types.float64, x, constants, out)
 

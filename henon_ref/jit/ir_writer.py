@@ -49,7 +49,7 @@ def declarations() -> str:
     return "\n".join(lines) + "\n"
 
 
-class Writer:
+class IRWriter:
     """Emits instructions into one function."""
 
     def __init__(self) -> None:

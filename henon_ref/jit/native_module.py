@@ -28,7 +28,7 @@ def _target() -> llvm.TargetMachine:
     return llvm.Target.from_default_triple().create_target_machine(cpu=processor, features=features, opt=2, jit=True)
 
 
-class MachineCode:
+class NativeModule:
     """A compiled module; its functions live as long as this object does.
 
     Parameters

@@ -47,8 +47,8 @@ def compiling() -> Iterator[None]:
 
 
 @contextmanager
-def told_of_compiling(listener: Callable[[float | None], None]) -> Iterator[None]:
-    """Have a function called with None whenever compiling begins, and with the seconds that it took when it ends."""
+def compile_listener(listener: Callable[[float | None], None]) -> Iterator[None]:
+    """Call a function with None whenever compiling begins, and with its processor time [s] when it ends."""
     _listeners.append(listener)
     try:
         yield

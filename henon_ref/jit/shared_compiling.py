@@ -24,8 +24,8 @@ except ImportError:  # elsewhere than on Unix every process compiles for itself
 
 LONGEST_WAIT = 60.0
 """Seconds after which a process that is at a function, and may hang, is not waited for any longer."""
-LOOK = 0.02
-"""Seconds between two looks whether it is done."""
+POLL_INTERVAL = 0.02
+"""Seconds from one test whether it is done to the next: a function takes tenths of a second and more."""
 
 Compiled = tuple[Any, tuple[Any, ...]]
 """A function and the types that it is to be compiled for."""
@@ -101,7 +101,7 @@ def _mine(file: IO[bytes], *, wait: bool) -> bool:
         except BlockingIOError:
             if time.monotonic() >= latest:
                 return False
-            time.sleep(LOOK)
+            time.sleep(POLL_INTERVAL)
         except OSError:  # a disk without locks
             return True
         else:

@@ -1,4 +1,4 @@
-"""Views of numbers in memory, for compiled code: what numba's arrays are, less what takes long to compile and hand on.
+"""Views of numbers in memory, for compiled code: pointers, and rows of one width, in place of numba's arrays.
 
 An array comes with sizes and strides, and a call hands it on as seven to eleven words; an entry is looked up with care
 for places below zero, a slice with care for places that are not there: thirty to fifty lines for LLVM, and two hundred.

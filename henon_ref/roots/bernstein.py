@@ -9,8 +9,8 @@ from __future__ import annotations
 from functools import cache
 from math import comb
 
-from henon_ref.jit.ir_writer import LANES, ZERO, Writer, declarations, literal, row_length
-from henon_ref.jit.native_module import MachineCode
+from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, declarations, literal, row_length
+from henon_ref.jit.native_module import NativeModule
 from henon_ref.roots.double import NONE, ROOT, SUBDIVIDE
 
 _VECTOR = f"<{LANES} x double>"
@@ -23,7 +23,7 @@ def bernstein_ir(order: int, name: str) -> str:
     that polynomial on [0, 1]; both have room for whole vectors. The value is ROOT where it falls through one root
     there, NONE where it falls through none, and SUBDIVIDE where the signs leave that open.
     """
-    w = Writer()
+    w = IRWriter()
     blocks = row_length(order) // LANES
     every = (1 << (order + 1)) - 1
     degree = w.emit(f"insertelement <{LANES} x i64> poison, i64 %degree, i64 0")
@@ -67,7 +67,7 @@ def _weight(order: int, k: int, i: int) -> float:
     return comb(i, k) / comb(order, k) if i <= order else 0.0
 
 
-def _gathered(w: Writer, mask: str, comparison: str, block: int) -> str:
+def _gathered(w: IRWriter, mask: str, comparison: str, block: int) -> str:
     """A mask with the bits of one more block."""
     bits = w.emit(f"bitcast <{LANES} x i1> {w.emit(comparison)} to i{LANES}")
     wide = w.emit(f"shl i64 {w.emit(f'zext i{LANES} {bits} to i64')}, {block * LANES}")
@@ -75,6 +75,6 @@ def _gathered(w: Writer, mask: str, comparison: str, block: int) -> str:
 
 
 @cache
-def bernstein_code(order: int) -> MachineCode:
+def bernstein_code(order: int) -> NativeModule:
     """Machine code with the function ``bernstein`` of an order."""
-    return MachineCode(declarations() + bernstein_ir(order, "bernstein"))
+    return NativeModule(declarations() + bernstein_ir(order, "bernstein"))

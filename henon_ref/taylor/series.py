@@ -5,9 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from operator import mul
+from operator import add, mul, sub
 from typing import Any
 
+from henon_ref.taylor.rules import (
+    RULES,
+    SELF,
+    IntegralOfProduct,
+    IntegralOfQuotient,
+    Linear,
+    Power,
+    Product,
+    Quotient,
+    Root,
+)
 from henon_ref.taylor.tape import Tape
 
 
@@ -87,29 +98,43 @@ def _step(op: str, y: Series, args: Sequence[Series], c: Series, time: Any, unit
     if op in ("constant", "clock"):
         return _listed(y, c if op == "constant" else [c[0] + c[1] * time, c[1] * unit], 0 * c[0])
     a, b = args[0], args[-1]
-    if op in ("scale", "shift", "rsub", "recip"):
-        return _WITH_NUMBER[op](y, a, c[0])
-    if op in _RATIONAL:
-        return _RATIONAL[op](y, a, b)
-    if op == "power":
-        return _power(y, a, c[0], ring.power)
-    function = ring.functions[op]
-    if op == "sqrt":
-        return _root(y, a, function)
-    if op in ("log", "atan", "asin", "acos"):
-        return _quotient(y, a, b, -1 if op == "acos" else 1, function)
-    return _product_integral(y, a, y if op == "exp" else b, -1 if op == "cos" else 1, function)
+    match RULES[op]:
+        case Linear() as rule:
+            return _linear(rule, y, a, b, c[0] if c else None)
+        case Product():
+            return _square(y, a) if a is b else _product(y, a, b)
+        case Quotient(above=above):
+            return _reciprocal(y, a, c[0]) if above == "c" else _ratio(y, a, b)
+        case Power():
+            return _power(y, a, c[0], ring.power)
+        case Root():
+            return _root(y, a, ring.functions[op])
+        case IntegralOfProduct(sign, factor):
+            return _integral_of_product(y, a, y if factor == SELF else b, sign, ring.functions[op])
+        case IntegralOfQuotient(sign):
+            return _integral_of_quotient(y, a, b, sign, ring.functions[op])
 
 
 def _listed(y: Series, values: Series, zero: Any) -> Step:
     return lambda k: y.append(values[k] if k < len(values) else zero)
 
 
+def _linear(rule: Linear, y: Series, a: Series, b: Series, c: Any) -> Step:
+    if rule.second:
+        combined = add if rule.second > 0 else sub
+        return lambda k: y.append(combined(a[k], b[k]))
+    if rule.constant == "factor":
+        return lambda k: y.append(c * a[k])
+    if rule.first < 0:
+        return lambda k: y.append(-a[k] if k else c - a[0])
+    return lambda k: y.append(a[k] if k else a[0] + c)
+
+
 def _product(y: Series, a: Series, b: Series) -> Step:
     return lambda k: y.append(sum(map(mul, a, b[k::-1])))
 
 
-def _square(y: Series, a: Series, _: Series) -> Step:
+def _square(y: Series, a: Series) -> Step:
     def step(k: int) -> None:
         half = 2 * sum(map(mul, a[: (k + 1) // 2], a[k : k // 2 : -1]))
         y.append(half if k % 2 else half + a[k // 2] * a[k // 2])
@@ -139,7 +164,7 @@ def _power(y: Series, a: Series, c: Any, power: Callable[[Any, Any], Any]) -> St
     return step
 
 
-def _product_integral(y: Series, a: Series, q: Series, sign: int, function: Callable[[Any], Any]) -> Step:
+def _integral_of_product(y: Series, a: Series, q: Series, sign: int, function: Callable[[Any], Any]) -> Step:
     """y with y' = sign a' q."""
     slopes: Series = []
 
@@ -153,7 +178,7 @@ def _product_integral(y: Series, a: Series, q: Series, sign: int, function: Call
     return step
 
 
-def _quotient(y: Series, a: Series, q: Series, sign: int, function: Callable[[Any], Any]) -> Step:
+def _integral_of_quotient(y: Series, a: Series, q: Series, sign: int, function: Callable[[Any], Any]) -> Step:
     """y with y' q = sign a'."""
     slopes: Series = []
 
@@ -166,18 +191,3 @@ def _quotient(y: Series, a: Series, q: Series, sign: int, function: Callable[[An
         y.append(slope / k)
 
     return step
-
-
-_RATIONAL: dict[str, Callable[[Series, Series, Series], Step]] = {
-    "add": lambda y, a, b: lambda k: y.append(a[k] + b[k]),
-    "sub": lambda y, a, b: lambda k: y.append(a[k] - b[k]),
-    "mul": _product,
-    "square": _square,
-    "div": _ratio,
-}
-_WITH_NUMBER: dict[str, Callable[[Series, Series, Any], Step]] = {
-    "scale": lambda y, a, c: lambda k: y.append(c * a[k]),
-    "shift": lambda y, a, c: lambda k: y.append(a[k] if k else a[0] + c),
-    "rsub": lambda y, a, c: lambda k: y.append(-a[k] if k else c - a[0]),
-    "recip": _reciprocal,
-}

@@ -1,9 +1,9 @@
 """The Taylor tape: a smooth field written once as elementary operations with known coefficient recurrences.
 
-Every node stands for a function of time along the solution; its Taylor coefficients follow from those of
-its arguments by the classical recurrences (Jorba and Zou, *Experimental Mathematics* 14, 2005, Sec. 2).
-The same tape is turned into machine code (:mod:`henon_ref.taylor.llvm.expansion`) and run over any ring
-(:mod:`henon_ref.taylor.series`): floats, ball arithmetic.
+Every node stands for a function of time along the solution; its Taylor coefficients follow from those of its arguments
+by the classical recurrences (Jorba and Zou, *Experimental Mathematics* 14, 2005, Sec. 2), whose equations are in
+:mod:`henon_ref.taylor.rules`. The same tape is turned into machine code (:mod:`henon_ref.taylor.llvm.expansion`) and
+run over any ring (:mod:`henon_ref.taylor.series`): floats, ball arithmetic.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.taylor.rules import RULES, Linear, Product, Quotient
 from henon_ref.taylor.size import size
 
 TIME = sp.Symbol("t", real=True)
@@ -293,13 +294,14 @@ def _degree(node: Node, known: Sequence[int]) -> int:
     if not node.args:
         return 1 if node.op == "clock" else 0
     first, second = known[node.args[0]], known[node.args[-1]] if node.args[-1] < len(known) else INFINITE
-    if node.op in ("add", "sub"):
-        return max(first, second)
-    if node.op in ("mul", "square"):
-        return min(first + second, INFINITE)
-    if node.op in ("scale", "shift", "rsub") or (first == 0 and node.op != "div"):
-        return first
-    return first if node.op == "div" and second == 0 else INFINITE
+    match RULES[node.op]:
+        case Linear():
+            return max(first, second)
+        case Product():
+            return min(first + second, INFINITE)
+        case Quotient("a", "b"):
+            return first if second == 0 else INFINITE
+    return 0 if first == 0 else INFINITE
 
 
 def _repeated(expressions: Iterable[sp.Expr]) -> frozenset[sp.Expr]:

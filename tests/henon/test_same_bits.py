@@ -24,7 +24,7 @@ from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.target import target
 from henon_ref.roots.bernstein import bernstein_ir
 from henon_ref.taylor.llvm.expansion import expansion_ir
-from henon_ref.taylor.llvm.step_end import closing_ir
+from henon_ref.taylor.llvm.step_end import step_end_ir
 from henon_ref.taylor.tape import TIME, build_tape
 
 SUPPORT = Path(__file__).parents[1] / "support"
@@ -84,7 +84,7 @@ def test_nothing_is_written_with_licence_to_fuse_or_reorder() -> None:
     functions = (sp.sin, sp.cos, sp.tan, sp.sinh, sp.cosh, sp.tanh, sp.asin, sp.acos, sp.atan, sp.exp, sp.log, sp.sqrt)
     field = [sum(f(x + TIME) for f in functions), x**3 / (1 + y) + y ** sp.Rational(1, 3) + sp.sin(3 * TIME)]
     tape = build_tape((x, y), field, [x - y, x * y])
-    text = declarations() + expansion_ir(tape, 2, 13, "f") + closing_ir(2, 2, 13, "g") + bernstein_ir(13, "h")
+    text = declarations() + expansion_ir(tape, 2, 13, "f") + step_end_ir(2, 2, 13, "g") + bernstein_ir(13, "h")
     assert "@llvm.fma.v4f64" in text
     assert not LICENCE.findall(text)
 

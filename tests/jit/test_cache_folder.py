@@ -224,7 +224,7 @@ def test_a_command_tells_what_its_workers_have_met(folder: Path, capfd: pytest.C
     inner = cache_root() / "numba-0123456789abcdef"
     inner.mkdir()
     code = (
-        "from pathlib import Path; from henon_ref import cachefolder as c; import errno, sys\n"
+        "from pathlib import Path; from henon_ref.jit import cache_folder as c; import errno, sys\n"
         "c.set_aside(Path(sys.argv[1]), 'damaged'); c.note_unwritten(OSError(errno.ENOSPC, 'full'))"
     )
     with warnings_shown(), watched_cache():

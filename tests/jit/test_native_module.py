@@ -9,7 +9,7 @@ import llvmlite.binding as llvm
 import pytest
 
 from henon_ref.jit import native_module as machine
-from henon_ref.jit.native_module import MachineCode
+from henon_ref.jit.native_module import NativeModule
 
 IR = """\
 define double @answer(double %x) {
@@ -27,7 +27,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def answer(ir: str = IR) -> float:
-    code = MachineCode(ir)
+    code = NativeModule(ir)
     return float(ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(code.address("answer"))(21.0))
 
 

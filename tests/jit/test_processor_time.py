@@ -13,7 +13,7 @@ from henon_ref.henon.mode_table import ModeTable
 from henon_ref.henon.run import Run
 from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.jit import processor_time
-from henon_ref.jit.processor_time import Deadline, compiling, run_time, told_of_compiling
+from henon_ref.jit.processor_time import Deadline, compile_listener, compiling, run_time
 
 
 class Clocks:
@@ -59,7 +59,7 @@ def test_none_never_passes(clocks):
 
 def test_what_is_compiled_is_off_the_clock(clocks):
     deadline, began, told = Deadline(1.0), run_time(), []
-    with told_of_compiling(told.append), compiling():
+    with compile_listener(told.append), compiling():
         clocks.work(5.0)
         with compiling():
             clocks.wait(2.0)

@@ -12,7 +12,7 @@ import pytest
 import sympy as sp
 
 from henon_ref.jit.ir_writer import declarations, row_length
-from henon_ref.jit.native_module import MachineCode
+from henon_ref.jit.native_module import NativeModule
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.linear_forms import Forms
 from henon_ref.taylor.series import expand
@@ -23,7 +23,7 @@ a, b = sp.symbols("a b", real=True)
 
 
 def run(tape: Tape, constants: list[float], t: tuple[float, float], at: list[float], order: int) -> np.ndarray:
-    code = MachineCode(declarations() + expansion_ir(tape, len(at), order, "f"))
+    code = NativeModule(declarations() + expansion_ir(tape, len(at), order, "f"))
     function = ctypes.CFUNCTYPE(None, *[ctypes.c_double] * 3, *[ctypes.c_void_p] * 3)(code.address("f"))
     k, start = np.array(constants), np.array(at)
     out = np.zeros((len(at) + len(tape.outputs) + 1, row_length(order)))
@@ -34,7 +34,7 @@ def run(tape: Tape, constants: list[float], t: tuple[float, float], at: list[flo
 def test_sines_of_a_phase_are_right_to_a_unit_of_the_last_place() -> None:
     """sin and cos of w t + p in double-double, from tiny phases to beyond the reach of the reduction."""
     tape = build_tape((x,), [x], [sp.sin(a * TIME + b), sp.cos(a * TIME + b)])
-    code = MachineCode(declarations() + expansion_ir(tape, 1, 0, "f"))
+    code = NativeModule(declarations() + expansion_ir(tape, 1, 0, "f"))
     function = ctypes.CFUNCTYPE(None, *[ctypes.c_double] * 3, *[ctypes.c_void_p] * 3)(code.address("f"))
     drawn = random.Random(7)
     worst = 0.0
@@ -92,7 +92,7 @@ def test_lanes_of_convolutions_add_up(order: int) -> None:
         [7 / (2 + y), 1 / (3 + x) - 5 / (2 + y), z / (4 + z)],
     ],
 )
-def test_factors_taken_into_what_they_multiply(field: list[sp.Expr], order: int) -> None:
+def test_coefficients_are_those_of_the_recurrences_whatever_is_folded(field: list[sp.Expr], order: int) -> None:
     """Whatever is folded, skipped or stored from another row: the coefficients are those of plain recurrences."""
     tape = build_tape((x, y, z), field, [x - 2 * y, z * x + sp.cos(3 * TIME)])
     numbers = [float(c) for c in tape.constants]
@@ -122,7 +122,7 @@ def test_linear_forms_stop_at_what_a_product_reads() -> None:
 def test_a_reciprocal_reads_through_scale_and_shift() -> None:
     tape = build_tape((x, y), [1 / (1 + a * (y - b)), x], [])
     forms = Forms(tape)
-    (base, _), *others = forms.bases.values()
+    (base, _), *others = forms.affine_arguments.values()
     assert tape.nodes[base].op == "state"
     assert not others
     assert not forms.kept

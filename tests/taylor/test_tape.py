@@ -13,7 +13,7 @@ from flint import arb
 
 from henon_ref.errors import ModelError
 from henon_ref.jit.ir_writer import declarations, row_length
-from henon_ref.jit.native_module import MachineCode
+from henon_ref.jit.native_module import NativeModule
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.series import Ring, expand
 from henon_ref.taylor.tape import INFINITE, TIME, build_tape
@@ -67,7 +67,7 @@ def test_machine_code_computes_what_the_tape_says(f: sp.Expr) -> None:
     numbers = [float(c) for c in tape.constants]
     order, sigma = 9, 0.25
     states, outputs = expand(tape, numbers, 0.3, [0.2, -0.4], order)
-    code = MachineCode(declarations() + expansion_ir(tape, 2, order, "f"))
+    code = NativeModule(declarations() + expansion_ir(tape, 2, order, "f"))
     function = ctypes.CFUNCTYPE(None, *[ctypes.c_double] * 3, *[ctypes.c_void_p] * 3)(code.address("f"))
     k, start, out = np.array([*numbers, *[0.0] * len(numbers)]), np.array([0.2, -0.4]), np.zeros((4, row_length(order)))
     function(0.3, 0.0, sigma, start.ctypes.data, k.ctypes.data, out.ctypes.data)
@@ -92,7 +92,7 @@ def test_a_phase_keeps_its_digits_at_late_times() -> None:
     for c in tape.constants:
         value = sp.N(c, 40)
         pairs.append((float(value), float(value - sp.Float(float(value), 50))))
-    code = MachineCode(declarations() + expansion_ir(tape, 1, 2, "f"))
+    code = NativeModule(declarations() + expansion_ir(tape, 1, 2, "f"))
     function = ctypes.CFUNCTYPE(None, *[ctypes.c_double] * 3, *[ctypes.c_void_p] * 3)(code.address("f"))
     k = np.array([p[0] for p in pairs] + [p[1] for p in pairs])
     start, out = np.array([0.0]), np.zeros((2, row_length(2)))

@@ -15,7 +15,7 @@ from henon_ref.henon.run import Run
 from henon_ref.henon.solver import HENON_SOLVER, order_for
 from henon_ref.henon.state import HENON
 from henon_ref.taylor.llvm.expansion import expansion_ir
-from henon_ref.taylor.llvm.step_end import closing_ir
+from henon_ref.taylor.llvm.step_end import step_end_ir
 from henon_ref.taylor.tape import build_tape
 
 RTOL = 1e-12
@@ -103,7 +103,7 @@ def work(problem: Problem) -> Work:
     return Work(
         expansion=counts[0],
         stick=counts[1],
-        closing=count(closing_ir(n, 1, order, "closing")),
+        closing=count(step_end_ir(n, 1, order, "closing")),
         steps=made.steps,
         expansions=made.rhs_evaluations,
         in_stick=in_stick,

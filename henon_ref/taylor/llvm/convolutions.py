@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from henon_ref.jit.ir_writer import LANES, ZERO, Value, Writer
+from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value
 from henon_ref.taylor.tape import INFINITE, Tape
 
-SHORTEST = 8
-"""Order from which convolutions go in vectors."""
+VECTOR_ORDER = 8
+"""Order from which convolutions go in vectors: below it a sum has one or two products for a lane."""
 
 Pair = tuple[int, int, int]
 """Nodes u and v, and the node whose recurrence wants the sum of u_j v_(k-j)."""
@@ -22,10 +22,10 @@ class Convolutions:
     and the middle) is for whoever asks.
     """
 
-    def __init__(self, w: Writer, series: Callable[[int], Sequence[Value]], pairs: Sequence[Pair], order: int) -> None:
+    def __init__(self, w: IRWriter, series: Mapping[int, Sequence[Value]], pairs: Sequence[Pair], order: int) -> None:
         self.w, self.series, self.order = w, series, order
         half = LANES // 2
-        wanted = list(pairs) if order >= SHORTEST else []
+        wanted = list(pairs) if order >= VECTOR_ORDER else []
         self.groups = [wanted[i : i + half] for i in range(0, len(wanted), half)]
         self.operands: list[dict[int, tuple[str, str]]] = [{} for _ in self.groups]
         self.sums: dict[tuple[Pair, int], str] = {}
@@ -40,9 +40,9 @@ class Convolutions:
     def left(self, pair: Pair, k: int) -> Value:
         """u_k of a pair, times its factor if it has one."""
         if pair not in self._scales:
-            return self.series(pair[0])[k]
+            return self.series[pair[0]][k]
         if (pair, k) not in self._scaled:
-            self._scaled[pair, k] = self.w.mul(self._scales[pair], self.series(pair[0])[k])
+            self._scaled[pair, k] = self.w.mul(self._scales[pair], self.series[pair[0]][k])
         return self._scaled[pair, k]
 
     def pack(self, k: int) -> None:
@@ -50,7 +50,7 @@ class Convolutions:
         if k < 2 or k > self.order - 2:
             return
         for group, operands in zip(self.groups, self.operands, strict=True):
-            values = [v or ZERO for pair in group for v in (self.left(pair, k), self.series(pair[1])[k])]
+            values = [v or ZERO for pair in group for v in (self.left(pair, k), self.series[pair[1]][k])]
             packed = self.w.vector(values)
             swapped = self.w.shuffled(len(values), packed, [i ^ 1 for i in range(len(values))])
             operands[k] = packed, swapped
@@ -70,7 +70,7 @@ class Convolutions:
 
     def parts(self, pair: Pair, k: int) -> tuple[Value, Value]:
         """Sum of u_j v_(k-j) over 2 <= j <= k - 2 in two parts: what comes late, and what is there early."""
-        w, v = self.w, self.series(pair[1])
+        w, v = self.w, self.series[pair[1]]
         if pair not in self.grouped:
             return None, w.total([(self.left(pair, j), v[k - j]) for j in range(2, k - 1)])
         middle = w.mul(self.left(pair, k // 2), v[k // 2]) if k % 2 == 0 and k >= 4 else None
@@ -78,7 +78,7 @@ class Convolutions:
 
     def inner(self, pair: Pair, k: int) -> Value:
         """Sum of u_j v_(k-j) over 1 <= j <= k - 1."""
-        w, (u, v) = self.w, (self.series(pair[0]), self.series(pair[1]))
+        w, (u, v) = self.w, (self.series[pair[0]], self.series[pair[1]])
         if k == 2:
             return w.mul(u[1], v[1])
         total, rest = self.parts(pair, k)
@@ -88,14 +88,14 @@ class Convolutions:
         return w.add(rest, total)
 
 
-def convolved(tape: Tape, bases: Callable[[int], int]) -> list[Pair]:
-    """The products worth a lane: of nodes that are no polynomials in time; ``bases``: what a node is read as."""
+def convolved(tape: Tape, denominator: Callable[[int], int]) -> list[Pair]:
+    """The products worth a lane: of nodes that are no polynomials in time; ``denominator``: what a node is read as."""
     pairs: list[Pair] = []
     for at, node in enumerate(tape.nodes):
         if node.op == "mul":
             pair = node.args[0], node.args[1], at
         elif node.op in ("recip", "div"):
-            pair = bases(node.args[-1]), at, at
+            pair = denominator(node.args[-1]), at, at
         else:
             continue
         if all(tape.nodes[i].degree == INFINITE for i in pair):

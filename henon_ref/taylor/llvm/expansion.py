@@ -1,32 +1,50 @@
 """Straight-line machine code for the Taylor coefficients of one mode, from its tape.
 
-The tape is unrolled to a fixed order and written as LLVM IR: every coefficient is one value, structural
-zeros (a constant's derivatives, a clock's beyond the first) never become instructions, squares are halved,
-sums are taken together (:mod:`henon_ref.taylor.llvm.linear_forms`), convolutions share the lanes of vectors
-(:mod:`henon_ref.taylor.llvm.recurrences`). Time is measured in units of ``sigma``, about the size of a step, so
-that coefficients neither overflow nor vanish whatever the units of the model.
+The tape is unrolled to a fixed order and written as LLVM IR: every coefficient is one value, structural zeros (a
+constant's derivatives, a clock's beyond the first) never become instructions, squares are halved, sums are taken
+together (:mod:`henon_ref.taylor.llvm.linear_forms`), convolutions share the lanes of vectors
+(:mod:`henon_ref.taylor.llvm.convolutions`). One object a node writes its coefficients in turn (``recurrences``,
+``sums``, ``functions_of_time``); here they are made and called. Time is measured in a unit of about
+the size of a step, so that coefficients neither overflow nor vanish whatever the units of the model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from itertools import count
 
-from henon_ref.jit.ir_writer import LANES, MINUS, ONE, Value, Writer, row_length
+from henon_ref.jit.ir_writer import LANES, IRWriter, Value, row_length
+from henon_ref.taylor import rules
+from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Functions
 from henon_ref.taylor.llvm.convolutions import Convolutions, convolved
+from henon_ref.taylor.llvm.functions_of_time import Clock, SineOfTime
 from henon_ref.taylor.llvm.layout import store_combination, store_integral, store_values
-from henon_ref.taylor.llvm.linear_forms import LINEAR, Factor, Form, Forms
-from henon_ref.taylor.llvm.recurrences import Recurrences
-from henon_ref.taylor.llvm.step_bounds import inverse_size, longest, norms
+from henon_ref.taylor.llvm.linear_forms import Form, Forms
+from henon_ref.taylor.llvm.recurrences import (
+    Constant,
+    IntegralOfProduct,
+    IntegralOfQuotient,
+    Power,
+    Product,
+    Quotient,
+    QuotientTail,
+    Reciprocal,
+    Recurrence,
+    Root,
+    Square,
+)
+from henon_ref.taylor.llvm.step_bounds import inverse_size, last_terms, longest_step
+from henon_ref.taylor.llvm.sums import IntegralOfForm, LinearForm, StateIntegral
 from henon_ref.taylor.tape import Node, Tape
 
 
 def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | None = None) -> str:
-    """LLVM IR of ``void name(double t_hi, double t_lo, double sigma, double* x, double* K, double* C)``.
+    """LLVM IR of ``void name(double t_hi, double t_lo, double unit, double* x, double* K, double* C)``.
 
+    ``t_hi + t_lo`` is the time at the start [s], ``unit`` the unit of time of the coefficients [s], ``x`` the state.
     ``K`` holds the constants rounded to double, then what that rounding lost. ``C`` receives the Taylor
-    coefficients in units of sigma, a row a state, then one an output; and behind the rows, for ``order`` >= 3, the
-    largest last and last but one coefficient relative to the row's size on a step of sigma, a sum that is not finite
+    coefficients in that unit of time, a row a state, then one an output; and behind the rows, for ``order`` >= 3, the
+    largest last and last but one coefficient relative to the row's size on a step of one unit, a sum that is not finite
     where any coefficient is not, and the longest step that the exponentials allow.
 
     Parameters
@@ -41,226 +59,162 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
     width : int, optional
         Doubles from one row to the next where that is not the :func:`row_length` of the order (an order below 4).
     """
-    w = Writer()
-    expander = _Expander(w, tape, states, order)
-    expander.run()
+    w = IRWriter()
+    expansion = _Expansion(w, tape, states, order)
+    expansion.run()
     width = row_length(order) if width is None else width
-    expander.store(width)
+    expansion.store(width)
     if order >= 3:
-        rows = [*expander.solution, *expander.outputs]
-        tails = [(n.op, expander.series(n.args[0])) for n in tape.nodes if n.op in ("exp", "sinh", "tanh")]
-        for at, value in enumerate([*norms(w, rows, expander.sizes, order), longest(w, tails)]):
+        rows = [*expansion.solution, *expansion.outputs]
+        exponentials = [(n.op, expansion.series[n.args[0]]) for n in tape.nodes if n.op in ("exp", "sinh", "tanh")]
+        for at, value in enumerate([*last_terms(w, rows, expansion.sizes, order), longest_step(w, exponentials)]):
             w.store(value, "%C", len(rows) * width + at)
     body = "\n".join(w.lines)
     return (
-        f"define void @{name}(double %t_hi, double %t_lo, double %sigma, ptr noalias %x, ptr noalias %K, "
+        f"define void @{name}(double %t_hi, double %t_lo, double %unit, ptr noalias %x, ptr noalias %K, "
         f"ptr noalias %C) {{\nentry:\n{body}\n  ret void\n}}\n"
     )
 
 
-class _Expander:
-    """Goes through the tape order by order."""
+class _Expansion:
+    """Writes all recurrences of a tape, order by order."""
 
-    def __init__(self, w: Writer, tape: Tape, states: int, order: int) -> None:
+    def __init__(self, w: IRWriter, tape: Tape, states: int, order: int) -> None:
         self.w, self.tape, self.states, self.order = w, tape, states, order
         self.forms = Forms(tape)
-        self._constants: dict[tuple[int, bool], str] = {}
-        self._factors: dict[Factor, Value] = {}
-        self._series: list[list[Value]] = [[] for _ in tape.nodes]
-        for node in tape.nodes:  # loads first: they wait for nothing
-            for index in node.constants:
-                self.constant(index, False)
-                if node.op == "clock":
-                    self.constant(index, True)
-        self.solution: list[list[Value]] = [[w.load("%x", i)] for i in range(states)]
-        for at, node in enumerate(tape.nodes):
-            if node.op == "state":
-                self._series[at] = self.solution[node.args[0]]
-        self.field = [self.forms.of(root) for root in tape.field]
-        self.targets = [self.forms.of(root) for root in tape.outputs]
+        self.constants, self.functions = Constants(w, tape), Functions(w)
+        self.solution = [Coefficients(w, [w.load("%x", i)]) for i in range(states)]
+        self.series = {
+            at: self.solution[node.args[0]] if node.op == "state" else Coefficients(w)
+            for at, node in enumerate(tape.nodes)
+        }
+        field = [self.forms.of(root) for root in tape.field]
+        self.output_forms = [self.forms.of(root) for root in tape.outputs]
         self.kept = {at: self.forms.of(at) for at in self.forms.kept}
-        self.shares = self._shares()
-        self.convolutions = Convolutions(w, self.series, convolved(tape, self._base), order)
-        self.recurrences = Recurrences(w, tape, self.constant, self.convolutions, self.series, self.shares, order)
-        self.rates = [self._rates(form) for form in self.field]
-        self.followed = self._followed()
-        self.needed_last = self._needed([leaf for form in self.targets for leaf in form.terms])
+        self.convolutions = Convolutions(w, self.series, convolved(tape, self.forms.denominator), order)
+        starts = [row[0] for row in self.solution]
+        self.rates = [
+            IntegralOfForm(w, self.constants, form, self.series, start)
+            for form, start in zip(field, starts, strict=False)
+        ]
+        self.integral_states = self._integral_states()
+        self.integrals = {
+            at: (self.solution[found.source], found.rate)
+            for at, node in enumerate(tape.nodes)
+            if node.op == "state" and (found := self.integral_states.get(node.args[0]))
+        }
+        self.targets = [self._linear(form) for form in self.output_forms]
+        self.recurrences: dict[int, Recurrence] = {}
+        for at, node in enumerate(tape.nodes):
+            if at in self.kept:
+                self.recurrences[at] = self._linear(self.kept[at])
+            elif node.op not in (*rules.LINEAR, "state"):
+                self.recurrences[at] = self._recurrence(at, node)
         self.outputs: list[list[Value]] = []
         self.sizes: list[str] = []
 
-    def constant(self, index: int, low: bool) -> str:
-        """A constant of the tape, or what rounding it lost."""
-        key = (index, low)
-        if key not in self._constants:
-            at = index + (len(self.tape.constants) if low else 0)
-            self._constants[key] = self.w.load("%K", at)
-        return self._constants[key]
+    def _linear(self, form: Form) -> LinearForm:
+        return LinearForm(self.w, self.constants, self.functions, form, self.series, self.integrals)
 
-    def series(self, at: int) -> list[Value]:
-        """Coefficients of a node known so far."""
-        return self._series[at]
+    def _recurrence(self, at: int, node: Node) -> Recurrence:
+        """What writes the coefficients of a node that is no sum."""
+        w, functions, y = self.w, self.functions, self.series[at]
+        numbers = [self.constants.value(index) for index in node.constants]
+        if node.op == "constant":
+            return Constant(numbers[0])
+        if node.op == "clock":
+            start, slope = node.constants
+            return Clock(w, self.constants, start, slope, self.order)
+        clock = self.recurrences.get(node.args[0])
+        if isinstance(clock, Clock) and node.op in ("sin", "cos"):
+            return SineOfTime(w, node.op, clock)
+        a, b = self.series[node.args[0]], self.series[node.args[-1]]
+        match rules.RULES[node.op]:
+            case rules.Product():
+                return Square(w, a) if a is b else Product(w, a, b, self.convolutions, (node.args[0], node.args[1], at))
+            case rules.Quotient(above="c"):
+                below = self.forms.below(node.args[0])
+                (x,) = below.terms
+                return Reciprocal(w, functions, numbers[0], self._linear(below), self._tail(x, at))
+            case rules.Quotient():
+                return Quotient(w, functions, a, b, self._tail(node.args[1], at))
+            case rules.Root():
+                return Root(w, functions, a, y)
+            case rules.Power():
+                return Power(w, functions, numbers[0], a, y)
+            case rules.IntegralOfProduct(sign) as rule:
+                factor = self.series[rule.place(at, node.args)]
+                return IntegralOfProduct(w, functions, node.op, sign, a, factor)
+            case rules.IntegralOfQuotient(sign) as rule:
+                factor = self.series[rule.place(at, node.args)]
+                return IntegralOfQuotient(w, functions, node.op, sign, a, factor, y)
+        raise NotImplementedError(node.op)
+
+    def _tail(self, x: int, at: int) -> QuotientTail:
+        return QuotientTail(self.w, self.series[x], self.series[at], self.convolutions, (x, at, at))
 
     def run(self) -> None:
         """Write the coefficients of all nodes that are wanted, of the states and of the outputs."""
         w, order = self.w, self.order
-        wanted = [at for at, n in enumerate(self.tape.nodes) if at in self.kept or n.op not in (*LINEAR, "state")]
+        last = self._read_by(leaf for form in self.output_forms for leaf in form.terms)
         for k in range(order + 1):
             self.convolutions.add_up(k)
-            for at in wanted:
-                if k < order or order == 0 or at in self.needed_last:
-                    self._series[at].append(self._value(at, k))
-                else:
-                    self._series[at].append(None)
+            for at, recurrence in self.recurrences.items():
+                wanted = k < order or order == 0 or at in last
+                self.series[at].append(recurrence.coefficient(k) if wanted else None)
             if k < order:
-                for target, form, rate in zip(self.solution, self.field, self.rates, strict=True):
-                    target.append(self._slope(form, rate, k))
+                for row, rate in zip(self.solution, self.rates, strict=True):
+                    row.append(rate.coefficient(k + 1))
             self.convolutions.pack(k)
             if k == 2 and order >= 3:  # divisions are waited for least where they begin early
-                rows = [*self.solution, *([self.linear(form, j) for j in range(3)] for form in self.targets)]
-                self.sizes = [inverse_size(w, row) for row in rows]
-        self.outputs = [self._output(form) for form in self.targets]
+                rows = [*self.solution, *([target.coefficient(j) for j in range(3)] for target in self.targets)]
+                self.sizes = [inverse_size(w, values) for values in rows]
+        self.outputs = [self._output(target) for target in self.targets]
 
-    # -- linear parts -----------------------------------------------------------------------------------
-
-    def factor(self, factors: Sequence[Factor]) -> Value:
-        """A sum of products of constants (1 for an empty product)."""
-        total: Value = None
-        for f in factors:
-            if f not in self._factors:
-                product: Value = ONE
-                for index in f.constants:
-                    product = self.w.mul(product, self.constant(index, False))
-                if f.sign < 0:
-                    product = MINUS if product == ONE else self.w.neg(product)
-                self._factors[f] = product
-            total = self.w.add(total, self._factors[f])
-        return total
-
-    def linear(self, form: Form, k: int) -> Value:
-        """Coefficient k of a form."""
-        w = self.w
-        total = self.factor(form.constant) if k == 0 and form.constant else None
-        newest: list[tuple[Value, Value]] = []
-        for leaf in form.leaves():
-            factor = ONE if leaf in self.shares else self.factor(form.terms[leaf])
-            if k > 0 and self._state(leaf) in self.followed:  # not by way of the state: from what its rate reads
-                source, rate = self.followed[self._state(leaf)]
-                newest.append((w.scaled(1.0 / k, self._product(rate, factor)), self.solution[source][k - 1]))
+    def store(self, width: int) -> None:
+        """Store all rows: of a state that is another's integral and of an output from rows that are there already."""
+        w, order = self.w, self.order
+        for i, row in enumerate(self.solution):
+            if i not in self.integral_states:
+                store_values(w, row, i, width)
+        for i, integral in self.integral_states.items():
+            store_integral(w, self.solution[i], i, integral, order)
+        for r, target, values in zip(count(self.states), self.targets, self.outputs, strict=False):
+            if self._by_vectors(target):
+                parts = {self._state(leaf): target.factor(leaf) for leaf in target.form.terms}
+                store_combination(w, values[0], r, parts, order)
             else:
-                total = w.fused(factor, self._series[leaf][k], total)
-        for weight, value in newest:
-            total = w.fused(weight, value, total)
-        return total
+                store_values(w, values, r, width)
 
-    def _product(self, a: Value, b: Value) -> Value:
-        return self.recurrences.made("product", a, b, make=lambda: self.w.mul(a, b))
+    def _output(self, target: LinearForm) -> list[Value]:
+        """Coefficients of an output; of one that is linear in the states only those that the norms read."""
+        ends = {0, 1, 2, self.order - 1, self.order}
+        sparse = self._by_vectors(target)
+        return [target.coefficient(k) if not sparse or k in ends else None for k in range(self.order + 1)]
 
-    def _rates(self, form: Form) -> dict[int, Value]:
-        """Factors of a state's rate, times sigma."""
-        return {
-            leaf: ONE if leaf in self.shares else self.w.mul(self.factor(factors), "%sigma")
-            for leaf, factors in form.terms.items()
-        }
-
-    def _slope(self, form: Form, rate: dict[int, Value], k: int) -> Value:
-        """Coefficient k + 1 of a state whose rate is this form."""
-        w = self.w
-        leaves, part = form.leaves(), 1.0 / (k + 1)
-        total = w.mul(self.factor(form.constant), "%sigma") if k == 0 and form.constant else None
-        for leaf in leaves[:-1]:
-            total = w.fused(rate[leaf], self._series[leaf][k], total)
-        total = w.scaled(part, total)  # the last leaf is what is waited for
-        return w.fused(w.scaled(part, rate[leaves[-1]]), self._series[leaves[-1]][k], total) if leaves else total
+    def _by_vectors(self, target: LinearForm) -> bool:
+        """Whether the row of an output is combined from the states' rows (the rig: a run takes 2 to 16 % less)."""
+        return self.order >= LANES and all(self._state(leaf) >= 0 for leaf in target.leaves)
 
     def _state(self, leaf: int) -> int:
         """Index of the state that a leaf is; -1 for any other."""
         node = self.tape.nodes[leaf]
         return node.args[0] if node.op == "state" else -1
 
-    def _followed(self) -> dict[int, tuple[int, Value]]:
-        """States whose rate is a multiple of another state, which is no such one itself: that state, the factor."""
-        found: dict[int, tuple[int, Value]] = {}
+    def _integral_states(self) -> dict[int, StateIntegral]:
+        """States whose rate is a multiple of another state, which is no such one itself (Fig. 8: 4 to 6 % of a run)."""
+        found: dict[int, StateIntegral] = {}
         sources: set[int] = set()
-        for i, (form, rate) in enumerate(zip(self.field, self.rates, strict=True)):
-            if self.order >= LANES and len(form.terms) == 1 and not form.constant and i not in sources:
-                (leaf,) = form.terms
+        for i, rate in enumerate(self.rates):
+            if self.order >= LANES and len(rate.leaves) == 1 and not rate.form.constant and i not in sources:
+                (leaf,) = rate.leaves
                 source = self._state(leaf)
                 if source not in (-1, i) and source not in found:
-                    found[i] = source, rate[leaf]
+                    found[i] = StateIntegral(source, rate.rates[leaf])
                     sources.add(source)
         return found
 
-    def store(self, width: int) -> None:
-        """Store all rows: of a state that follows another one and of an output from rows that are there already."""
-        w, order = self.w, self.order
-        for i, values in enumerate(self.solution):
-            if i not in self.followed:
-                store_values(w, values, i, width)
-        for i, (source, rate) in self.followed.items():
-            store_integral(w, self.solution[i], i, (source, rate), order)
-        for r, form, values in zip(count(self.states), self.targets, self.outputs, strict=False):
-            if self._by_vectors(form):
-                parts = {self._state(leaf): self.factor(factors) for leaf, factors in form.terms.items()}
-                store_combination(w, values[0], r, parts, order)
-            else:
-                store_values(w, values, r, width)
-
-    def _output(self, form: Form) -> list[Value]:
-        """Coefficients of an output; of one that is linear in the states only those that the norms read."""
-        ends = {0, 1, 2, self.order - 1, self.order}
-        sparse = self._by_vectors(form)
-        return [self.linear(form, k) if not sparse or k in ends else None for k in range(self.order + 1)]
-
-    def _by_vectors(self, form: Form) -> bool:
-        return self.order >= LANES and all(self.tape.nodes[leaf].op == "state" for leaf in form.terms)
-
-    # -- the other nodes --------------------------------------------------------------------------------
-
-    def _value(self, at: int, k: int) -> Value:
-        node = self.tape.nodes[at]
-        if at in self.kept:
-            return self.linear(self.kept[at], k)
-        if node.op != "recip":
-            return self.recurrences.value(at, node, k)
-        argument = node.args[0]
-        if argument in self.forms.bases:
-            base, form = self.forms.bases[argument]
-            start = self.recurrences.made(at, "start", make=lambda: self.linear(form, 0))
-            slope = self.factor(form.terms[base])
-        else:
-            base, start, slope = argument, self._series[argument][0], ONE
-        return self.recurrences.reciprocal(at, k, (base, start, slope))
-
-    def _base(self, at: int) -> int:
-        """What a reciprocal of a node reads."""
-        return self.forms.bases[at][0] if at in self.forms.bases else at
-
-    def _shares(self) -> dict[int, Value]:
-        """Factors taken into the node that they multiply, which nothing else reads: a reciprocal, or a sine of time."""
-        if self.order == 0:
-            return {}
-        readers: dict[int, int] = {}
-        for form in (*self.field, *self.targets, *self.kept.values()):
-            for leaf in form.terms:
-                readers[leaf] = readers.get(leaf, 0) + 1
-        for node in self.tape.nodes:
-            if node.op not in (*LINEAR, "state") and not self._turns(node):
-                for at in node.args:
-                    base = self._base(at) if node.op == "recip" else at
-                    readers[base] = readers.get(base, 0) + 2
-        shares: dict[int, Value] = {}
-        for forms, unit in ((self.field, "%sigma"), ((*self.targets, *self.kept.values()), ONE)):
-            for form in forms:
-                for leaf, factors in form.terms.items():
-                    node = self.tape.nodes[leaf]
-                    if readers[leaf] == 1 and (node.op == "recip" or self._turns(node)):
-                        shares[leaf] = self.w.mul(self.factor(factors), unit)
-        return shares
-
-    def _turns(self, node: Node) -> bool:
-        return node.op in ("sin", "cos") and self.tape.nodes[node.args[0]].op == "clock"
-
-    def _needed(self, roots: Sequence[int]) -> set[int]:
+    def _read_by(self, roots: Iterable[int]) -> set[int]:
         """Every node that these read, and these."""
         found: set[int] = set()
         waiting = list(roots)
@@ -271,8 +225,8 @@ class _Expander:
                 found.add(at)
                 if at in self.kept:
                     waiting.extend(self.kept[at].terms)
-                elif node.op == "recip" and node.args[0] in self.forms.bases:
-                    waiting.append(self.forms.bases[node.args[0]][0])
+                elif node.op == "recip":
+                    waiting.append(self.forms.denominator(node.args[0]))
                 else:
                     waiting.extend(node.args)
         return found

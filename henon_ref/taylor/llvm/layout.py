@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from henon_ref.jit.ir_writer import LANES, ZERO, Value, Writer, literal, row_length
+from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value, literal, row_length
 
 _VECTOR = f"<{LANES} x double>"
 
 
-def store_values(w: Writer, values: Sequence[Value], row: int, width: int) -> None:
+def store_values(w: IRWriter, values: Sequence[Value], row: int, width: int) -> None:
     """Store coefficients one by one; ``width``: doubles from one row to the next."""
     for k, value in enumerate(values):
         w.store(value or ZERO, "%C", row * width + k)
 
 
-def store_integral(w: Writer, values: Sequence[Value], row: int, rate: tuple[int, Value], order: int) -> None:
+def store_integral(w: IRWriter, values: Sequence[Value], row: int, rate: tuple[int, Value], order: int) -> None:
     """Store the row of a state whose rate is a multiple of another one: from that one's row, which is there.
 
     Coefficient k is factor / k times the other's coefficient k - 1; ``rate``: the other's row and the factor.
@@ -30,7 +30,7 @@ def store_integral(w: Writer, values: Sequence[Value], row: int, rate: tuple[int
         w.store(after, "%C", row * width + k, _VECTOR)
 
 
-def store_combination(w: Writer, first: Value, row: int, parts: Mapping[int, Value], order: int) -> None:
+def store_combination(w: IRWriter, first: Value, row: int, parts: Mapping[int, Value], order: int) -> None:
     """Store a sum of rows times factors; its first coefficient, where a constant may come in, is given."""
     width = row_length(order)
     factors = {source: w.vector([factor or ZERO] * LANES) for source, factor in parts.items()}

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from henon_ref.taylor.tape import Tape
-
-LINEAR = frozenset({"add", "sub", "scale", "shift", "rsub"})
+from henon_ref.taylor.rules import LINEAR, RULES, Linear
+from henon_ref.taylor.tape import Node, Tape
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +19,8 @@ class Factor:
     sign: int = 1
     constants: tuple[int, ...] = ()
 
-    def negated(self) -> Factor:
-        return Factor(-self.sign, self.constants)
+    def signed(self, sign: int) -> Factor:
+        return Factor(sign * self.sign, self.constants)
 
     def times(self, constant: int) -> Factor:
         return Factor(self.sign, (*self.constants, constant))
@@ -59,33 +58,43 @@ class Forms:
         for root in (*tape.field, *tape.outputs):
             uses[root] += 1
         self.uses = uses
-        self.bases: dict[int, tuple[int, Form]] = {}
+        self.affine_arguments: dict[int, tuple[int, Form]] = {}
         """For a reciprocal of ``a x + b``: x, and that form; x is read in its place."""
         for node in tape.nodes:
             if node.op == "recip":
-                self._see_through(node.args[0])
-        read_only_by_recips = {
-            a for a in self.bases if all(n.op == "recip" or n.op in LINEAR for n in tape.nodes if a in _read(n))
+                self._find_affine_argument(node.args[0])
+        read_by_reciprocals = {
+            a
+            for a in self.affine_arguments
+            if all(n.op == "recip" or n.op in LINEAR for n in tape.nodes if a in _read(n))
         }
-        self.bases = {a: self.bases[a] for a in read_only_by_recips}
+        self.affine_arguments = {a: self.affine_arguments[a] for a in read_by_reciprocals}
         self.kept = {
             at
             for at, node in enumerate(tape.nodes)
             if node.op in LINEAR
-            and at not in self.bases
+            and at not in self.affine_arguments
             and (at in nonlinear or (uses[at] > 1 and node.op in ("add", "sub")))
         }
 
-    def _see_through(self, at: int) -> None:
+    def _find_affine_argument(self, at: int) -> None:
         form = self._flat(at, frozenset())
         if self.tape.nodes[at].op in LINEAR and len(form.terms) == 1:
             (leaf,) = form.terms
             if self.tape.nodes[leaf].op not in ("clock", "constant"):
-                self.bases[at] = leaf, form
+                self.affine_arguments[at] = leaf, form
 
     def of(self, at: int) -> Form:
         """The form of a node; of a kept one, what it is made of."""
         return self._flat(at, self.kept - {at})
+
+    def denominator(self, at: int) -> int:
+        """The node that a reciprocal reads: x where its denominator is ``a x + b`` (Fig. 8: 5 to 12 % of a run)."""
+        return self.affine_arguments[at][0] if at in self.affine_arguments else at
+
+    def below(self, at: int) -> Form:
+        """The denominator as a form of that node."""
+        return self.affine_arguments[at][1] if at in self.affine_arguments else Form({at: [Factor()]})
 
     def _flat(self, at: int, stops: frozenset[int] | set[int]) -> Form:
         form = Form()
@@ -97,16 +106,17 @@ class Forms:
                 form.constant.append(factor.times(node.constants[0]))
             elif node.op not in LINEAR or current in stops:
                 form.terms.setdefault(current, []).append(factor)
-            elif node.op in ("add", "sub"):
-                a, b = node.args
-                waiting += [(a, factor), (b, factor if node.op == "add" else factor.negated())]
-            elif node.op == "scale":
-                waiting.append((node.args[0], factor.times(node.constants[0])))
-            else:  # shift: a + c, rsub: c - a
-                form.constant.append(factor.times(node.constants[0]))
-                waiting.append((node.args[0], factor if node.op == "shift" else factor.negated()))
+            else:
+                rule = RULES[node.op]
+                assert isinstance(rule, Linear)
+                if rule.constant == "term":
+                    form.constant.append(factor.times(node.constants[0]))
+                elif rule.constant == "factor":
+                    factor = factor.times(node.constants[0])
+                signs = (rule.first, rule.second)[: len(node.args)]
+                waiting += [(a, factor.signed(sign)) for a, sign in zip(node.args, signs, strict=True)]
         return form
 
 
-def _read(node) -> tuple[int, ...]:  # type: ignore[no-untyped-def]
+def _read(node: Node) -> tuple[int, ...]:
     return () if node.op == "state" else node.args

@@ -10,19 +10,19 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from henon_ref.jit.ir_writer import ONE, Writer, literal
+from henon_ref.jit.ir_writer import ONE, IRWriter, literal
 
-FARTHEST = 1e15
+LARGEST_PHASE = 1e15
 """Phases beyond this go to the C library: a double tells them apart no better than by eighths."""
 
 _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33)
 """pi/2 as an unevaluated sum of three doubles."""
 
 
-def sin_cos(w: Writer, high: str, low: str) -> tuple[str, str]:
+def sin_cos(w: IRWriter, high: str, low: str) -> tuple[str, str]:
     """Sine and cosine of ``high + low`` (|low| at most a few ulps of high)."""
     near, far, done = w.name(), w.name(), w.name()
-    within = w.emit(f"fcmp olt double {w.call('fabs', high)}, {literal(FARTHEST)}")
+    within = w.emit(f"fcmp olt double {w.call('fabs', high)}, {literal(LARGEST_PHASE)}")
     w.lines += [f"  br i1 {within}, label %{near}, label %{far}", f"{near}:"]
     s, c = _reduced(w, high, low)
     w.lines += [f"  br label %{done}", f"{far}:"]
@@ -36,7 +36,7 @@ def sin_cos(w: Writer, high: str, low: str) -> tuple[str, str]:
     )
 
 
-def _reduced(w: Writer, high: str, low: str) -> tuple[str, str]:
+def _reduced(w: IRWriter, high: str, low: str) -> tuple[str, str]:
     n = w.call("rint", w.binary("fmul", high, literal(1.0 / _HALF_PI[0])))
     minus = w.emit(f"fneg double {n}")
     first = w.call("fma", minus, literal(_HALF_PI[0]), high)  # exact: a multiple of 2^-52 (or of high's last place)
@@ -63,14 +63,14 @@ def _reduced(w: Writer, high: str, low: str) -> tuple[str, str]:
     return _signed(w, sine, quadrant), _signed(w, cosine, w.emit(f"add i64 {quadrant}, 1"))
 
 
-def _signed(w: Writer, value: str, quadrant: str) -> str:
+def _signed(w: IRWriter, value: str, quadrant: str) -> str:
     """The value, negated in the upper half of every four quadrants."""
     sign = w.emit(f"shl i64 {w.emit(f'and i64 {quadrant}, 2')}, 62")
     bits = w.emit(f"bitcast double {value} to i64")
     return w.emit(f"bitcast i64 {w.emit(f'xor i64 {bits}, {sign}')} to double")
 
 
-def _polynomial(w: Writer, powers: tuple[str, str, str], coefficients: list[float]) -> str:
+def _polynomial(w: IRWriter, powers: tuple[str, str, str], coefficients: list[float]) -> str:
     """Seven terms by Estrin's scheme; ``powers``: z, z^2 and z^4."""
     z, square, fourth = powers
     c = [literal(value) for value in coefficients]
@@ -80,7 +80,7 @@ def _polynomial(w: Writer, powers: tuple[str, str, str], coefficients: list[floa
     return w.call("fma", high, fourth, low)
 
 
-def _sine(w: Writer, r: str, rest: str, powers: tuple[str, str, str]) -> str:
+def _sine(w: IRWriter, r: str, rest: str, powers: tuple[str, str, str]) -> str:
     z = powers[0]
     series = [float(Fraction((-1) ** k, math.factorial(2 * k + 1))) for k in range(2, 9)]
     tail = w.call("fma", _polynomial(w, powers, series), z, literal(-1.0 / 6.0))
@@ -89,7 +89,7 @@ def _sine(w: Writer, r: str, rest: str, powers: tuple[str, str, str]) -> str:
     return w.binary("fadd", r, w.call("fma", cube, tail, w.binary("fmul", rest, slope)))
 
 
-def _cosine(w: Writer, r: str, rest: str, powers: tuple[str, str, str]) -> str:
+def _cosine(w: IRWriter, r: str, rest: str, powers: tuple[str, str, str]) -> str:
     z, square, _ = powers
     series = [float(Fraction((-1) ** k, math.factorial(2 * k))) for k in range(2, 9)]
     half = w.binary("fmul", z, literal(0.5))

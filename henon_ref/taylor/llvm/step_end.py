@@ -1,18 +1,18 @@
-"""What a step needs of its coefficients, as machine code: changes of the states, bounds of the guards."""
+"""End of a step, as machine code: the series summed for the states, and bounds from below for the guards."""
 
 from __future__ import annotations
 
-from henon_ref.jit.ir_writer import LANES, ONE, ZERO, Writer, row_length
+from henon_ref.jit.ir_writer import LANES, ONE, ZERO, IRWriter, row_length
 
 
-def closing_ir(states: int, outputs: int, order: int, name: str) -> str:
+def step_end_ir(states: int, outputs: int, order: int, name: str) -> str:
     """LLVM IR of ``void name(double theta, double* C, double* out)``: what a step needs of its coefficients.
 
     ``out`` receives, for each state, its change over the step (all terms but the first, so that adding it
     rounds once), then for each output a bound from below on (0, theta]: its first coefficient plus its
     negative terms.
     """
-    w = Writer()
+    w = IRWriter()
     vector = f"<{LANES} x double>"
     width = row_length(order)
     square = w.binary("fmul", "%theta", "%theta")
@@ -37,7 +37,7 @@ def closing_ir(states: int, outputs: int, order: int, name: str) -> str:
     return f"define void @{name}(double %theta, ptr noalias %C, ptr noalias %out) {{\nentry:\n{body}\n  ret void\n}}\n"
 
 
-def _estrin(w: Writer, terms: list[str], strides: list[str]) -> str:
+def _estrin(w: IRWriter, terms: list[str], strides: list[str]) -> str:
     """sum of terms_v stride^v, in pairs; ``strides``: its powers 1, 2, 4 ... as far as they are made."""
     level = 0
     while len(terms) > 1:

@@ -7,7 +7,7 @@ closed and the map is compact (integration is), so by Schauder it has a fixed po
 solution, since the formal power series solution is unique. With one self-map checked in upper bounds, the
 solution therefore exists and is analytic on the complex disc of radius R, and ``|e_i| <= eps_i`` on it; inside,
 at radius r, the tail is at most ``eps_i (r/R)^(N+1)``. Every operation has its own bound in the same algebra
-(:func:`_static`, :func:`_tail`). (The idea of validating a Taylor step by its tail in a weighted l1 space is
+(:func:`_static`, :meth:`Tails.propagate`). (The idea of validating a Taylor step by its tail in a weighted l1 space is
 that of the radii-polynomial approach: Hungria, Lessard and Mireles James, *Math. Comp.* 85, 2016.)
 
 All numbers here are upper bounds in double precision: sums and products of non-negative doubles, each
@@ -24,6 +24,16 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
+from henon_ref.taylor.rules import (
+    RULES,
+    IntegralOfProduct,
+    IntegralOfQuotient,
+    Linear,
+    Power,
+    Product,
+    Quotient,
+    Root,
+)
 from henon_ref.truth.validated.tape import Operation, Program, Series
 
 RAISE = 1 + 2.0**-36
@@ -60,23 +70,21 @@ def _spill(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 def _static(operation: Operation, own: NDArray[np.float64], terms: NDArray[np.float64]) -> _Static:
     order = len(own) - 1
     norm = float(np.sum(own))
-    op, args = operation.op, operation.args
-    if op in ("mul", "square"):
-        return _Static(norm, _spill(terms[args[0]], terms[args[-1]]))
-    if op == "recip":
-        return _Static(norm, _spill(own, terms[args[0]]))
-    if op == "sqrt":
-        return _Static(norm, _spill(own, own), _spill(own, terms[args[1]]))
-    if op in _PRIMITIVES:
-        # (int a' q)_n = sum (i/n) a_i q_{n-i}: i/n <= i/(N+1) above N, and i/(i+N+1) where q is a tail.
-        index = np.arange(order + 1)
-        a = terms[args[0]]
-        factor = own if op == "exp" else terms[args[1]]
-        return _Static(norm, _spill(a * index / (order + 1), factor), float(np.dot(a, index / (index + order + 1))))
+    args, rule = operation.args, RULES.get(operation.op)
+    match rule:
+        case Product():
+            return _Static(norm, _spill(terms[args[0]], terms[args[-1]]))
+        case Quotient():
+            return _Static(norm, _spill(own, terms[args[0]]))
+        case Root():
+            return _Static(norm, _spill(own, own), _spill(own, terms[args[1]]))
+        case Power() | IntegralOfProduct() | IntegralOfQuotient():
+            # (int a' q)_n = sum (i/n) a_i q_{n-i}: i/n <= i/(N+1) above N, and i/(i+N+1) where q is a tail.
+            index = np.arange(order + 1)
+            a = terms[args[0]]
+            factor = terms[args[1]] if args[1:] else own
+            return _Static(norm, _spill(a * index / (order + 1), factor), float(np.dot(a, index / (index + order + 1))))
     return _Static(norm)
-
-
-_PRIMITIVES = frozenset(("exp", "sin", "cos", "sinh", "cosh", "tan", "tanh", "log", "atan", "asin", "acos", "power"))
 
 
 class Tails:
@@ -133,61 +141,66 @@ class Tails:
         return tails
 
     def _tail(self, index: int, operation: Operation, tails: list[float]) -> float:
-        op, args, own = operation.op, operation.args, self.static[index]
-        if op in ("constant", "clock"):
+        args, own = operation.args, self.static[index]
+        if not args:  # a constant, or the clock
             return 0.0
         a = tails[args[0]]
-        if op in ("shift", "rsub"):
-            return a
-        if op in ("add", "sub"):
-            return (a + tails[args[1]]) * RAISE
-        if op == "scale":
-            return self.constants[index][0][1] * a * RAISE
-        if op in ("mul", "square"):
-            b = tails[args[-1]]
-            na, nb = self.static[args[0]].norm, self.static[args[-1]].norm
-            return (own.spill + na * b + nb * a + a * b) * RAISE
-        if op == "recip":
-            # v = y/c: 1 - v b has orders above N only; Neumann's series gives the rest of 1/b.
-            defect = (own.spill + own.norm * a) / self.constants[index][0][0] * RAISE
-            return own.norm * defect / (1 - defect) * RAISE if defect < 0.5 else inf
-        if op == "sqrt":
-            return self._sqrt(own, self.static[args[1]].norm, a)
-        return self._primitive(index, operation, tails)
+        match RULES[operation.op]:
+            case Linear(second=0, constant="term"):
+                return a
+            case Linear(second=0):
+                return self.constants[index][0][1] * a * RAISE
+            case Linear():
+                return (a + tails[args[1]]) * RAISE
+            case Product():
+                b = tails[args[-1]]
+                na, nb = self.static[args[0]].norm, self.static[args[-1]].norm
+                return (own.spill + na * b + nb * a + a * b) * RAISE
+            case Quotient():
+                # v = y/c: 1 - v b has orders above N only; Neumann's series gives the rest of 1/b.
+                defect = (own.spill + own.norm * a) / self.constants[index][0][0] * RAISE
+                return own.norm * defect / (1 - defect) * RAISE if defect < 0.5 else inf
+            case Root():
+                return self._root(own, self.static[args[1]].norm, a)
+            case Power() | IntegralOfProduct() | IntegralOfQuotient():
+                return self._integral(index, operation, tails)
 
     @staticmethod
-    def _sqrt(own: _Static, inverse: float, a: float) -> float:
+    def _root(own: _Static, inverse: float, a: float) -> float:
         """u = v (t - u^2)/2 + (1 - v y) u with v the polynomial of 1/y and t = a - y^2, both above N."""
         defect = own.slope
         rest = inverse * (a + own.spill) / 2
         return _fixed(lambda u: rest + inverse * u * u / 2 + defect * u, lambda u: inverse * u + defect)
 
-    def _primitive(self, index: int, operation: Operation, tails: list[float]) -> float:
-        op, args, own = operation.op, operation.args, self.static[index]
+    def _integral(self, index: int, operation: Operation, tails: list[float]) -> float:
+        """Tail of the integral of a' factor."""
+        rule, args, own = RULES[operation.op], operation.args, self.static[index]
         a = tails[args[0]]
         q = own.slope + a
-        factor = own.norm if op == "exp" else self.static[args[1]].norm
+        factor = self.static[args[1]].norm if args[1:] else own.norm
         rest = own.spill + a * factor
-        if op in ("log", "atan", "asin", "acos"):
-            return (rest + q * tails[args[1]]) * RAISE
-        if op in ("tan", "tanh"):
-            # y' = a' (1 +- y^2): the tail of the factor is 2 y u + u^2 and what spills over from y_N^2.
-            square = _spill(self.terms[index], self.terms[index]) * RAISE
-            return _fixed(
-                lambda u: rest + q * (square + 2 * own.norm * u + u * u), lambda u: q * (2 * own.norm + 2 * u)
-            )
-        if op == "power":
-            # y' = c a' (y v), v = 1/a.
-            c = self.constants[index][0][1]
-            v, tail = self.static[args[2]].norm, tails[args[2]]
-            mixed = _spill(self.terms[index], self.terms[args[2]]) * RAISE
-            return _fixed(
-                lambda u: c * (rest + q * (mixed + v * u + own.norm * tail + tail * u)), lambda u: c * q * (v + tail)
-            )
-        if op in ("sin", "cos", "sinh", "cosh"):
-            # Both of the pair at once: u_s = int a' u_c + d_s and the other way round.
-            other = self.static[args[1]]
-            rest = max(rest, other.spill + a * own.norm)
+        match rule:
+            case IntegralOfQuotient():
+                return (rest + q * tails[args[1]]) * RAISE
+            case IntegralOfProduct(factor="1 + y**2" | "1 - y**2"):
+                # The tail of the factor is 2 y u + u^2 and what spills over from y_N^2.
+                square = _spill(self.terms[index], self.terms[index]) * RAISE
+                return _fixed(
+                    lambda u: rest + q * (square + 2 * own.norm * u + u * u), lambda u: q * (2 * own.norm + 2 * u)
+                )
+            case Power():
+                # y' = c a' (y v), v = 1/a.
+                c = self.constants[index][0][1]
+                v, tail = self.static[args[2]].norm, tails[args[2]]
+                mixed = _spill(self.terms[index], self.terms[args[2]]) * RAISE
+                return _fixed(
+                    lambda u: c * (rest + q * (mixed + v * u + own.norm * tail + tail * u)),
+                    lambda u: c * q * (v + tail),
+                )
+            case IntegralOfProduct(paired=True):
+                # Both of the pair at once: u_s = int a' u_c + d_s and the other way round.
+                other = self.static[args[1]]
+                rest = max(rest, other.spill + a * own.norm)
         return rest / (1 - q * RAISE) * RAISE if q < 0.9 else inf
 
 

@@ -1,19 +1,32 @@
 """A Taylor tape as a program over balls: the coefficient recurrences, and what the tail bounds need of them.
 
 The nodes are those of :class:`henon_ref.taylor.tape.Tape` with a few made explicit, so that every operation
-is one of a handful with a known bound on its tail (:mod:`.tails`): a quotient is a product with a
-reciprocal, and log, atan, asin and acos are primitives ``y' = a' v`` of a known factor v.
+is one of a handful with a known bound on its tail (:mod:`.tail_bounds`): a quotient is a product with a
+reciprocal, and log, atan, asin and acos are integrals ``y' = a' v`` of a known factor v. Which equation an operation
+satisfies, :mod:`henon_ref.taylor.rules` says; the recurrences in balls are written here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from operator import mul
+from operator import add, mul, sub
 
 import sympy as sp
 from flint import arb
 
+from henon_ref.taylor.rules import (
+    ARGUMENT,
+    RULES,
+    SELF,
+    IntegralOfProduct,
+    IntegralOfQuotient,
+    Linear,
+    Power,
+    Product,
+    Quotient,
+    Root,
+)
 from henon_ref.taylor.tape import INFINITE, Tape
 from henon_ref.truth.balls import enclose
 
@@ -74,28 +87,27 @@ class Program:
 
     def _translate(self, tape: Tape, index: int) -> None:
         node = tape.nodes[index]
-        place = self._place
-        if node.op in ("sin", "cos", "sinh", "cosh", "tan", "tanh"):
+        place, rule = self._place, RULES.get(node.op)
+        if isinstance(rule, IntegralOfProduct) and rule.factor != SELF:
             self._with_partner(tape, index)
             return
         args = tuple(place[a] for a in node.args)
+        at = len(self.operations)
         if node.op == "state":
-            self._place[index] = self._add("state", node.args[0])
-        elif node.op == "div":
+            place[index] = self._add("state", node.args[0])
+        elif isinstance(rule, Quotient) and rule.above == ARGUMENT:
             place[index] = self._add("mul", args[0], self._reciprocal(args[1]))
-        elif node.op == "log":
-            place[index] = self._add("log", args[0], self._reciprocal(args[0]))
-        elif node.op in ("atan", "asin", "acos"):
-            place[index] = self._add(node.op, args[0], self._reciprocal(args[1]))
-        elif node.op == "sqrt":
-            at = len(self.operations)
-            place[index] = self._add("sqrt", args[0], at + 1)
+        elif isinstance(rule, IntegralOfQuotient):
+            below = self._reciprocal(rule.place(index, args))
+            place[index] = self._add(node.op, args[0], below)
+        elif isinstance(rule, Root):
+            place[index] = self._add(node.op, args[0], at + 1)
             self._reciprocals[at] = self._add("recip", at, constants=(self._one,))
-        elif node.op == "power":
+        elif isinstance(rule, Power):
             # y' = c a' w with w = y / a.
             inverse = self._reciprocal(args[0])
             at = len(self.operations)
-            place[index] = self._add("power", args[0], at + 1, inverse, constants=node.constants)
+            place[index] = self._add(node.op, args[0], at + 1, inverse, constants=node.constants)
             self._add("mul", at, inverse)
         else:
             place[index] = self._add(node.op, *args, constants=node.constants, degree=node.degree)
@@ -143,11 +155,22 @@ class Program:
             return _listed(y, [constant[0] + constant[1] * time, constant[1] * unit])
         if op == "constant":
             return _listed(y, constant)
-        if op in ("mul", "square"):
-            return _product(y, operands[0], operands[-1], degrees[0], degrees[-1])
-        if op in _VALUES or op == "power":
-            return _primitive(op, y, operands[0], degrees[0], y if op == "exp" else operands[1], constant)
-        return _SIMPLE[op](y, operands[0], operands[-1], constant)
+        a, b = operands[0], operands[-1]
+        match RULES[op]:
+            case Linear() as rule:
+                return _linear(rule, y, a, b, constant)
+            case Product():
+                return _product(y, a, b, degrees[0], degrees[-1])
+            case Quotient():
+                return _reciprocal(y, a, constant[0])
+            case Root():
+                return _root(y, a)
+            case Power():
+                return _power(y, a, degrees[0], operands[1], constant[0])
+            case IntegralOfProduct(sign, factor):
+                return _integral(y, a, degrees[0], y if factor == SELF else b, sign, getattr(arb, op))
+            case IntegralOfQuotient(sign):
+                return _integral(y, a, degrees[0], b, sign, getattr(arb, op))
 
 
 def _listed(y: Series, values: Sequence[arb]) -> Step:
@@ -179,62 +202,55 @@ def _product(y: Series, a: Series, b: Series, degree_a: int, degree_b: int) -> S
     return step
 
 
-_VALUES: dict[str, Callable[[arb], arb]] = {
-    name: getattr(arb, name)
-    for name in ("exp", "sin", "cos", "sinh", "cosh", "tan", "tanh", "log", "atan", "asin", "acos")
-}
-
-
-def _primitive(op: str, y: Series, a: Series, degree: int, factor: Series, constant: list[arb]) -> Step:
-    """y with y' = sign a' factor."""
-    sign = -1 if op in ("cos", "acos") else 1
+def _integral(y: Series, a: Series, degree: int, factor: Series, sign: int, start: Callable[[arb], arb]) -> Step:
+    """y with y' = sign a' factor; ``start``: y of a."""
     slopes: Series = [ZERO]
 
     def step(k: int) -> None:
         if k == 0:
-            y.append(a[0] ** constant[0] if op == "power" else _VALUES[op](a[0]))
+            y.append(start(a[0]))
             return
         slopes.append(a[k] * (sign * k) if k <= degree else ZERO)
-        total = convolution(slopes, factor, 1, min(k, degree), k) / k
-        y.append(constant[0] * total if op == "power" else total)
+        y.append(convolution(slopes, factor, 1, min(k, degree), k) / k)
 
     return step
 
 
-def _add(y: Series, a: Series, b: Series, constant: list[arb]) -> Step:
-    return lambda k: y.append(a[k] + b[k])
+def _power(y: Series, a: Series, degree: int, factor: Series, c: arb) -> Step:
+    """y = a^c, by y' = c a' factor."""
+    total: Series = []
+    add_to_total = _integral(total, a, degree, factor, 1, lambda start: start**c)
+
+    def step(k: int) -> None:
+        add_to_total(k)
+        y.append(c * total[k] if k else total[0])
+
+    return step
 
 
-def _sub(y: Series, a: Series, b: Series, constant: list[arb]) -> Step:
-    return lambda k: y.append(a[k] - b[k])
+def _linear(rule: Linear, y: Series, a: Series, b: Series, constant: list[arb]) -> Step:
+    if rule.second:
+        combined = add if rule.second > 0 else sub
+        return lambda k: y.append(combined(a[k], b[k]))
+    (c,) = constant
+    if rule.constant == "factor":
+        return lambda k: y.append(c * a[k])
+    if rule.first < 0:
+        return lambda k: y.append(-a[k] if k else c - a[0])
+    return lambda k: y.append(a[k] if k else a[0] + c)
 
 
-def _scale(y: Series, a: Series, b: Series, constant: list[arb]) -> Step:
-    factor = constant[0]
-    return lambda k: y.append(factor * a[k])
-
-
-def _shift(y: Series, a: Series, b: Series, constant: list[arb]) -> Step:
-    offset = constant[0]
-    return lambda k: y.append(a[k] if k else a[0] + offset)
-
-
-def _rsub(y: Series, a: Series, b: Series, constant: list[arb]) -> Step:
-    offset = constant[0]
-    return lambda k: y.append(-a[k] if k else offset - a[0])
-
-
-def _recip(y: Series, a: Series, b: Series, constant: list[arb]) -> Step:
+def _reciprocal(y: Series, a: Series, c: arb) -> Step:
     def step(k: int) -> None:
         if k == 0:
-            y.append(constant[0] / a[0])
+            y.append(c / a[0])
         else:
             y.append(-convolution(y, a, 0, k - 1, k) / a[0])
 
     return step
 
 
-def _sqrt(y: Series, a: Series, b: Series, constant: list[arb]) -> Step:
+def _root(y: Series, a: Series) -> Step:
     def step(k: int) -> None:
         if k == 0:
             y.append(a[0].sqrt())
@@ -242,14 +258,3 @@ def _sqrt(y: Series, a: Series, b: Series, constant: list[arb]) -> Step:
             y.append((a[k] - convolution(y, y, 1, k - 1, k)) / (2 * y[0]))
 
     return step
-
-
-_SIMPLE: dict[str, Callable[[Series, Series, Series, list[arb]], Step]] = {
-    "add": _add,
-    "sub": _sub,
-    "scale": _scale,
-    "shift": _shift,
-    "rsub": _rsub,
-    "recip": _recip,
-    "sqrt": _sqrt,
-}

@@ -1,0 +1,109 @@
+"""The rules that the Taylor recurrences follow from: for every operation of a tape the equation that it satisfies.
+
+Mathematics alone, no arithmetic: machine code (:mod:`henon_ref.taylor.llvm.recurrences`), series over any ring
+(:mod:`henon_ref.taylor.series`) and balls with tail bounds (:mod:`henon_ref.truth.validated.tape`) each write the
+recurrences of these kinds themselves. A differential equation for y gives coefficient k from those of lower order when
+both sides are compared at order k - 1 (Jorba and Zou, *Experimental Mathematics* 14, 2005, Sec. 2; Griewank and
+Walther, *Evaluating Derivatives*, 2nd ed., Sec. 13.2).
+
+In what follows y is the operation, a and b are the nodes that it reads, c is its constant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+SELF, ARGUMENT = "y", "a"
+
+
+@dataclass(frozen=True)
+class Linear:
+    """y = first a + second b, with c as nothing, as a term or as a factor."""
+
+    first: int = 1
+    second: int = 0
+    constant: Literal["none", "term", "factor"] = "none"
+
+
+@dataclass(frozen=True)
+class Product:
+    """y = a right; the right factor is a second node, b, or a itself."""
+
+    right: str = "b"
+
+
+@dataclass(frozen=True)
+class Quotient:
+    """y = above / below."""
+
+    above: str
+    below: str
+
+
+@dataclass(frozen=True)
+class Root:
+    """y y = a."""
+
+
+@dataclass(frozen=True)
+class Power:
+    """y' a = c a' y."""
+
+
+@dataclass(frozen=True)
+class _Integral:
+    """A function whose derivative has a factor that is a series, too.
+
+    Where that is neither y nor a it is the second node that the operation reads.
+    """
+
+    sign: int
+    factor: str
+
+    @property
+    def paired(self) -> bool:
+        """Whether the factor is a function whose own factor is this one: sine and cosine."""
+        return self.factor.endswith(f"({ARGUMENT})") and not self.factor.startswith("sqrt")
+
+    def place(self, at: int, args: tuple[int, ...]) -> int:
+        """Node of the factor, for the operation at a place of the tape that reads the nodes ``args``."""
+        return {SELF: at, ARGUMENT: args[0]}.get(self.factor, args[-1])
+
+
+class IntegralOfProduct(_Integral):
+    """y' = sign a' factor."""
+
+
+class IntegralOfQuotient(_Integral):
+    """y' factor = sign a'."""
+
+
+Rule = Linear | Product | Quotient | Root | Power | IntegralOfProduct | IntegralOfQuotient
+RULES: dict[str, Rule] = {
+    "add": Linear(1, 1),
+    "sub": Linear(1, -1),
+    "scale": Linear(constant="factor"),
+    "shift": Linear(constant="term"),
+    "rsub": Linear(-1, constant="term"),
+    "mul": Product(),
+    "square": Product(ARGUMENT),
+    "div": Quotient(ARGUMENT, "b"),
+    "recip": Quotient("c", ARGUMENT),
+    "sqrt": Root(),
+    "power": Power(),
+    "exp": IntegralOfProduct(+1, SELF),
+    "sin": IntegralOfProduct(+1, "cos(a)"),
+    "cos": IntegralOfProduct(-1, "sin(a)"),
+    "sinh": IntegralOfProduct(+1, "cosh(a)"),
+    "cosh": IntegralOfProduct(+1, "sinh(a)"),
+    "tan": IntegralOfProduct(+1, "1 + y**2"),
+    "tanh": IntegralOfProduct(+1, "1 - y**2"),
+    "log": IntegralOfQuotient(+1, ARGUMENT),
+    "atan": IntegralOfQuotient(+1, "1 + a**2"),
+    "asin": IntegralOfQuotient(+1, "sqrt(1 - a**2)"),
+    "acos": IntegralOfQuotient(-1, "sqrt(1 - a**2)"),
+}
+"""By operation. ``constant``, ``clock`` and ``state`` have none: they read no node."""
+LINEAR = frozenset(op for op, rule in RULES.items() if isinstance(rule, Linear))
+"""Sums, differences and multiples by constants."""
