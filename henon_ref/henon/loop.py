@@ -16,26 +16,20 @@ from henon_ref.henon.event_detection import at_zero, ends_at_zero, first_event, 
 from henon_ref.henon.mode_transition import apply_event
 from henon_ref.henon.recorder import fill_samples
 from henon_ref.henon.state import (
-    BLOCK_FULL,
     BRACKET,
-    BUDGET_SPENT,
-    DIVERGED,
     EVENT,
     G_KIND,
     G_RISING,
-    HORIZON,
     NOWHERE,
     ON,
     RELEASE,
     REMEMBERED_STEPS,
     RUN_RECORD,
-    SELECT_MODE,
-    STALLED,
     T_GUARDS,
     T_POLYNOMIAL_DEGREE,
     T_SLOPES,
     T_STEP_END,
-    UNDECIDED_EVENT,
+    ReturnCode,
     run_of,
     vectors_of,
     work_space,
@@ -123,15 +117,15 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         layout, constants = rows_in(tables, mode), rows_in(numbers, mode)[0]
         guards = layout[0, T_GUARDS]
         if run.transitions + 1 > run.transition_capacity:
-            return BLOCK_FULL
+            return ReturnCode.BLOCK_FULL.value
         if remaining(run) <= 0.0:
-            return HORIZON
+            return ReturnCode.HORIZON.value
         sampled = run.next_sample < samples.shape[0]
         theta = event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, sampled, stop_at)
         if theta == 0.0:
-            return BUDGET_SPENT
+            return ReturnCode.BUDGET_SPENT.value
         if theta < 0.0:
-            return STALLED if theta > -1.5 else DIVERGED
+            return ReturnCode.STALLED.value if theta > -1.5 else ReturnCode.DIVERGED.value
         unit = run.unit
         if (
             layout[0, T_SLOPES] > 0 and 0.0 < run.longest_step < theta * unit
@@ -156,7 +150,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         call_closing(layout[0, T_STEP_END], theta, c, change)
         if guards_below_zero(c, n, order, layout, known_zeros, hits, natural / unit):  # Python looks closer
             run.guard = NOWHERE
-            return SELECT_MODE
+            return ReturnCode.SELECT_MODE.value
         best, hit, undecided, used = first_event(
             run, c, n, order, layout, known_zeros, lower, theta, natural / unit, run.method, work, bounds
         )
@@ -182,7 +176,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
             run.suspect, run.step_length = part * unit, theta * unit
             if layout[0, T_SLOPES] > 0:
                 run.longest_step = 1e3 * theta * unit
-            return UNDECIDED_EVENT
+            return ReturnCode.UNDECIDED_EVENT.value
         if hit >= 0:
             for g in range(guards):
                 at_once = g == hit or at_zero(c[n + g], known_zeros[g], order, part, layout[1 + g, G_RISING])
@@ -197,7 +191,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         run.unit = smaller(natural, run.longest_step) if part > 0.0 else unit
         last_steps[slot] = natural
         if not bounded:
-            return DIVERGED
+            return ReturnCode.DIVERGED.value
         if hit >= 0:
             code = EVENT
             if layout[1 + hit, G_KIND] == RELEASE:
@@ -207,7 +201,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
             known_zeros[g] = 0
         if final:
             run.time, run.time_low = run.horizon, run.horizon_low
-            return HORIZON
+            return ReturnCode.HORIZON.value
 
 
 def called(selection: Any) -> tuple[Compiled, ...]:

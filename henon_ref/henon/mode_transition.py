@@ -10,19 +10,15 @@ from henon_ref.henon.mode_selection import select_mode
 from henon_ref.henon.recorder import change_mode, events_accumulate, record_transition, set_known_zeros
 from henon_ref.henon.state import (
     CROSSING,
-    EVENTS_ACCUMULATE,
     G_ACTS,
     G_HOLD,
     G_INDEX,
     G_KIND,
     G_MODE_ACROSS,
     G_MODE_STUCK,
-    LEFT_DOMAIN,
-    MODE_NOT_COMPILED,
     ON,
     RELEASE,
     RELEASED,
-    SELECT_MODE,
     STICK,
     SURFACE,
     T_EXPANSION,
@@ -30,6 +26,7 @@ from henon_ref.henon.state import (
     T_NORMAL_VELOCITIES,
     TANGENT,
     VALID,
+    ReturnCode,
 )
 from henon_ref.jit.calls import call_expand
 from henon_ref.jit.njit import inner
@@ -86,24 +83,24 @@ def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, 
     for g in range(layout[0, T_GUARDS]):
         coincident = coincident or (hits[g] == 1 and g != hit)
     if kind == VALID:
-        return LEFT_DOMAIN
+        return ReturnCode.LEFT_DOMAIN.value
     zeros, what, target = 1, CROSSING, layout[1 + hit, G_MODE_ACROSS]
     if kind == SURFACE:
         if coincident or layout[1 + hit, G_ACTS] == 1:
             if selection is None:
-                return SELECT_MODE
+                return ReturnCode.SELECT_MODE.value
             target = select_mode(run.time, run.time_low, x, mode, layout, hits, selection)
             if target < 0 or not change_mode(
                 run, x, records, known_zeros, target, layout, rows_in(tables, target), hits, selection[2]
             ):
-                return SELECT_MODE
-            return EVENTS_ACCUMULATE if events_accumulate(run) else ON
+                return ReturnCode.SELECT_MODE.value
+            return ReturnCode.EVENTS_ACCUMULATE.value if events_accumulate(run) else ON
         code, constants = layout[0, T_NORMAL_VELOCITIES], rows_in(numbers, mode)[1]
         call_expand(code, run.time, run.time_low, 1.0, x, constants, speeds)
         run.expansions += 1
         inside, beyond = speeds[n + 2 * hit], speeds[n + 2 * hit + 1]
         if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
-            return SELECT_MODE
+            return ReturnCode.SELECT_MODE.value
         stuck = beyond < 0.0
         if layout[1 + hit, G_HOLD] == 1:
             stick = layout[1 + hit, G_MODE_STUCK]
@@ -112,17 +109,17 @@ def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, 
                 rows_in(numbers, stick)[0], rest_of(band, n + most + 1), run.order,
             )  # fmt: skip
             if zone == 0 or (stuck and zone < 0):
-                return SELECT_MODE
+                return ReturnCode.SELECT_MODE.value
             stuck = zone > 0
         if stuck:
             zeros, what, target = 0, STICK, layout[1 + hit, G_MODE_STUCK]
     else:
         zeros, what = layout[1 + hit, G_MODE_STUCK], RELEASED
     if coincident:
-        return SELECT_MODE
+        return ReturnCode.SELECT_MODE.value
     if target < 0:
         run.pending_kind = what
-        return MODE_NOT_COMPILED
+        return ReturnCode.MODE_NOT_COMPILED.value
     after = rows_in(tables, target)
     if zeros == 0 and what == RELEASED:
         code, constants = after[0, T_NORMAL_VELOCITIES], rows_in(numbers, target)[1]
@@ -130,8 +127,8 @@ def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, 
         run.expansions += 1
         zeros = zeros_at_release(after, index, rest_of(speeds, n))
         if zeros == 0:
-            return SELECT_MODE
+            return ReturnCode.SELECT_MODE.value
     record_transition(run, x, records, what, index, mode, target, used)
     run.mode = target
     set_known_zeros(known_zeros, after, index, zeros)
-    return EVENTS_ACCUMULATE if events_accumulate(run) else ON
+    return ReturnCode.EVENTS_ACCUMULATE.value if events_accumulate(run) else ON

@@ -19,25 +19,17 @@ from henon_ref.henon.loop import advance
 from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
 from henon_ref.henon.recorder import events_accumulate, record_transition
 from henon_ref.henon.state import (
-    BLOCK_FULL,
-    BUDGET_SPENT,
     CHUNK,
     CROSSING,
-    DIVERGED,
-    EVENTS_ACCUMULATE,
     G_MODE_ACROSS,
     G_MODE_STUCK,
     GRAZE,
-    HORIZON,
-    MODE_NOT_COMPILED,
     NOWHERE,
     RELEASED,
     RUN,
-    SELECT_MODE,
-    STALLED,
     STATE_PLACE,
     STICK,
-    UNDECIDED_EVENT,
+    ReturnCode,
     Start,
     State,
 )
@@ -48,7 +40,7 @@ from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 _tuple = tuple.__new__
 _counts: Callable[..., tuple[int, ...]] = Struct("5q").unpack_from
-_FIRST_COUNT = RUN.fields["mode"][1]
+_FIRST_COUNT = 8 * list(RUN.names or ()).index("mode")
 """Where in the block, in bytes, mode, steps, expansions, guard evaluations and transitions stand."""
 _STATE = 8 * STATE_PLACE
 _NO_SAMPLES = np.zeros((0, 2))
@@ -157,20 +149,20 @@ class Run(State):
         code = advance(
             self.state, table.tables, table.numbers, integrator.selection if integrator.several else None, self.samples
         )
-        if code == HORIZON:
+        if code == ReturnCode.HORIZON:
             return self._end("ok", "")
-        if code == BLOCK_FULL and not stop:
+        if code == ReturnCode.BLOCK_FULL and not stop:
             self._close_block()
-        elif code in (SELECT_MODE, UNDECIDED_EVENT, MODE_NOT_COMPILED):
+        elif code in (ReturnCode.SELECT_MODE, ReturnCode.UNDECIDED_EVENT, ReturnCode.MODE_NOT_COMPILED):
             why = None
-            if code == MODE_NOT_COMPILED:
+            if code == ReturnCode.MODE_NOT_COMPILED:
                 why = self._enter_new_mode()
-            elif code == SELECT_MODE:
+            elif code == ReturnCode.SELECT_MODE:
                 why = self._select_mode()
             else:
                 why = self._locate()
             return None if why is None else self._end(*why)
-        elif code not in (BLOCK_FULL, BUDGET_SPENT):
+        elif code not in (ReturnCode.BLOCK_FULL, ReturnCode.BUDGET_SPENT):
             return self._end(*_ending_of(self, code))
         return None
 
@@ -231,7 +223,7 @@ class Run(State):
         changed = [i for i, s in enumerate(decision.mode) if s != before[i]]
         for i in changed or tangential:
             self._record(KINDS.index(transition_kind(before[i], decision.mode[i])), i, source, row)
-        return _ending_of(self, EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
+        return _ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
 
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:
         if self.scalars.transitions >= self.scalars.transition_capacity:
@@ -257,7 +249,7 @@ class Run(State):
         for g, own in enumerate(mode_table.guards(after)):
             if own.kind == "surface" and own.index == guard.index:
                 self.known_zeros[g] = zeros
-        return _ending_of(self, EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
+        return _ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
 
     def _select_mode(self) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
@@ -299,14 +291,14 @@ def _ending_of(run: Run, code: int) -> tuple[Status, str]:
     at = f"t = {run.time:.17g}"
     largest = max(map(abs, run.x.tolist()))
     grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
-    if code == DIVERGED or (code == STALLED and grown):
+    if code == ReturnCode.DIVERGED or (code == ReturnCode.STALLED and grown):
         return "diverged", f"the state leaves every bound at {at}"
-    singular = _vanishing_guard(run) if code == STALLED else None
+    singular = _vanishing_guard(run) if code == ReturnCode.STALLED else None
     if singular is not None:
         return _domain_ending(run, singular)
-    if code == STALLED:
+    if code == ReturnCode.STALLED:
         return "failed", f"the step size fell to zero at {at}: {_singular(run)} there"
-    if code == EVENTS_ACCUMULATE:
+    if code == ReturnCode.EVENTS_ACCUMULATE:
         return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
     return _domain_ending(run, run.guards[run.scalars.guard])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from struct import Struct
 from typing import Any
@@ -19,19 +20,22 @@ from henon_ref.jit.views import integers_in, rest_of, row_at, rows_of
 from henon_ref.roots.double import DEPTH
 from henon_ref.trajectory import Trajectory
 
-# Why the loop came back.
-(
-    HORIZON,
-    SELECT_MODE,
-    BLOCK_FULL,
-    DIVERGED,
-    STALLED,
-    BUDGET_SPENT,
-    LEFT_DOMAIN,
-    EVENTS_ACCUMULATE,
-    UNDECIDED_EVENT,
-    MODE_NOT_COMPILED,
-) = range(10)
+
+class ReturnCode(IntEnum):
+    """Why the compiled loop returned. (It returns the value: making the member of it costs some percent of a run.)"""
+
+    HORIZON = 0
+    SELECT_MODE = 1
+    BLOCK_FULL = 2
+    DIVERGED = 3
+    STALLED = 4
+    BUDGET_SPENT = 5
+    LEFT_DOMAIN = 6
+    EVENTS_ACCUMULATE = 7
+    UNDECIDED_EVENT = 8
+    MODE_NOT_COMPILED = 9
+
+
 # Between its own parts: an event is to be gone through, or there is nothing to say.
 EVENT, ON = 10, 11
 # Kinds of guards.
