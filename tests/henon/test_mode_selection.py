@@ -238,7 +238,7 @@ class Corner:
         problem = straight(names, field, [f"{name}: 1" for name in names], surfaces, 1)
         self.integrator = Integrator(problem.system, 8)
         for mode in product((-1, 0, 1), repeat=surfaces):
-            self.integrator.mode_table.compile(mode)
+            self.integrator.mode_table.row(mode)
 
     def both(self, numbers: Sequence[float], mode: Mode, hit: Sequence[int]) -> tuple[Mode | None, Any]:
         """What machine code makes of it (None: left to Python), and what Python does.
