@@ -70,10 +70,9 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
 
     Parameters
     ----------
-    state : ndarray, shape (F_STATE + 2 n + I_SIZE + 2 G,)
-        The run: as doubles F_..., then x, then what rounding it lost; behind them, as integers I_..., then known zeros
-        of each guard, then 1 for those at zero when the loop comes back with SELECT_MODE. (One array: each that is
-        passed from Python costs 45 ns.)
+    state : ndarray
+        The run's block: scalars (:data:`henon_ref.henon.state.RUN`) and the vectors behind them. (One array: each that
+        is passed from Python costs 45 ns.)
     tables : ndarray of int, shape (M, 1 + G, T_SIZE)
         Machine code, guards, and what follows them, of each mode (T_..., G_...).
     numbers : ndarray, shape (M, 2, K)

@@ -49,7 +49,7 @@ def events_accumulate(run):  # type: ignore[no-untyped-def]
 
 @inner()
 def fill_samples(run, c, order, part, mode, samples):  # type: ignore[no-untyped-def]
-    """Fill the samples that lie on the step just taken, up to ``part`` (in units of unit): time, states, mode."""
+    """Fill the samples that lie on the step just taken, up to ``part`` (in the unit): time, states, mode."""
     while run.next_sample < samples.shape[0]:
         k = run.next_sample
         at = ((samples[k, 0] - run.time) - run.time_low) / run.unit

@@ -254,7 +254,7 @@ def work_space(address, n, most, order):  # type: ignore[no-untyped-def]
     Returns
     -------
     band : rows, shape (2 (n + G + 1) + BANDS, row length)
-        Taylor coefficients of states and guards in units of unit, then the norms of the last ones; the same at the
+        Taylor coefficients of states and guards in the unit, then the norms of the last ones; the same at the
         end of a step that is checked; what isolating roots needs.
     room : row of 3 n + 3 G doubles
         Change of the states over a step and bounds of the guards from below; a state; normal velocities.

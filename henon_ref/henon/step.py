@@ -31,7 +31,7 @@ CUT_WEIGHT = 200
 
 @inner()
 def state_grows(c, n, theta):  # type: ignore[no-untyped-def]
-    """True if some state grows by a hundredth at least on a step of theta unit, as one does that blows up."""
+    """True if some state grows by a hundredth at least on a step of theta units, as one does that blows up."""
     found = False
     for i in range(n):
         found = found or (abs(c[i, 1]) * theta > 0.01 * abs(c[i, 0]) and (c[i, 1] > 0.0) == (c[i, 0] > 0.0))
@@ -57,7 +57,7 @@ def event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, a
     """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
 
     ``alone``: look at the very first one, as where a guard stands at zero or a branch point may come. Returns the step
-    proposed in units of unit; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where
+    proposed in the unit; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where
     the state blew up.
     """
     n, guards = run.states, layout[0, T_GUARDS]
