@@ -12,7 +12,6 @@ from henon_ref.henon.state import (
     G_INDEX,
     G_KIND,
     G_RISING,
-    I_GUARD_EVALUATIONS,
     RELEASE,
     SURFACE,
     T_BERNSTEIN,
@@ -46,7 +45,7 @@ _brent = compile_unit(brent, types.Tuple((float64, int64)), DOUBLES, int64, floa
 
 
 @inner(forceinline=True)
-def first_event(integers, c, n, order, layout, known_zeros, lower, theta, natural, method, work, bounds):  # type: ignore[no-untyped-def]
+def first_event(run, c, n, order, layout, known_zeros, lower, theta, natural, method, work, bounds):  # type: ignore[no-untyped-def]
     """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used).
 
     ``natural``: theta of the step that nothing has cut short.
@@ -81,7 +80,7 @@ def first_event(integers, c, n, order, layout, known_zeros, lower, theta, natura
                 tau, evaluations = _brent(scaled, degree, low, high)
             if tau < 0.0:
                 tau, landing, evaluations = _land(scaled, degree, low, high, method)
-        integers[I_GUARD_EVALUATIONS] += evaluations
+        run.guard_evaluations += evaluations
         first = low if outcome == TANGENTIAL else tau
         if first < begin:
             flat = outcome == TANGENTIAL or steepness(scaled, degree, tau, stack[0]) < UNDECIDED_STEEPNESS

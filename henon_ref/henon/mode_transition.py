@@ -10,32 +10,15 @@ from henon_ref.henon.mode_selection import select_mode
 from henon_ref.henon.recorder import change_mode, events_accumulate, record_transition, set_known_zeros
 from henon_ref.henon.state import (
     CROSSING,
-    EVENTS_ACCUMULATE,
-    F_STATE,
-    F_TIME,
-    F_TIME_LOW,
-    F_UNIT,
     G_ACTS,
     G_HOLD,
     G_INDEX,
     G_KIND,
     G_MODE_ACROSS,
     G_MODE_STUCK,
-    I_EXPANSIONS,
-    I_GUARD,
-    I_GUARDS,
-    I_LANDING,
-    I_MODE,
-    I_ORDER,
-    I_PENDING_KIND,
-    I_SIZE,
-    I_STATES,
-    LEFT_DOMAIN,
-    MODE_NOT_COMPILED,
     ON,
     RELEASE,
     RELEASED,
-    SELECT_MODE,
     STICK,
     SURFACE,
     T_EXPANSION,
@@ -43,6 +26,7 @@ from henon_ref.henon.state import (
     T_NORMAL_VELOCITIES,
     TANGENT,
     VALID,
+    ReturnCode,
 )
 from henon_ref.jit.calls import call_expand
 from henon_ref.jit.njit import inner
@@ -88,64 +72,63 @@ _inside_hold_zone = compile_unit(
 
 
 @inner(forceinline=True)
-def apply_event(floats, integers, records, tables, numbers, selection, band, room):  # type: ignore[no-untyped-def]
+def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, band, room):  # type: ignore[no-untyped-def]
     """Change the mode at the event the run stands at; ON, or why Python is needed."""
-    n, most = integers[I_STATES], integers[I_GUARDS]
-    x, speeds = rest_of(floats, F_STATE), rest_of(room, 2 * n + most)
-    known_zeros, hits = rest_of(integers, I_SIZE), rest_of(integers, I_SIZE + most)
-    mode, hit, used = integers[I_MODE], integers[I_GUARD], integers[I_LANDING]
+    n, most = run.states, run.guards
+    speeds = rest_of(room, 2 * n + most)
+    mode, hit, used = run.mode, run.guard, run.landing
     layout = rows_in(tables, mode)
     kind, index = layout[1 + hit, G_KIND], layout[1 + hit, G_INDEX]
     coincident = False
     for g in range(layout[0, T_GUARDS]):
         coincident = coincident or (hits[g] == 1 and g != hit)
     if kind == VALID:
-        return LEFT_DOMAIN
+        return ReturnCode.LEFT_DOMAIN.value
     zeros, what, target = 1, CROSSING, layout[1 + hit, G_MODE_ACROSS]
     if kind == SURFACE:
         if coincident or layout[1 + hit, G_ACTS] == 1:
             if selection is None:
-                return SELECT_MODE
-            target = select_mode(floats[F_TIME], floats[F_TIME_LOW], x, mode, layout, hits, selection)
+                return ReturnCode.SELECT_MODE.value
+            target = select_mode(run.time, run.time_low, x, mode, layout, hits, selection)
             if target < 0 or not change_mode(
-                floats, integers, x, records, known_zeros, target, layout, rows_in(tables, target), hits, selection[2]
+                run, x, records, known_zeros, target, layout, rows_in(tables, target), hits, selection[2]
             ):
-                return SELECT_MODE
-            return EVENTS_ACCUMULATE if events_accumulate(floats, integers) else ON
+                return ReturnCode.SELECT_MODE.value
+            return ReturnCode.EVENTS_ACCUMULATE.value if events_accumulate(run) else ON
         code, constants = layout[0, T_NORMAL_VELOCITIES], rows_in(numbers, mode)[1]
-        call_expand(code, floats[F_TIME], floats[F_TIME_LOW], 1.0, x, constants, speeds)
-        integers[I_EXPANSIONS] += 1
+        call_expand(code, run.time, run.time_low, 1.0, x, constants, speeds)
+        run.expansions += 1
         inside, beyond = speeds[n + 2 * hit], speeds[n + 2 * hit + 1]
         if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
-            return SELECT_MODE
+            return ReturnCode.SELECT_MODE.value
         stuck = beyond < 0.0
         if layout[1 + hit, G_HOLD] == 1:
             stick = layout[1 + hit, G_MODE_STUCK]
             zone = 0 if stick < 0 else _inside_hold_zone(
-                floats[F_TIME], floats[F_TIME_LOW], floats[F_UNIT], n, x, index, rows_in(tables, stick),
-                rows_in(numbers, stick)[0], rest_of(band, n + most + 1), integers[I_ORDER],
+                run.time, run.time_low, run.unit, n, x, index, rows_in(tables, stick),
+                rows_in(numbers, stick)[0], rest_of(band, n + most + 1), run.order,
             )  # fmt: skip
             if zone == 0 or (stuck and zone < 0):
-                return SELECT_MODE
+                return ReturnCode.SELECT_MODE.value
             stuck = zone > 0
         if stuck:
             zeros, what, target = 0, STICK, layout[1 + hit, G_MODE_STUCK]
     else:
         zeros, what = layout[1 + hit, G_MODE_STUCK], RELEASED
     if coincident:
-        return SELECT_MODE
+        return ReturnCode.SELECT_MODE.value
     if target < 0:
-        integers[I_PENDING_KIND] = what
-        return MODE_NOT_COMPILED
+        run.pending_kind = what
+        return ReturnCode.MODE_NOT_COMPILED.value
     after = rows_in(tables, target)
     if zeros == 0 and what == RELEASED:
         code, constants = after[0, T_NORMAL_VELOCITIES], rows_in(numbers, target)[1]
-        call_expand(code, floats[F_TIME], floats[F_TIME_LOW], 1.0, x, constants, speeds)
-        integers[I_EXPANSIONS] += 1
+        call_expand(code, run.time, run.time_low, 1.0, x, constants, speeds)
+        run.expansions += 1
         zeros = zeros_at_release(after, index, rest_of(speeds, n))
         if zeros == 0:
-            return SELECT_MODE
-    record_transition(floats, integers, x, records, what, index, mode, target, used)
-    integers[I_MODE] = target
+            return ReturnCode.SELECT_MODE.value
+    record_transition(run, x, records, what, index, mode, target, used)
+    run.mode = target
     set_known_zeros(known_zeros, after, index, zeros)
-    return EVENTS_ACCUMULATE if events_accumulate(floats, integers) else ON
+    return ReturnCode.EVENTS_ACCUMULATE.value if events_accumulate(run) else ON

@@ -4,20 +4,8 @@ from __future__ import annotations
 
 from henon_ref.henon.state import (
     CROSSING,
-    F_EVENT_TIME,
-    F_EVENT_TIME_LOW,
-    F_TIME,
-    F_TIME_LOW,
-    F_UNIT,
     G_INDEX,
     G_KIND,
-    I_EVENTS_AT_ONCE,
-    I_LANDING,
-    I_MODE,
-    I_NEXT_SAMPLE,
-    I_STATES,
-    I_TRANSITION_CAPACITY,
-    I_TRANSITIONS,
     R_FROM,
     R_KIND,
     R_LANDING,
@@ -40,54 +28,54 @@ MOST_AT_ONCE = 64
 
 
 @inner(forceinline=True)
-def record_transition(floats, integers, x, records, kind, index, source, target, landing):  # type: ignore[no-untyped-def]
+def record_transition(run, x, records, kind, index, source, target, landing):  # type: ignore[no-untyped-def]
     """Write a transition down."""
-    row = records[integers[I_TRANSITIONS]]
-    row[R_TIME], row[R_TIME_LOW] = floats[F_TIME], floats[F_TIME_LOW]
+    row = records[run.transitions]
+    row[R_TIME], row[R_TIME_LOW] = run.time, run.time_low
     row[R_KIND], row[R_SURFACE], row[R_FROM], row[R_TO], row[R_LANDING] = kind, index, source, target, landing
-    for i in range(integers[I_STATES]):
+    for i in range(run.states):
         row[R_STATE + i] = x[i]
-    integers[I_TRANSITIONS] += 1
+    run.transitions += 1
 
 
 @inner()
-def events_accumulate(floats, integers):  # type: ignore[no-untyped-def]
+def events_accumulate(run):  # type: ignore[no-untyped-def]
     """Count events that time cannot tell apart; True once there are too many in a row."""
-    gap = (floats[F_TIME] - floats[F_EVENT_TIME]) + (floats[F_TIME_LOW] - floats[F_EVENT_TIME_LOW])
-    integers[I_EVENTS_AT_ONCE] = integers[I_EVENTS_AT_ONCE] + 1 if gap <= 2.0 * EPS * abs(floats[F_TIME]) else 0
-    floats[F_EVENT_TIME], floats[F_EVENT_TIME_LOW] = floats[F_TIME], floats[F_TIME_LOW]
-    return integers[I_EVENTS_AT_ONCE] >= MOST_AT_ONCE
+    gap = (run.time - run.event_time) + (run.time_low - run.event_time_low)
+    run.events_at_once = run.events_at_once + 1 if gap <= 2.0 * EPS * abs(run.time) else 0
+    run.event_time, run.event_time_low = run.time, run.time_low
+    return run.events_at_once >= MOST_AT_ONCE
 
 
 @inner()
-def fill_samples(floats, integers, c, order, part, mode, samples):  # type: ignore[no-untyped-def]
-    """Fill the samples that lie on the step just taken, up to ``part`` (in units of unit): time, states, mode."""
-    while integers[I_NEXT_SAMPLE] < samples.shape[0]:
-        k = integers[I_NEXT_SAMPLE]
-        at = ((samples[k, 0] - floats[F_TIME]) - floats[F_TIME_LOW]) / floats[F_UNIT]
+def fill_samples(run, c, order, part, mode, samples):  # type: ignore[no-untyped-def]
+    """Fill the samples that lie on the step just taken, up to ``part`` (in the unit): time, states, mode."""
+    while run.next_sample < samples.shape[0]:
+        k = run.next_sample
+        at = ((samples[k, 0] - run.time) - run.time_low) / run.unit
         if at > part:
             return
         n = samples.shape[1] - 2
         for i in range(n):
             samples[k, 1 + i] = value(c[i], order, larger(at, 0.0))
         samples[k, 1 + n] = mode
-        integers[I_NEXT_SAMPLE] = k + 1
+        run.next_sample = k + 1
 
 
 @inner()
-def change_mode(floats, integers, x, records, known_zeros, target, layout, after, hits, signs):  # type: ignore[no-untyped-def]
+def change_mode(run, x, records, known_zeros, target, layout, after, hits, signs):  # type: ignore[no-untyped-def]
     """Go over to a mode in which several surfaces may have changed; False where Python has to tell of it."""
-    mode, landing = integers[I_MODE], integers[I_LANDING]
+    mode, landing = run.mode, run.landing
     changes = 0
     for i in range(signs.shape[1]):
         changes += 1 if signs[mode, i] != signs[target, i] else 0
-    if changes == 0 or integers[I_TRANSITIONS] + changes > integers[I_TRANSITION_CAPACITY]:
+    if changes == 0 or run.transitions + changes > run.transition_capacity:
         return False
     for i in range(signs.shape[1]):
         before, now = signs[mode, i], signs[target, i]
         if before != now:
             kind = STICK if now == 0 else RELEASED if before == 0 else CROSSING
-            record_transition(floats, integers, x, records, kind, i, mode, target, landing)
+            record_transition(run, x, records, kind, i, mode, target, landing)
     for g in range(after[0, T_GUARDS]):
         known_zeros[g] = 0
         if after[1 + g, G_KIND] == SURFACE:  # left with a speed: the decision was a clear one
@@ -96,7 +84,7 @@ def change_mode(floats, integers, x, records, known_zeros, target, layout, after
             for k in range(layout[0, T_GUARDS]):
                 if hits[k] == 1 and layout[1 + k, G_INDEX] == surface:
                     known_zeros[g] = 1
-    integers[I_MODE] = target
+    run.mode = target
     return True
 
 

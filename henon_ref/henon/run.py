@@ -19,37 +19,17 @@ from henon_ref.henon.loop import advance
 from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
 from henon_ref.henon.recorder import events_accumulate, record_transition
 from henon_ref.henon.state import (
-    BLOCK_FULL,
-    BUDGET_SPENT,
     CHUNK,
     CROSSING,
-    DIVERGED,
-    EVENTS_ACCUMULATE,
-    F_STATE,
-    F_STEP_LENGTH,
-    F_SUSPECT,
-    F_TIME,
-    F_TIME_LOW,
     G_MODE_ACROSS,
     G_MODE_STUCK,
     GRAZE,
-    HORIZON,
-    I_GUARD,
-    I_GUARD_EVALUATIONS,
-    I_LANDING,
-    I_MODE,
-    I_NEXT_SAMPLE,
-    I_PENDING_KIND,
-    I_STEPS,
-    I_TRANSITION_CAPACITY,
-    I_TRANSITIONS,
-    MODE_NOT_COMPILED,
     NOWHERE,
     RELEASED,
-    SELECT_MODE,
-    STALLED,
+    RUN,
+    STATE_PLACE,
     STICK,
-    UNDECIDED_EVENT,
+    ReturnCode,
     Start,
     State,
 )
@@ -59,9 +39,10 @@ from henon_ref.jit.processor_time import Deadline
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 _tuple = tuple.__new__
-_head: Callable[..., tuple[int, ...]] = Struct(f"{I_GUARD}q").unpack_from
-_STATE = 8 * F_STATE
-_COUNTED = slice(I_STEPS, I_GUARD_EVALUATIONS + 1)
+_counts: Callable[..., tuple[int, ...]] = Struct("5q").unpack_from
+_FIRST_COUNT = 8 * list(RUN.names or ()).index("mode")
+"""Where in the block, in bytes, mode, steps, expansions, guard evaluations and transitions stand."""
+_STATE = 8 * STATE_PLACE
 _NO_SAMPLES = np.zeros((0, 2))
 _record_transition, _events_accumulate = in_python(record_transition), in_python(events_accumulate)
 
@@ -101,10 +82,10 @@ class Run(State):
         block: int = CHUNK,
     ) -> None:
         self.integrator, self.start, self.deadline = integrator, start, deadline
-        self.state, self._parts = start.state.copy(), None
+        self.state, self._scalars = start.state.copy(), None
         integrator.switching.forget()
         if block != CHUNK:
-            self.integers[I_TRANSITION_CAPACITY] = block
+            self.scalars.transition_capacity = block
         self.samples = _NO_SAMPLES
         if sample_times is not None:
             self.samples = np.full((sample_times.size, len(start.x) + 2), np.nan)
@@ -113,8 +94,8 @@ class Run(State):
         self.ended: Trajectory | None = None
 
     def _close_block(self) -> None:
-        self.blocks.append(self.integrator.scratch.records[: self.integers[I_TRANSITIONS]].copy())
-        self.integers[I_TRANSITIONS] = 0
+        self.blocks.append(self.integrator.scratch.records[: self.scalars.transitions].copy())
+        self.scalars.transitions = 0
 
     def to_horizon(self) -> Trajectory:
         """Go to the horizon (or to where the run ends before it)."""
@@ -142,9 +123,9 @@ class Run(State):
 
     def next_event(self) -> Transition | Trajectory:
         """Go to the next transition; the trajectory instead where the run ends before one."""
-        self.integers[I_TRANSITIONS] = 0
+        self.scalars.transitions = 0
         while (end := self._advance(stop=True)) is None:
-            if self.integers[I_TRANSITIONS]:
+            if self.scalars.transitions:
                 return TransitionArray(self.integrator.scratch.records[:1], self.integrator.mode_table.modes)[0]
         return end
 
@@ -156,7 +137,7 @@ class Run(State):
     @property
     def mode(self) -> Mode:
         """Present mode."""
-        return self.integrator.mode_table.modes[self.integers[I_MODE]]
+        return self.integrator.mode_table.modes[self.scalars.mode]
 
     def _advance(self, *, stop: bool = False) -> Trajectory | None:
         """Let the compiled loop run until it needs something; None if the run goes on."""
@@ -168,49 +149,49 @@ class Run(State):
         code = advance(
             self.state, table.tables, table.numbers, integrator.selection if integrator.several else None, self.samples
         )
-        if code == HORIZON:
+        if code == ReturnCode.HORIZON:
             return self._end("ok", "")
-        if code == BLOCK_FULL and not stop:
+        if code == ReturnCode.BLOCK_FULL and not stop:
             self._close_block()
-        elif code in (SELECT_MODE, UNDECIDED_EVENT, MODE_NOT_COMPILED):
+        elif code in (ReturnCode.SELECT_MODE, ReturnCode.UNDECIDED_EVENT, ReturnCode.MODE_NOT_COMPILED):
             why = None
-            if code == MODE_NOT_COMPILED:
+            if code == ReturnCode.MODE_NOT_COMPILED:
                 why = self._enter_new_mode()
-            elif code == SELECT_MODE:
+            elif code == ReturnCode.SELECT_MODE:
                 why = self._select_mode()
             else:
                 why = self._locate()
             return None if why is None else self._end(*why)
-        elif code not in (BLOCK_FULL, BUDGET_SPENT):
+        elif code not in (ReturnCode.BLOCK_FULL, ReturnCode.BUDGET_SPENT):
             return self._end(*_ending_of(self, code))
         return None
 
     def _locate(self) -> tuple[Status, str] | None:
         """Go to an event that double precision leaves undecided, in multiprecision; None if the run goes on."""
-        integrator, floats, mode, row = self.integrator, self.floats, self.mode, self.integers.item(I_MODE)
+        integrator, scalars, mode, row = self.integrator, self.scalars, self.mode, int(self.scalars.mode)
         places = integrator.mode_table.places(mode)
         zeros = dict(zip(places, self.known_zeros.tolist(), strict=False))
-        time, low, near, reach = floats[[F_TIME, F_TIME_LOW, F_SUSPECT, F_STEP_LENGTH]].tolist()
+        time, low = float(scalars.time), float(scalars.time_low)
         found = locate_event(
             integrator.precise,
             UndecidedStep(
                 mode=mode,
                 time=(time, low),
                 state=tuple(zip(self.x.tolist(), self.x_low.tolist(), strict=True)),
-                length=reach,
-                suspect=near,
-                guard=places[self.integers.item(I_GUARD)],
+                length=float(scalars.step_length),
+                suspect=float(scalars.suspect),
+                guard=places[int(self.scalars.guard)],
                 known_zeros=tuple(zeros.get(g, 0) for g in range(len(integrator.system.equations(mode).guards))),
             ),
         )
-        floats[F_TIME], floats[F_TIME_LOW] = found.time
+        scalars.time, scalars.time_low = found.time
         self.x[:] = [high for high, _ in found.state]
         self.x_low[:] = [lost for _, lost in found.state]
-        self.integers[I_STEPS] += 1
+        self.scalars.steps += 1
         self.known_zeros[:] = 0
         until, until_low = self.until
         if (until - found.time[0]) + (until_low - found.time[1]) < -2e-17 * abs(until):  # more than a sum's rounding
-            floats[F_TIME], floats[F_TIME_LOW] = until, until_low
+            scalars.time, scalars.time_low = until, until_low
             return None
         guards = integrator.system.equations(mode).guards
         tangential = sorted({guards[g].index for g, _ in found.touching if guards[g].kind == "surface"})
@@ -233,29 +214,29 @@ class Run(State):
         """Go over to the mode that follows; ``tangential``: surfaces at zero, told of where none changes its sign."""
         if decision.mode is None:
             return decision.ending, decision.reason
-        before, source = self.mode, self.integers.item(I_MODE)
+        before, source = self.mode, int(self.scalars.mode)
         row = self.integrator.mode_table.row(decision.mode)
         if row is None:
             return "failed", f"the mode after t = {self.time:.17g} has no equations"
-        self.integers[I_MODE] = row
+        self.scalars.mode = row
         self._set_known_zeros(decision.mode, zeros)
         changed = [i for i, s in enumerate(decision.mode) if s != before[i]]
         for i in changed or tangential:
             self._record(KINDS.index(transition_kind(before[i], decision.mode[i])), i, source, row)
-        return _ending_of(self, EVENTS_ACCUMULATE) if _events_accumulate(self.floats, self.integers) else None
+        return _ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
 
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:
-        if self.integers[I_TRANSITIONS] >= self.integers[I_TRANSITION_CAPACITY]:
+        if self.scalars.transitions >= self.scalars.transition_capacity:
             self._close_block()
-        landing = self.integers.item(I_LANDING)
+        landing = int(self.scalars.landing)
         _record_transition(
-            self.floats, self.integers, self.x, self.integrator.scratch.records, kind, surface, source, target, landing
+            self.scalars, self.x, self.integrator.scratch.records, kind, surface, source, target, landing
         )
 
     def _enter_new_mode(self) -> tuple[Status, str] | None:
         """Complete a transition that is decided, into a mode that has no row yet."""
-        mode_table, row, hit = self.integrator.mode_table, int(self.integers[I_MODE]), int(self.integers[I_GUARD])
-        guard, what = self.guards[hit], int(self.integers[I_PENDING_KIND])
+        mode_table, row, hit = self.integrator.mode_table, int(self.scalars.mode), int(self.scalars.guard)
+        guard, what = self.guards[hit], int(self.scalars.pending_kind)
         after = replaced(self.mode, guard.index, 0 if what == STICK else guard.to_sign)
         zeros = {STICK: 0, CROSSING: 1}.get(what, int(mode_table.tables[row, 1 + hit, G_MODE_STUCK]))
         target = mode_table.row(after)
@@ -263,12 +244,12 @@ class Run(State):
             return self._select_mode()
         mode_table.tables[row, 1 + hit, G_MODE_STUCK if what == STICK else G_MODE_ACROSS] = target
         self._record(what, guard.index, row, target)
-        self.integers[I_MODE] = target
+        self.scalars.mode = target
         self.known_zeros[:] = 0
         for g, own in enumerate(mode_table.guards(after)):
             if own.kind == "surface" and own.index == guard.index:
                 self.known_zeros[g] = zeros
-        return _ending_of(self, EVENTS_ACCUMULATE) if _events_accumulate(self.floats, self.integers) else None
+        return _ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
 
     def _select_mode(self) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
@@ -279,7 +260,7 @@ class Run(State):
         decision = switching.after_event(self.time, x, before, hits)
         if decision.mode is None:
             return decision.ending, decision.reason
-        early = self.integers[I_GUARD] == NOWHERE
+        early = self.scalars.guard == NOWHERE
         # Where no step was taken, surfaces left a moment ago are still as good as touched.
         fresh = {g.index for g, zeros in zip(self.guards, self.known_zeros, strict=False) if zeros and early}
         active = fresh | {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0}
@@ -289,20 +270,19 @@ class Run(State):
 
     def _end(self, status: Status, reason: str) -> Trajectory:
         state, start, modes = self.state, self.start, self.integrator.mode_table.modes
-        integers = _head(state, start.behind)
+        mode, *counted, count = _counts(state, _FIRST_COUNT)
         transitions: Sequence[Transition] = ()
-        if integers[I_TRANSITIONS] or self.blocks:
-            records = self.integrator.scratch.records[: integers[I_TRANSITIONS]].copy()
+        if count or self.blocks:
+            records = self.integrator.scratch.records[:count].copy()
             transitions = TransitionArray(np.concatenate([*self.blocks, records]) if self.blocks else records, modes)
         samples = sample_modes = None
         if self.samples is not _NO_SAMPLES:
             samples = self.samples[:, 1:-1]
-            sample_modes = tuple(modes[int(m)] for m in self.samples[: self.integers[I_NEXT_SAMPLE], -1])
+            sample_modes = tuple(modes[int(m)] for m in self.samples[: self.scalars.next_sample, -1])
         # As the tuples they are, past Python's constructors: a tenth of a short run.
-        counts = _tuple(Counts, integers[_COUNTED])
-        end, mode = state.item(F_TIME), modes[integers[I_MODE]]
-        x = start.unpacked(state, _STATE)
-        fields = status, transitions, end, x, mode, reason, counts, 0.0, samples, sample_modes
+        counts = _tuple(Counts, counted)
+        end, x = state.item(0), start.unpacked(state, _STATE)
+        fields = status, transitions, end, x, modes[mode], reason, counts, 0.0, samples, sample_modes
         return _tuple(Trajectory, fields)
 
 
@@ -311,16 +291,16 @@ def _ending_of(run: Run, code: int) -> tuple[Status, str]:
     at = f"t = {run.time:.17g}"
     largest = max(map(abs, run.x.tolist()))
     grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
-    if code == DIVERGED or (code == STALLED and grown):
+    if code == ReturnCode.DIVERGED or (code == ReturnCode.STALLED and grown):
         return "diverged", f"the state leaves every bound at {at}"
-    singular = _vanishing_guard(run) if code == STALLED else None
+    singular = _vanishing_guard(run) if code == ReturnCode.STALLED else None
     if singular is not None:
         return _domain_ending(run, singular)
-    if code == STALLED:
+    if code == ReturnCode.STALLED:
         return "failed", f"the step size fell to zero at {at}: {_singular(run)} there"
-    if code == EVENTS_ACCUMULATE:
+    if code == ReturnCode.EVENTS_ACCUMULATE:
         return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
-    return _domain_ending(run, run.guards[run.integers[I_GUARD]])
+    return _domain_ending(run, run.guards[run.scalars.guard])
 
 
 def _domain_ending(run: Run, guard: Guard) -> tuple[Status, str]:

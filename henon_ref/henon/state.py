@@ -4,32 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from struct import Struct
+from typing import Any
 
 import numpy as np
-from numba.extending import register_jitable
+from numba import from_dtype
+from numba.extending import intrinsic, register_jitable
 from numpy.typing import NDArray
 
 from henon_ref.jit.ir_writer import row_length
 from henon_ref.jit.njit import inner
-from henon_ref.jit.views import rest_of, row_at, rows_of
+from henon_ref.jit.views import integers_in, rest_of, row_at, rows_of
 from henon_ref.roots.double import DEPTH
 from henon_ref.trajectory import Trajectory
 
-# Why the loop came back.
-(
-    HORIZON,
-    SELECT_MODE,
-    BLOCK_FULL,
-    DIVERGED,
-    STALLED,
-    BUDGET_SPENT,
-    LEFT_DOMAIN,
-    EVENTS_ACCUMULATE,
-    UNDECIDED_EVENT,
-    MODE_NOT_COMPILED,
-) = range(10)
+
+class ReturnCode(IntEnum):
+    """Why the compiled loop returned. (It returns the value: making the member of it costs some percent of a run.)"""
+
+    HORIZON = 0
+    SELECT_MODE = 1
+    BLOCK_FULL = 2
+    DIVERGED = 3
+    STALLED = 4
+    BUDGET_SPENT = 5
+    LEFT_DOMAIN = 6
+    EVENTS_ACCUMULATE = 7
+    UNDECIDED_EVENT = 8
+    MODE_NOT_COMPILED = 9
+
+
 # Between its own parts: an event is to be gone through, or there is nothing to say.
 EVENT, ON = 10, 11
 # Kinds of guards.
@@ -39,54 +45,61 @@ STICK, RELEASED, CROSSING, GRAZE = range(4)
 # Ways of landing.
 HENON, NEWTON, BRENT, BRACKET = range(4)
 LANDINGS = ("henon", "newton", "brent", "bracket")
-# Floats of a run: t and what rounding it lost, unit, time of the last event and what it lost; where on the step an
-# undecided event is, and the step's end, both counted from its start; the longest step that a mode just entered, or one
-# with branch points, may begin with; horizon and what rounding it lost; tolerance.
-(
-    F_TIME,
-    F_TIME_LOW,
-    F_UNIT,
-    F_EVENT_TIME,
-    F_EVENT_TIME_LOW,
-    F_SUSPECT,
-    F_STEP_LENGTH,
-    F_LONGEST_STEP,
-    F_HORIZON,
-    F_HORIZON_LOW,
-    F_TOLERANCE,
-    F_SIZE,
-) = range(12)
 REMEMBERED_STEPS = 64
-"""Modes of which the last step is kept, in the floats behind those above: a mode seen before begins with it."""
-F_STATE = F_SIZE + REMEMBERED_STEPS
+"""Modes of which the last step is kept: a mode seen before begins with it."""
+RUN = np.dtype(
+    [
+        ("time", "f8"), ("time_low", "f8"),  # s, and what rounding it lost
+        ("unit", "f8"),  # s: unit of the expansion
+        ("event_time", "f8"), ("event_time_low", "f8"),  # s: last event
+        ("suspect", "f8"),  # s: where an undecided event is, from the step's start
+        ("step_length", "f8"),  # s: of an undecided step
+        ("longest_step", "f8"),  # s: that a mode just entered, or one with branch points, may begin with
+        ("horizon", "f8"), ("horizon_low", "f8"),  # s
+        ("tolerance", "f8"),  # local error, relative to each row's size on the step
+        ("mode", "i8"), ("steps", "i8"), ("expansions", "i8"), ("guard_evaluations", "i8"), ("transitions", "i8"),
+        ("guard", "i8"), ("landing", "i8"),  # last guard hit, and its landing
+        ("stalled", "i8"),  # steps that time cannot tell apart
+        ("events_at_once", "i8"),  # events that it cannot tell apart
+        ("next_sample", "i8"),
+        ("stepped_mode", "i8"),  # mode of the last step
+        ("pending_kind", "i8"),  # of the event that leads to a mode without a row
+        ("order", "i8"),
+        ("method", "i8"),  # of landing
+        ("transition_capacity", "i8"),  # of a block of memory
+        ("workspace", "i8"),  # its address
+        ("states", "i8"), ("guards", "i8"),  # guards: of the largest mode
+    ],
+    align=True,
+)  # fmt: skip
+"""A run's scalars, the same for every system; behind them in one block of doubles: the last step of modes [s], shape
+(REMEMBERED_STEPS,); x and what rounding it lost, shape (n,) each; as integers known zeros of each guard at the present
+point (the surface just left), which are divided out, and 1 for a guard that is at zero, shape (G,) each."""
+RUN_RECORD = from_dtype(RUN)
+"""Its type in compiled code."""
+LAST_STEPS = RUN.itemsize // 8
+"""Where, in doubles, the last steps stand in the block."""
+STATE_PLACE = LAST_STEPS + REMEMBERED_STEPS
 """Where the state stands, followed by what rounding it lost."""
-# Integers of a run: mode; counts; last guard hit and its landing; steps that time cannot tell apart, events that it
-# cannot tell apart; next sample; mode of the last step; kind of the event that leads to a mode not known yet; order;
-# method of landing; transitions that a block of memory holds; address of the work space; states, and guards of the
-# largest mode.
-(
-    I_MODE,
-    I_STEPS,
-    I_EXPANSIONS,
-    I_GUARD_EVALUATIONS,
-    I_TRANSITIONS,
-    I_GUARD,
-    I_LANDING,
-    I_STALLED,
-    I_EVENTS_AT_ONCE,
-    I_NEXT_SAMPLE,
-    I_STEPPED_MODE,
-    I_PENDING_KIND,
-    I_ORDER,
-    I_METHOD,
-    I_TRANSITION_CAPACITY,
-    I_WORKSPACE,
-    I_STATES,
-    I_GUARDS,
-    I_SIZE,
-) = range(19)
-# Behind them, an integer a guard each: known zeros at the present point (the surface just left), which are divided
-# out; 1 for a guard that is at zero.
+
+
+@intrinsic
+def run_of(typing, row):  # type: ignore[no-untyped-def]
+    """The scalars of a run at the begin of its block. (A record array costs 120 ns a call more.)"""
+
+    def codegen(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.bitcast(arguments[0], context.get_value_type(RUN_RECORD))
+
+    return RUN_RECORD(row), codegen
+
+
+@inner(forceinline=True)
+def vectors_of(block, n, most):  # type: ignore[no-untyped-def]
+    """Rows behind the scalars: last steps, x, what rounding it lost, known zeros, guards at zero."""
+    integers = integers_in(rest_of(block, STATE_PLACE + 2 * n))
+    x = rest_of(block, STATE_PLACE)
+    return rest_of(block, LAST_STEPS), x, rest_of(x, n), integers, rest_of(integers, most)
+
 
 # A mode's table: its own row, then a row a guard. T_POLYNOMIAL_DEGREE: degree of the motion where that is a polynomial
 # which the expansion holds whole, else 0. T_SLOPES: where the field has branch points, the code of its first
@@ -105,6 +118,7 @@ TANGENT = 1e-9
 """Relative normal velocity below which a contact is left to Python's mode selection."""
 
 
+_RECORD = np.dtype((np.record, RUN))
 CHUNK = 1024
 """Transitions kept in one block of memory."""
 
@@ -140,88 +154,78 @@ class Start:
         return Struct(f"{len(self.x)}d").unpack_from
 
     @cached_property
-    def behind(self) -> int:
-        """Bytes of the state that are doubles; integers follow."""
-        return 8 * (F_STATE + 2 * len(self.x))
-
-    @cached_property
     def state(self) -> NDArray[np.float64]:
         """What a run begins with (see :func:`henon_ref.henon.loop.advance`). Each run copies it."""
         high, low = zip(*self.x, strict=True)
-        floats = np.array([0.0] * F_STATE + [*high, *low])
-        floats[F_TIME], floats[F_TIME_LOW] = self.time
-        floats[F_HORIZON], floats[F_HORIZON_LOW] = self.until
-        floats[F_EVENT_TIME], floats[F_TOLERANCE] = -np.inf, self.tolerance
-        floats[F_UNIT] = max((self.until[0] - self.time[0]) + (self.until[1] - self.time[1]), 1e-280)
-        integers = np.array([0] * I_SIZE + [*self.zeros] + [0] * len(self.zeros))
-        integers[I_MODE], integers[I_TRANSITION_CAPACITY] = self.row, CHUNK
-        integers[I_STATES], integers[I_GUARDS] = len(self.x), len(self.zeros)
-        integers[I_ORDER], integers[I_METHOD] = self.order, self.landing
-        integers[I_WORKSPACE] = self.work.ctypes.data
-        return np.concatenate([floats, integers.view(np.float64)])
+        state = np.array([0.0] * STATE_PLACE + [*high, *low])
+        run = state[:LAST_STEPS].view(_RECORD)[0]
+        run.time, run.time_low = self.time
+        run.horizon, run.horizon_low = self.until
+        run.event_time, run.tolerance = -np.inf, self.tolerance
+        run.unit = max((self.until[0] - self.time[0]) + (self.until[1] - self.time[1]), 1e-280)
+        run.mode, run.transition_capacity = self.row, CHUNK
+        run.states, run.guards = len(self.x), len(self.zeros)
+        run.order, run.method = self.order, self.landing
+        run.workspace = self.work.ctypes.data
+        zeros = np.array([*self.zeros, *(0 for _ in self.zeros)], dtype=np.int64)
+        return np.concatenate([state, zeros.view(np.float64)])
 
 
 class State:
-    """A run's array, and views of its parts. (A run sets these itself: a call costs a tenth of a short run.)"""
+    """A run's block, and views of its parts. (A run sets these itself: a call costs a tenth of a short run.)"""
 
-    __slots__ = ("_parts", "start", "state")
+    __slots__ = ("_scalars", "start", "state")
 
     start: Start
     state: NDArray[np.float64]
     """A copy of the start's, the run's own."""
-    _parts: tuple[NDArray[np.float64], NDArray[np.int64]] | None
-    """Its doubles and integers; None where nobody has asked for them."""
-
-    def _views(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """The state's doubles and integers. (Made when they are asked for: the shortest runs do without.)"""
-        if self._parts is None:
-            count = self.start.behind // 8
-            self._parts = self.state[:count], self.state[count:].view(np.int64)
-        return self._parts
+    _scalars: Any
+    """None where nobody has asked for them."""
 
     @property
-    def floats(self) -> NDArray[np.float64]:
-        """Doubles of the run (F_...), the present state and what rounding it lost: a view."""
-        return self._views()[0]
+    def scalars(self) -> Any:
+        """Fields of :data:`RUN`: a view. (Made when it is asked for: the shortest runs do without.)"""
+        if self._scalars is None:
+            self._scalars = self.state[:LAST_STEPS].view(_RECORD)[0]
+        return self._scalars
 
     @property
-    def integers(self) -> NDArray[np.int64]:
-        """Integers of the run (I_...), known zeros of the guards, and which of them are at zero: a view."""
-        return self._views()[1]
+    def _integers(self) -> NDArray[np.int64]:
+        return self.state[STATE_PLACE + 2 * len(self.start.x) :].view(np.int64)
 
     @property
     def until(self) -> tuple[float, float]:
         """Horizon [s] and what rounding it lost; a later one may be set to go on from where the run stands."""
-        return self.floats.item(F_HORIZON), self.floats.item(F_HORIZON_LOW)
+        return float(self.scalars.horizon), float(self.scalars.horizon_low)
 
     @until.setter
     def until(self, until: tuple[float, float]) -> None:
-        self.floats[F_HORIZON], self.floats[F_HORIZON_LOW] = until
+        self.scalars.horizon, self.scalars.horizon_low = until
 
     @property
     def x(self) -> NDArray[np.float64]:
         """Present state, shape (n,): a view."""
-        return self.floats[F_STATE : F_STATE + len(self.start.x)]
+        return self.state[STATE_PLACE : STATE_PLACE + len(self.start.x)]
 
     @property
     def x_low(self) -> NDArray[np.float64]:
         """What rounding it lost: a view; whoever changes ``x`` sets it to 0 there."""
-        return self.floats[F_STATE + len(self.start.x) :]
+        return self.state[STATE_PLACE + len(self.start.x) : STATE_PLACE + 2 * len(self.start.x)]
 
     @property
     def known_zeros(self) -> NDArray[np.int64]:
         """Known zeros of each guard at the present point: a view."""
-        return self.integers[I_SIZE : I_SIZE + len(self.start.zeros)]
+        return self._integers[: len(self.start.zeros)]
 
     @property
     def hits(self) -> NDArray[np.int64]:
         """1 for each guard that is at zero: a view."""
-        return self.integers[I_SIZE + len(self.start.zeros) :]
+        return self._integers[len(self.start.zeros) :]
 
     @property
     def time(self) -> float:
         """Present time [s], rounded to double."""
-        return self.floats.item(F_TIME)
+        return float(self.scalars.time)
 
 
 BANDS = 6 + 2 * DEPTH
@@ -250,7 +254,7 @@ def work_space(address, n, most, order):  # type: ignore[no-untyped-def]
     Returns
     -------
     band : rows, shape (2 (n + G + 1) + BANDS, row length)
-        Taylor coefficients of states and guards in units of unit, then the norms of the last ones; the same at the
+        Taylor coefficients of states and guards in the unit, then the norms of the last ones; the same at the
         end of a step that is checked; what isolating roots needs.
     room : row of 3 n + 3 G doubles
         Change of the states over a step and bounds of the guards from below; a state; normal velocities.

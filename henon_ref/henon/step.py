@@ -4,16 +4,6 @@ from __future__ import annotations
 
 from henon_ref.henon.compensated_time import add_to_time, below_compensated_resolution, below_time_resolution, remaining
 from henon_ref.henon.state import (
-    F_HORIZON,
-    F_TIME,
-    F_TIME_LOW,
-    F_TOLERANCE,
-    F_UNIT,
-    I_EXPANSIONS,
-    I_ORDER,
-    I_STALLED,
-    I_STATES,
-    I_STEPS,
     T_EXPANSION,
     T_GUARDS,
     T_SLOPES,
@@ -41,7 +31,7 @@ CUT_WEIGHT = 200
 
 @inner()
 def state_grows(c, n, theta):  # type: ignore[no-untyped-def]
-    """True if some state grows by a hundredth at least on a step of theta unit, as one does that blows up."""
+    """True if some state grows by a hundredth at least on a step of theta units, as one does that blows up."""
     found = False
     for i in range(n):
         found = found or (abs(c[i, 1]) * theta > 0.01 * abs(c[i, 0]) and (c[i, 1] > 0.0) == (c[i, 0] > 0.0))
@@ -63,14 +53,14 @@ def add_to_state(n, x, x_low, change):  # type: ignore[no-untyped-def]
 
 
 @inner(forceinline=True)
-def event_free_steps(floats, integers, x, x_low, known_zeros, layout, constants, c, change, alone, stop_at):  # type: ignore[no-untyped-def]
+def event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, alone, stop_at):  # type: ignore[no-untyped-def]
     """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
 
     ``alone``: look at the very first one, as where a guard stands at zero or a branch point may come. Returns the step
-    proposed in units of unit; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where
+    proposed in the unit; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where
     the state blew up.
     """
-    n, guards = integers[I_STATES], layout[0, T_GUARDS]
+    n, guards = run.states, layout[0, T_GUARDS]
     expansion, closing = layout[0, T_EXPANSION], layout[0, T_STEP_END]
     shrunk, zeros = False, 0
     for g in range(guards):
@@ -78,15 +68,15 @@ def event_free_steps(floats, integers, x, x_low, known_zeros, layout, constants,
             zeros = known_zeros[g]
     alone = alone or zeros > 0 or layout[0, T_SLOPES] > 0
     while True:
-        if integers[I_STEPS] >= stop_at:
+        if run.steps >= stop_at:
             return 0.0
-        left = remaining(floats)
-        unit = floats[F_UNIT]
-        call_expand(expansion, floats[F_TIME], floats[F_TIME_LOW], unit, x, constants, c)
-        integers[I_EXPANSIONS] += 1
-        theta = step_size(c, n + guards, integers[I_ORDER], floats[F_TOLERANCE])
+        left = remaining(run)
+        unit = run.unit
+        call_expand(expansion, run.time, run.time_low, unit, x, constants, c)
+        run.expansions += 1
+        theta = step_size(c, n + guards, run.order, run.tolerance)
         if zeros > 2 and theta > 0.0:
-            theta = _flat_step_size(c, n, guards, known_zeros, integers[I_ORDER], floats[F_TOLERANCE])
+            theta = _flat_step_size(c, n, guards, known_zeros, run.order, run.tolerance)
         if theta < 1e-6 or (theta > 1e6 and unit < left and not shrunk):
             # unit is far from the step: bring it there and expand again before anything is read off. Where it is
             # much too long even the step is not accepted: it shrinks by degrees, and does not grow again here.
@@ -96,19 +86,19 @@ def event_free_steps(floats, integers, x, x_low, known_zeros, layout, constants,
                 return -1.0
             if new < 0.5 * unit or new > 2.0 * unit:
                 shrunk = shrunk or new < unit
-                floats[F_UNIT] = new
+                run.unit = new
                 continue
         if shrunk:
             theta = smaller(theta, 1e6)
             shrunk = False
         step = theta * unit
-        if below_time_resolution(floats, step):
-            integers[I_STALLED] += (
-                LOST_WEIGHT if below_compensated_resolution(floats, step) and not state_grows(c, n, theta) else 1
+        if below_time_resolution(run, step):
+            run.stalled += (
+                LOST_WEIGHT if below_compensated_resolution(run, step) and not state_grows(c, n, theta) else 1
             )
-        if integers[I_STALLED] > STALLED_STEPS:
+        if run.stalled > STALLED_STEPS:
             return -1.0
-        if alone or step >= left or theta > CHECKED_GROWTH or tail_unconverged(c, n + guards, integers[I_ORDER], theta):
+        if alone or step >= left or theta > CHECKED_GROWTH or tail_unconverged(c, n + guards, run.order, theta):
             return theta
         call_closing(closing, theta, c, change)
         for g in range(guards):
@@ -116,30 +106,30 @@ def event_free_steps(floats, integers, x, x_low, known_zeros, layout, constants,
                 return theta
         if not add_to_state(n, x, x_low, change):
             return -2.0
-        if not below_time_resolution(floats, step):
-            integers[I_STALLED] = 0
-        add_to_time(floats, step)
-        integers[I_STEPS] += 1
-        floats[F_UNIT] = smaller(step, 1e3 * unit)
+        if not below_time_resolution(run, step):
+            run.stalled = 0
+        add_to_time(run, step)
+        run.steps += 1
+        run.unit = smaller(step, 1e3 * unit)
 
 
 @inner()
-def refine_release(floats, integers, x, x_low, layout, constants, ahead, change, row, unit, theta):  # type: ignore[no-untyped-def]
+def refine_release(run, x, x_low, layout, constants, ahead, change, row, unit, theta):  # type: ignore[no-untyped-def]
     """Put the end of a slide on its guard to the last digit, whatever the tolerance of the step that led there.
 
     A tangent point is where the field's normal velocity vanishes: left a little beside it, the field would
     point back at the surface, and the slide would begin anew. Newton's steps on the expansion at the landing.
     """
     for _ in range(3):
-        call_expand(layout[0, T_EXPANSION], floats[F_TIME], floats[F_TIME_LOW], unit, x, constants, ahead)
-        integers[I_EXPANSIONS] += 1
+        call_expand(layout[0, T_EXPANSION], run.time, run.time_low, unit, x, constants, ahead)
+        run.expansions += 1
         off, slope = ahead[row, 0], ahead[row, 1]
         size = abs(off) + abs(slope) * theta
         if abs(off) <= 2.0 * EPS * size or not slope < 0.0:
             return
         shift = -off / slope
-        if abs(shift) > 0.1 * theta or floats[F_TIME] + shift * unit > floats[F_HORIZON]:
+        if abs(shift) > 0.1 * theta or run.time + shift * unit > run.horizon:
             return
         call_closing(layout[0, T_STEP_END], shift, ahead, change)
-        add_to_state(integers[I_STATES], x, x_low, change)
-        add_to_time(floats, shift * unit)
+        add_to_state(run.states, x, x_low, change)
+        add_to_time(run, shift * unit)

@@ -11,7 +11,7 @@ from henon_ref.jit.primitives import bits, fma, from_bits, larger, smaller
 from henon_ref.jit.views import GRID, INTEGERS
 
 UNLIMITED = 1e30
-"""A step, in units of unit, that no coefficient limits."""
+"""A step, in the unit, that no coefficient limits."""
 
 
 @inner(forceinline=True)
@@ -28,7 +28,7 @@ def _root(above, below, power):  # type: ignore[no-untyped-def]
 
 @inner(forceinline=True)
 def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
-    """Largest relative size of the last two coefficients over states and guards on a step of theta unit."""
+    """Largest relative size of the last two coefficients over states and guards on a step of theta units."""
     last, before = 0.0, 0.0
     for r in range(rows):
         row = c[r]
@@ -52,7 +52,7 @@ def infinite_at_low_order(c, rows):  # type: ignore[no-untyped-def]
 
 @inner(forceinline=True)
 def step_size(c, rows, order, tolerance):  # type: ignore[no-untyped-def]
-    """Step in units of unit at which the last two terms fall below the tolerance (Jorba and Zou 2005, Sec. 3).
+    """Step in the unit at which the last two terms fall below the tolerance (Jorba and Zou 2005, Sec. 3).
 
     0 where a coefficient is not finite.
     """

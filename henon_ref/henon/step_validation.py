@@ -6,11 +6,6 @@ import numpy as np
 
 from henon_ref.henon.compensated_time import below_compensated_resolution
 from henon_ref.henon.state import (
-    F_TIME,
-    F_TIME_LOW,
-    F_UNIT,
-    I_EXPANSIONS,
-    I_STATES,
     T_EXPANSION,
     T_GUARDS,
     T_SLOPES,
@@ -108,7 +103,7 @@ def tail_shape(row, order, theta, least):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def validated_step(floats, integers, x, layout, constants, c, ahead, change, point, order, theta, grown, unconverged):  # type: ignore[no-untyped-def]
+def validated_step(run, x, layout, constants, c, ahead, change, point, order, theta, grown, unconverged):  # type: ignore[no-untyped-def]
     """A step no longer than where the expansion still holds, ``theta`` if that is so.
 
     Where terms grow the step is shortened until they fall: then it ends within their circle of convergence. Terms
@@ -121,8 +116,8 @@ def validated_step(floats, integers, x, layout, constants, c, ahead, change, poi
     Without ``unconverged`` terms are not looked at: the field has branch points (T_SLOPES), behind which a square
     root's series, a polynomial perhaps, goes on as if there were none. Slopes alone are held against it.
     """
-    n, guards = integers[I_STATES], layout[0, T_GUARDS]
-    unit = floats[F_UNIT]
+    n, guards = run.states, layout[0, T_GUARDS]
+    unit = run.unit
     decreasing = True
     for r in range(n + guards if unconverged else 0):
         tail = tail_shape(c[r], order, theta, 0.0 if grown else EPS)
@@ -143,10 +138,10 @@ def validated_step(floats, integers, x, layout, constants, c, ahead, change, poi
             call_closing(layout[0, T_STEP_END], at, c, change)
             for i in range(n):
                 point[i] = x[i] + change[i]
-            end = floats[F_TIME] + at * unit
+            end = run.time + at * unit
             code = slopes if slopes > 0 else layout[0, T_EXPANSION]
-            call_expand(code, end, floats[F_TIME_LOW], unit, point, constants, ahead)
-            integers[I_EXPANSIONS] += 1
+            call_expand(code, end, run.time_low, unit, point, constants, ahead)
+            run.expansions += 1
             # The exponentials allow the way back, too.
             agrees = agrees and (slopes > 0 or ahead[n + guards, 3] >= 0.25 * at)
             for r in range(compared):
@@ -172,7 +167,7 @@ def validated_step(floats, integers, x, layout, constants, c, ahead, change, poi
             return shorter
         theta *= larger(QUARTER, 0.95 * worst ** (-1.0 / order)) if worst < np.inf else SHORTER
         theta = smaller(theta, shorter) if falls else theta
-        nowhere = theta <= SHORTEST or (worst < np.inf and below_compensated_resolution(floats, theta * unit))
+        nowhere = theta <= SHORTEST or (worst < np.inf and below_compensated_resolution(run, theta * unit))
         enough = theta <= LEAST if kept else nowhere
         checking = not enough or tail_unconverged(c, n + guards, order, theta)
     return theta

@@ -19,7 +19,7 @@ from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_selection import select_mode
 from henon_ref.henon.run import Run
 from henon_ref.henon.solver import HENON_SOLVER
-from henon_ref.henon.state import HENON, I_TRANSITIONS
+from henon_ref.henon.state import HENON
 from henon_ref.jit.njit import njit
 from henon_ref.trajectory import Trajectory
 
@@ -200,7 +200,7 @@ def test_five_surfaces_that_are_not_clear_are_left_to_python(
 def after_first_event(integrator: Integrator, problem: Problem, transitions: int) -> tuple[Mode, list[int]]:
     """Mode and known zeros right after an event with so many transitions."""
     run = Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON), block=transitions)
-    while not run.blocks and run.integers[I_TRANSITIONS] < transitions:
+    while not run.blocks and run.scalars.transitions < transitions:
         assert run._advance() is None
     return run.mode, run.known_zeros[: len(run.guards)].tolist()
 
@@ -238,7 +238,7 @@ class Corner:
         problem = straight(names, field, [f"{name}: 1" for name in names], surfaces, 1)
         self.integrator = Integrator(problem.system, 8)
         for mode in product((-1, 0, 1), repeat=surfaces):
-            self.integrator.mode_table.compile(mode)
+            self.integrator.mode_table.row(mode)
 
     def both(self, numbers: Sequence[float], mode: Mode, hit: Sequence[int]) -> tuple[Mode | None, Any]:
         """What machine code makes of it (None: left to Python), and what Python does.
