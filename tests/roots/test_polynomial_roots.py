@@ -16,6 +16,7 @@ from henon_ref.henon import landing as landings
 from henon_ref.henon import state as k
 from henon_ref.jit.calls import call_bernstein
 from henon_ref.jit.ir_writer import row_length
+from henon_ref.jit.primitives import EPS
 from henon_ref.roots import double as p
 from henon_ref.roots.bernstein import bernstein_code
 
@@ -91,7 +92,7 @@ def test_where_a_guard_falls_evenly_one_evaluation_lands_on_it() -> None:
     sine = [-((0, 1, 0, -1)[j % 4]) / factorial(j) / 3**j for j in range(1, ORDER + 1)]
     tau, used, evaluations = land(np.array([0.2, *sine]), 0.0, 1.0, k.HENON)
     assert (used, evaluations) == (k.HENON, 1)
-    assert tau == pytest.approx(3 * np.arcsin(0.2), rel=2 * k.EPS)
+    assert tau == pytest.approx(3 * np.arcsin(0.2), rel=2 * EPS)
 
 
 @pytest.mark.parametrize("gap", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7])
@@ -123,7 +124,7 @@ def test_a_double_root_is_a_touch_and_a_near_miss_is_nothing() -> None:
 @pytest.mark.parametrize("place", [0.3, 0.5, 0.6770673077])
 def test_what_is_left_of_a_touch_ends_where_the_polynomial_is_clear_of_noise(place: float, depth: float) -> None:
     """The pieces beside it hold nothing, and it is not cut again."""
-    noise = 4 * k.EPS * (1 + place) ** 2
+    noise = 4 * EPS * (1 + place) ** 2
     coefficients = np.zeros(ORDER + 1)
     coefficients[:3] = [place**2 + depth * noise, -2 * place, 1.0]
     outcome, low, high = isolated(coefficients)
