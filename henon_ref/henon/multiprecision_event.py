@@ -216,9 +216,9 @@ class _Series:
         return CLEARANCE * max(RELATIVE_ZERO, self._last * part**self._order)
 
 
-def _first_event(guard: int, series: _Series, near: int) -> _Event:
+def _first_event(guard: int, series: _Series, suspect: int) -> _Event:
     """What a guard does up to a place on the step."""
-    what, lowest, place = first_event_of(series.q, series.zeros, near)
+    what, lowest, place = first_event_of(series.q, series.zeros, suspect)
     part, local = place / ONE, series.around(place)
     radius, order = leading_term(local, series.noise(part))
     slope, size = (abs(local[1]) if len(local) > 1 else 0.0), series.size(part)
@@ -287,8 +287,8 @@ def _zeros_behind(events: Sequence[_Event], here: _Event, count: int) -> tuple[i
     """Zeros of a mode's guards where it goes on from a minimum of one of them."""
     zeros = [0] * count
     for event in events:
-        near = abs(event.place - here.place) / ONE <= SAME_MINIMUM_PART
-        if event.lowest and (event is here or event.meets(here) or (near and event.what == "miss")):
+        same_minimum = abs(event.place - here.place) / ONE <= SAME_MINIMUM_PART
+        if event.lowest and (event is here or event.meets(here) or (same_minimum and event.what == "miss")):
             zeros[event.guard] = event.order
     return tuple(zeros)
 

@@ -63,11 +63,11 @@ def fixed(series: Sequence[arb]) -> list[int]:
     return [fixed_point(c / size) for c in series] if size != 0 else [0] * len(series)
 
 
-def first_event_of(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
+def first_event_of(q: Fixed, zeros: int, suspect: int) -> tuple[What, bool, int]:
     """What q tau^zeros does on (0, 1] up to its minimum near a point: (what, at a minimum, where)."""
     outcome, low, high = first_falling_root(q)
     whole = [0] * zeros + list(q)
-    bottom = _minimum(whole, near)
+    bottom = _minimum(whole, suspect)
     middle = (low + high) // 2
     if outcome == "touch" or (outcome == "root" and low == high):  # all is next to nothing there
         crossed = outcome == "root" or _falls_behind(q, low, high)
@@ -79,7 +79,7 @@ def first_event_of(q: Fixed, zeros: int, near: int) -> tuple[What, bool, int]:
         if bottom is None or touched <= bottom + SAME_MINIMUM:
             return "touch", True, _flat_root(whole, touched, 0, exact=True)
     if outcome != "root" or (bottom is not None and low > bottom):  # what lies behind a minimum has to wait
-        return "miss", bottom is not None, near if bottom is None else bottom
+        return "miss", bottom is not None, suspect if bottom is None else bottom
     return "root", False, rising_root([-c for c in q], low, high)
 
 
@@ -103,13 +103,13 @@ def _flat_root(q: Fixed, place: int, parity: int, *, exact: bool) -> int:
     derivatives = [list(q)]
     for _ in range(HIGHEST):
         derivatives.append(_derivative(derivatives[-1]))
-    near = place if exact else _exactly_flat(derivatives, place)
-    order = leading_term([horner(d, near) / ONE / factorial(k) for k, d in enumerate(derivatives)], RELATIVE_ZERO)[1]
+    refined = place if exact else _exactly_flat(derivatives, place)
+    order = leading_term([horner(d, refined) / ONE / factorial(k) for k, d in enumerate(derivatives)], RELATIVE_ZERO)[1]
     if order % 2 != parity or order == 0:
         return place
     for _ in range(8):
-        near -= (horner(derivatives[order - 1], near) << BITS) // horner(derivatives[order], near)
-    return near
+        refined -= (horner(derivatives[order - 1], refined) << BITS) // horner(derivatives[order], refined)
+    return refined
 
 
 def _exactly_flat(derivatives: Sequence[Fixed], place: int) -> int:
@@ -280,19 +280,19 @@ def rising_root(rising: Fixed, low: int, high: int) -> int:
     return tau
 
 
-def _minimum(series: Fixed, near: int) -> int | None:
+def _minimum(series: Fixed, suspect: int) -> int | None:
     """The minimum of a polynomial on [0, 1] that a point lies next to; None if there is none."""
     slope = _derivative(series)
-    width = max(near >> 50, 1)
-    low, high = near - width, near + width
+    width = max(suspect >> 50, 1)
+    low, high = suspect - width, suspect + width
     while horner(slope, low) >= 0:
         width *= 4
-        low = near - width
+        low = suspect - width
         if low <= 0:
             return None
     while horner(slope, high) <= 0:
         width *= 4
-        high = near + width
+        high = suspect + width
         if high > ONE:
             return None
     return rising_root(slope, low, high)

@@ -59,9 +59,9 @@ def libraries_of(rows: Sequence[Row]) -> list[str]:
     return [name for name in registry.names() if name in present]
 
 
-def of_restart(rows: Sequence[Row], library: str, habit: str) -> list[Row]:
+def of_restart(rows: Sequence[Row], library: str, restart: str) -> list[Row]:
     """The runs of a library that was restarted by a habit."""
-    name = f"{library}{registry.AT}{habit}"
+    name = f"{library}{registry.AT}{restart}"
     return [row for row in rows if row["solver"] == name and outcome_of(row) is not None]
 
 
@@ -72,22 +72,22 @@ def summary_table(rows: Sequence[Row]) -> Table:
     """
     lines = []
     for library in libraries_of(rows):
-        for habit in registry.RESTARTS:
-            own = of_restart(rows, library, habit)
+        for restart in registry.RESTARTS:
+            own = of_restart(rows, library, restart)
             ends = Counter(map(ending, own))
             edits = (sum(int(number(row, c)) for row in own if row[c] is not None) for c in ("missed", "spurious"))
-            label = f"**`{habit}`**" if habit == registry.restart_of(library) else f"`{habit}`"
-            counts = (*(ends[end] for end in ENDINGS), *edits, broken_runs(rows, library, habit))
+            label = f"**`{restart}`**" if restart == registry.restart_of(library) else f"`{restart}`"
+            counts = (*(ends[end] for end in ENDINGS), *edits, broken_runs(rows, library, restart))
             lines.append((f"`{library}`", label, *(f"{n or ''}" for n in counts)))
     headings = ("library", "habit", *ENDINGS, "transitions missed", "spurious", "right by another habit")
     return Table(headings, "ll" + "r" * (len(headings) - 2), lines)
 
 
-def broken_runs(rows: Sequence[Row], library: str, habit: str) -> int:
+def broken_runs(rows: Sequence[Row], library: str, restart: str) -> int:
     """How many runs of a habit are not right although another one gets the same reading and tolerance right."""
-    others = [row for other in registry.RESTARTS if other != habit for row in of_restart(rows, library, other)]
+    others = [row for other in registry.RESTARTS if other != restart for row in of_restart(rows, library, other)]
     right = set(_by_problem([row for row in others if outcome_of(row) == "right"]))
-    return sum(outcome_of(row) != "right" and _problem(row) in right for row in of_restart(rows, library, habit))
+    return sum(outcome_of(row) != "right" and _problem(row) in right for row in of_restart(rows, library, restart))
 
 
 def ending(row: Row) -> str:
@@ -103,9 +103,9 @@ def default_table(rows: Sequence[Row]) -> Table:
     lines = []
     for library in libraries_of(rows):
         own = registry.restart_of(library)
-        others = [habit for habit in registry.RESTARTS if habit != own]
-        best = max(others, key=lambda habit: _merit(of_restart(rows, library, habit)))
-        mine, other = (_by_problem(of_restart(rows, library, habit)) for habit in (own, best))
+        others = [restart for restart in registry.RESTARTS if restart != own]
+        best = max(others, key=lambda restart: _merit(of_restart(rows, library, restart)))
+        mine, other = (_by_problem(of_restart(rows, library, restart)) for restart in (own, best))
         pairs = [(mine[problem], other[problem]) for problem in mine.keys() & other.keys()]
         counts = (
             sum(_gains(ours, theirs) for ours, theirs in pairs),
@@ -158,12 +158,12 @@ def detail_table(rows: Sequence[Row]) -> Table:
     for case, reading in keys:
         own = [row for row in rows if (row["case"], row["reading"]) == (case, reading)]
         for library in libraries_of(own):
-            cells = [_cell(of_restart(own, library, habit)) for habit in registry.RESTARTS]
+            cells = [_cell(of_restart(own, library, restart)) for restart in registry.RESTARTS]
             if any(cells):
                 text = case if reading == "default" else f"{case}, {reading}"
                 anchor = "" if reading == "default" else f"#{reading}"
                 lines.append((f"[{text}](../{case}/{REPORT}{anchor})", f"`{library}`", *(c or "right" for c in cells)))
-    return Table(("reading", "library", *(f"`{habit}`" for habit in registry.RESTARTS)), "llllll", lines)
+    return Table(("reading", "library", *(f"`{restart}`" for restart in registry.RESTARTS)), "llllll", lines)
 
 
 def _cell(rows: Sequence[Row]) -> str:
