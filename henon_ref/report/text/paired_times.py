@@ -55,7 +55,7 @@ def cheapest(rows: Sequence[Row]) -> dict[tuple[str, str, int], str]:
 
 
 def spread_table(rows: Sequence[Row]) -> Table:
-    """How many times as long as ``henon`` the others take, spread over the readings; where they take less is counted."""
+    """How many times as long as ``henon`` the others take over the readings; and in how many they take less."""
     lines = []
     for against, label in ((SECOND, code(SECOND)), (OTHERS, OTHERS), (LIBRARIES, LIBRARIES)):
         for digits in (*LEVELS, None):
