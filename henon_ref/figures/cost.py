@@ -35,7 +35,7 @@ def draw_cost(rows: Sequence[Row], expected: Expected) -> Figure | None:
         return None
     lines = style.lines_of(ladders)
     with style.figure(4.6) as figure:
-        axes = figure.add_axes((0.1, 0.11, 0.67, 0.78))
+        axes = figure.add_axes((0.1, 0.11, 0.645, 0.78))
         axes.set_xscale("log")
         axes.set_yscale("log")
         axes.set_autoscale_on(False)  # limits are set below; errors that are all the same have no scale of their own
@@ -105,7 +105,7 @@ def _tip(ladder: Sequence[Row], floor: float) -> tuple[float, float]:
 def _description(ladders: Mapping[str, Sequence[Row]], floor: float) -> str:
     tips = {solver: _tip(ladder, floor) for solver, ladder in ladders.items()}
     ordered = sorted(tips, key=lambda solver: tips[solver][0])
-    points = [f"{solver} {tips[solver][1]:.1e} s in {tips[solver][0]:.2g} s" for solver in ordered]
+    points = [f"{solver} {tips[solver][1]:.1e} s in {style.time_text(tips[solver][0])}" for solver in ordered]
     return (
         "Work-precision diagram with logarithmic axes: across, the median wall time of one run; upward, the worst "
         f"error of a transition time in seconds. The most accurate run of each solver: {'; '.join(points)}."

@@ -149,7 +149,8 @@ def _label(record: ScoredRun) -> str:
     """Solver, setting, and what is wrong with a run that is not right."""
     rtol, step = record.run["rtol"], record.run["step_s"]
     setting = f"{rtol:.0e}".replace("e-0", "e-") if rtol is not None else f"h={step:g} s"
-    wrong = "" if record.run["verdict"] == "right" else f" ({record.run['status']})"
+    verdict, status = record.run["verdict"], record.run["status"]
+    wrong = "" if verdict == "right" else f" ({verdict if status == 'ok' else status})"
     return f"{record.run['solver']} {setting}{wrong}"
 
 

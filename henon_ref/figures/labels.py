@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 
 SAMPLE = 22.0
 """Length of a line's sample beside its label [pt]."""
+LARGE, SMALL = 8.0, 6.0
+"""Sizes of a label [pt]: usual, and of one that is too long for that."""
+LETTER = 0.62
+"""Width of a letter, rather more than it is on average [em]."""
 
 
 def spread(positions: Sequence[float], gap: float, low: float, high: float) -> list[float]:
@@ -94,10 +98,19 @@ def _label(axes: Axes, label: str, line: Line, x: float, height: float) -> None:
     drawn: dict[str, Any] = {"ls": line.dashes, "lw": line.width, "marker": line.marker, "ms": 4.0}
     place: dict[str, Any] = {"transform": axes.transAxes, "clip_on": False}
     axes.add_artist(Line2D(along, [height] * 3, markevery=[1], color=line.colour, **drawn, **place))
+    text, size = _fitted(axes, one_line(label), x)
     axes.text(
-        x + (SAMPLE + 4) * point, height, one_line(label), parse_math=False, va="center", fontsize=8.0,
-        transform=axes.transAxes,
-    )  # fmt: skip
+        x + (SAMPLE + 4) * point, height, text, parse_math=False, va="center", fontsize=size, transform=axes.transAxes
+    )
+
+
+def _fitted(axes: Axes, label: str, x: float) -> tuple[str, float]:
+    """A label and its size [pt], so that it ends within the figure: a long one is set smaller, a longer one cut."""
+    place = axes.get_position()
+    room = ((1.0 - place.x0) / place.width - x) / _point(axes) - SAMPLE - 6
+    most = int(room / (LETTER * SMALL))
+    text = label if len(label) <= most else f"{label[: most - 1]}…"
+    return text, min(LARGE, room / (LETTER * len(text)))
 
 
 def _point(axes: Axes) -> float:

@@ -99,10 +99,10 @@ _THIRD = tuple(
 
 _VARIANTS: dict[str, Dashes] = {
     "numba": "-.",
-    "event-free-step": (0, (6, 1, 1, 1, 1, 1)),
+    "event-free-step": (0, (4, 1, 1, 1, 1, 1)),
     "offset": (0, (4, 1)),
     "direction": (0, (1, 1)),
-    "none": (0, (9, 3)),
+    "none": (0, (2, 2)),
 }
 """Dashes of a solver's variants, by what stands behind ``+`` or ``@``; colour and marker are the solver's own."""
 
@@ -203,18 +203,20 @@ def power_of_ten(value: float) -> str:
 
 
 def time_text(seconds: float) -> str:
-    """A decade of seconds, in the unit in which it is said.
+    """A time with two digits, in the unit in which it is said.
 
     Examples
     --------
     >>> [time_text(10.0**k) for k in range(-7, 3)]
     ['0.1 µs', '1 µs', '10 µs', '0.1 ms', '1 ms', '10 ms', '0.1 s', '1 s', '10 s', '100 s']
+    >>> time_text(1.37e-4), time_text(0.0), time_text(2e-9), time_text(2345.0)
+    ('0.14 ms', '0 s', '2 ns', '2345 s')
     """
-    power = round(math.log10(seconds)) if seconds > 0 else 0
-    for unit, exponent in (("s", 0), ("ms", -3), ("µs", -6)):
-        if power >= exponent - 1:
-            return f"{10.0 ** (power - exponent):g} {unit}"
-    return f"{10.0 ** (power + 9):g} ns"
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= 0.0999 * size or seconds == 0:
+            value = seconds / size
+            return f"{value:.0f} {unit}" if value >= 100 else f"{value:.2g} {unit}"
+    return f"{seconds * 1e9:.2g} ns"
 
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

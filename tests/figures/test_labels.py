@@ -106,3 +106,13 @@ def test_a_column_of_labels_has_no_leaders_and_keeps_its_order():
     assert found == sorted(found, reverse=True)
     assert [text.get_text() for text in axes.texts] == [label for label, _ in labels]
     assert leaders(axes) == []
+
+
+@pytest.mark.parametrize("length", [3, 18, 25, 400])
+def test_a_long_label_ends_within_the_figure(length):
+    with style.figure(4.0) as figure:
+        axes = figure.add_axes((0.1, 0.1, 0.645, 0.8))
+        label_column(axes, [("mil" * (length // 3), line_of("henon"))], x=1.045, gap=0.05)
+        (text,) = axes.texts
+        assert text.get_window_extent().x1 <= figure.bbox.x1
+        assert text.get_fontsize() >= 6.0

@@ -38,7 +38,7 @@ def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
     """
     is_time = count == "wall_s"
     with style.figure(4.4) as figure:
-        axes = figure.add_axes((0.1, 0.12, 0.67, 0.8))
+        axes = figure.add_axes((0.1, 0.12, 0.645, 0.8))
         axes.set_xscale("log")
         axes.set_yscale("log")
         ladders = by_solver(right(rows))
