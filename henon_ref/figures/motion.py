@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MODES_TITLE = "Distance from the surface over time, modes shaded"
+MODES_TITLE = "Distance from the surface, modes shaded"
 LONGEST_LABEL = 100
 """Operations of a surface that stands beside its curve."""
 MOST_SURFACES = 4
@@ -138,11 +138,11 @@ def draw_portrait(reading: Reading, motion: Motion) -> Figure | None:
         title = f"Phase portrait, {motion.times[0]:.10g} s to {motion.times[-1]:.10g} s"
         axes.set_title(title, pad=24)
         labels = [label for label, _ in plane.pieces(motion.modes)]
-        pieces = ", ".join(f"{labels.count(label)} of {label}" for label in sorted(set(labels)))
+        pieces = "; ".join(f"{labels.count(label)} of {label}" for label in sorted(set(labels)))
         describe(
             figure,
             title,
-            f"{system.states[plane.x].name} across, {system.states[plane.y].name} upward. Its pieces: {pieces}."
+            f"{system.states[plane.x].name} across, {system.states[plane.y].name} upward. Pieces: {pieces}."
             + (" Surfaces are dashed lines." if boundary else ""),
         )
         return figure
