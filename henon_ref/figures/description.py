@@ -33,15 +33,25 @@ def description_of(figure: Figure) -> tuple[str, str]:
     title, _, description = str(figure.get_label()).partition("\n")
     if description:
         return title, description
-    above = figure.get_suptitle()
-    titles = [title for title in (_title(axes) for axes in figure.axes) if title]
     panels = [words for words in map(_panel, figure.axes) if words]
-    return above or "; ".join(titles) or "Figure", " ".join(panels) or "A figure without axes."
+    titles = [title for title in map(_title, figure.axes) if title] or [_over(axes) for axes in figure.axes]
+    title = figure.get_suptitle() or "; ".join(titles)
+    return _spoken(title) or "Figure", _spoken(" ".join(panels)) or "A figure without axes."
 
 
 def _title(axes: Axes) -> str:
     """A panel's title, wherever above it that stands."""
     return next((own for place in ("left", "center", "right") if (own := axes.get_title(loc=place))), "")
+
+
+def _over(axes: Axes) -> str:
+    """What is drawn over what."""
+    return " over ".join(label for label in (axes.get_ylabel(), axes.get_xlabel()) if label)
+
+
+def _spoken(text: str) -> str:
+    """Text without the marks of mathematical typesetting."""
+    return re.sub(r"[\\${}]", "", re.sub(r"\\[,;: ]", " ", text))
 
 
 def _panel(axes: Axes) -> str:

@@ -48,5 +48,8 @@ def test_a_figure_that_nobody_described_says_what_stands_on_its_axes():
     title, description = description_of(figure)
     assert title == "a   the fan; b   near it"
     assert description == "a   the fan, across: time [s], upward: h; shown are a curve."
+    with style.figure(2.0) as single:
+        single.add_subplot().set(xlabel=r"$\mu_0$ [N]", ylabel=r"$A\,\sin t$ [m$^2$]")
+    assert description_of(single) == ("A sin t [m^2] over mu_0 [N]", "Panel, across: mu_0 [N], upward: A sin t [m^2].")
     with style.figure(2.0) as empty:
         assert all(description_of(empty))
