@@ -134,7 +134,7 @@ def gate_state(tally: Tally, failures: Sequence[str], *, wanted: bool) -> str:
 def experiments(
     cases: Sequence[Case], options: Options, origin: Provenance, out: Path, observer: Observer
 ) -> list[Path]:
-    """What a whole folder gets besides its reports: atlas, restart habits, causes, paired times; the pages written."""
+    """What a whole folder gets besides its reports: atlas, restarts, causes, paired times; the pages written."""
     pages = [
         run_atlas(cases, options, origin, out, observer),
         run_restarts(cases, options, origin, out, observer),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from henon_ref.casefile.case import Reading
 from henon_ref.figures import style
+from henon_ref.figures.description import describe
 from henon_ref.filippov.latex import latex
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+MODES_TITLE = "Distance from the surface, modes shaded"
 LONGEST_LABEL = 100
 """Operations of a surface that stands beside its curve."""
 MOST_SURFACES = 4
@@ -133,7 +135,16 @@ def draw_portrait(reading: Reading, motion: Motion) -> Figure | None:
         axes.set_xlabel(_symbol(system, plane.x))
         axes.set_ylabel(_symbol(system, plane.y))
         _legend(axes, [*drawn, *boundary])
-        axes.set_title(f"Phase portrait, {motion.times[0]:.10g} s to {motion.times[-1]:.10g} s", pad=24)
+        title = f"Phase portrait, {motion.times[0]:.10g} s to {motion.times[-1]:.10g} s"
+        axes.set_title(title, pad=24)
+        labels = [label for label, _ in plane.pieces(motion.modes)]
+        pieces = "; ".join(f"{labels.count(label)} of {label}" for label in sorted(set(labels)))
+        describe(
+            figure,
+            title,
+            f"{system.states[plane.x].name} across, {system.states[plane.y].name} upward. Pieces: {pieces}."
+            + (" Surfaces are dashed lines." if boundary else ""),
+        )
         return figure
 
 
@@ -224,8 +235,22 @@ def draw_modes(reading: Reading, motion: Motion) -> Figure:
         panels[-1].set_xlim(motion.times[0], motion.times[-1])
         present = {_entry(mode, k) for mode in motion.modes for k in range(count)}
         _mode_legend(panels[0], present)
-        panels[0].set_title("Distance from the surface, modes shaded")
+        panels[0].set_title(MODES_TITLE)
+        describe(figure, MODES_TITLE, " ".join(_shares(system, motion, k) for k in range(count)))
         return figure
+
+
+def _shares(system: FilippovSystem, motion: Motion, k: int) -> str:
+    """How long one surface's modes last, in words."""
+    durations = np.diff(motion.times)
+    entries = np.array([_entry(mode, k) for mode in motion.modes])[:-1]
+    parts = [
+        f"{words} for {float(durations[entries == entry].sum()):.3g} s"
+        for entry, words in ((0, "stick"), (1, "slip with sign +1"), (-1, "slip with sign −1"))
+        if (entries == entry).any()
+    ]
+    window = f"from {motion.times[0]:.10g} to {motion.times[-1]:.10g} s"
+    return f"h of surface {system.signs[k].name} over time, {window}: {', '.join(parts)}."
 
 
 def _draw_surface(axes: Axes, system: FilippovSystem, motion: Motion, k: int) -> None:

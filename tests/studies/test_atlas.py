@@ -85,13 +85,13 @@ def test_the_page_and_its_figure_are_made_of_runs(tmp_path: Path) -> None:
     assert "relative tolerance" in page.with_name("grazing.svg").read_text(encoding="utf-8")
 
 
-def test_restart_habits_are_compared_on_the_cases_that_are_there(tmp_path: Path) -> None:
+def test_restarts_are_compared_on_the_cases_that_are_there(tmp_path: Path) -> None:
     """heyoka restarted at an exact zero, with roots of either direction, never gets away from it."""
     case = load_case(CASES / "free_coulomb.yaml")
     page = run_restarts([case], Options(solvers=("heyoka",), processes=1), provenance("x"), tmp_path, Silent())
     assert page is not None
-    habits = {str(own["solver"]).partition("@")[2]: own["verdict"] for own in read_rows(page.with_name("runs.csv"))}
-    assert habits["offset"] == habits["event-free-step"] == "right"
-    assert habits["none"] == "solver defect"
+    restarts = {str(own["solver"]).partition("@")[2]: own["verdict"] for own in read_rows(page.with_name("runs.csv"))}
+    assert restarts["offset"] == restarts["event-free-step"] == "right"
+    assert restarts["none"] == "solver defect"
     (line,) = [own for own in page.read_text(encoding="utf-8").splitlines() if own.startswith("| `heyoka` | `none` |")]
     assert line.endswith("| 2 |")

@@ -316,12 +316,12 @@ def test_ratios_are_told_by_rival_and_digits() -> None:
         ratio("c", "default", 9.0, "ida+numba", LIBRARIES, 0.5),
     ]
     assert [line[:4] + line[-2:] for line in spread_table(rows).rows] == [
-        ("`heyoka`", "6", "2", "0.25", "0.75", "0"),
-        ("`heyoka`", "no transition", "1", "2", "2", "1"),
-        (OTHERS, "6", "2", "0.5", "0.75", "0"),
-        (OTHERS, "12", "1", "1.5", "1.5", "1"),
-        (OTHERS, "no transition", "1", "2", "2", "1"),
-        (LIBRARIES, "9", "1", "0.5", "0.5", "0"),
+        ("`heyoka`", "6", "2", "1.33", "4", "0"),
+        ("`heyoka`", "no transition", "1", "0.5", "0.5", "1"),
+        (OTHERS, "6", "2", "1.33", "2", "0"),
+        (OTHERS, "12", "1", "0.667", "0.667", "1"),
+        (OTHERS, "no transition", "1", "0.5", "0.5", "1"),
+        (LIBRARIES, "9", "1", "2", "2", "0"),
     ]
     runs = [
         row("henon", 1e-6, 12.5, 1.0, case="c", reading="default", steps=1074.0),

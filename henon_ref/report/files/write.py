@@ -19,8 +19,9 @@ REPORT, RUNS, TRANSITIONS, STICKS, MANIFEST = (
 INDEX = "README.md"
 _OWN = re.compile(
     r"# (Reports\n\n(\| solver \| right in \| run on \||\d+ readings? of \d+ cases?\.)"
-    r"|(What accuracy costs in time|Atlas of grazes|Restart habits|What the libraries do by themselves)\n"
-    r"|(Rivals in turn|The paper, computed again)\n)"
+    r"|(What accuracy costs in time|Atlas of grazes|What the libraries do by themselves|The paper, computed again)\n"
+    r"|(Restart habits|How a library is restarted after an event)\n"
+    r"|(Rivals in turn|Times of henon and of other solvers, run in turn)\n)"
 )
 """How the pages begin that this package writes as the README.md of a folder: the index (of earlier versions, too) and
 the further pages."""

@@ -1,4 +1,4 @@
-"""The model as formulas: equations of every mode, parameters, start and horizon; and where the truth comes from."""
+"""The model as formulas: equations of every mode, parameters, start and horizon."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.latex import latex, symbol
 from henon_ref.filippov.modes import Mode, mode_text
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.report.text.formats import count, exponential, listing, significant
 from henon_ref.taylor.size import size, total_size
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import markdown
@@ -131,42 +130,3 @@ def _value(value: sp.Expr) -> str:
         decimal = float(value)
         return f"{decimal:g}" if sp.Rational(f"{decimal:g}") == value else f"{latex(value)} \\approx {decimal:.10g}"
     return f"{latex(value)} \\approx {float(value):.10g}"
-
-
-def truth_sentences(result: ReadingResult) -> list[str]:
-    """How the truth was come by, and how far it may be trusted."""
-    statement, expected = result.statement, result.expected
-    if expected is None:
-        return [f"There is none: {markdown(statement.reason)}."]
-    counted = count(len(expected.transitions), "transition")
-    sentences = []
-    if statement.certified and not expected.transitions:
-        sentences.append("Certified: it is proven in ball arithmetic that there is no transition.")
-    elif statement.certified:
-        each = "the only transition" if len(expected.transitions) == 1 else f"every one of the {counted}"
-        sentences.append(f"Certified: {each} is enclosed in ball arithmetic, and it is proven that there is no other.")
-    else:
-        why = f": {markdown(statement.uncertified_because).rstrip('.')}" if statement.uncertified_because else ""
-        sentences.append(f"Not certified{why}.")
-        if statement.proven:
-            sentences.append(f"The radius is proven for {statement.proven} of the {counted}.")
-    if expected.partial:
-        sentences.append(
-            f"It is known up to t = {significant(expected.end_time, 9)} s: {markdown(statement.reason).rstrip('.')}."
-        )
-    if expected.radius:
-        sentences.append(
-            f"The largest radius of a transition time is {exponential(expected.radius, 1)} s; no error is claimed "
-            "below it."
-        )
-    if statement.closed_forms:
-        sentences.append(f"Checked against the case's closed forms ({count(statement.closed_forms, 'time')}).")
-    routes = [
-        f"{method} at {listing([f'{b}' for b in bits])} bits ({significant(seconds, 2)} s)" if bits else method
-        for method, bits, seconds in statement.methods
-    ]
-    if routes:
-        sentences.append(f"Computed by {listing(routes)}.")
-    if statement.near_grazes:
-        sentences.append(f"The run nearly touches a surface {count(statement.near_grazes, 'time')}.")
-    return sentences

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from henon_ref.columns import Row
 from henon_ref.figures import style
+from henon_ref.figures.description import describe
 from henon_ref.studies.atlas.family import OUTCOMES, Family, Outcome, outcome_of
 from henon_ref.text import one_line
 
@@ -62,7 +63,20 @@ def draw_atlas(family: Family, rows: Sequence[Row], solvers: Sequence[str]) -> F
         figure.suptitle(
             one_line(family.case.title), parse_math=False, x=0.085, ha="left", y=1 - 0.12 / height, fontsize=10
         )
+        describe(figure, family.case.title, _description(family, cells, solvers))
         return figure
+
+
+def _description(family: Family, cells: Mapping[tuple[str, str, float], Outcome | None], solvers: Sequence[str]) -> str:
+    """What the panels show, and how many runs of each solver are right."""
+    counts = []
+    for solver in solvers:
+        own = [outcome for key, outcome in cells.items() if key[0] == solver and outcome is not None]
+        counts.append(f"{solver} {own.count('right')} of {len(own)}")
+    return (
+        f"A panel a solver. Across, {family.meaning}; upward, the relative tolerance; a cell's colour says how the run "
+        f"ended. Right runs: {'; '.join(counts)}."
+    )
 
 
 def _tolerance(row: Row) -> float:
