@@ -63,13 +63,15 @@ def main(
         ),
     ] = None,
     junit: Annotated[
-        Path | None, typer.Option(help="Write the rows as JUnit XML, a test case a row.", rich_help_panel=CI)
+        Path | None,
+        typer.Option(help="Write the rows as JUnit XML, a test case a row.", metavar="FILE", rich_help_panel=CI),
     ] = None,
     baseline: Annotated[
         Path | None,
         typer.Option(
             help="An earlier runs.csv, or a folder of reports: exit with 1 if a row's status got worse, or the digits "
             "of its times by more than 0.5.",
+            metavar="PATH",
             rich_help_panel=CI,
         ),
     ] = None,
@@ -77,6 +79,7 @@ def main(
         Path | None,
         typer.Option(
             help="A CSV file of failures that are expected: they are told, and count for none of the other options.",
+            metavar="FILE",
             rich_help_panel=CI,
         ),
     ] = None,
