@@ -85,7 +85,7 @@ class CiOutputs:
             for key, words in regression.worse.items()
             if not self.is_known(by_key[key])
         ]
-        for line in _compared(regression, len(self.rows), worse=len(sentences)):
+        for line in _compared(regression, self.rows, worse=len(sentences)):
             say(line)
         return sentences if regression.compared else ["none of its rows is among those that ran"]
 
@@ -153,12 +153,28 @@ def _append(path: Path, text: str) -> None:
         say(f"the step's summary cannot be written: {path}: {error.strerror or error}")
 
 
-def _compared(regression: Regression, rows: int, *, worse: int) -> list[str]:
+def _compared(regression: Regression, rows: Sequence[Row], *, worse: int) -> list[str]:
     """How many rows were held against the baseline, and which could not be."""
-    new = rows - regression.compared
+    new = len(rows) - regression.compared
     beside = f", {count(new, 'row')} of now not in it" if new else ""
     lines = [f"baseline: {count(regression.compared, 'row')} compared, {worse or 'none'} worse{beside}"]
     if regression.missing:
-        missing = names(regression.missing)
-        lines.append(f"baseline: {count(len(missing), 'row')} did not run now: {listed(missing, MOST_NAMED)}")
+        missing = count(len(regression.missing), "row")
+        lines.append(f"baseline: {missing} did not run now: {_names_of_missing(regression.missing, rows)}")
     return lines
+
+
+def _names_of_missing(missing: Sequence[Key], rows: Sequence[Row]) -> str:
+    """Earlier rows by the case or the solver that did not run at all, the others one by one."""
+    cases, solvers = ({str(row[column]) for row in rows} for column in ("case", "solver"))
+    by: dict[str, list[str]] = {"case": [], "solver": [], "row": []}
+    for key in missing:
+        case, _, solver, *_ = map(str, key)
+        if case not in cases:
+            by["case"].append(case)
+        elif solver not in solvers:
+            by["solver"].append(solver)
+        else:
+            by["row"] += names([key])
+    parts = ((what, list(dict.fromkeys(named))) for what, named in by.items())
+    return "; ".join(f"{what}{'s' * (len(named) > 1)} {listed(named, MOST_NAMED)}" for what, named in parts if named)

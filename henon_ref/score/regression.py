@@ -86,7 +86,7 @@ def _change(before: Row, now: Row) -> str:
     if digits[0] - digits[1] <= LOST:
         return ""
     return (
-        f"worst time error was {errors[0]:.2g} s, is {errors[1]:.2g} s: {digits[0] - digits[1]:.1f} digits fewer, "
+        f"worst time error was {errors[0]:.2g} s, is {errors[1]:.2g} s: {digits[0] - digits[1]:.2f} digits fewer, "
         f"{LOST:g} are allowed"
     )
 

@@ -58,7 +58,7 @@ def test_errors_below_what_can_be_resolved_are_no_loss():
 
 def test_the_sentence_names_both_errors():
     words = worse({}, {"max_time_error_s": 1e-8})
-    assert words == "worst time error was 1e-09 s, is 1e-08 s: 1.0 digits fewer, 0.5 are allowed"
+    assert words == "worst time error was 1e-09 s, is 1e-08 s: 1.00 digits fewer, 0.5 are allowed"
 
 
 def test_a_row_without_an_error_has_no_digits_to_lose():
