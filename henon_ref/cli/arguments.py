@@ -14,6 +14,8 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 LONGEST = 1e6
 """Seconds that may be given to one run."""
+CI = "Continuous integration"
+"""Panel of the help for what a test runner needs."""
 
 
 def _folder(text: str | Path) -> Path:
@@ -60,6 +62,27 @@ def main(
             "tightest setting, or is not judged in any."
         ),
     ] = None,
+    junit: Annotated[
+        Path | None,
+        typer.Option(help="Write the rows as JUnit XML, a test case a row.", metavar="FILE", rich_help_panel=CI),
+    ] = None,
+    baseline: Annotated[
+        Path | None,
+        typer.Option(
+            help="An earlier runs.csv, or a folder of reports: exit with 1 if a row's status got worse, or the digits "
+            "of its times by more than 0.5.",
+            metavar="PATH",
+            rich_help_panel=CI,
+        ),
+    ] = None,
+    known: Annotated[
+        Path | None,
+        typer.Option(
+            help="A CSV file of failures that are expected: they are told, and count for none of the other options.",
+            metavar="FILE",
+            rich_help_panel=CI,
+        ),
+    ] = None,
 ) -> Request:
     """Run every solver on every case, score it against the truth, and write a report."""
     return Request(
@@ -75,6 +98,9 @@ def main(
         figures=figures,
         restarts=_parts(restart) or (),
         required=_parts(require) or (),
+        junit=junit,
+        baseline=baseline,
+        known=known,
     )
 
 

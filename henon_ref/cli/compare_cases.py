@@ -14,6 +14,7 @@ from henon_ref.campaign.journal import FILE, read
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.campaign.plan import check_required, check_solvers
 from henon_ref.casefile.case import Case
+from henon_ref.cli.ci_outputs import CiOutputs, ci_outputs
 from henon_ref.cli.exit_status import say
 from henon_ref.cli.progress import Shown
 from henon_ref.cli.request import Request
@@ -47,6 +48,8 @@ class Unmet(NamedTuple):
     """Bounds of the gate that are not met; where it decides (``--gate``) and none was checked, that."""
     required: list[str]
     """Where a required solver is not right; where one was judged nowhere, that."""
+    baseline: list[str]
+    """Rows that are worse than earlier ones; where none could be held against them, that."""
 
 
 def run(request: Request) -> Unmet:
@@ -75,12 +78,13 @@ def run(request: Request) -> Unmet:
     )
     check_solvers(cases, options)
     check_required(request.required, cases, options)
+    outputs = ci_outputs(request)
     with locked([*(request.out / case.name for case in cases), *further]):
         _mention_unfinished(cases, request)
-        return _compared(cases, options, request)
+        return _compared(cases, options, request, outputs)
 
 
-def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unmet:
+def _compared(cases: Sequence[Case], options: Options, request: Request, outputs: CiOutputs) -> Unmet:
     """Run everything and write it into folders that nobody else writes into."""
     written: list[Path] = []
     failures: list[str] = []
@@ -91,10 +95,10 @@ def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unme
 
     def deliver(comparison: Comparison) -> None:
         written.append(write_report(comparison, origin, request.out))
-        failures.extend(f"{comparison.case.name}: {words}" for words in comparison.gate_failures())
+        failures.extend(outputs.gate_failures(comparison))
         tallies.append(gate_tally(comparison.case.readings, comparison.run_rows))
         for solver in demands:
-            demands[solver] += demand(solver, comparison.run_rows)
+            demands[solver] += demand(solver, comparison.run_rows, outputs.is_known)
 
     with Shown() as shown:
         draw = figure_job if request.figures else None
@@ -112,11 +116,16 @@ def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unme
         failures.append(why_unchecked(tally))
     if request.gate and tally.left_out:
         print(message(f"gate: {bounds_left_out(tally)}"), file=sys.stderr)
-    return Unmet(failures, [words for solver, own in demands.items() for words in _unmet(solver, own)])
+    required = [words for solver, own in demands.items() for words in _unmet(solver, own)]
+    unmet = Unmet(failures, required, outputs.worse())
+    outputs.write(unmet._asdict())
+    return unmet
 
 
 def _unmet(solver: str, own: Demand) -> tuple[str, ...]:
-    return own.failures or (() if own.judged else (f"there is no reading in which {solver} can be judged",))
+    return own.failures or (
+        () if own.judged or own.known else (f"there is no reading in which {solver} can be judged",)
+    )
 
 
 def gate_state(tally: Tally, failures: Sequence[str], *, wanted: bool) -> str:

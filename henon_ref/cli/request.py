@@ -24,6 +24,12 @@ class Request:
     """How libraries are restarted after an event; none: each solver in its own way."""
     required: tuple[str, ...] = ()
     """Solvers that have to be right in every reading."""
+    junit: Path | None = None
+    """Where the rows are written as JUnit XML."""
+    baseline: Path | None = None
+    """Earlier rows that none may be worse than: a ``runs.csv`` or a folder of reports."""
+    known: Path | None = None
+    """Failures that are expected."""
 
     @property
     def whole(self) -> bool:
