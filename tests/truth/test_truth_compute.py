@@ -185,6 +185,7 @@ def test_differences_name_what_changed() -> None:
 
 def test_a_proof_gets_little_time_where_there_is_no_transition_to_prove(monkeypatch, tmp_path: Path) -> None:
     """A run that fails before its first transition: a proof could only go after it to the singularity."""
+    pytest.importorskip("heyoka")
     asked: list[float | None] = []
 
     def proof(_: object, *, seconds: float | None, progress: object) -> Route:
