@@ -20,6 +20,7 @@ from henon_ref.casefile import expected
 from henon_ref.casefile.expected import Exact, Expect, Gate, Orbit, Published
 from henon_ref.casefile.problem import build_problem, mathematics
 from henon_ref.casefile.schema import READING_KEYS, CaseForm, file_name, one_line
+from henon_ref.casefile.shipped import located
 from henon_ref.casefile.source import Path as KeyPath
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, merged
@@ -109,6 +110,7 @@ def load_case(
     Parameters
     ----------
     path : str or Path
+        Of a case file; or the name of a case that comes with the package, such as ``fig8`` or ``hard/grazing``.
     solvers : collection of str, optional
         Solvers that exist; a name in the file that is not among them is refused. None: not checked.
     fixed_step : callable, optional
@@ -122,7 +124,8 @@ def load_case(
     """
     if not isinstance(path, str | Path):
         raise CaseError(f"path is {path!r}, wanted a str or a Path")
-    return replace(_case(read_yaml(path), str(path), solvers, fixed_step), path=Path(path))
+    path = located(path)
+    return replace(_case(read_yaml(path), str(path), solvers, fixed_step), path=path)
 
 
 def parse_case(

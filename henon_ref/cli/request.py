@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from henon_ref.casefile.shipped import located
+
 
 @dataclass(frozen=True)
 class Request:
@@ -34,4 +36,4 @@ class Request:
     @property
     def whole(self) -> bool:
         """A folder is run with the settings of its cases: it gets the atlas and the experiments, too."""
-        return any(path.is_dir() for path in self.cases) and self.tolerances is None and not self.restarts
+        return any(located(path).is_dir() for path in self.cases) and self.tolerances is None and not self.restarts

@@ -106,7 +106,7 @@ def _one(case: Case, reading: Reading, shown: Progress, *, check: bool, missing:
         return False
     finally:
         shown.remove_task(task)
-    return _compared(name, stored, fresh, folder, shown, check=check)
+    return _compared(name, stored, fresh, store.folder_for_new(case.path), shown, check=check)
 
 
 def _compared(name: str, stored: Stored, fresh: Truth, folder: Path, shown: Progress, *, check: bool) -> bool:
