@@ -207,6 +207,13 @@ def test_names_that_look_like_numbers_stay_names(tmp_path):
     assert read_rows(file) == [{"case": "1", "reading": "1e5", "solver": "nan", "rtol": 1e-6}]
 
 
+def test_rows_of_a_changed_program_say_so(tmp_path):
+    write_report(usual(), replace(ORIGIN, commit="0123456789abcdef+"), tmp_path)
+    write_index(tmp_path)
+    assert {own["commit"] for own in read_matrix(tmp_path)} == {"0123456789ab+"}
+    assert "| 0123456+ |" in (tmp_path / "matrix.md").read_text()
+
+
 def test_commits_are_counted():
     assert commits([row("henon"), row("ida"), row("ida", commit="b")]) == "2 commits of the program"
     assert commits([row("henon", commit=None)]) == "a program of no known commit"

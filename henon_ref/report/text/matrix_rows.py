@@ -88,7 +88,7 @@ def rows_of_report(manifest: Path) -> list[Row]:
     shared = {
         "case": manifest.parent.name,
         "title": content["title"],
-        "commit": (_text(content.get("commit")) or "")[:SHORT],
+        "commit": short_commit(_text(content.get("commit")) or "", SHORT),
     }
     readings = content.get("readings")
     return [
@@ -96,6 +96,17 @@ def rows_of_report(manifest: Path) -> list[Row]:
         for reading, rows in by_reading.items()
         for solver, own in by_solver(rows).items()
     ]
+
+
+def short_commit(commit: str, length: int) -> str:
+    """The beginning of a commit, with the mark of files that differed from it.
+
+    Examples
+    --------
+    >>> short_commit("9994b95c2562ec65", 7), short_commit("9994b95c2562ec65+", 7), short_commit("9994b95+", 7)
+    ('9994b95', '9994b95+', '9994b95+')
+    """
+    return commit.rstrip("+")[:length] + ("+" if commit.endswith("+") else "")
 
 
 def _kind(readings: object, reading: str) -> str | None:
