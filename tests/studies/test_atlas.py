@@ -87,6 +87,18 @@ def test_the_page_and_its_figure_are_made_of_runs(tmp_path: Path) -> None:
     assert "relative tolerance" in page.with_name("grazing.svg").read_text(encoding="utf-8")
 
 
+def test_restart_habits_are_compared_on_the_cases_that_are_there(tmp_path: Path) -> None:
+    """heyoka restarted at an exact zero, with roots of either direction, never gets away from it."""
+    case = load_case(CASES / "free_coulomb.yaml")
+    page = run_restarts([case], Options(solvers=("heyoka",), processes=1), provenance("x"), tmp_path, Silent())
+    assert page is not None
+    habits = {str(own["solver"]).partition("@")[2]: own["verdict"] for own in read_rows(page.with_name("runs.csv"))}
+    assert habits["offset"] == habits["event-free-step"] == "right"
+    assert habits["none"] == "solver defect"
+    (line,) = [own for own in page.read_text(encoding="utf-8").splitlines() if own.startswith("| `heyoka` | `none` |")]
+    assert line.endswith("| 2 |")
+
+
 def test_neighbours_of_one_outcome_are_one_shape() -> None:
     """A panel of any size is a path an outcome and its grid: what is drawn is as wide and high as the runs are many."""
     case = load_case(CASES / "hard" / "grazing.yaml")
@@ -104,15 +116,3 @@ def test_neighbours_of_one_outcome_are_one_shape() -> None:
     assert [(*box[0], *box[2]) for box in missed.tolist()] == [(5, 1, 9, 2)]
     assert [(*box[0], *box[2]) for box in right.tolist()] == [(0, 0, 29, 1), (0, 1, 5, 2), (9, 1, 29, 2)]
     assert len(panel.patches) == 3
-
-
-def test_restart_habits_are_compared_on_the_cases_that_are_there(tmp_path: Path) -> None:
-    """heyoka restarted at an exact zero, with roots of either direction, never gets away from it."""
-    case = load_case(CASES / "free_coulomb.yaml")
-    page = run_restarts([case], Options(solvers=("heyoka",), processes=1), provenance("x"), tmp_path, Silent())
-    assert page is not None
-    habits = {str(own["solver"]).partition("@")[2]: own["verdict"] for own in read_rows(page.with_name("runs.csv"))}
-    assert habits["offset"] == habits["event-free-step"] == "right"
-    assert habits["none"] == "solver defect"
-    (line,) = [own for own in page.read_text(encoding="utf-8").splitlines() if own.startswith("| `heyoka` | `none` |")]
-    assert line.endswith("| 2 |")

@@ -24,14 +24,18 @@ ROWS = (TRANSITIONS, SAMPLES)
 MATRIX, MATRIX_PAGE = "matrix.csv", "matrix.md"
 """The matrix of all reports in a folder, and its page."""
 _OWN = re.compile(
-    r"# (Reports\n\n(Which solver to take|\| solver \| right in \| run on \||\d+ readings? of \d+ cases?\.)"
+    r"# (Reports\n\n(\| solver \| right in \| run on \||\d+ readings? of \d+ cases?\.)"
     r"|(What accuracy costs in time|Atlas of grazes|Restart habits|What the libraries do by themselves)\n"
     r"|(Rivals in turn|The paper, computed again)\n)"
 )
 """How the pages begin that this package writes as the README.md of a folder: the index (of earlier versions, too) and
 the further pages."""
-_OWN_MATRIX = {MATRIX: re.compile(r"case,title,reading,kind,solver,"), MATRIX_PAGE: re.compile("# Digits reached\n")}
-"""How the files beside an index begin."""
+_BEGINNINGS = {
+    INDEX: (re.compile("# Reports\n\nWhich solver to take"), _OWN),
+    MATRIX: (re.compile("case,title,reading,kind,solver,"),),
+    MATRIX_PAGE: (re.compile("# Digits reached\n"),),
+}
+"""How the present version's index, its matrix and the matrix's page begin, and any of the above."""
 
 
 def write_through(path: Path, content: bytes) -> None:
@@ -87,10 +91,11 @@ def check_index(folder: Path) -> None:
     CaseError
         Where somebody else wrote it.
     """
-    for name, beginning in {INDEX: _OWN, **_OWN_MATRIX}.items():
+    for name, beginnings in _BEGINNINGS.items():
         path = folder / name
         try:
-            own = beginning.match(path.read_text(encoding="utf-8")) is not None
+            text = path.read_text(encoding="utf-8")
+            own = any(beginning.match(text) for beginning in beginnings)
         except (FileNotFoundError, NotADirectoryError):
             continue
         except (OSError, ValueError):

@@ -20,6 +20,7 @@ COLUMNS = (("ok", ANY), *((f"{level}", f"wall_{level}_s") for level in LEVELS))
 """Label of a column of a panel, and the column of the matrix that has a time where so many digits are reached."""
 LEFT, RIGHT, ABOVE, BELOW, BETWEEN, ROW = 1.05, 0.03, 0.78, 0.42, 0.1, 0.19
 """Room for names of solvers, right of the panels, above and below them, between two of them; height of a row [in]."""
+TITLE = "Percent of the readings of each kind in which a solver is right to so many digits"
 LABEL = "digits of the worst transition time, in the readings that have one (ok: right, in all readings judged)"
 DARK = 0.7
 """Share from which on a cell is so dark that its text is white."""
@@ -48,10 +49,7 @@ def draw_kinds(rows: Sequence[Row]) -> Figure:
             if k == 0:
                 names = [one_line(solver) for solver in reversed(solvers)]
                 axes.set_yticks([j + 0.5 for j in range(len(solvers))], names, parse_math=False)
-        figure.text(
-            0.01, 1 - 0.1 / height, "Percent of the readings of each kind in which a solver is right to so many digits",
-            fontsize=9.5, va="top",
-        )  # fmt: skip
+        figure.suptitle(TITLE, x=0.01, y=1 - 0.1 / height, ha="left", va="top", fontsize=9.5)
         figure.text(
             LEFT / style.WIDTH, 0.04 / height, LABEL,
             fontsize=8.0, va="bottom",
