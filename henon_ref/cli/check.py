@@ -26,7 +26,7 @@ from henon_ref.errors import CaseError
 from henon_ref.report.case_report import write_report
 from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import provenance
-from henon_ref.report.files.write import MANIFEST, REPORT, RUNS
+from henon_ref.report.files.write import MANIFEST, REPORT, ROWS, RUNS
 from henon_ref.report.text.formats import setting
 from henon_ref.report.text.ranking import floor, number
 
@@ -61,7 +61,7 @@ def differences(stored: Path, fresh: Path) -> list[str]:
         found += [f"{_label(key)}: {words}" for words in row_differences(old[key], new[key])]
     found += text_differences(stored / REPORT, fresh / REPORT)
     listed = json.loads((stored / MANIFEST).read_text(encoding="utf-8"))["files"]
-    found += [f"the file {name} is gone" for name in listed if not (stored / name).exists()]
+    found += [f"the file {name} is gone" for name in listed if name not in ROWS and not (stored / name).exists()]
     return found
 
 

@@ -27,7 +27,6 @@ from henon_ref.filippov.latex import latex, symbol
 from henon_ref.report.case_report import write_report
 from henon_ref.report.files.csv_files import csv_text, read_rows
 from henon_ref.report.files.figure_jobs import FigureJob
-from henon_ref.report.text import index
 from henon_ref.report.text.formats import duration
 from henon_ref.report.text.gate import gate_table, why_unchecked
 from henon_ref.report.text.markdown import report_text
@@ -291,35 +290,10 @@ def test_texts_and_files_are_checked_too(stored):
     assert check.differences(old, fresh) == [f"there is no report in {old}"]
 
 
-COUNTED = {"heyoka": ("1", "1"), "scipy-rk45": ("1", "1"), "scipy-sign": ("0", "1"), "ida": ("0", "0")}
-"""Readings in which each solver is right, and on which it ran."""
-
-
-def test_the_index_has_a_row_a_solver_and_a_matrix_of_digits(stored):
-    text = index.index_text(index.entries(stored[0].parent))
-    table = cells(tables(text)[0])
-    assert list(table["`henon`"].values()) == ["`henon`", "1", "1", "1", "1", "1", "1"]
-    counts = {solver: (table[f"`{solver}`"]["right in"], table[f"`{solver}`"]["run on"]) for solver in COUNTED}
-    assert counts == COUNTED
-    row = next(line for line in text.splitlines() if line.startswith("| [made_up](made_up/report.md)"))
-    assert row == "| [made_up](made_up/report.md) | 12 | 12 | · | 12 * | wrong |"
-    assert "- [made_up](made_up/report.md): A made-up system" in text
-
-
 def test_fakes_meet_the_contract():
     from henon_ref.solver import Solver
 
     assert isinstance(Fake(), Solver)
-
-
-def test_the_index_leads_to_the_further_pages(stored, tmp_path) -> None:
-    folder = tmp_path / "reports"
-    (folder / "atlas").mkdir(parents=True)
-    (folder / "atlas" / "README.md").write_text("x", encoding="utf-8")
-    (folder / "atlas" / "grazing.svg").write_text("x", encoding="utf-8")
-    text = index.index_text([], index.pages(folder))
-    assert "](atlas/grazing.svg)" in text
-    assert "causes/README.md" not in text
 
 
 def test_a_report_has_a_table_then_figures_then_what_a_source_prints_then_headings(comparison):

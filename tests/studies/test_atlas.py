@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from matplotlib.colors import to_rgba
 
 from henon_ref.campaign.case_files import load_cases
 from henon_ref.campaign.options import Options, Silent
@@ -13,6 +14,7 @@ from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import provenance
 from henon_ref.studies.atlas.family import TOLERANCES, defects, family_of, outcome_of
+from henon_ref.studies.atlas.figure import COLOURS, draw_atlas
 from henon_ref.studies.atlas.run import families, run_atlas
 from henon_ref.studies.restarts.run import run_restarts
 
@@ -95,3 +97,22 @@ def test_restarts_are_compared_on_the_cases_that_are_there(tmp_path: Path) -> No
     assert restarts["none"] == "solver defect"
     (line,) = [own for own in page.read_text(encoding="utf-8").splitlines() if own.startswith("| `heyoka` | `none` |")]
     assert line.endswith("| 2 |")
+
+
+def test_neighbours_of_one_outcome_are_one_shape() -> None:
+    """A panel of any size is a path an outcome and its grid: what is drawn is as wide and high as the runs are many."""
+    case = load_case(CASES / "hard" / "grazing.yaml")
+    family = family_of(case)
+    assert family is not None
+    wrong = {"verdict": "solver defect", "status": "wrong", "missed": 2}
+    rows = [
+        row(reading=reading, rtol=rtol, **(wrong if 5 <= i < 9 and rtol == 1e-6 else {}))
+        for i, reading in enumerate(family.order)
+        for rtol in (1e-3, 1e-6)
+    ]
+    panel = draw_atlas(family, rows, ["henon"]).axes[0]
+    shapes = {patch.get_facecolor(): patch.get_path() for patch in panel.patches if patch.get_fill()}
+    missed, right = (shapes[to_rgba(COLOURS[outcome])].vertices.reshape(-1, 5, 2) for outcome in ("missed", "right"))
+    assert [(*box[0], *box[2]) for box in missed.tolist()] == [(5, 1, 9, 2)]
+    assert [(*box[0], *box[2]) for box in right.tolist()] == [(0, 0, 29, 1), (0, 1, 5, 2), (9, 1, 29, 2)]
+    assert len(panel.patches) == 3

@@ -47,7 +47,7 @@ def draw_readings(readings: Sequence[tuple[str, Sequence[Row]]]) -> Figure:
     """
     cells = {(reading, solver): own for reading, rows in readings for solver, own in by_solver(rows).items()}
     cells = {key: own for key, own in cells.items() if own[-1]["status"] not in NOT_RUN}
-    solvers = [s for s in solvers_of([rows for _, rows in readings]) if any(key[1] == s for key in cells)]
+    solvers = [s for s in solvers_of(row for _, rows in readings for row in rows) if any(key[1] == s for key in cells)]
     names = [reading for reading, _ in readings]
     wide = min(ACROSS / len(names), WIDEST)
     texts = len(names) <= MOST_TEXTS
