@@ -24,6 +24,12 @@ class Request:
     """How libraries are restarted after an event; none: each solver in its own way."""
     required: tuple[str, ...] = ()
     """Solvers that have to be right in every reading."""
+    check: bool = False
+    """Only read and explain the case files."""
+    quiet: bool = False
+    """Show neither progress nor a table."""
+    json: bool = False
+    """Show the table as a JSON document, and nothing else on standard output."""
 
     @property
     def whole(self) -> bool:
