@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -35,7 +36,7 @@ def test_every_shipped_case_is_in_the_list(capsys):
     (fig8,) = [line for line in lines if line.startswith("fig8 ")]
     assert fig8.split()[:4] == ["fig8", "3", "2", "1"]
     assert "Belt oscillator with a harmonic base (Fig. 8)" in fig8
-    assert fig8.endswith("paper, periodic, softening spring")
+    assert fig8.endswith("paper, periodic, softening-spring")
 
 
 def test_tags_choose_cases(capsys):
@@ -86,3 +87,8 @@ def test_no_expression_is_looked_into():
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stderr
+
+
+def test_a_tag_of_a_shipped_case_is_one_word():
+    """So that ``--tag`` needs no quotes, and no two tags differ by a blank alone."""
+    assert [tag for path in FILES for tag in outline(path).tags if not re.fullmatch(r"[a-z0-9-]+", tag)] == []
