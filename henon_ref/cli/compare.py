@@ -12,10 +12,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
-from henon_ref.campaign.fork_server import begin_server, collect_seldom
 from henon_ref.cli import status_line
 from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
-from henon_ref.jit.cache_folder import watched_cache
 from henon_ref.text import listed
 
 if TYPE_CHECKING:
@@ -43,6 +41,9 @@ def program(arguments: Sequence[str] | None = None) -> int:
 @contextmanager
 def _processes() -> Iterator[None]:
     """Workers' processes that are begun now: while they are, this process imports what the command needs."""
+    from henon_ref.campaign.fork_server import begin_server
+    from henon_ref.jit.cache_folder import watched_cache
+
     with watched_cache():  # they use the folder that is found usable here
         begin_server()
         yield
@@ -51,14 +52,16 @@ def _processes() -> Iterator[None]:
 def _act(arguments: Sequence[str] | None, processes: AbstractContextManager[None]) -> int:
     from henon_ref.cli.arguments import app
 
-    collect_seldom()
     # Run outside of typer, which has its own way with an interrupt.
     request = parsed(app, arguments, name="compare")
     if isinstance(request, int):
         return request
     try:
-        if not request.quiet:
+        if not request.quiet:  # before anything that takes long is imported
             status_line.show(f"reading {listed([str(path) for path in request.cases], 4)}")
+        from henon_ref.campaign.fork_server import collect_seldom
+
+        collect_seldom()
         if request.check:
             return _explain(request)
         with processes, writing_into(request.out, kept=KEPT):

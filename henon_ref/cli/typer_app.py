@@ -25,5 +25,5 @@ def application() -> typer.Typer:
 
 
 def examples(*commands: str) -> str:
-    """What the help ends with: commands to copy, each in a line of its own."""
-    return "\n".join(["Examples:", *(f"  henon-ref {command}" for command in commands)])
+    """What the help ends with: commands to copy, each a paragraph, since old versions of typer join lines."""
+    return "\n\n".join(["Examples:", *(f"henon-ref {command}" for command in commands)])
