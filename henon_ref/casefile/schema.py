@@ -6,6 +6,7 @@ The models only check form; what the expressions in them mean is checked where t
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import unicodedata
@@ -305,3 +306,8 @@ def case_schema() -> dict[str, Any]:
     # With readings, a required key may stand in every reading instead of at the top.
     schema["required"] = ["schema", "name", "title"]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def schema_text() -> str:
+    """The JSON Schema as a file holds it: ``cases/case.schema.json`` is this text."""
+    return json.dumps(case_schema(), indent=1) + "\n"

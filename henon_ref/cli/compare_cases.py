@@ -15,6 +15,8 @@ from henon_ref.campaign.options import Observer, Options
 from henon_ref.campaign.plan import check_required, check_solvers
 from henon_ref.casefile.case import Case
 from henon_ref.cli.ci_outputs import CiOutputs, ci_outputs
+from henon_ref.cli.end_output import case_line, document, print_end
+from henon_ref.cli.end_table import EndTable
 from henon_ref.cli.exit_status import say
 from henon_ref.cli.progress import Shown
 from henon_ref.cli.request import Request
@@ -90,17 +92,21 @@ def _compared(cases: Sequence[Case], options: Options, request: Request, outputs
     failures: list[str] = []
     tallies: list[Tally] = []
     demands = dict.fromkeys(request.required, Demand())
+    table = EndTable()
     environment()
     origin = provenance(rerun_command(request))
 
     def deliver(comparison: Comparison) -> None:
         written.append(write_report(comparison, origin, request.out))
+        table.add(comparison.run_rows)
         failures.extend(outputs.gate_failures(comparison))
         tallies.append(gate_tally(comparison.case.readings, comparison.run_rows))
         for solver in demands:
             demands[solver] += demand(solver, comparison.run_rows, outputs.is_known)
+        if not (request.quiet or request.json or shown.on_terminal):
+            print(case_line(comparison.case.name, comparison.run_rows, written[-1]), flush=True)
 
-    with Shown() as shown:
+    with Shown(quiet=request.quiet) as shown:
         draw = figure_job if request.figures else None
         compare_all(cases, options, deliver, draw=draw, ready=preload, observer=shown)
         if request.whole:
@@ -111,7 +117,13 @@ def _compared(cases: Sequence[Case], options: Options, request: Request, outputs
     where = written[0] if len(written) == 1 else index
     tally = sum(tallies, Tally())
     told = "".join(f"; {solver} right in {own.right} of {own.judged} judged" for solver, own in demands.items())
-    print(message(f"{where}{gate_state(tally, failures, wanted=request.gate)}{told}"))
+    state = gate_state(tally, failures, wanted=request.gate)
+    if request.json:
+        print(document(table, where, gate=state.removeprefix("; ") or None))
+    else:
+        if not request.quiet:
+            print_end(table, readings=sum(len(case.readings) for case in cases))
+        print(message(f"{where}{state}{told}"))
     if request.gate and tally.missing:
         failures.append(why_unchecked(tally))
     if request.gate and tally.left_out:

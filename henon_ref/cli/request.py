@@ -32,6 +32,12 @@ class Request:
     """Earlier rows that none may be worse than: a ``runs.csv`` or a folder of reports."""
     known: Path | None = None
     """Failures that are expected."""
+    check: bool = False
+    """Only read and explain the case files."""
+    quiet: bool = False
+    """Show neither progress nor a table."""
+    json: bool = False
+    """Show the table as a JSON document, and nothing else on standard output."""
 
     @property
     def whole(self) -> bool:

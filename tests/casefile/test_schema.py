@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
-from henon_ref.casefile.schema import MAX_STATES, READING_KEYS, CaseForm, case_schema
+from pathlib import Path
+
+import pytest
+
+from henon_ref.casefile.schema import MAX_STATES, READING_KEYS, CaseForm, case_schema, schema_text
+
+CASES = Path(__file__).parents[2] / "cases"
+PUBLISHED = CASES / "case.schema.json"
+FILES = [path for path in sorted(CASES.rglob("*.yaml")) if "truth" not in path.parts]
+EDITORS = "# yaml-language-server: $schema="
+"""What a case's first line begins with: editors with that language server look there for the schema."""
 
 
 def test_the_json_schema_knows_every_key_and_no_other() -> None:
@@ -29,3 +39,15 @@ def test_expressions_may_be_numbers_or_text_in_the_json_schema() -> None:
     assert schema["properties"]["until"]["type"] == ["number", "string"]
     assert schema["properties"]["schema"]["const"] == 1
     assert schema["$defs"]["SystemForm"]["properties"]["field"]["items"] == {"type": ["number", "string"]}
+
+
+def test_the_published_schema_is_the_present_one() -> None:
+    """``henon-ref schema > cases/case.schema.json`` makes it again."""
+    assert PUBLISHED.read_text(encoding="utf-8") == schema_text()
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_the_first_line_of_every_case_leads_editors_to_the_schema(path: Path) -> None:
+    first = path.read_text(encoding="utf-8").splitlines()[0]
+    assert first.startswith(EDITORS)
+    assert (path.parent / first.removeprefix(EDITORS)).resolve() == PUBLISHED

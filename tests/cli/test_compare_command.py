@@ -49,7 +49,7 @@ def test_a_report_holds_what_the_contract_says(made_up, tmp_path, capsys):
     assert sorted(manifest["files"]) == sorted(os.listdir(folder))
     captured = capsys.readouterr()
     assert captured.err == ""
-    assert captured.out.splitlines() == ["out/made_up/report.md; gate met"]
+    assert captured.out.splitlines()[-1] == "out/made_up/report.md; gate met"
 
 
 def test_the_report_begins_with_a_row_a_solver(made_up, tmp_path):
@@ -72,10 +72,10 @@ def test_the_gate_decides_the_exit_status_only_where_asked(made_up, monkeypatch,
 
 def test_a_gate_that_checked_nothing_does_not_pass(made_up, capsys):
     words = "none of the 2 bounds of the gate is on a solver that ran"
-    assert run(made_up, "--solvers", "heyoka") == 0
+    assert run(made_up, "--solvers", "heyoka", "--quiet") == 0
     captured = capsys.readouterr()
     assert (captured.out, captured.err) == (f"out/made_up/report.md; gate not checked: {words}\n", "")
-    assert run(made_up, "--solvers", "heyoka", "--gate") == 1
+    assert run(made_up, "--solvers", "heyoka", "--gate", "--quiet") == 1
     captured = capsys.readouterr()
     assert captured.out == f"out/made_up/report.md; gate not checked: {words}\n"
     assert sorted(captured.err.splitlines()) == [
@@ -89,7 +89,7 @@ def test_a_gate_that_is_checked_in_part_says_so(made_up, tmp_path, capsys):
     (tmp_path / "other.yaml").write_text(other)
     assert run(made_up, "other.yaml", "--solvers", "henon", "--gate") == 0
     captured = capsys.readouterr()
-    assert captured.out.splitlines() == ["out/README.md; gate met (2 of 4 bounds checked)"]
+    assert captured.out.splitlines()[-1] == "out/README.md; gate met (2 of 4 bounds checked)"
     assert captured.err == "gate: bounds on what did not run are left out: heyoka\n"
 
 
@@ -121,7 +121,7 @@ def test_a_tighter_tolerance_than_the_case_has_does_not_stand_in_for_its_tightes
 
 
 def test_a_required_solver_decides_the_exit_status(made_up, monkeypatch, capsys):
-    assert run(made_up, "--require", "henon") == 0
+    assert run(made_up, "--require", "henon", "--quiet") == 0
     assert capsys.readouterr().out == "out/made_up/report.md; gate met; henon right in 1 of 1 judged\n"
     assert run(made_up, "--require", "henon,heyoka") == 1
     captured = capsys.readouterr()
@@ -145,9 +145,9 @@ def test_a_required_solver_that_cannot_be_judged_does_not_pass(made_up, monkeypa
 
 def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, capsys):
     (tmp_path / "plain.yaml").write_text(re.sub("gate: .*", "", CASE.format(name="plain")))
-    assert run("plain.yaml", "--gate") == 0
+    assert run("plain.yaml", "--gate", "--quiet") == 0
     assert capsys.readouterr().out == "out/plain/report.md; gate not checked: there is no bound\n"
-    assert run("plain.yaml") == 0
+    assert run("plain.yaml", "--quiet") == 0
     assert capsys.readouterr().out == "out/plain/report.md\n"
 
 
