@@ -167,6 +167,7 @@ def test_mean_costs_are_over_all_readings_and_in_turn() -> None:
 
 
 def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> None:
+    pytest.importorskip("heyoka")
     case = load_case(CASES / "free_coulomb.yaml")
     ladder = [
         {**row(solver, wall, digits, case=case.name), "rtol": rtol, "atol": rtol}
