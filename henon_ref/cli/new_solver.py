@@ -82,7 +82,11 @@ def check_name(name: str) -> None:
 
 
 def package_files(name: str) -> dict[str, str]:
-    """Path of every file of the package -> its text."""
+    """Path of every file of the package -> its text.
+
+    The module lies below ``src``: the package's own folder, seen from the folder that it is in, would be taken for the
+    module where both have one name.
+    """
     module = module_of(name)
     environment = Environment(
         loader=PackageLoader("henon_ref.cli", TEMPLATES), undefined=StrictUndefined, keep_trailing_newline=True
@@ -90,7 +94,7 @@ def package_files(name: str) -> dict[str, str]:
     files = {
         "pyproject.toml": "pyproject.toml",
         "README.md": "README.md",
-        f"{module}.py": "module.py",
+        f"src/{module}.py": "module.py",
         f"tests/test_{module}.py": "test_module.py",
     }
     return {

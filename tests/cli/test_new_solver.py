@@ -21,7 +21,7 @@ def installed(folder: Path, name: str) -> None:
     """What an installer writes for an editable package, so that its entry point is found on the path."""
     given = tomllib.loads((folder / "pyproject.toml").read_text())
     points = given["project"]["entry-points"]["henon_ref.solvers"]
-    information = folder / f"{name.replace('-', '_')}-{given['project']['version']}.dist-info"
+    information = folder / "src" / f"{name.replace('-', '_')}-{given['project']['version']}.dist-info"
     information.mkdir()
     (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 0.1.0\n")
     lines = ["[henon_ref.solvers]", *(f"{key} = {value}" for key, value in points.items())]
@@ -29,19 +29,21 @@ def installed(folder: Path, name: str) -> None:
 
 
 def with_path(folder: Path) -> dict[str, str]:
-    return dict(os.environ) | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT), str(ROOT / "tests/support")])}
+    return dict(os.environ) | {
+        "PYTHONPATH": os.pathsep.join([str(folder / "src"), str(ROOT), str(ROOT / "tests/support")])
+    }
 
 
 def test_the_package_as_it_is_written_gets_right_rows_and_passes_its_own_test(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert command(["my-rk"]) == 0
-    assert "pip install -e my-rk" in capsys.readouterr().out
-    folder = tmp_path / "my-rk"
+    assert command(["my_rk"]) == 0  # folder and module have one name, and the folder is seen first
+    assert "pip install -e my_rk" in capsys.readouterr().out
+    folder = tmp_path / "my_rk"
     files = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
-    assert files == {"pyproject.toml", "README.md", "my_rk.py", "tests/test_my_rk.py"}
-    installed(folder, "my-rk")
+    assert files == {"pyproject.toml", "README.md", "src/my_rk.py", "tests/test_my_rk.py"}
+    installed(folder, "my_rk")
     case = ROOT / "cases/leaving_slide.yaml"
-    options = ["--solvers", "my-rk", "--repeats", "1", "--no-figures", "--tolerances", "1e-6,1e-9", "--timeout", "60"]
+    options = ["--solvers", "my_rk", "--repeats", "1", "--no-figures", "--tolerances", "1e-6,1e-9", "--timeout", "60"]
     subprocess.run(
         [sys.executable, "-m", "henon_ref.compare", str(case), *options],
         check=True,
@@ -51,7 +53,7 @@ def test_the_package_as_it_is_written_gets_right_rows_and_passes_its_own_test(tm
     with (tmp_path / "out/leaving_slide/runs.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [(row["solver"], row["status"], row["verdict"], row["landing"]) for row in rows] == [
-        ("my-rk", "ok", "right", "bisection")
+        ("my_rk", "ok", "right", "bisection")
     ] * 2
     assert rows[0]["library_version"] == "0.1.0"
     subprocess.run(
@@ -61,7 +63,7 @@ def test_the_package_as_it_is_written_gets_right_rows_and_passes_its_own_test(tm
 
 
 def test_the_module_is_short_and_has_one_method_to_fill_in():
-    text = new_solver.package_files("my-rk")["my_rk.py"]
+    text = new_solver.package_files("my-rk")["src/my_rk.py"]
     code = [line for line in text.splitlines() if line.strip()]
     assert len(code) <= 60
     assert text.count("def integrate(self, t, x, until):") == 1
@@ -118,7 +120,7 @@ def test_what_is_there_already_is_left_alone(kind, tmp_path, capsys):
 def test_out_is_the_folder_that_is_written(tmp_path):
     assert command(["my-rk", "--out", str(tmp_path / "elsewhere")]) == 0
     assert [path.name for path in tmp_path.iterdir()] == ["elsewhere"]
-    assert (tmp_path / "elsewhere" / "my_rk.py").is_file()
+    assert (tmp_path / "elsewhere/src/my_rk.py").is_file()
     assert (tmp_path / "elsewhere").stat().st_mode & 0o777 == (tmp_path / "elsewhere/tests").stat().st_mode & 0o777
 
 
