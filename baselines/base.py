@@ -25,7 +25,7 @@ from baselines.flow import Flow, Library, Stop
 from baselines.mode_functions import EPSILON, ModeFunctions
 from baselines.restart import STOPPED, Fresh, GatedGuards, Restart, Watcher
 from baselines.work import Stalled, Work
-from henon_ref.errors import UnavailableError
+from henon_ref.errors import ContractError, UnavailableError
 from henon_ref.filippov.callables import Jacobian
 from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
@@ -259,9 +259,12 @@ class SmoothMode(ABC):
         self.wanted = wanted
         with np.errstate(all="ignore"):
             try:
-                return self.integrate(t, self.model.start(t, x), until)
+                stop = self.integrate(t, self.model.start(t, x), until)
             except Stalled as error:
                 return self.failed(str(error))
+        if not isinstance(stop, Stop):
+            raise ContractError(f"integrate returned {stop!r}, wanted what self.stopped or self.failed returns")
+        return stop
 
     def stopped(
         self,
@@ -280,13 +283,22 @@ class SmoothMode(ABC):
             Components of :meth:`guards` that have a root at t; None at the horizon.
         samples : ndarray, optional
             States at the wanted times up to t, shape (k, n).
+
+        Raises
+        ------
+        ContractError
+            Where ``fallen`` holds anything but indices: the run is ``failed`` then.
         """
         state = tuple(map(float, x[: self.states]))
         if not all(map(isfinite, state)):
             return self.failed(f"the state is not finite after t = {self.last.t:.17g}")
         if fallen is None:
             return Stop("horizon", t, 0.0, state, samples=samples)
-        hits = tuple(int(k) for k in fallen if k < len(self.model.guards))
+        last = len(self.model.guards)
+        for k in fallen:
+            if isinstance(k, bool | np.bool_) or not 0 <= k <= last:
+                raise ContractError(f"a guard that fell is named by {k!r}, wanted its index, 0 to {last}")
+        hits = tuple(int(k) for k in fallen if k < last)
         return Stop("event" if hits else "diverged", t, 0.0, state, hits, samples=samples)
 
     def failed(self, reason: str) -> Stop:

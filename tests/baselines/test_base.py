@@ -16,7 +16,7 @@ from baselines.flow import Stop
 from baselines.mode_functions import EPSILON, ModeFunctions
 from baselines.restart import STOPPED
 from baselines.work import Work
-from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.solver import Solver
@@ -162,3 +162,31 @@ def test_an_implicit_method_is_watched_later_than_an_explicit_one() -> None:
     implicit = replace(EULER, implicit=True)
     assert EULER.library(1e-6, 1e-6).errors == (EPSILON, 0.0)
     assert implicit.library(1e-6, 1e-6).errors == (STOPPED * 1e-6, STOPPED * 1e-6)
+
+
+def test_what_is_no_stop_and_no_index_is_told_to_its_author() -> None:
+    class Forgets(Euler):
+        def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
+            return None  # type: ignore[return-value]
+
+    with pytest.raises(ContractError, match=r"integrate returned None, wanted what self\.stopped or self\.failed"):
+        ModeSolver("forgets", Forgets, landing="none", distribution="numpy").prepare(STICKS_AT_2, rtol=1e-3)()
+    for fallen in (np.array([True, False]), [-1], [2]):
+        with pytest.raises(ContractError, match="wanted its index, 0 to 1"):
+            mode_of(STICKS_AT_2, (1,)).stopped(2.0, np.array([0.0]), fallen)
+
+
+def test_a_guard_that_starts_at_zero_reads_one_until_it_can_be_told_from_zero() -> None:
+    """After a crossing: the state lies on the surface, and its guard rises at speed 1."""
+    seen = []
+
+    class Looks(Euler):
+        def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
+            seen.append((self.guards(t, x)[0], self.guards(t + 1e-3, x + 1e-3)[0]))
+            return self.stopped(until, x + (until - t))
+
+    system = FilippovSystem((X,), (S,), (X,), (2 + S,))  # from x = -1 at speed 1, through 0 at t = 1, then at 3
+    mode = Looks(EULER.library(1e-6, 1e-6), ModeFunctions(system, (1,)), Work(None), 5.0)
+    mode.advance(1.0, 0.0, (0.0,), 5.0, [(0, 4.0, 3.0)], None)
+    mode.advance(1.0, 0.0, (0.0,), 5.0, [], None)
+    assert seen == [(1.0, 1e-3), (0.0, 1e-3)]
