@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from baselines.base import ModeSolver, SmoothMode
     from henon_ref.campaign.comparison import Comparison, compare
     from henon_ref.casefile.case import Case, Reading, load_case, parse_case
     from henon_ref.errors import CaseError, HenonRefError, ModelError, UnavailableError, UnsupportedError
@@ -26,6 +27,8 @@ __version__ = "0.1.0"
 _HOME = {
     "Comparison": "campaign.comparison",
     "compare": "campaign.comparison",
+    "ModeSolver": "baselines.base",
+    "SmoothMode": "baselines.base",
     "CaseError": "errors",
     "HenonRefError": "errors",
     "ModelError": "errors",
@@ -50,9 +53,11 @@ __all__ = [
     "Counts",
     "FilippovSystem",
     "HenonRefError",
+    "ModeSolver",
     "ModelError",
     "Problem",
     "Reading",
+    "SmoothMode",
     "Solver",
     "Trajectory",
     "Transition",
@@ -66,7 +71,8 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _HOME:
-        value = getattr(import_module(f"henon_ref.{_HOME[name]}"), name)
+        home = _HOME[name] if _HOME[name].startswith("baselines") else f"henon_ref.{_HOME[name]}"
+        value = getattr(import_module(home), name)
         globals()[name] = value
         return value
     raise AttributeError(f"module 'henon_ref' has no attribute {name!r}")

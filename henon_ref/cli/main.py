@@ -45,7 +45,7 @@ SUBCOMMANDS = {
 }
 """Name -> subcommand, in the order of the list."""
 
-EXAMPLES = ("cases", "compare cases/fig8.yaml", "compare my_case.yaml --check", "compare --help")
+EXAMPLES = ("cases", "compare fig8", "compare my_case.yaml --check", "compare --help")
 
 
 @dataclass(frozen=True)
