@@ -18,6 +18,8 @@ ADD, MULTIPLY, POWER, SQRT = range(4)
 """Operations; POWER has a whole number in place of its second register."""
 ROUNDING = 2.0**-100
 """Bound of the relative error of one operation. Sums and products of doubles are exact: their error is 0."""
+ACCURATE = 2.0**-80
+"""Bound of the relative error that a constant may have: the double is the nearest one, but for a tie."""
 LEAST_EXACT = 1e-280
 """A product of doubles above this is two doubles, none of which is too small."""
 
@@ -147,8 +149,16 @@ def scatter(registers, sources, highs, lows, out):  # type: ignore[no-untyped-de
     sources, highs, lows : ndarray of int, shape (k,)
         Registers, and places in a row where each number, and what its rounding lost, is put.
     out : ndarray, shape (points, places)
+
+    Returns
+    -------
+    bool
+        Whether each number, so far as it is finite, has most of its digits: terms may have cancelled.
     """
+    accurate = True
     for point in range(registers.shape[0]):
         for k in range(sources.size):
-            out[point, highs[k]] = registers[point, sources[k], 0]
-            out[point, lows[k]] = registers[point, sources[k], 1]
+            number = registers[point, sources[k]]
+            out[point, highs[k]], out[point, lows[k]] = number[0], number[1]
+            accurate = accurate and not number[2] > ACCURATE * abs(number[0])
+    return accurate

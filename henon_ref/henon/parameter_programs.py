@@ -20,6 +20,9 @@ from henon_ref.henon.mode_table import CompiledModes, ModeTable
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
+UNCLEAR_SIGN = 2
+"""Of a number that may be zero within the bound of its error."""
+
 
 @dataclass(frozen=True, eq=False)
 class LoopProgram:
@@ -48,7 +51,9 @@ class LoopProgram:
         """
         registers, points, modes = self.program.registers(values), len(values), len(self.compiled.modes)
         numbers = np.zeros((points, modes * 2 * self.longest))
-        scatter(registers, self.sources, *self.places, numbers)
+        if not scatter(registers, self.sources, *self.places, numbers):
+            self.program.made_accurate(registers)
+            scatter(registers, self.sources, *self.places, numbers)
         count = len(self.normal_sources)
         normals = np.zeros((points, 2 * count + 1))
         if count:
@@ -94,6 +99,20 @@ class ParameterPrograms:
         with one_at_a_time():
             inputs = (TIME, *self.system.states, *self.parameters)
             return constant_program(inputs, (*self.system.surfaces, *self.system.valid))
+
+    def start_signs(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Signs of the surfaces, then of the ``valid`` expressions, at some points; UNCLEAR_SIGN where it is not clear.
+
+        Parameters
+        ----------
+        points : ndarray, shape (points, 1 + n + parameters)
+            Time, state, parameter values; taken as exact.
+        """
+        found = self.start.registers(points)[:, list(self.start.outputs)]
+        value, error = found[..., 0], found[..., 2]
+        signs = np.where(value > 0, 1, np.where(value < 0, -1, 0))
+        signs[~((np.abs(value) > 2.0 * error) & np.isfinite(value) | (value == 0.0) & (error == 0.0))] = UNCLEAR_SIGN
+        return signs
 
     def mode(self, mode: Mode) -> ModeWithTape | None:
         """See :func:`henon_ref.filippov.switching.mode_with_tape`."""
