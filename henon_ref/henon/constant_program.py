@@ -51,6 +51,11 @@ class ConstantProgram:
     """Register of each expression."""
 
     @cached_property
+    def places(self) -> NDArray[np.int64]:
+        """Registers of the expressions, as an array."""
+        return np.array(self.outputs, dtype=np.int64)
+
+    @cached_property
     def _registers(self) -> NDArray[np.float64]:
         """All of them before a run, shape (registers, 3)."""
         found = np.zeros((self.inputs + len(self.numbers) + len(self.operations), 3))

@@ -16,10 +16,11 @@ from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.compile_units import link
 from henon_ref.henon.double_constants import DoubleConstants
+from henon_ref.henon.double_double import UNCLEAR_SIGN
 from henon_ref.henon.loop import load
 from henon_ref.henon.mode_constants import ExactConstants, ModeConstants
 from henon_ref.henon.mode_table import ModeTable
-from henon_ref.henon.parameter_programs import UNCLEAR_SIGN, ParameterPrograms
+from henon_ref.henon.parameter_programs import ParameterPrograms
 from henon_ref.henon.start import Start
 from henon_ref.henon.surface_start import mode_at_start
 from henon_ref.henon.workspace import WorkspacePool

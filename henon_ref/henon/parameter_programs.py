@@ -15,13 +15,10 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import ModeWithTape, mode_with_tape
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.constant_program import ConstantProgram, constant_program
-from henon_ref.henon.double_double import scatter
+from henon_ref.henon.double_double import scatter, signs_of
 from henon_ref.henon.mode_table import CompiledModes, ModeTable
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape, build_tape
-
-UNCLEAR_SIGN = 2
-"""Of a number that may be zero within the bound of its error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,10 +105,9 @@ class ParameterPrograms:
         points : ndarray, shape (points, 1 + n + parameters)
             Time, state, parameter values; taken as exact.
         """
-        found = self.start.registers(points)[:, list(self.start.outputs)]
-        value, error = found[..., 0], found[..., 2]
-        signs = np.where(value > 0, 1, np.where(value < 0, -1, 0))
-        signs[~((np.abs(value) > 2.0 * error) & np.isfinite(value) | (value == 0.0) & (error == 0.0))] = UNCLEAR_SIGN
+        program = self.start
+        signs = np.empty((len(points), len(program.outputs)), dtype=np.int64)
+        signs_of(program.registers(points), program.places, signs)
         return signs
 
     def mode(self, mode: Mode) -> ModeWithTape | None:
