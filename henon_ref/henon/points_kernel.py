@@ -136,16 +136,16 @@ def _finish(run, state, code, ends, states, point):  # type: ignore[no-untyped-d
 @inner()
 def _take_in(at, run, block, code, buffer, waiting, ends, states):  # type: ignore[no-untyped-def]
     """Take in what a point's run has come to; True where it goes on."""
-    going_on = code == ReturnCode.BLOCK_FULL.value or code == ReturnCode.BUDGET_SPENT.value
+    spent = code == ReturnCode.BUDGET_SPENT.value
+    going_on = code == ReturnCode.BLOCK_FULL.value or (spent and run.steps < run.most_steps)
     end = end_of(row_of(ends[at.point]))
-    if not (going_on or code == ReturnCode.HORIZON.value or code == ReturnCode.STOPPED.value):
+    if not (going_on or spent or code == ReturnCode.HORIZON.value or code == ReturnCode.STOPPED.value):
         at.kept, end.code = at.kept_before, SET_ASIDE
         return False
     end.transitions += run.transitions
     records = work_space(row_of(block), run.states, run.guards, run.order)[3]
     keep_transitions(at, records, run.transitions, run.states, buffer, waiting)
     run.transitions = 0
-    going_on = going_on and run.steps < run.most_steps
     if not going_on:
         _finish(run, block, code, ends, states, at.point)
     return going_on

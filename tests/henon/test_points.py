@@ -101,6 +101,7 @@ def test_every_point_has_the_bits_of_its_run_alone(
         assert len(runs.others) < 6, "most are done in compiled code"
     monkeypatch.setattr(points, "AT_ONCE", 5)
     monkeypatch.setattr(points, "BUFFER", points.CHUNK + 10)
+    monkeypatch.setattr(points, "MEMORY", 3 * first.programs.loop().bytes_a_point)
     again = PointRuns(first, values, initial, start=start, until=start + until, tolerance=TOLERANCE, keep=Keep())
     parts = list(again)
     for point in range(len(initial)):
