@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -100,6 +100,13 @@ def line_of(solver: str) -> Line:
     base, *variant = re.split("[+@]", solver)
     line = _LINES.get(base, Line(PURPLE, "d"))
     return replace(line, dashes="-.") if variant else line
+
+
+def look() -> AbstractContextManager[None]:
+    """The style of the reports, for whoever makes a figure in it."""
+    import matplotlib
+
+    return matplotlib.rc_context(_RC)
 
 
 @contextmanager
