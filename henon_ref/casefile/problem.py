@@ -43,6 +43,12 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
 
 def build_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
     """The system that one reading of a case is about, and what its names stand for."""
+    system, names = written_model(source, form)
+    return with_rational_exponents(system), names
+
+
+def written_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
+    """The same with exponents as they are written."""
     if form.scene is not None:
         system, names = build_scene(source, form.scene)
     else:
@@ -51,7 +57,7 @@ def build_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
     overrides = build_overrides(source, form, names)
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})
-    return with_rational_exponents(system), names
+    return system, names
 
 
 def mathematics(problem: Problem) -> dict[str, Any]:

@@ -79,7 +79,10 @@ def simulate(
     [[2.0, 'stick', 1.0]]
     """
     system, made = _run(system, initial, until, start, rtol, atol, parameters, mode)
-    return Solution(system, made.start.time[0], tuple(high for high, _ in made.start.x), made.to_horizon(), None)
+    trajectory = made.to_horizon()
+    if made.start.refused is not None:  # there is no mode to begin with
+        trajectory = trajectory._replace(end_mode=())
+    return Solution(system, made.start.time[0], tuple(high for high, _ in made.start.x), trajectory, None)
 
 
 def stream(

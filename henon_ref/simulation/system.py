@@ -13,12 +13,14 @@ import sympy as sp
 
 from henon_ref.casefile.case import load_case, reading_sources
 from henon_ref.casefile.expressions import parse_expression, parse_number
-from henon_ref.casefile.problem import build_model
+from henon_ref.casefile.problem import written_model
+from henon_ref.casefile.scene import conditions
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, merged
 from henon_ref.casefile.validation import validated
 from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
+from henon_ref.filippov.exponents import with_rational_exponents
 from henon_ref.filippov.latex import latex
 from henon_ref.filippov.work import Work
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
@@ -126,7 +128,7 @@ class System:
         case = load_case(path)
         chosen = case.readings[0] if reading is None else case.reading(reading)
         self = cls.__new__(cls)
-        self._read(dict(reading_sources(read_yaml(path), str(path)))[chosen.name].tree)
+        self._read(dict(reading_sources(read_yaml(case.path or path), None))[chosen.name].tree)
         problem = chosen.problem
         self.initial = dict(zip(self.state, map(plain_number, problem.initial), strict=True))
         self.start, self.until = plain_number(problem.start), plain_number(problem.until)
@@ -137,8 +139,9 @@ class System:
         kept = {key: tree.entries[key] for key in MODEL_KEYS if key in tree.entries}
         self.tree = mapping({**kept, **{key: tree_of(value, key) for key, value in _REST.items()}})
         try:
-            form = validated(self.tree, file=None)
-            self.model, self._names = build_model(Source(self.tree), form)
+            self._form = validated(self.tree, file=None)
+            self._written, self._names = written_model(Source(self.tree), self._form)
+            self.model = with_rational_exponents(self._written)
         except HenonRefError as error:
             raise argument_error(error) from None
         self.state: tuple[str, ...] = self.model.state_names
@@ -212,6 +215,11 @@ class System:
         """What is known to whoever reads more of the system's tree: the system itself."""
         nodes = tuple(self.tree.entries.get(key) for key in MODEL_KEYS)
         return Work(built={("system", *map(id, nodes)): (nodes, (self.model, self._names))})
+
+    @cached_property
+    def conditions(self) -> list[sp.Expr]:
+        """What a scene wants of its parameters (see :func:`henon_ref.casefile.scene.conditions`)."""
+        return conditions(Source(self.tree), self._form.scene) if self._form.scene else []
 
     @cached_property
     def content(self) -> tuple[object, ...]:

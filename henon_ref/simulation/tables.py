@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 COLUMNS = ("time_s", "kind", "surface", "from_mode", "to_mode")
 """Columns of a table of transitions, which the states follow by name."""
 STICK_COLUMNS = ("start_s", "duration_s", "surface")
+_named_tuple: Any = namedtuple
+"""Whose fields no type checker can know."""
 
 
 def row_of(system: FilippovSystem) -> Callable[[Transition], tuple[Any, ...]]:
@@ -24,7 +26,7 @@ def row_of(system: FilippovSystem) -> Callable[[Transition], tuple[Any, ...]]:
 
     Every name that a state may have is fit for a field: a letter first, no word of Python, none of the columns.
     """
-    make = namedtuple("TransitionRow", (*COLUMNS, *system.state_names))._make  # type: ignore[misc]
+    make = _named_tuple("TransitionRow", (*COLUMNS, *system.state_names))._make
     names = system.sign_names
     texts: dict[tuple[int, ...], str] = {}
 
