@@ -66,7 +66,7 @@ def simulate(
     Notes
     -----
     The method is a Taylor series method (Jorba and Zou, *Exp. Math.* 14 (2005) 99-117) with Hénon's landing on the
-    surfaces (Hénon, *Physica D* 5 (1982) 412-414) and Filippov's sliding (Filippov, 1988). A system is compiled once an
+    surfaces (Hénon, *Physica D* 5 (1982) 412-413) and Filippov's sliding (Filippov, 1988). A system is compiled once an
     order; it may be simulated from several threads at once.
 
     Examples
