@@ -29,10 +29,10 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.mode_table import double_double
+from henon_ref.henon.mode_constants import double_double
+from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
 from henon_ref.henon.solver import order_for
-from henon_ref.henon.state import HENON
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition
 

@@ -25,6 +25,7 @@ from henon_ref.filippov.equations import Guard, ModeEquations
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.series import expand
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
@@ -52,13 +53,20 @@ _NOWHERE = _Point(())
 
 
 class Switching:
-    """Decides the modes of one system in double precision (tapes are made once a mode and kept).
+    """Decides the modes of one system in double precision (tapes are made once a mode and kept), from any thread.
 
     What belongs to the numbers and not to the rule is a method of its own: ``_number`` to ``_attracts_by``.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    values : FilippovSystem, optional
+        The same with values of its parameters, where ``system`` has none.
     """
 
-    def __init__(self, system: FilippovSystem) -> None:
+    def __init__(self, system: FilippovSystem, values: FilippovSystem | None = None) -> None:
         self.system = system
+        self._numeric = (values or system).numeric
         self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[Any]] | None] = {}
         self._holds: dict[int, Callable[..., list[Any]]] = {}
         self.forget()
@@ -71,7 +79,7 @@ class Switching:
 
     def _function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         """(t, *names) -> values of expressions."""
-        values = [self.system.numeric(e) for e in expressions]
+        values = [self._numeric(e) for e in expressions]
         found: Callable[..., list[Any]] = sp.lambdify([TIME, *names], values, "math", cse=True)
         return found
 
@@ -109,7 +117,7 @@ class Switching:
         return bool(below >= -zero and above <= zero)
 
     def forget(self) -> None:
-        """A run begins: what an earlier one has worked out at the same point is none of its own work."""
+        """What has been worked out at a point is not kept for the next one who comes there."""
         self._point = _NOWHERE
 
     def initial_mode(
@@ -129,7 +137,7 @@ class Switching:
         mode: list[int] = []
         active: list[int] = []
         for i, h in enumerate(system.surfaces):
-            sign = exact_sign(system.numeric(h).xreplace(at))
+            sign = exact_sign(self._numeric(h).xreplace(at))
             if i in given and sign in (0, given[i]):
                 sign = given[i]
             elif i in given:
@@ -141,7 +149,7 @@ class Switching:
             mode.append(sign)
         edges = []
         for i, expression in enumerate(system.valid):
-            sign = exact_sign(system.numeric(expression).xreplace(at))
+            sign = exact_sign(self._numeric(expression).xreplace(at))
             if sign < 0:
                 return Decision("invalid", None, f"the model does not hold at the start: {expression} < 0")
             if sign == 0:
@@ -285,14 +293,15 @@ class Switching:
     def _equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]] | None:
         if mode not in self._tapes:
             system = self.system
-            try:
-                equations = system.equations(mode)
-            except ModelError:
-                self._tapes[mode] = None
-            else:
-                tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
-                numbers = [self._number(system.numeric(c)) for c in tape.constants]
-                self._tapes[mode] = (equations, tape, numbers)
+            with one_at_a_time():
+                try:
+                    equations = system.equations(mode)
+                except ModelError:
+                    self._tapes[mode] = None
+                else:
+                    tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+                    numbers = [self._number(self._numeric(c)) for c in tape.constants]
+                    self._tapes[mode] = (equations, tape, numbers)
         return self._tapes[mode]
 
     def _expanded(self, mode: Mode, t: float, x: Sequence[float]) -> tuple[list[list[float]], float]:
@@ -306,10 +315,10 @@ class Switching:
 
     def _at(self, t: float, x: Sequence[float]) -> _Point:
         """What is known at a point; that of the last one is kept, for one event asks for it several times."""
-        place = (t, *x)
-        if place != self._point.place:
-            self._point = _Point(place)
-        return self._point
+        place, point = (t, *x), self._point
+        if place != point.place:
+            self._point = point = _Point(place)
+        return point  # not what the attribute holds by now: another thread may be at another point
 
     def _violations(
         self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float
@@ -360,8 +369,9 @@ class Switching:
     def _hold_values(self, index: int) -> Callable[..., list[float]]:
         """(t, *x) -> release guards of an override."""
         if index not in self._holds:
-            guards = [g.expression for g in self.system.hold_guards(index)]
-            self._holds[index] = self._function(self.system.states, guards)
+            with one_at_a_time():
+                guards = [g.expression for g in self.system.hold_guards(index)]
+                self._holds[index] = self._function(self.system.states, guards)
         return self._holds[index]
 
     def _both_sides(self, t: float, x: Sequence[float], mode: Mode, index: int) -> tuple[float, float]:

@@ -21,6 +21,7 @@ from henon_ref.filippov.equations import Guard, ModeEquations, along
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.sliding import filippov_sliding
 from henon_ref.filippov.switched_field import SwitchedField
+from henon_ref.precision import one_at_a_time
 
 EntryRule = Literal["attracting", "inside"]
 
@@ -81,7 +82,9 @@ class FilippovSystem(SwitchedField):
     def equations(self, mode: Mode) -> ModeEquations:
         """Equations of one mode, signs of the surfaces in slip put in as -1 or +1."""
         key = ("mode", mode)
-        if key not in self._cache:
+        if key in self._cache:
+            return self._cache[key]
+        with one_at_a_time():
             shared = self.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
             slip = {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
             self._cache[key] = ModeEquations(

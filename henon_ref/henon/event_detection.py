@@ -6,18 +6,8 @@ from numba import boolean, float64, int64, types
 
 from henon_ref.henon.compile_units import compile_unit
 from henon_ref.henon.landing import brent, land
-from henon_ref.henon.state import (
-    BRACKET,
-    BRENT,
-    G_INDEX,
-    G_KIND,
-    G_RISING,
-    RELEASE,
-    SURFACE,
-    T_BERNSTEIN,
-    T_GUARDS,
-    TANGENT,
-)
+from henon_ref.henon.records import BRACKET, BRENT, RELEASE, SURFACE, guard_of, mode_of
+from henon_ref.henon.state import TANGENT
 from henon_ref.jit.calls import call_bernstein
 from henon_ref.jit.njit import inner
 from henon_ref.jit.primitives import EPS
@@ -54,7 +44,7 @@ def first_event(run, c, n, order, layout, known_zeros, lower, theta, natural, me
     best, hit, undecided, used = 2.0, -1, False, 0
     begin = 2.0  # of a touch somewhere on a piece of the step
     powers[0] = 0.0
-    for g in range(layout[0, T_GUARDS]):
+    for g in range(mode_of(layout).guards):
         zeros = known_zeros[g]
         if zeros == 0 and lower[g] > 0.0:
             continue
@@ -67,7 +57,7 @@ def first_event(run, c, n, order, layout, known_zeros, lower, theta, natural, me
                 continue
             if _deflated(c[n + g], zeros, order, stack[1], stack[2]):  # rows that are free until cuts
                 q = stack[2]
-        outcome, low, high = call_bernstein(layout[0, T_BERNSTEIN], q, powers, degree, scaled, stack[0]), 0.0, 1.0
+        outcome, low, high = call_bernstein(mode_of(layout).bernstein, q, powers, degree, scaled, stack[0]), 0.0, 1.0
         if outcome == SUBDIVIDE:
             outcome, low, high = _isolate(scaled, order, stack, bounds)
         if outcome == NONE or load_equals_friction(c, n, order, layout, g, natural):
@@ -116,11 +106,11 @@ def load_equals_friction(c, n, order, layout, guard, natural):  # type: ignore[n
     Against what all ends of that slide come to, which is the friction's size; on a step that nothing has cut short, for
     on a short one any end that is next to zero stays there.
     """
-    if layout[1 + guard, G_KIND] != RELEASE:
+    if guard_of(layout, guard).kind != RELEASE:
         return False
     friction = 0.0
-    for g in range(layout[0, T_GUARDS]):
-        if layout[1 + g, G_KIND] == RELEASE and layout[1 + g, G_INDEX] == layout[1 + guard, G_INDEX]:
+    for g in range(mode_of(layout).guards):
+        if guard_of(layout, g).kind == RELEASE and guard_of(layout, g).index == guard_of(layout, guard).index:
             friction += c[n + g, 0]
     own, power = 0.0, 1.0
     for k in range(order + 1):
@@ -135,11 +125,11 @@ def load_equals_friction(c, n, order, layout, guard, natural):  # type: ignore[n
 def guards_below_zero(c, n, order, layout, known_zeros, hits, natural):  # type: ignore[no-untyped-def]
     """True if a guard is below zero where the step begins, and is not being left; ``hits``: which ones."""
     found = False
-    for g in range(layout[0, T_GUARDS]):
+    for g in range(mode_of(layout).guards):
         row = c[n + g]
         hits[g] = 0
-        if row[known_zeros[g]] <= 0.0 and layout[1 + g, G_RISING] == 0:
-            surface = known_zeros[g] == 0 and layout[1 + g, G_KIND] == SURFACE
+        if row[known_zeros[g]] <= 0.0 and guard_of(layout, g).rising_only == 0:
+            surface = known_zeros[g] == 0 and guard_of(layout, g).kind == SURFACE
             zeros, fails = _below_zero(row, order, surface)
             fails = fails and not load_equals_friction(c, n, order, layout, g, natural)
             known_zeros[g] += zeros
@@ -177,8 +167,8 @@ def at_zero(row, zeros, order, tau, rising_only):  # type: ignore[no-untyped-def
 @inner()
 def zeros_at_release(layout, surface, speeds):  # type: ignore[no-untyped-def]
     """1 if the surface is left with a speed, 2 if tangentially, 0 if the new mode's field points back at it."""
-    for g in range(layout[0, T_GUARDS]):
-        if layout[1 + g, G_KIND] == SURFACE and layout[1 + g, G_INDEX] == surface:
+    for g in range(mode_of(layout).guards):
+        if guard_of(layout, g).kind == SURFACE and guard_of(layout, g).index == surface:
             towards, beyond = speeds[2 * g], speeds[2 * g + 1]
             if abs(towards) <= TANGENT * (abs(towards) + abs(beyond)):
                 return 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from henon_ref.henon.state import BRACKET, NEWTON
+from henon_ref.henon.records import BRACKET, NEWTON
 from henon_ref.jit.njit import inner
 from henon_ref.jit.primitives import EPS, fma, larger, smaller
 from henon_ref.roots.double import at_end, value

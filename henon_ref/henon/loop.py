@@ -8,34 +8,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import boolean, float64, int64, typeof, types
+from numba import boolean, float64, int64, types
 
 from henon_ref.henon.compensated_time import add_to_time, below_time_resolution, remaining
 from henon_ref.henon.compile_units import NUMBERS, ROW, ROWS, TABLES, compile_unit, link
 from henon_ref.henon.event_detection import at_zero, ends_at_zero, first_event, guards_below_zero, load_equals_friction
+from henon_ref.henon.mode_selection import SELECTION
 from henon_ref.henon.mode_transition import apply_event
 from henon_ref.henon.recorder import fill_samples
-from henon_ref.henon.state import (
-    BRACKET,
-    EVENT,
-    G_KIND,
-    G_RISING,
-    NOWHERE,
-    ON,
-    RELEASE,
-    REMEMBERED_STEPS,
-    RUN_RECORD,
-    T_GUARDS,
-    T_POLYNOMIAL_DEGREE,
-    T_SLOPES,
-    T_STEP_END,
-    ReturnCode,
-    run_of,
-    vectors_of,
-    work_space,
-)
+from henon_ref.henon.records import BRACKET, RELEASE, guard_of, mode_of
+from henon_ref.henon.state import EVENT, NOWHERE, ON, RUN_RECORD, ReturnCode, run_of, vectors_of
 from henon_ref.henon.step import CHECKED_GROWTH, CUT_WEIGHT, add_to_state, event_free_steps, refine_release, state_grows
 from henon_ref.henon.step_validation import cancellation_limit, tail_unconverged, validated_step
+from henon_ref.henon.workspace import work_space
 from henon_ref.jit.calls import call_closing
 from henon_ref.jit.njit import njit
 from henon_ref.jit.primitives import smaller
@@ -61,7 +46,7 @@ _validated_step = compile_unit(
 _cancellation_limit = compile_unit(cancellation_limit, float64, GRID, int64, int64, float64, float64)
 
 
-@njit()
+@njit(nogil=True)
 def advance(state, tables, numbers, selection, samples):  # type: ignore[no-untyped-def]
     """Run until the horizon, or until Python is needed.
 
@@ -73,8 +58,8 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
     state : ndarray
         The run's block: scalars (:data:`henon_ref.henon.state.RUN`) and the vectors behind them. (One array: each that
         is passed from Python costs 45 ns.)
-    tables : ndarray of int, shape (M, 1 + G, T_SIZE)
-        Machine code, guards, and what follows them, of each mode (T_..., G_...).
+    tables : ndarray of int, shape (M, 1 + G, RECORD_PLACES)
+        Of each mode the record and those of its guards (:func:`henon_ref.henon.records.mode_dtype`).
     numbers : ndarray, shape (M, 2, K)
         Constants of its expansion, and of its probe.
     selection : tuple or None
@@ -94,7 +79,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
     run = run_of(block)
     n, order = run.states, run.order
     last_steps, x, x_low, known_zeros, hits = vectors_of(block, n, most)
-    band, room, records = work_space(run.workspace, n, most, order)
+    band, room, records = work_space(block, n, most, order)
     rows = n + most + 1
     c, ahead, work = band, rest_of(band, rows), rest_of(band, 2 * rows)
     bounds = rest_of(work, 4 + DEPTH)
@@ -109,12 +94,12 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
 
         # One look ahead: steps that no guard can end, then one that is looked at.
         mode = run.mode
-        slot = mode if mode < REMEMBERED_STEPS else REMEMBERED_STEPS - 1
+        layout, constants = rows_in(tables, mode), rows_in(numbers, mode)[0]
+        compiled = mode_of(layout)
+        guards, slot = compiled.guards, compiled.remembered
         if mode != run.stepped_mode and last_steps[slot] > 0.0:
             run.unit = smaller(last_steps[slot], run.longest_step)
         run.stepped_mode = mode
-        layout, constants = rows_in(tables, mode), rows_in(numbers, mode)[0]
-        guards = layout[0, T_GUARDS]
         if run.transitions + 1 > run.transition_capacity:
             return ReturnCode.BLOCK_FULL.value
         if remaining(run) <= 0.0:
@@ -126,9 +111,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         if theta < 0.0:
             return ReturnCode.STALLED.value if theta > -1.5 else ReturnCode.DIVERGED.value
         unit = run.unit
-        if (
-            layout[0, T_SLOPES] > 0 and 0.0 < run.longest_step < theta * unit
-        ):  # it may have been cut before a branch point
+        if compiled.slopes > 0 and 0.0 < run.longest_step < theta * unit:  # it may have been cut before a branch point
             theta = run.longest_step / unit
         natural = theta * unit
         left = remaining(run)
@@ -136,8 +119,8 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         if final:
             theta = left / unit
         grown = natural > CHECKED_GROWTH * unit
-        unconverged = layout[0, T_POLYNOMIAL_DEGREE] == 0 and (grown or tail_unconverged(c, n + guards, order, theta))
-        if unconverged or layout[0, T_SLOPES] > 0:
+        unconverged = compiled.polynomial_degree == 0 and (grown or tail_unconverged(c, n + guards, order, theta))
+        if unconverged or compiled.slopes > 0:
             accepted = _validated_step(
                 run, x, layout, constants, c, ahead, change, point, order, theta, grown, unconverged
             )
@@ -146,25 +129,25 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
                 natural = theta * unit
                 if below_time_resolution(run, natural) and not state_grows(c, n, theta):
                     run.stalled += CUT_WEIGHT
-        call_closing(layout[0, T_STEP_END], theta, c, change)
+        call_closing(compiled.step_end, theta, c, change)
         if guards_below_zero(c, n, order, layout, known_zeros, hits, natural / unit):  # Python looks closer
             run.guard = NOWHERE
             return ReturnCode.SELECT_MODE.value
         best, hit, undecided, used = first_event(
             run, c, n, order, layout, known_zeros, lower, theta, natural / unit, run.method, work, bounds
         )
-        if not undecided and layout[0, T_POLYNOMIAL_DEGREE] > 2:
+        if not undecided and compiled.polynomial_degree > 2:
             reach = theta if hit < 0 else best * theta
-            shorter = _cancellation_limit(c, n + guards, layout[0, T_POLYNOMIAL_DEGREE], reach, run.tolerance)
+            shorter = _cancellation_limit(c, n + guards, compiled.polynomial_degree, reach, run.tolerance)
             if shorter < reach and hit >= 0:  # multiprecision has the digits
                 undecided = True
             elif shorter < reach:
                 theta, final = shorter, False
                 natural = theta * unit
-                call_closing(layout[0, T_STEP_END], theta, c, change)
+                call_closing(compiled.step_end, theta, c, change)
         if final and hit < 0:  # the horizon belongs to the run: an event at it counts
             for g in range(guards):
-                at_end = ends_at_zero(c[n + g], known_zeros[g], order, theta, layout[1 + g, G_RISING])
+                at_end = ends_at_zero(c[n + g], known_zeros[g], order, theta, guard_of(layout, g).rising_only)
                 if at_end and not load_equals_friction(c, n, order, layout, g, natural / unit):
                     best, hit, undecided = 1.0, g, True
         part = theta if hit < 0 else best * theta
@@ -173,14 +156,14 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         run.guard, run.landing = hit, BRACKET if undecided else used
         if undecided:
             run.suspect, run.step_length = part * unit, theta * unit
-            if layout[0, T_SLOPES] > 0:
+            if compiled.slopes > 0:
                 run.longest_step = 1e3 * theta * unit
             return ReturnCode.UNDECIDED_EVENT.value
         if hit >= 0:
             for g in range(guards):
-                at_once = g == hit or at_zero(c[n + g], known_zeros[g], order, part, layout[1 + g, G_RISING])
+                at_once = g == hit or at_zero(c[n + g], known_zeros[g], order, part, guard_of(layout, g).rising_only)
                 hits[g] = 1 if at_once else 0
-            call_closing(layout[0, T_STEP_END], part, c, change)
+            call_closing(compiled.step_end, part, c, change)
         bounded = add_to_state(n, x, x_low, change)
         if not below_time_resolution(run, part * unit):
             run.stalled = 0
@@ -193,7 +176,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
             return ReturnCode.DIVERGED.value
         if hit >= 0:
             code = EVENT
-            if layout[1 + hit, G_KIND] == RELEASE:
+            if guard_of(layout, hit).kind == RELEASE:
                 _refine_release(run, x, x_low, layout, constants, ahead, change, n + hit, unit, theta)
             continue
         for g in range(guards):
@@ -220,8 +203,8 @@ def called(selection: Any) -> tuple[Compiled, ...]:
     )
 
 
-def load(selection: tuple[Any, ...] | None) -> None:
-    """Make the loop callable; ``selection``: what it will be called with."""
+def load(*, several: bool) -> None:
+    """Make the loop callable; ``several``: to decide events of several surfaces, too."""
     link()
-    kind = typeof(selection)
+    kind = SELECTION if several else types.none
     compile_all([(advance, (ROW, TABLES, NUMBERS, kind, ROWS))], called(kind))

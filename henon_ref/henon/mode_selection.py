@@ -13,14 +13,29 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numba import boolean, float64, int64, types
 from numpy.typing import NDArray
 
-from henon_ref.henon.state import G_INDEX, G_KIND, SURFACE, T_GUARDS
+from henon_ref.henon.records import SURFACE, guard_of, mode_of
 from henon_ref.jit.calls import call_expand
 from henon_ref.jit.njit import inner
 
 CLEAR_MARGIN = 1e-6
 """Relative distance from a tie from which on a decision is clear in double precision."""
+SELECTION = types.Tuple(
+    (
+        int64,
+        float64[::1],
+        int64[:, ::1],
+        int64[::1],
+        boolean,
+        float64[::1],
+        float64[:, ::1],
+        float64[:, ::1],
+        int64[:, ::1],
+    )
+)
+"""Type of the argument ``selection`` of :func:`select_mode`."""
 MOST = 4
 """Surfaces in play that act on each other; with more the candidates are searched, not tried (Python does)."""
 
@@ -61,10 +76,10 @@ def select_mode(t, low, x, mode, layout, hits, selection):  # type: ignore[no-un
     count = 0
     for i in range(surfaces):
         involved = signs[mode, i] == 0
-        for g in range(layout[0, T_GUARDS]):
-            if hits[g] == 1 and layout[1 + g, G_KIND] != SURFACE:
+        for g in range(mode_of(layout).guards):
+            if hits[g] == 1 and guard_of(layout, g).kind != SURFACE:
                 return -1
-            involved = involved or (hits[g] == 1 and layout[1 + g, G_INDEX] == i)
+            involved = involved or (hits[g] == 1 and guard_of(layout, g).index == i)
         if involved:
             active[count] = i
             count += 1

@@ -8,26 +8,8 @@ from henon_ref.henon.compile_units import compile_unit
 from henon_ref.henon.event_detection import zeros_at_release
 from henon_ref.henon.mode_selection import select_mode
 from henon_ref.henon.recorder import change_mode, events_accumulate, record_transition, set_known_zeros
-from henon_ref.henon.state import (
-    CROSSING,
-    G_ACTS,
-    G_HOLD,
-    G_INDEX,
-    G_KIND,
-    G_MODE_ACROSS,
-    G_MODE_STUCK,
-    ON,
-    RELEASE,
-    RELEASED,
-    STICK,
-    SURFACE,
-    T_EXPANSION,
-    T_GUARDS,
-    T_NORMAL_VELOCITIES,
-    TANGENT,
-    VALID,
-    ReturnCode,
-)
+from henon_ref.henon.records import CROSSING, RELEASE, RELEASED, STICK, SURFACE, VALID, guard_of, mode_of
+from henon_ref.henon.state import ON, TANGENT, ReturnCode
 from henon_ref.jit.calls import call_expand
 from henon_ref.jit.njit import inner
 from henon_ref.jit.primitives import smaller
@@ -54,10 +36,10 @@ def inside_hold_zone(t, low, unit, n, x, index, layout, constants, ahead, order)
     ahead : rows
         Work space of its expansion.
     """
-    call_expand(layout[0, T_EXPANSION], t, low, unit, x, constants, ahead)
+    call_expand(mode_of(layout).expansion, t, low, unit, x, constants, ahead)
     least, size = 1e300, 0.0
-    for g in range(layout[0, T_GUARDS]):
-        if layout[1 + g, G_KIND] == RELEASE and layout[1 + g, G_INDEX] == index:
+    for g in range(mode_of(layout).guards):
+        if guard_of(layout, g).kind == RELEASE and guard_of(layout, g).index == index:
             least = smaller(least, ahead[n + g, 0])
             for k in range(order + 1):
                 size += abs(ahead[n + g, k])
@@ -78,15 +60,15 @@ def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, 
     speeds = rest_of(room, 2 * n + most)
     mode, hit, used = run.mode, run.guard, run.landing
     layout = rows_in(tables, mode)
-    kind, index = layout[1 + hit, G_KIND], layout[1 + hit, G_INDEX]
+    kind, index = guard_of(layout, hit).kind, guard_of(layout, hit).index
     coincident = False
-    for g in range(layout[0, T_GUARDS]):
+    for g in range(mode_of(layout).guards):
         coincident = coincident or (hits[g] == 1 and g != hit)
     if kind == VALID:
         return ReturnCode.LEFT_DOMAIN.value
-    zeros, what, target = 1, CROSSING, layout[1 + hit, G_MODE_ACROSS]
+    zeros, what, target = 1, CROSSING, guard_of(layout, hit).mode_across
     if kind == SURFACE:
-        if coincident or layout[1 + hit, G_ACTS] == 1:
+        if coincident or guard_of(layout, hit).coupled == 1:
             if selection is None:
                 return ReturnCode.SELECT_MODE.value
             target = select_mode(run.time, run.time_low, x, mode, layout, hits, selection)
@@ -95,15 +77,15 @@ def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, 
             ):
                 return ReturnCode.SELECT_MODE.value
             return ReturnCode.EVENTS_ACCUMULATE.value if events_accumulate(run) else ON
-        code, constants = layout[0, T_NORMAL_VELOCITIES], rows_in(numbers, mode)[1]
+        code, constants = mode_of(layout).normal_velocities, rows_in(numbers, mode)[1]
         call_expand(code, run.time, run.time_low, 1.0, x, constants, speeds)
         run.expansions += 1
         inside, beyond = speeds[n + 2 * hit], speeds[n + 2 * hit + 1]
         if not (inside > 0.0 and abs(beyond) > TANGENT * inside):
             return ReturnCode.SELECT_MODE.value
         stuck = beyond < 0.0
-        if layout[1 + hit, G_HOLD] == 1:
-            stick = layout[1 + hit, G_MODE_STUCK]
+        if guard_of(layout, hit).hold_zone == 1:
+            stick = guard_of(layout, hit).mode_stuck
             zone = 0 if stick < 0 else _inside_hold_zone(
                 run.time, run.time_low, run.unit, n, x, index, rows_in(tables, stick),
                 rows_in(numbers, stick)[0], rest_of(band, n + most + 1), run.order,
@@ -112,9 +94,9 @@ def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, 
                 return ReturnCode.SELECT_MODE.value
             stuck = zone > 0
         if stuck:
-            zeros, what, target = 0, STICK, layout[1 + hit, G_MODE_STUCK]
+            zeros, what, target = 0, STICK, guard_of(layout, hit).mode_stuck
     else:
-        zeros, what = layout[1 + hit, G_MODE_STUCK], RELEASED
+        zeros, what = guard_of(layout, hit).zeros_at_release, RELEASED
     if coincident:
         return ReturnCode.SELECT_MODE.value
     if target < 0:
@@ -122,7 +104,7 @@ def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, 
         return ReturnCode.MODE_NOT_COMPILED.value
     after = rows_in(tables, target)
     if zeros == 0 and what == RELEASED:
-        code, constants = after[0, T_NORMAL_VELOCITIES], rows_in(numbers, target)[1]
+        code, constants = mode_of(after).normal_velocities, rows_in(numbers, target)[1]
         call_expand(code, run.time, run.time_low, 1.0, x, constants, speeds)
         run.expansions += 1
         zeros = zeros_at_release(after, index, rest_of(speeds, n))

@@ -52,17 +52,19 @@ class PreciseModes:
     system : FilippovSystem
     switching : Switching
         What decides modes in double precision.
+    values : FilippovSystem, optional
+        The same with values of its parameters, where ``system`` has none.
     """
 
-    def __init__(self, system: FilippovSystem, switching: Switching) -> None:
-        self.system, self.switching = system, switching
+    def __init__(self, system: FilippovSystem, switching: Switching, values: FilippovSystem | None = None) -> None:
+        self.system, self.switching, self._values = system, switching, values or system
         self._tapes: dict[Mode, _ModeTape] = {}
 
     @cached_property
     def precise_switching(self) -> BallSwitching:
         """What decides modes in balls."""
         with compiling():
-            return BallSwitching(self.system)
+            return BallSwitching(self.system, self._values)
 
     @cached_property
     def _surfaces(self) -> Callable[..., list[Any]]:
@@ -110,21 +112,17 @@ class PreciseModes:
     def _made(self, mode: Mode) -> _ModeTape:
         if mode not in self._tapes:
             with compiling():
-                self._tapes[mode] = _mode_tape(self.system, mode)
+                self._tapes[mode] = _mode_tape(self.system, self._values, mode)
         return self._tapes[mode]
 
 
-def _mode_tape(system: FilippovSystem, mode: Mode) -> _ModeTape:
+def _mode_tape(system: FilippovSystem, values: FilippovSystem, mode: Mode) -> _ModeTape:
     equations = system.equations(mode)
     tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
     nodes = tape.nodes
     degrees = [nodes[row].degree + 1 for row in tape.field] + [nodes[row].degree for row in tape.outputs]
     degree = max(degrees) if max(degrees) <= MOST_ORDER < INFINITE else 0
-    return _ModeTape(tape, equations.guards, _numbers(system, tape), degree)
-
-
-def _numbers(system: FilippovSystem, tape: Tape) -> list[arb]:
-    return [_number(system.numeric(c)) for c in tape.constants]
+    return _ModeTape(tape, equations.guards, [_number(values.numeric(c)) for c in tape.constants], degree)
 
 
 def _number(constant: sp.Expr) -> arb:
@@ -149,7 +147,7 @@ class BallSwitching(Switching):
 
     def _function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         tape = build_tape(tuple(names), (), list(expressions))
-        numbers = _numbers(self.system, tape)
+        numbers = [self._number(self._numeric(c)) for c in tape.constants]
 
         def values(t: arb, *x: arb | int) -> list[arb]:
             outputs = expand(tape, numbers, t, [arb(v) for v in x], 0, _RING)[1]

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from henon_ref.henon.state import (
+from henon_ref.henon.records import (
     CROSSING,
-    G_INDEX,
-    G_KIND,
-    R_FROM,
-    R_KIND,
-    R_LANDING,
-    R_STATE,
-    R_SURFACE,
-    R_TIME,
-    R_TIME_LOW,
-    R_TO,
     RELEASED,
     STICK,
     SURFACE,
-    T_GUARDS,
+    TRANSITION_PLACES,
+    guard_of,
+    mode_of,
+    transition_of,
 )
 from henon_ref.jit.njit import inner
 from henon_ref.jit.primitives import EPS, larger
+from henon_ref.jit.views import rest_of
 from henon_ref.roots.double import value
 
 MOST_AT_ONCE = 64
@@ -30,11 +24,12 @@ MOST_AT_ONCE = 64
 @inner(forceinline=True)
 def record_transition(run, x, records, kind, index, source, target, landing):  # type: ignore[no-untyped-def]
     """Write a transition down."""
-    row = records[run.transitions]
-    row[R_TIME], row[R_TIME_LOW] = run.time, run.time_low
-    row[R_KIND], row[R_SURFACE], row[R_FROM], row[R_TO], row[R_LANDING] = kind, index, source, target, landing
+    made, state = transition_of(records, run.transitions), rest_of(records[run.transitions], TRANSITION_PLACES)
+    made.time, made.time_low = run.time, run.time_low
+    made.kind, made.surface, made.landing = kind, index, landing
+    made.from_mode, made.to_mode = source, target
     for i in range(run.states):
-        row[R_STATE + i] = x[i]
+        state[i] = x[i]
     run.transitions += 1
 
 
@@ -76,13 +71,13 @@ def change_mode(run, x, records, known_zeros, target, layout, after, hits, signs
         if before != now:
             kind = STICK if now == 0 else RELEASED if before == 0 else CROSSING
             record_transition(run, x, records, kind, i, mode, target, landing)
-    for g in range(after[0, T_GUARDS]):
+    for g in range(mode_of(after).guards):
         known_zeros[g] = 0
-        if after[1 + g, G_KIND] == SURFACE:  # left with a speed: the decision was a clear one
-            surface = after[1 + g, G_INDEX]
+        if guard_of(after, g).kind == SURFACE:  # left with a speed: the decision was a clear one
+            surface = guard_of(after, g).index
             known_zeros[g] = 1 if signs[mode, surface] == 0 else 0
-            for k in range(layout[0, T_GUARDS]):
-                if hits[k] == 1 and layout[1 + k, G_INDEX] == surface:
+            for k in range(mode_of(layout).guards):
+                if hits[k] == 1 and guard_of(layout, k).index == surface:
                     known_zeros[g] = 1
     run.mode = target
     return True
@@ -91,6 +86,6 @@ def change_mode(run, x, records, known_zeros, target, layout, after, hits, signs
 @inner(forceinline=True)
 def set_known_zeros(known_zeros, layout, surface, zeros):  # type: ignore[no-untyped-def]
     """Known zeros of the guards at the start of a mode: those of the surface just left."""
-    for g in range(layout[0, T_GUARDS]):
-        same = layout[1 + g, G_KIND] == SURFACE and layout[1 + g, G_INDEX] == surface
+    for g in range(mode_of(layout).guards):
+        same = guard_of(layout, g).kind == SURFACE and guard_of(layout, g).index == surface
         known_zeros[g] = zeros if same else 0

@@ -17,23 +17,13 @@ from henon_ref.filippov.modes import Mode, replaced, transition_kind
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.loop import advance
 from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
-from henon_ref.henon.recorder import events_accumulate, record_transition
-from henon_ref.henon.state import (
-    CHUNK,
-    CROSSING,
-    G_MODE_ACROSS,
-    G_MODE_STUCK,
-    GRAZE,
-    NOWHERE,
-    RELEASED,
-    RUN,
-    STATE_PLACE,
-    STICK,
-    ReturnCode,
-    Start,
-    State,
-)
+from henon_ref.henon.recorder import events_accumulate
+from henon_ref.henon.records import CROSSING, GRAZE, RELEASED, STICK, TRANSITION, TRANSITION_PLACES
+from henon_ref.henon.start import Start
+from henon_ref.henon.state import NOWHERE, RUN, STATE_PLACE, ReturnCode
+from henon_ref.henon.state_view import State
 from henon_ref.henon.transition_array import KINDS, TransitionArray
+from henon_ref.henon.workspace import CHUNK
 from henon_ref.jit.njit import in_python
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
@@ -44,7 +34,7 @@ _FIRST_COUNT = 8 * list(RUN.names or ()).index("mode")
 """Where in the block, in bytes, mode, steps, expansions, guard evaluations and transitions stand."""
 _STATE = 8 * STATE_PLACE
 _NO_SAMPLES = np.zeros((0, 2))
-_record_transition, _events_accumulate = in_python(record_transition), in_python(events_accumulate)
+_events_accumulate = in_python(events_accumulate)
 
 
 class Run(State):
@@ -71,7 +61,7 @@ class Run(State):
         How the run ended, once :meth:`stream` is through.
     """
 
-    __slots__ = ("blocks", "deadline", "ended", "integrator", "samples")
+    __slots__ = ("_workspace", "blocks", "deadline", "ended", "integrator", "samples")
 
     def __init__(
         self,
@@ -81,9 +71,13 @@ class Run(State):
         deadline: float | None = None,
         block: int = CHUNK,
     ) -> None:
+        try:  # a call costs some percent of a short run
+            self._workspace = workspace = integrator.workspaces.free.pop()
+        except IndexError:
+            self._workspace = workspace = integrator.workspaces.new()
         self.integrator, self.start, self.deadline = integrator, start, deadline
-        self.state, self._scalars = start.state.copy(), None
-        integrator.switching.forget()
+        self.state = state = workspace.state
+        state[...], self._scalars = start.state, None
         if block != CHUNK:
             self.scalars.transition_capacity = block
         self.samples = _NO_SAMPLES
@@ -93,8 +87,11 @@ class Run(State):
         self.blocks: list[NDArray[np.float64]] = []
         self.ended: Trajectory | None = None
 
+    def __del__(self) -> None:
+        self.integrator.workspaces.free.append(self._workspace)
+
     def _close_block(self) -> None:
-        self.blocks.append(self.integrator.scratch.records[: self.scalars.transitions].copy())
+        self.blocks.append(self._workspace.transitions[: self.scalars.transitions].copy())
         self.scalars.transitions = 0
 
     def to_horizon(self) -> Trajectory:
@@ -126,7 +123,7 @@ class Run(State):
         self.scalars.transitions = 0
         while (end := self._advance(stop=True)) is None:
             if self.scalars.transitions:
-                return TransitionArray(self.integrator.scratch.records[:1], self.integrator.mode_table.modes)[0]
+                return TransitionArray(self._workspace.transitions[:1], self.integrator.mode_table.modes)[0]
         return end
 
     @property
@@ -141,14 +138,15 @@ class Run(State):
 
     def _advance(self, *, stop: bool = False) -> Trajectory | None:
         """Let the compiled loop run until it needs something; None if the run goes on."""
-        integrator, table = self.integrator, self.integrator.mode_table
         refused = self.start.refused
         if refused is not None:
             unasked = self.samples is _NO_SAMPLES
             return refused if unasked else refused._replace(samples=self.samples[:, 1:-1], sample_modes=())
-        code = advance(
-            self.state, table.tables, table.numbers, integrator.selection if integrator.several else None, self.samples
-        )
+        compiled, tables, numbers, normals = self.start.constants.latest
+        if compiled is not self.integrator.mode_table.compiled:
+            _, tables, numbers, normals = self.start.constants.update()
+        selection = (*normals, *self._workspace.selection) if normals and self.integrator.several else None
+        code = advance(self.state, tables, numbers, selection, self.samples)
         if code == ReturnCode.HORIZON:
             return self._end("ok", "")
         if code == ReturnCode.BLOCK_FULL and not stop:
@@ -173,7 +171,7 @@ class Run(State):
         zeros = dict(zip(places, self.known_zeros.tolist(), strict=False))
         time, low = float(scalars.time), float(scalars.time_low)
         found = locate_event(
-            integrator.precise,
+            self.start.constants.precise,
             UndecidedStep(
                 mode=mode,
                 time=(time, low),
@@ -228,21 +226,24 @@ class Run(State):
     def _record(self, kind: int, surface: int, source: int, target: int) -> None:
         if self.scalars.transitions >= self.scalars.transition_capacity:
             self._close_block()
-        landing = int(self.scalars.landing)
-        _record_transition(
-            self.scalars, self.x, self.integrator.scratch.records, kind, surface, source, target, landing
-        )
+        scalars = self.scalars
+        row = self._workspace.transitions[scalars.transitions]
+        row[TRANSITION_PLACES:], made = self.x, row[:TRANSITION_PLACES].view(TRANSITION)[0]
+        made["time"], made["time_low"] = scalars.time, scalars.time_low
+        made["kind"], made["surface"], made["landing"] = kind, surface, scalars.landing
+        made["from_mode"], made["to_mode"] = source, target
+        scalars.transitions += 1
 
     def _enter_new_mode(self) -> tuple[Status, str] | None:
         """Complete a transition that is decided, into a mode that has no row yet."""
         mode_table, row, hit = self.integrator.mode_table, int(self.scalars.mode), int(self.scalars.guard)
         guard, what = self.guards[hit], int(self.scalars.pending_kind)
         after = replaced(self.mode, guard.index, 0 if what == STICK else guard.to_sign)
-        zeros = {STICK: 0, CROSSING: 1}.get(what, int(mode_table.tables[row, 1 + hit, G_MODE_STUCK]))
+        released = int(mode_table.compiled.records[row]["guards"][hit]["zeros_at_release"])
+        zeros = {STICK: 0, CROSSING: 1}.get(what, released)
         target = mode_table.row(after)
         if target is None or (what == RELEASED and zeros == 0):  # no such mode, or zeros that have to be measured
             return self._select_mode()
-        mode_table.tables[row, 1 + hit, G_MODE_STUCK if what == STICK else G_MODE_ACROSS] = target
         self._record(what, guard.index, row, target)
         self.scalars.mode = target
         self.known_zeros[:] = 0
@@ -256,7 +257,8 @@ class Run(State):
         before = self.mode
         hits: list[Guard] = [g for g, hit in zip(self.guards, self.hits, strict=False) if hit]
         x = self.x.tolist()
-        switching = self.integrator.switching
+        switching = self.start.constants.switching
+        switching.forget()  # what another run has worked out at the same point is none of this one's work
         decision = switching.after_event(self.time, x, before, hits)
         if decision.mode is None:
             return decision.ending, decision.reason
@@ -273,7 +275,7 @@ class Run(State):
         mode, *counted, count = _counts(state, _FIRST_COUNT)
         transitions: Sequence[Transition] = ()
         if count or self.blocks:
-            records = self.integrator.scratch.records[:count].copy()
+            records = self._workspace.transitions[:count].copy()
             transitions = TransitionArray(np.concatenate([*self.blocks, records]) if self.blocks else records, modes)
         samples = sample_modes = None
         if self.samples is not _NO_SAMPLES:
@@ -314,7 +316,7 @@ def _vanishing_guard(run: Run) -> Guard | None:
     """A guard that ends the run and has shrunk to nothing where it stalled (the field may be singular there)."""
     next_to_nothing = 1e-14 * max(1.0, abs(run.start.time[0]), abs(run.time))
     for g, guard in enumerate(run.guards):
-        if guard.ends and abs(run.integrator.scratch.band.item(run.x.size + g, 0)) <= next_to_nothing:
+        if guard.ends and abs(run._workspace.band.item(run.x.size + g, 0)) <= next_to_nothing:
             return guard
     return None
 
@@ -322,7 +324,7 @@ def _vanishing_guard(run: Run) -> Guard | None:
 def _singular(run: Run) -> str:
     """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
     system, order, states = run.integrator.system, run.integrator.order, run.x.size
-    series = run.integrator.scratch.band[: states + len(run.guards), : order + 1].tolist()
+    series = run._workspace.band[: states + len(run.guards), : order + 1].tolist()
     finite = [sum(1 for _ in takewhile(math.isfinite, row)) for row in series]
     # What is not finite spreads: to a state one order after the field that it is integrated from.
     at = finite.index(min(finite))

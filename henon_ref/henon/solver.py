@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.loop import load
+from henon_ref.henon.records import BRENT, HENON, LANDINGS, NEWTON
 from henon_ref.henon.run import Run
-from henon_ref.henon.state import BRENT, HENON, LANDINGS, NEWTON, Start
+from henon_ref.henon.start import Start
 from henon_ref.solver import Run as PreparedRun
 from henon_ref.trajectory import Trajectory
 
@@ -60,7 +60,7 @@ class HenonSolver:
         tolerance = max(0.1 * rtol, 2e-16)
         integrator = Integrator(problem.system, order_for(tolerance))
         start = integrator.start(problem, tolerance=tolerance, landing=self.method)
-        load(integrator.selection)
+        integrator.load()
         return partial(_run, integrator, start, sample_times, deadline)
 
 

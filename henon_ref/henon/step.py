@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 from henon_ref.henon.compensated_time import add_to_time, below_compensated_resolution, below_time_resolution, remaining
-from henon_ref.henon.state import (
-    T_EXPANSION,
-    T_GUARDS,
-    T_SLOPES,
-    T_STEP_END,
-)
+from henon_ref.henon.records import mode_of
 from henon_ref.henon.step_size import _flat_step_size, infinite_at_low_order, step_size
 from henon_ref.henon.step_validation import tail_unconverged
 from henon_ref.jit.calls import call_closing, call_expand
@@ -60,13 +55,13 @@ def event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, a
     proposed in the unit; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where
     the state blew up.
     """
-    n, guards = run.states, layout[0, T_GUARDS]
-    expansion, closing = layout[0, T_EXPANSION], layout[0, T_STEP_END]
+    n, guards = run.states, mode_of(layout).guards
+    expansion, closing = mode_of(layout).expansion, mode_of(layout).step_end
     shrunk, zeros = False, 0
     for g in range(guards):
         if known_zeros[g] > zeros:
             zeros = known_zeros[g]
-    alone = alone or zeros > 0 or layout[0, T_SLOPES] > 0
+    alone = alone or zeros > 0 or mode_of(layout).slopes > 0
     while True:
         if run.steps >= stop_at:
             return 0.0
@@ -121,7 +116,7 @@ def refine_release(run, x, x_low, layout, constants, ahead, change, row, unit, t
     point back at the surface, and the slide would begin anew. Newton's steps on the expansion at the landing.
     """
     for _ in range(3):
-        call_expand(layout[0, T_EXPANSION], run.time, run.time_low, unit, x, constants, ahead)
+        call_expand(mode_of(layout).expansion, run.time, run.time_low, unit, x, constants, ahead)
         run.expansions += 1
         off, slope = ahead[row, 0], ahead[row, 1]
         size = abs(off) + abs(slope) * theta
@@ -130,6 +125,6 @@ def refine_release(run, x, x_low, layout, constants, ahead, change, row, unit, t
         shift = -off / slope
         if abs(shift) > 0.1 * theta or run.time + shift * unit > run.horizon:
             return
-        call_closing(layout[0, T_STEP_END], shift, ahead, change)
+        call_closing(mode_of(layout).step_end, shift, ahead, change)
         add_to_state(run.states, x, x_low, change)
         add_to_time(run, shift * unit)

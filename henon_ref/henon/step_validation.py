@@ -5,12 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from henon_ref.henon.compensated_time import below_compensated_resolution
-from henon_ref.henon.state import (
-    T_EXPANSION,
-    T_GUARDS,
-    T_SLOPES,
-    T_STEP_END,
-)
+from henon_ref.henon.records import mode_of
 from henon_ref.jit.calls import call_closing, call_expand
 from henon_ref.jit.njit import inner
 from henon_ref.jit.primitives import EPS, larger, smaller
@@ -113,10 +108,10 @@ def validated_step(run, x, layout, constants, c, ahead, change, point, order, th
     A step whose terms fall, or one much shorter than the last, needs no such check of guards (where one is next to zero
     rounding alone may disagree); in slopes it does, for behind a branch point the terms of a root may fall as well.
 
-    Without ``unconverged`` terms are not looked at: the field has branch points (T_SLOPES), behind which a square
+    Without ``unconverged`` terms are not looked at: the field has branch points (``slopes``), behind which a square
     root's series, a polynomial perhaps, goes on as if there were none. Slopes alone are held against it.
     """
-    n, guards = run.states, layout[0, T_GUARDS]
+    n, guards = run.states, mode_of(layout).guards
     unit = run.unit
     decreasing = True
     for r in range(n + guards if unconverged else 0):
@@ -127,7 +122,7 @@ def validated_step(run, x, layout, constants, c, ahead, change, point, order, th
             tail = tail_shape(c[r], order, theta, 0.0)
         decreasing = decreasing and tail == DECREASING
     compared = n if decreasing else n + guards
-    slopes = layout[0, T_SLOPES] if decreasing else 0  # the code that makes them alone
+    slopes = mode_of(layout).slopes if decreasing else 0  # the code that makes them alone
     checking = not decreasing or slopes > 0
     while checking:
         agrees, kept, shorter, worst = True, True, theta, 1.0
@@ -135,11 +130,11 @@ def validated_step(run, x, layout, constants, c, ahead, change, point, order, th
             if not kept:
                 break
             at = part * theta
-            call_closing(layout[0, T_STEP_END], at, c, change)
+            call_closing(mode_of(layout).step_end, at, c, change)
             for i in range(n):
                 point[i] = x[i] + change[i]
             end = run.time + at * unit
-            code = slopes if slopes > 0 else layout[0, T_EXPANSION]
+            code = slopes if slopes > 0 else mode_of(layout).expansion
             call_expand(code, end, run.time_low, unit, point, constants, ahead)
             run.expansions += 1
             # The exponentials allow the way back, too.

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.filippov.modes import Mode
-from henon_ref.henon.state import LANDINGS, R_FROM, R_KIND, R_LANDING, R_STATE, R_SURFACE, R_TIME, R_TIME_LOW, R_TO
+from henon_ref.henon.records import LANDINGS, TRANSITION, TRANSITION_PLACES, transition_dtype
 from henon_ref.trajectory import Kind, Transition
 
 KINDS: tuple[Kind, ...] = ("stick", "release", "crossing", "graze")
-"""By the numbers of :mod:`henon_ref.henon.state`."""
+"""By the numbers of :mod:`henon_ref.henon.records`."""
 
 
 class TransitionArray(Sequence[Transition]):
@@ -21,28 +21,34 @@ class TransitionArray(Sequence[Transition]):
 
     Parameters
     ----------
-    records : ndarray, shape (k, R_STATE + n)
+    rows : ndarray, shape (k, TRANSITION_PLACES + n)
+        Each a record of :data:`henon_ref.henon.records.TRANSITION` and a state.
     modes : tuple
         Modes by the numbers that the records hold.
     """
 
-    __slots__ = ("_modes", "_records")
+    __slots__ = ("_modes", "_rows")
 
-    def __init__(self, records: NDArray[np.float64], modes: tuple[Mode, ...]) -> None:
-        self._records, self._modes = records, modes
+    def __init__(self, rows: NDArray[np.float64], modes: tuple[Mode, ...]) -> None:
+        self._rows, self._modes = rows, modes
+
+    @property
+    def records(self) -> NDArray[Any]:
+        """Shape (k,) of :func:`henon_ref.henon.records.transition_dtype`: a view."""
+        return self._rows.view(transition_dtype(self._rows.shape[1] - TRANSITION_PLACES))[:, 0]
 
     @property
     def times(self) -> NDArray[np.float64]:
         """Time and what rounding it lost [s], shape (k, 2)."""
-        return self._records[:, [R_TIME, R_TIME_LOW]]
+        return self._rows[:, :2]
 
     @property
     def kinds(self) -> NDArray[np.int64]:
         """Index into :data:`KINDS`, shape (k,)."""
-        return self._records[:, R_KIND].astype(np.int64)
+        return self.records["kind"].astype(np.int64)
 
     def __len__(self) -> int:
-        return len(self._records)
+        return len(self._rows)
 
     @overload
     def __getitem__(self, at: int) -> Transition: ...
@@ -50,15 +56,16 @@ class TransitionArray(Sequence[Transition]):
     def __getitem__(self, at: slice) -> TransitionArray: ...
     def __getitem__(self, at: int | slice) -> Transition | TransitionArray:
         if isinstance(at, slice):
-            return TransitionArray(self._records[at], self._modes)
-        row = self._records[at].tolist()
+            return TransitionArray(self._rows[at], self._modes)
+        row = self._rows[at]
+        time, low, source, target, surface, kind, landing = row[:TRANSITION_PLACES].view(TRANSITION)[0].tolist()
         return Transition(
-            kind=KINDS[int(row[R_KIND])],
-            surface=int(row[R_SURFACE]),
-            from_mode=self._modes[int(row[R_FROM])],
-            to_mode=self._modes[int(row[R_TO])],
-            time=row[R_TIME],
-            state=tuple(row[R_STATE:]),
-            time_low=row[R_TIME_LOW],
-            landing=LANDINGS[int(row[R_LANDING])],
+            kind=KINDS[kind],
+            surface=surface,
+            from_mode=self._modes[source],
+            to_mode=self._modes[target],
+            time=time,
+            state=tuple(row[TRANSITION_PLACES:].tolist()),
+            time_low=low,
+            landing=LANDINGS[landing],
         )

@@ -58,23 +58,23 @@ class _SetEntry(AbstractTemplate):
 
 @lower_builtin(operator.getitem, Rows, types.Integer)
 def _row(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return _of_row(builder, *args)
+    return begin_of_row(builder, *args)
 
 
 @lower_builtin(operator.getitem, Rows, types.UniTuple)
 def _number(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     row, place = cgutils.unpack_tuple(builder, args[1])
-    return builder.load(builder.gep(_of_row(builder, args[0], row), [place]))
+    return builder.load(builder.gep(begin_of_row(builder, args[0], row), [place]))
 
 
 @lower_builtin(operator.setitem, Rows, types.UniTuple, types.Any)
 def _set_number(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     row, place = cgutils.unpack_tuple(builder, args[1])
-    builder.store(args[2], builder.gep(_of_row(builder, args[0], row), [place]))
+    builder.store(args[2], builder.gep(begin_of_row(builder, args[0], row), [place]))
     return context.get_dummy_value()
 
 
-def _of_row(builder: Any, rows: Any, row: Any) -> Any:
+def begin_of_row(builder: Any, rows: Any, row: Any) -> Any:
     """Where a row begins."""
     data, width = builder.extract_value(rows, 0), builder.extract_value(rows, 1)
     return builder.gep(data, [builder.mul(row, width)])
@@ -135,7 +135,7 @@ def rest_of(typing, view, first):  # type: ignore[no-untyped-def]
 
     def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
         if isinstance(kind, Rows):
-            return _made(context, builder, kind, _of_row(builder, *args), builder.extract_value(args[0], 1))
+            return _made(context, builder, kind, begin_of_row(builder, *args), builder.extract_value(args[0], 1))
         return builder.gep(begin_of(context, builder, view, args[0]), [args[1]])
 
     return kind(view, int64), codegen

@@ -10,8 +10,8 @@ import sympy as sp
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
-from henon_ref.henon.state import HENON
 
 X, V, Y = sp.symbols("x v y", real=True)
 S = sp.Symbol("s", real=True)

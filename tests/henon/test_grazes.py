@@ -12,7 +12,7 @@ from problems import make_problem
 from runs import kinds, run
 
 from henon_ref.casefile.case import load_case
-from henon_ref.henon import state as k
+from henon_ref.henon import records as k
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.run import Run
 from henon_ref.henon.solver import HENON_SOLVER

@@ -13,7 +13,7 @@ from runs import kinds, run, times
 
 from baselines.scipy_ivp import DOP853
 from henon_ref.casefile.case import load_case
-from henon_ref.henon import state as k
+from henon_ref.henon import records as k
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.run import Run
 from henon_ref.henon.solver import HENON_BRENT, HENON_NEWTON, HENON_SOLVER

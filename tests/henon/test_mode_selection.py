@@ -17,10 +17,11 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_selection import select_mode
+from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
 from henon_ref.henon.solver import HENON_SOLVER
-from henon_ref.henon.state import HENON
 from henon_ref.jit.njit import njit
+from henon_ref.jit.views import rows_in
 from henon_ref.trajectory import Trajectory
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -216,8 +217,8 @@ def test_surfaces_just_left_are_known_to_be_at_zero(name: str, monkeypatch: pyte
 
 
 @njit()
-def decide(t, x, mode, layout, hits, selection):  # type: ignore[no-untyped-def]
-    return select_mode(t, 0.0, x, mode, layout, hits, selection)
+def decide(t, x, mode, tables, hits, selection):  # type: ignore[no-untyped-def]
+    return select_mode(t, 0.0, x, mode, rows_in(tables, mode), hits, selection)
 
 
 class Corner:
@@ -239,6 +240,7 @@ class Corner:
         self.integrator = Integrator(problem.system, 8)
         for mode in product((-1, 0, 1), repeat=surfaces):
             self.integrator.mode_table.row(mode)
+        self.constants = self.integrator.constants(problem.system)
 
     def both(self, numbers: Sequence[float], mode: Mode, hit: Sequence[int]) -> tuple[Mode | None, Any]:
         """What machine code makes of it (None: left to Python), and what Python does.
@@ -256,9 +258,11 @@ class Corner:
         at_zero = [g.kind == "surface" and g.index in hit for g in guards]
         hits = np.zeros(compiled.most_guards, dtype=np.int64)
         hits[: len(guards)] = at_zero
-        found = decide(0.0, np.array(x), row, compiled.tables[row], hits, self.integrator.selection)
+        selection = (*self.constants.update().normals, *self.integrator.workspaces.new().selection)
+        found = decide(0.0, np.array(x), row, compiled.compiled.tables, hits, selection)
         asked = [g for g, zero in zip(guards, at_zero, strict=True) if zero]
-        return compiled.modes[found] if found >= 0 else None, self.integrator.switching.after_event(0.0, x, mode, asked)
+        switching = self.constants.switching
+        return compiled.modes[found] if found >= 0 else None, switching.after_event(0.0, x, mode, asked)
 
 
 @pytest.mark.parametrize(

@@ -108,7 +108,7 @@ def test_the_reference_compiles_off_the_clock_of_its_run(clocks, monkeypatch):
     text = text.replace('["cos(t) - F*s"]', '["cos(t) - F*s", "sin(t) - F*r"]').replace("x: 1}}", "x: 1, y: 1}}")
     problem = parse_case(text.format(name="two")).readings[0].problem
     run = HENON_SOLVER.prepare(problem, rtol=1e-6, deadline=1.0)
-    slow, advance, compiled_modes = ModeTable._own_row, Run._advance, []
+    slow, advance, compiled_modes = ModeTable._code, Run._advance, []
 
     def row(self, mode):
         compiled_modes.append(mode)
@@ -119,7 +119,7 @@ def test_the_reference_compiles_off_the_clock_of_its_run(clocks, monkeypatch):
         clocks.work(0.01)
         return advance(self, stop=stop)
 
-    monkeypatch.setattr(ModeTable, "_own_row", row)
+    monkeypatch.setattr(ModeTable, "_code", row)
     monkeypatch.setattr(Run, "_advance", in_pieces)
     assert run().status == "ok"
     assert compiled_modes

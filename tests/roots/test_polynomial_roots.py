@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
 from henon_ref.henon import landing as landings
-from henon_ref.henon import state as k
+from henon_ref.henon import records as k
 from henon_ref.jit.calls import call_bernstein
 from henon_ref.jit.ir_writer import row_length
 from henon_ref.jit.primitives import EPS

@@ -1,0 +1,155 @@
+"""Machine code that modes share, and the tapes whose constants tell them apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import sympy as sp
+
+from henon_ref.filippov.decoupled_contacts import SwitchedEquations
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.jit.ir_writer import declarations, row_length
+from henon_ref.jit.native_module import NativeModule
+from henon_ref.taylor.llvm.expansion import expansion_ir
+from henon_ref.taylor.llvm.step_end import step_end_ir
+from henon_ref.taylor.tape import Tape, build_tape
+
+BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
+"""Operations with branch points."""
+SAME_CODE = 64
+"""Pieces of machine code that are remembered by their text, for systems that are made anew."""
+
+
+@lru_cache(maxsize=SAME_CODE)
+def native_module(ir: str) -> NativeModule:
+    """Machine code of a text; the same for the same text."""
+    return NativeModule(ir)
+
+
+@dataclass(frozen=True, eq=False)
+class ModeTape:
+    """A tape that several modes share, which the symbols of each surface's entry make that of one mode."""
+
+    tape: Tape
+    entries: tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
+    """For every surface what its entry -1, 0 or +1 (in this order) puts for its symbols."""
+
+    @cached_property
+    def owners(self) -> tuple[tuple[int, ...], ...]:
+        """Surfaces whose symbols stand in each constant."""
+        owner = {symbol: i for i, entries in enumerate(self.entries) for symbol in entries[0]}
+        found = ({owner[s] for s in c.free_symbols if s in owner} for c in self.tape.constants)
+        return tuple(tuple(sorted(surfaces)) for surfaces in found)
+
+    def constant(self, at: int, mode: Mode) -> sp.Expr:
+        """A constant in a mode, in parameters."""
+        values: dict[sp.Symbol, sp.Expr] = {}
+        for i in self.owners[at]:
+            values |= self.entries[i][mode[i] + 1]
+        return self.tape.constants[at].xreplace(values)
+
+
+@dataclass(frozen=True, eq=False)
+class ModeCode:
+    """Machine code that several modes share: those with one set of sliding surfaces, or all with switches."""
+
+    expansion: ModeTape
+    """Field and guards."""
+    probe: ModeTape
+    """Normal velocities on both sides."""
+    code: NativeModule
+    degree: int
+    """Degree of states and guards where by their form they are polynomials in time, up to the order; else 0."""
+    has_branch_points: bool
+    """Whether there may be branch points."""
+
+    @property
+    def fields(self) -> dict[str, int]:
+        """Those of :data:`henon_ref.henon.records.MODE` that it decides."""
+        return {
+            "expansion": self.code.address("expansion"),
+            "step_end": self.code.address("closing"),
+            "normal_velocities": self.code.address("probe"),
+            "polynomial_degree": self.degree,
+            "slopes": self.code.address("slopes") if self.has_branch_points else 0,
+        }
+
+
+def sliding_mode_code(system: FilippovSystem, sliding: frozenset[int], order: int) -> ModeCode:
+    """Code of the modes with one set of sliding surfaces.
+
+    Raises
+    ------
+    ModelError
+        Where they have no equations.
+    """
+    equations = system.shared_equations(sliding)
+    outputs = [g.expression for g in equations.guards]
+    entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)
+    return _mode_code(system, order, equations.field, outputs, _speeds(system, equations.guards), entries)
+
+
+def switched_mode_code(equations: SwitchedEquations, order: int) -> ModeCode:
+    """One code for the modes of all combinations of sliding surfaces."""
+    system = equations.system
+    sides = _speeds(system, equations.guards((1,) * len(system.surfaces)))
+    entries = tuple(tuple(own.values(s) for s in (-1, 0, 1)) for own in equations.switches)
+    return _mode_code(system, order, equations.field, equations.outputs, sides, entries)
+
+
+def _mode_code(
+    system: FilippovSystem,
+    order: int,
+    field: Sequence[sp.Expr],
+    outputs: Sequence[sp.Expr],
+    sides: Sequence[sp.Expr],
+    entries: tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...],
+) -> ModeCode:
+    n = len(system.states)
+    expansion, probe = build_tape(system.states, field, outputs), build_tape(system.states, (), sides)
+    nodes = expansion.nodes
+    degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
+    degree = max(degrees) if max(degrees) <= order else 0
+    has_branch_points = degree == 0 and any(node.op in BRANCHING for node in nodes)
+    code = native_module(
+        declarations()
+        + expansion_ir(expansion, n, order, "expansion")
+        + step_end_ir(n, len(outputs), order, "closing")
+        + expansion_ir(probe, n, 0, "probe")
+        + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else "")
+    )
+    return ModeCode(ModeTape(expansion, entries), ModeTape(probe, entries), code, degree, has_branch_points)
+
+
+def _speeds(system: FilippovSystem, guards: Sequence[Guard]) -> list[sp.Expr]:
+    """For every guard on a surface: speed towards it on this side, speed away from it on the other."""
+    found: list[sp.Expr] = []
+    for guard in guards:
+        if guard.kind == "surface":
+            sign = system.signs[guard.index]
+            normal = system.normal_velocity(guard.index)
+            found += [-sign * normal, -sign * normal.xreplace({sign: -sign})]
+        else:
+            found += [sp.Integer(0), sp.Integer(0)]
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class NormalVelocities:
+    """Normal velocities of all surfaces, in states and signs."""
+
+    tape: Tape
+    address: int
+    code: NativeModule
+
+
+def normal_velocities(system: FilippovSystem) -> NormalVelocities:
+    """Their tape and machine code."""
+    inputs = (*system.states, *system.signs)
+    tape = build_tape(inputs, (), [system.normal_velocity(i) for i in range(len(system.surfaces))])
+    code = native_module(declarations() + expansion_ir(tape, len(inputs), 0, "normals"))
+    return NormalVelocities(tape, code.address("normals"), code)

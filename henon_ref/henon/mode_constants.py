@@ -1,0 +1,129 @@
+"""Constants of compiled modes at given parameter values, and what decides modes with them in Python."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from henon_ref.errors import ModelError
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.mode_code import ModeTape
+from henon_ref.henon.mode_table import CompiledModes, ModeTable
+from henon_ref.henon.precise_modes import PreciseModes
+from henon_ref.jit.processor_time import compiling
+from henon_ref.precision import one_at_a_time
+
+Pair = tuple[float, float]
+"""A number as its double and what that leaves."""
+
+
+def double_double(number: sp.Expr) -> Pair:
+    """An exact number as the nearest double and what that leaves, rounded again.
+
+    Raises
+    ------
+    ModelError
+        If it is not a finite real number.
+    """
+    rest = sp.N(number, 50)
+    if not rest.is_number or not rest.is_real or not rest.is_finite:
+        raise ModelError(f"not a finite real number: {number}")
+    high = float(rest)
+    return high, float(rest - sp.Float(high, 50))
+
+
+class LoopData(NamedTuple):
+    """What the compiled loop reads of the modes that are compiled, apart from a run's own memory."""
+
+    compiled: CompiledModes
+    tables: NDArray[np.int64]
+    """See :attr:`CompiledModes.tables`."""
+    numbers: NDArray[np.float64]
+    """(M, 2, K): for each mode the constants of its expansion, and of its probe, rounded to double; behind them what
+    the rounding lost of each."""
+    normals: tuple[Any, ...]
+    """Begin of the loop's argument ``selection``; empty where there is nothing to select."""
+
+
+class ModeConstants:
+    """A system's compiled modes at given parameter values.
+
+    Parameters
+    ----------
+    mode_table : ModeTable
+        Of a system, with or without values of its parameters.
+    values : FilippovSystem
+        The system with values of all parameters, exact numbers.
+
+    Attributes
+    ----------
+    latest : LoopData
+        For the modes that were compiled when it was last asked for; replaced as a whole by :meth:`update`.
+    """
+
+    def __init__(self, mode_table: ModeTable, values: FilippovSystem) -> None:
+        self._table, self._values = mode_table, values
+        self._known: dict[tuple[ModeTape, int, tuple[int, ...]], Pair] = {}
+        self.latest = self._extended(mode_table.compiled, np.zeros((0, 2, 1)))
+
+    def update(self) -> LoopData:
+        """Take in modes that have been compiled since."""
+        with one_at_a_time(), compiling():
+            if self.latest.compiled is not self._table.compiled:
+                self.latest = self._extended(self._table.compiled, self.latest.numbers)
+            return self.latest
+
+    @cached_property
+    def switching(self) -> Switching:
+        """What decides modes in double precision."""
+        return Switching(self._table.system, self._values)
+
+    @cached_property
+    def precise(self) -> PreciseModes:
+        """The modes in multiprecision."""
+        return PreciseModes(self._table.system, self.switching, self._values)
+
+    def _extended(self, compiled: CompiledModes, numbers: NDArray[np.float64]) -> LoopData:
+        rows = [
+            [self._numbers(tape, mode) for tape in (code.expansion, code.probe)]
+            for mode, code in zip(compiled.modes[len(numbers) :], compiled.codes[len(numbers) :], strict=True)
+        ]
+        longest = max([numbers.shape[2], *(len(constants) for row in rows for constants in row)])
+        found = np.zeros((len(compiled.modes), 2, longest))
+        found[: len(numbers), :, : numbers.shape[2]] = numbers
+        for place, row in enumerate(rows, start=len(numbers)):
+            for own, constants in zip(found[place], row, strict=True):
+                own[: len(constants)] = constants
+        normals: tuple[Any, ...] = ()
+        if compiled.rows.size:
+            normals = (*self._normals, compiled.signs, compiled.rows, self._table.decoupled)
+        return LoopData(compiled, compiled.tables, found, normals)
+
+    def _numbers(self, tape: ModeTape, mode: Mode) -> list[float]:
+        pairs = [self._number(tape, at, mode) for at in range(len(tape.tape.constants))]
+        return [high for high, _ in pairs] + [low for _, low in pairs]
+
+    def _number(self, tape: ModeTape, at: int, mode: Mode) -> Pair:
+        """A constant, which is the same in all modes with the same entries for its own surfaces."""
+        key = tape, at, tuple(mode[i] for i in tape.owners[at])
+        if key not in self._known:
+            try:
+                self._known[key] = double_double(self._values.numeric(tape.constant(at, mode)))
+            except ModelError:  # a mode that is never entered may have it: who enters it is told that it is not finite
+                self._known[key] = math.nan, math.nan
+        return self._known[key]
+
+    @cached_property
+    def _normals(self) -> tuple[int, NDArray[np.float64]]:
+        """Address of the normal velocities of all surfaces, in states and signs, and its constants."""
+        made = self._table.normals
+        assert made is not None
+        pairs = [double_double(self._values.numeric(c)) for c in made.tape.constants]
+        return made.address, np.array([*(p[0] for p in pairs), *(p[1] for p in pairs), 0.0])

@@ -1,0 +1,68 @@
+"""A run's block as Python sees it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.henon.start import Start
+from henon_ref.henon.state import LAST_STEPS, RUN_VIEW, STATE_PLACE
+
+
+class State:
+    """A run's block, and views of its parts. (A run sets these itself: a call costs a tenth of a short run.)"""
+
+    __slots__ = ("_scalars", "start", "state")
+
+    start: Start
+    state: NDArray[np.float64]
+    """A copy of the start's, in the run's own workspace."""
+    _scalars: Any
+    """None where nobody has asked for them."""
+
+    @property
+    def scalars(self) -> Any:
+        """Fields of :data:`RUN`: a view. (Made when it is asked for: the shortest runs do without.)"""
+        if self._scalars is None:
+            self._scalars = self.state[:LAST_STEPS].view(RUN_VIEW)[0]
+        return self._scalars
+
+    @property
+    def _integers(self) -> NDArray[np.int64]:
+        return self.state[STATE_PLACE + 2 * len(self.start.x) :].view(np.int64)
+
+    @property
+    def until(self) -> tuple[float, float]:
+        """Horizon [s] and what rounding it lost; a later one may be set to go on from where the run stands."""
+        return float(self.scalars.horizon), float(self.scalars.horizon_low)
+
+    @until.setter
+    def until(self, until: tuple[float, float]) -> None:
+        self.scalars.horizon, self.scalars.horizon_low = until
+
+    @property
+    def x(self) -> NDArray[np.float64]:
+        """Present state, shape (n,): a view."""
+        return self.state[STATE_PLACE : STATE_PLACE + len(self.start.x)]
+
+    @property
+    def x_low(self) -> NDArray[np.float64]:
+        """What rounding it lost: a view; whoever changes ``x`` sets it to 0 there."""
+        return self.state[STATE_PLACE + len(self.start.x) : STATE_PLACE + 2 * len(self.start.x)]
+
+    @property
+    def known_zeros(self) -> NDArray[np.int64]:
+        """Known zeros of each guard at the present point: a view."""
+        return self._integers[: len(self.start.zeros)]
+
+    @property
+    def hits(self) -> NDArray[np.int64]:
+        """1 for each guard that is at zero: a view."""
+        return self._integers[len(self.start.zeros) :]
+
+    @property
+    def time(self) -> float:
+        """Present time [s], rounded to double."""
+        return float(self.scalars.time)
