@@ -46,8 +46,6 @@ def problem_of(
         For a missing or unknown state, a number that is not finite, an unknown parameter, a horizon that is not later
         than the start, and a mode of an unknown surface, or one that the start contradicts.
     """
-    if not isinstance(system, System):
-        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
     if parameters:
         system = system.with_parameters(parameters)
     given = _mapping(initial, "'initial'", "state", system.state)

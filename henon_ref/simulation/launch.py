@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from henon_ref.errors import ArgumentError
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.start import Start
@@ -18,8 +19,9 @@ from henon_ref.trajectory import Trajectory
 class Launch(NamedTuple):
     """A run that is ready to go."""
 
-    system: System
-    """With the parameters of the run."""
+    base: System
+    parameters: Mapping[Any, Any] | None
+    """In place of the base's."""
     integrator: Integrator
     start: Start
 
@@ -30,7 +32,7 @@ class Launch(NamedTuple):
         if (self.start.stop_falling or self.start.stop_rising) and trajectory.status == "ok":
             last = trajectory.transitions[-1] if len(trajectory.transitions) else None
             if last is not None and (last.time, last.time_low) != self.start.until and last.time == trajectory.end_time:
-                name = self.system.model.sign_names[last.surface]
+                name = self.base.model.sign_names[last.surface]
                 return trajectory._replace(reason=f"the run stopped on the surface of {name}, as it was to")
         return trajectory
 
@@ -53,13 +55,15 @@ def launch(
     ArgumentError
         For what cannot be meant.
     """
+    if not isinstance(system, System):
+        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
     error = local_error(tolerance_of(rtol, "rtol"))
     if atol is not None:
         check_absolute_tolerance(atol)
-    system, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
-    integrator = integrator_of(system, error)
+    own, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
+    integrator = integrator_of(own, error)
     begin = integrator.start(problem, tolerance=error, landing=HENON)
     if stop:
         falling, rising = stop_of(system, stop)
         begin = replace(begin, stop_falling=falling, stop_rising=rising)
-    return Launch(system, integrator, begin)
+    return Launch(system, parameters, integrator, begin)

@@ -16,13 +16,13 @@ from henon_ref.casefile.expressions import parse_expression, parse_number
 from henon_ref.casefile.problem import written_model
 from henon_ref.casefile.scene import conditions
 from henon_ref.casefile.source import Source
-from henon_ref.casefile.tree import MappingNode, merged
+from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
 from henon_ref.casefile.validation import validated
 from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
-from henon_ref.filippov.exponents import with_rational_exponents
+from henon_ref.filippov.exponents import parameters_in_exponents, with_rational_exponents
 from henon_ref.filippov.latex import latex
-from henon_ref.filippov.work import Work
+from henon_ref.filippov.work import Work, names_in
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
@@ -72,6 +72,8 @@ class System:
         What is integrated.
     tree : MappingNode
         What it was read from.
+    prepared : dict
+        What is made of it for runs, by tolerance.
     initial, start, until, mode
         Of the reading of a case (:meth:`from_case`), exact numbers by name; None for a system from Python.
 
@@ -150,6 +152,10 @@ class System:
         self.start: Number | None = None
         self.until: Number | None = None
         self.mode: dict[str, int] | None = None
+        self.prepared: dict[float, Any] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "prepared": {}}
 
     def with_parameters(self, parameters: Mapping[Any, Any]) -> System:
         """The system with other values of some parameters; what is an expression in them follows.
@@ -220,6 +226,23 @@ class System:
     def conditions(self) -> list[sp.Expr]:
         """What a scene wants of its parameters (see :func:`henon_ref.casefile.scene.conditions`)."""
         return conditions(Source(self.tree), self._form.scene) if self._form.scene else []
+
+    @cached_property
+    def independent_parameters(self) -> frozenset[str]:
+        """Parameters that stand in no other one's expression, and in no exponent: other values change nothing else."""
+        tree = child(self.tree, ["system" if self._form.system else "scene", "parameters"])
+        nodes = tree.entries.values() if isinstance(tree, MappingNode) else ()
+        used = {name for node in nodes if isinstance(node, ScalarNode) for name in names_in(node.text)}
+        return frozenset(self.parameters) - used - {symbol.name for symbol in parameters_in_exponents(self._written)}
+
+    @cached_property
+    def has_moving_exponents(self) -> bool:
+        """Whether a surface, or a ``valid`` expression, has an exponent in time or states."""
+        moving, powers = {TIME, *self.model.states}, set[sp.Pow]()
+        return any(
+            p.exp.free_symbols & moving
+            for p in powers.union(*(e.atoms(sp.Pow) for e in (*self.model.surfaces, *self.model.valid)))
+        )
 
     @cached_property
     def structure(self) -> tuple[object, ...]:
