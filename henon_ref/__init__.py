@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from baselines.base import ModeSolver, SmoothMode
     from henon_ref.analysis.lyapunov import lyapunov_exponents
     from henon_ref.analysis.periodic_orbit import periodic_orbit
     from henon_ref.analysis.tangent import tangent_points
@@ -40,6 +41,8 @@ _HOME = {
     "Comparison": "campaign.comparison",
     "compare": "campaign.comparison",
     "ArgumentError": "errors",
+    "ModeSolver": "baselines.base",
+    "SmoothMode": "baselines.base",
     "CaseError": "errors",
     "HenonRefError": "errors",
     "ModelError": "errors",
@@ -72,9 +75,11 @@ __all__ = [
     "Counts",
     "FilippovSystem",
     "HenonRefError",
+    "ModeSolver",
     "ModelError",
     "Problem",
     "Reading",
+    "SmoothMode",
     "Solution",
     "Solver",
     "System",
@@ -95,7 +100,8 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _HOME:
-        value = getattr(import_module(f"henon_ref.{_HOME[name]}"), name)
+        home = _HOME[name] if _HOME[name].startswith("baselines") else f"henon_ref.{_HOME[name]}"
+        value = getattr(import_module(home), name)
         globals()[name] = value
         return value
     raise AttributeError(f"module 'henon_ref' has no attribute {name!r}")

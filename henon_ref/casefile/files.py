@@ -1,4 +1,4 @@
-"""The case files that a command is given: paths of files, and of folders of them."""
+"""The case files that a command is given: paths of files and of folders of them, or names of shipped ones."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 from henon_ref.casefile.case import Case, load_case
+from henon_ref.casefile.shipped import SUFFIXES, located, yaml_files
 from henon_ref.errors import CaseError
-
-SUFFIXES = (".yaml", ".yml")
 
 
 def read_cases(
@@ -46,20 +45,17 @@ def read_cases(
 
 
 def case_files(path: Path) -> list[Path]:
-    """The case files that a path stands for, in order.
+    """The case files that a path, or the name of shipped cases, stands for, in order.
 
     Raises
     ------
     CaseError
-        For a folder without any.
+        For a folder without any, and a name of nothing.
     """
+    path = located(path)
     if not path.is_dir():
         return [path]
-    found = sorted(
-        file
-        for file in path.rglob("*")
-        if file.suffix in SUFFIXES and "truth" not in file.relative_to(path).parts[:-1] and file.is_file()
-    )
+    found = yaml_files(path)
     if not found:
         raise CaseError(f"no case file (*{SUFFIXES[0]}) in this folder", file=str(path))
     return found

@@ -9,11 +9,22 @@ from typing import Annotated
 import typer
 
 from henon_ref.cli.request import Request
+from henon_ref.cli.typer_app import FLAG, Cases, application, examples
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = application()
 
-LONGEST = 1e6
+SHORTEST, LONGEST = 0.01, 1e6
 """Seconds that may be given to one run."""
+RUNS, SHOWN, DEMANDS, CI = "Runs", "What is shown", "What must hold", "Continuous integration"
+"""Panels of the help."""
+HELP = "Run every solver on every case, score it against the truth, and write a report."
+EXAMPLES = (
+    "compare fig8",
+    "compare hard --solvers henon,heyoka --tolerances 1e-6,1e-9",
+    "compare my_case.yaml --check",
+    "compare my_case.yaml --gate --json > table.json",
+    "compare hard --solvers my-solver --require my-solver",
+)
 
 
 def _folder(text: str | Path) -> Path:
@@ -22,42 +33,131 @@ def _folder(text: str | Path) -> Path:
     return Path(text)
 
 
-@app.command()
+def _seconds(text: str | float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not SHORTEST <= value <= LONGEST:
+        raise typer.BadParameter(f"a number of seconds from {SHORTEST:g} to {LONGEST:g}, not '{text}'")
+    return value
+
+
+@app.command(help=HELP, epilog=examples(*EXAMPLES))
 def main(
-    cases: Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="Folder of the reports.", parser=_folder, metavar="PATH")] = Path("out"),
-    solvers: Annotated[str | None, typer.Option(help="Names with commas; all that a case lists if left out.")] = None,
-    tolerances: Annotated[str | None, typer.Option(help="Relative tolerances with commas, for the cases' own.")] = None,
-    repeats: Annotated[int | None, typer.Option(min=1, help="Timing samples a row.")] = None,
-    timeout: Annotated[
-        float,
+    cases: Cases,
+    out: Annotated[Path, typer.Option(help="Folder of the reports.", parser=_folder, metavar="FOLDER")] = Path("out"),
+    solvers: Annotated[
+        str | None, typer.Option(help="Names with commas; all that a case lists if left out.", metavar="NAMES")
+    ] = None,
+    tolerances: Annotated[
+        str | None,
+        typer.Option(help="Relative tolerances with commas, in place of the cases' own.", metavar="NUMBERS"),
+    ] = None,
+    check: Annotated[
+        bool,
         typer.Option(
-            min=0.01,
-            max=LONGEST,
-            help="Processor time one run may take [s]; preparing it 120 besides, a truth that is not stored 300.",
+            "--check",
+            help="Run nothing: read the files, and explain states, surfaces, effects, and the equations of each mode.",
+            metavar=FLAG,
         ),
-    ] = 10.0,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Runs at work at once; two if there are two cores.")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Keep the rows of an interrupted comparison.")] = False,
+    ] = False,
     restart: Annotated[
         str | None,
         typer.Option(
             help="How libraries are restarted after an event, with commas: event-free-step, offset, direction, none; "
-            "each solver's own if left out. For one solver alone: --solvers heyoka@direction."
+            "each solver's own if left out. For one solver alone: --solvers heyoka@direction.",
+            metavar="NAMES",
+            rich_help_panel=RUNS,
         ),
     ] = None,
-    figures: Annotated[bool, typer.Option(help="Draw figures.")] = True,
+    timeout: Annotated[
+        float,
+        typer.Option(
+            parser=_seconds,
+            help="Seconds of processor time that one run may take. Preparing it may take 120 besides, a truth that is "
+            "not stored 300.",
+            metavar="SECONDS",
+            rich_help_panel=RUNS,
+        ),
+    ] = 10.0,
+    repeats: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Timing samples a row; as many as fit a fraction of a second if left out.",
+            metavar="N",
+            rich_help_panel=RUNS,
+        ),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Runs at work at once; two if there are two cores.", metavar="N", rich_help_panel=RUNS
+        ),
+    ] = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume", help="Keep the rows of an interrupted comparison.", metavar=FLAG, rich_help_panel=RUNS
+        ),
+    ] = False,
+    quiet: Annotated[
+        bool,
+        typer.Option(
+            "--quiet",
+            help="No progress and no table: the report's path, and what is wrong.",
+            metavar=FLAG,
+            rich_help_panel=SHOWN,
+        ),
+    ] = False,
+    json: Annotated[
+        bool,
+        typer.Option(
+            "--json",
+            help="The table at the end as one JSON document, and nothing else on standard output.",
+            metavar=FLAG,
+            rich_help_panel=SHOWN,
+        ),
+    ] = False,
+    figures: Annotated[bool, typer.Option(help="Draw figures.", metavar=FLAG, rich_help_panel=SHOWN)] = True,
     gate: Annotated[
         bool,
         typer.Option(
-            "--gate", help="Exit with 1 if a bound of a case's gate is not met, or none of its bounds was checked."
+            "--gate",
+            help="Exit with 1 if a bound of a case's gate is not met, or none of its bounds was checked.",
+            metavar=FLAG,
+            rich_help_panel=DEMANDS,
         ),
     ] = False,
     require: Annotated[
         str | None,
         typer.Option(
             help="Solvers with commas: exit with 1 if one of them is wrong by its own fault in some reading, at its "
-            "tightest setting, or is not judged in any."
+            "tightest setting, or is not judged in any.",
+            metavar="NAMES",
+            rich_help_panel=DEMANDS,
+        ),
+    ] = None,
+    junit: Annotated[
+        Path | None,
+        typer.Option(help="Write the rows as JUnit XML, a test case a row.", metavar="FILE", rich_help_panel=CI),
+    ] = None,
+    baseline: Annotated[
+        Path | None,
+        typer.Option(
+            help="An earlier runs.csv, or a folder of reports: exit with 1 if a row's status got worse, or the digits "
+            "of its times by more than 0.5.",
+            metavar="PATH",
+            rich_help_panel=CI,
+        ),
+    ] = None,
+    known: Annotated[
+        Path | None,
+        typer.Option(
+            help="A CSV file of failures that are expected: they are told, and count for none of the other options.",
+            metavar="FILE",
+            rich_help_panel=CI,
         ),
     ] = None,
 ) -> Request:
@@ -75,6 +175,12 @@ def main(
         figures=figures,
         restarts=_parts(restart) or (),
         required=_parts(require) or (),
+        junit=junit,
+        baseline=baseline,
+        known=known,
+        check=check,
+        quiet=quiet,
+        json=json,
     )
 
 

@@ -21,12 +21,13 @@ from henon_ref.campaign.case_files import load_cases
 from henon_ref.campaign.comparison import Comparison, compare_all
 from henon_ref.campaign.options import Options
 from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say
+from henon_ref.cli.typer_app import Cases, application, examples
 from henon_ref.columns import Row
 from henon_ref.errors import CaseError
 from henon_ref.report.case_report import write_report
 from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import provenance
-from henon_ref.report.files.write import MANIFEST, REPORT, RUNS
+from henon_ref.report.files.write import MANIFEST, REPORT, ROWS, RUNS
 from henon_ref.report.text.formats import setting
 from henon_ref.report.text.ranking import floor, number
 
@@ -61,7 +62,7 @@ def differences(stored: Path, fresh: Path) -> list[str]:
         found += [f"{_label(key)}: {words}" for words in row_differences(old[key], new[key])]
     found += text_differences(stored / REPORT, fresh / REPORT)
     listed = json.loads((stored / MANIFEST).read_text(encoding="utf-8"))["files"]
-    found += [f"the file {name} is gone" for name in listed if not (stored / name).exists()]
+    found += [f"the file {name} is gone" for name in listed if name not in ROWS and not (stored / name).exists()]
     return found
 
 
@@ -132,16 +133,21 @@ def check(cases: Sequence[Path], reports: Path, fresh: Path | None) -> list[str]
         return check(cases, reports, Path(made))
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = application()
 
 
-@app.command()
+@app.command(epilog=examples("check fig8", "check cases --fresh out"))
 def main(
-    cases: Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)],
-    reports: Annotated[Path, typer.Option(help="Folder of the reports.")] = Path("reports"),
-    fresh: Annotated[Path | None, typer.Option(help="Folder that a comparison has just filled.")] = None,
+    cases: Cases,
+    reports: Annotated[Path, typer.Option(help="Folder of the reports.", metavar="FOLDER")] = Path("reports"),
+    fresh: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder that a comparison has just filled; the cases are run anew if left out.", metavar="FOLDER"
+        ),
+    ] = None,
 ) -> int:
-    """Say whether reports still hold."""
+    """Tell whether stored reports still say what a fresh comparison says, wall times apart."""
     found = check(cases, reports, fresh)
     for words in found:
         say(words)
@@ -150,6 +156,4 @@ def main(
 
 def command(arguments: Sequence[str] | None = None) -> int:
     """Run the command; the exit status."""
-    return exit_status(
-        lambda: int(parsed(app, arguments, name="report.check")), name="report.check", arguments=arguments
-    )
+    return exit_status(lambda: int(parsed(app, arguments, name="check")), name="report.check", arguments=arguments)

@@ -14,6 +14,9 @@ from henon_ref.campaign.journal import FILE, read
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.campaign.plan import check_required, check_solvers
 from henon_ref.casefile.case import Case
+from henon_ref.cli.ci_outputs import CiOutputs, ci_outputs
+from henon_ref.cli.end_output import case_line, document, print_end
+from henon_ref.cli.end_table import EndTable
 from henon_ref.cli.exit_status import say
 from henon_ref.cli.progress import Shown
 from henon_ref.cli.request import Request
@@ -47,6 +50,8 @@ class Unmet(NamedTuple):
     """Bounds of the gate that are not met; where it decides (``--gate``) and none was checked, that."""
     required: list[str]
     """Where a required solver is not right; where one was judged nowhere, that."""
+    baseline: list[str]
+    """Rows that are worse than earlier ones; where none could be held against them, that."""
 
 
 def run(request: Request) -> Unmet:
@@ -75,28 +80,33 @@ def run(request: Request) -> Unmet:
     )
     check_solvers(cases, options)
     check_required(request.required, cases, options)
+    outputs = ci_outputs(request)
     with locked([*(request.out / case.name for case in cases), *further]):
         _mention_unfinished(cases, request)
-        return _compared(cases, options, request)
+        return _compared(cases, options, request, outputs)
 
 
-def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unmet:
+def _compared(cases: Sequence[Case], options: Options, request: Request, outputs: CiOutputs) -> Unmet:
     """Run everything and write it into folders that nobody else writes into."""
     written: list[Path] = []
     failures: list[str] = []
     tallies: list[Tally] = []
     demands = dict.fromkeys(request.required, Demand())
+    table = EndTable()
     environment()
     origin = provenance(rerun_command(request))
 
     def deliver(comparison: Comparison) -> None:
         written.append(write_report(comparison, origin, request.out))
-        failures.extend(f"{comparison.case.name}: {words}" for words in comparison.gate_failures())
+        table.add(comparison.run_rows)
+        failures.extend(outputs.gate_failures(comparison))
         tallies.append(gate_tally(comparison.case.readings, comparison.run_rows))
         for solver in demands:
-            demands[solver] += demand(solver, comparison.run_rows)
+            demands[solver] += demand(solver, comparison.run_rows, outputs.is_known)
+        if not (request.quiet or request.json or shown.on_terminal):
+            print(case_line(comparison.case.name, comparison.run_rows, written[-1]), flush=True)
 
-    with Shown() as shown:
+    with Shown(quiet=request.quiet) as shown:
         draw = figure_job if request.figures else None
         compare_all(cases, options, deliver, draw=draw, ready=preload, observer=shown)
         if request.whole:
@@ -107,16 +117,27 @@ def _compared(cases: Sequence[Case], options: Options, request: Request) -> Unme
     where = written[0] if len(written) == 1 else index
     tally = sum(tallies, Tally())
     told = "".join(f"; {solver} right in {own.right} of {own.judged} judged" for solver, own in demands.items())
-    print(message(f"{where}{gate_state(tally, failures, wanted=request.gate)}{told}"))
+    state = gate_state(tally, failures, wanted=request.gate)
+    if request.json:
+        print(document(table, where, gate=state.removeprefix("; ") or None))
+    else:
+        if not request.quiet:
+            print_end(table, readings=sum(len(case.readings) for case in cases))
+        print(message(f"{where}{state}{told}"))
     if request.gate and tally.missing:
         failures.append(why_unchecked(tally))
     if request.gate and tally.left_out:
         print(message(f"gate: {bounds_left_out(tally)}"), file=sys.stderr)
-    return Unmet(failures, [words for solver, own in demands.items() for words in _unmet(solver, own)])
+    required = [words for solver, own in demands.items() for words in _unmet(solver, own)]
+    unmet = Unmet(failures, required, outputs.worse())
+    outputs.write(unmet._asdict())
+    return unmet
 
 
 def _unmet(solver: str, own: Demand) -> tuple[str, ...]:
-    return own.failures or (() if own.judged else (f"there is no reading in which {solver} can be judged",))
+    return own.failures or (
+        () if own.judged or own.known else (f"there is no reading in which {solver} can be judged",)
+    )
 
 
 def gate_state(tally: Tally, failures: Sequence[str], *, wanted: bool) -> str:
@@ -134,7 +155,7 @@ def gate_state(tally: Tally, failures: Sequence[str], *, wanted: bool) -> str:
 def experiments(
     cases: Sequence[Case], options: Options, origin: Provenance, out: Path, observer: Observer
 ) -> list[Path]:
-    """What a whole folder gets besides its reports: atlas, restart habits, causes, paired times; the pages written."""
+    """What a whole folder gets besides its reports: atlas, restarts, causes, paired times; the pages written."""
     pages = [
         run_atlas(cases, options, origin, out, observer),
         run_restarts(cases, options, origin, out, observer),

@@ -19,6 +19,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, TextIO
 
+from henon_ref.cli import status_line
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.text import message
 
@@ -85,15 +86,23 @@ def _abort() -> type[Exception]:
     return typer.Abort
 
 
-def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: str) -> Any:
+def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: str = "") -> Any:
     """What a typer application's function returns for these arguments; a status where it was help that was asked for.
+
+    Parameters
+    ----------
+    app : typer.Typer
+    arguments : sequence of str, optional
+        None: those of the process.
+    name : str
+        The subcommand's, which the usage names.
 
     Raises
     ------
     KeyboardInterrupt
         Which typer would turn into a status.
     """
-    result = app(arguments, prog_name=f"python -m henon_ref.{name}", standalone_mode=False)
+    result = app(arguments, prog_name=f"henon-ref {name}".strip(), standalone_mode=False)
     if type(result) is int and result == INTERRUPTED:
         raise KeyboardInterrupt
     return DONE if result is None else result
@@ -121,6 +130,7 @@ def writing_into(folder: Path, *, kept: str = "") -> Iterator[None]:
 
 def say(words: str) -> None:
     """One line on standard error."""
+    status_line.clear()
     print(message(words), file=sys.stderr)
 
 

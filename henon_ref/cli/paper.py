@@ -7,18 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
+from henon_ref.cli.typer_app import Folder, application, examples
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = application()
 
 
-@app.command()
+@app.command(epilog=examples("paper", "paper --out page"))
 def main(
-    out: Annotated[Path, typer.Option(help="Folder of the page and its figures.")] = Path("out/paper"),
+    out: Folder = Path("out/paper"),
 ) -> int:
     """Compute everything the paper computes again, and write the page that sets it against the paper."""
     from rich.console import Console

@@ -12,18 +12,21 @@ from typing import Annotated
 import typer
 
 from henon_ref.cli.exit_status import exit_status, parsed, writing_into
+from henon_ref.cli.typer_app import FLAG, Cases, Folder, application, examples
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = application()
 
 KEPT = "finished rows are kept, --resume goes on from them"
 
 
-@app.command()
+@app.command(epilog=examples("price fig8", "price fig8 free_coulomb --resume"))
 def main(
-    cases: Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="Folder of the page and its figures.")] = Path("out/price"),
+    cases: Cases,
+    out: Folder = Path("out/price"),
     jobs: Annotated[int, typer.Option(min=1, help="Runs at work at once; more than one disturb each other.")] = 1,
-    resume: Annotated[bool, typer.Option("--resume", help="Keep the rows of an interrupted list.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Keep the rows of an interrupted list.", metavar=FLAG)
+    ] = False,
 ) -> int:
     """Time every solver at every tolerance, and what landings, effects and horizons cost."""
     from henon_ref.cli.progress import Shown

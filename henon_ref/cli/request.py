@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from henon_ref.casefile.shipped import located
+
 
 @dataclass(frozen=True)
 class Request:
@@ -24,8 +26,20 @@ class Request:
     """How libraries are restarted after an event; none: each solver in its own way."""
     required: tuple[str, ...] = ()
     """Solvers that have to be right in every reading."""
+    junit: Path | None = None
+    """Where the rows are written as JUnit XML."""
+    baseline: Path | None = None
+    """Earlier rows that none may be worse than: a ``runs.csv`` or a folder of reports."""
+    known: Path | None = None
+    """Failures that are expected."""
+    check: bool = False
+    """Only read and explain the case files."""
+    quiet: bool = False
+    """Show neither progress nor a table."""
+    json: bool = False
+    """Show the table as a JSON document, and nothing else on standard output."""
 
     @property
     def whole(self) -> bool:
         """A folder is run with the settings of its cases: it gets the atlas and the experiments, too."""
-        return any(path.is_dir() for path in self.cases) and self.tolerances is None and not self.restarts
+        return any(located(path).is_dir() for path in self.cases) and self.tolerances is None and not self.restarts

@@ -15,27 +15,35 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.casefile.files import read_cases
 from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed
+from henon_ref.cli.typer_app import FLAG, Cases, application, examples
 from henon_ref.errors import CaseError, ModelError
 from henon_ref.text import message
 from henon_ref.truth import compute, store
 from henon_ref.truth.reference import Truth, TruthError
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = application()
 PROOF_SECONDS = 1800.0
+HELP = (
+    "Compute the truth of every reading, compare it with what is stored, and store it under cases/truth.\n\n"
+    "A stored truth that the new one agrees with stays as it is, unless more of it is now proven. One that is "
+    "certified stays wherever the new one is not."
+)
 
 
-@app.command()
+@app.command(help=HELP, epilog=examples("truth my_case.yaml", "truth cases --check", "truth cases --missing"))
 def main(
-    cases: Annotated[list[Path], typer.Argument(help="Case files, or folders of them.")],
-    check: Annotated[bool, typer.Option("--check", help="Write nothing; exit 1 if a stored truth differs.")] = False,
-    missing: Annotated[bool, typer.Option("--missing", help="Only what is not stored or out of date.")] = False,
-    proof_seconds: Annotated[float, typer.Option(help="Time that one proof may take [s].")] = PROOF_SECONDS,
+    cases: Cases,
+    check: Annotated[
+        bool, typer.Option("--check", help="Write nothing; exit with 1 if a stored truth differs.", metavar=FLAG)
+    ] = False,
+    missing: Annotated[
+        bool, typer.Option("--missing", help="Only what is not stored or out of date.", metavar=FLAG)
+    ] = False,
+    proof_seconds: Annotated[
+        float, typer.Option(help="Seconds that one proof may take.", metavar="SECONDS")
+    ] = PROOF_SECONDS,
 ) -> int:
-    """Compute the truth of every reading, compare it with what is stored, and store it under cases/truth.
-
-    A stored truth that the new one agrees with stays as it is, unless more of it is now proven; one that is
-    certified stays wherever the new one is not.
-    """
+    """Compute truths, compare them with what is stored, and store them."""
     if not proof_seconds >= 0:
         raise CaseError(f"--proof-seconds is a number of seconds from 0 on, not {proof_seconds:g}")
     failed = False
@@ -106,7 +114,7 @@ def _one(case: Case, reading: Reading, shown: Progress, *, check: bool, missing:
         return False
     finally:
         shown.remove_task(task)
-    return _compared(name, stored, fresh, folder, shown, check=check)
+    return _compared(name, stored, fresh, store.folder_for_new(case.path), shown, check=check)
 
 
 def _compared(name: str, stored: Stored, fresh: Truth, folder: Path, shown: Progress, *, check: bool) -> bool:

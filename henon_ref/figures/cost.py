@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from henon_ref.columns import Row
 from henon_ref.figures import style
+from henon_ref.figures.description import describe
+from henon_ref.figures.labels import label_column
 from henon_ref.score.reference import HALF_ULP, Expected
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+TITLE = "Accuracy against time"
+
 
 def draw_cost(rows: Sequence[Row], expected: Expected) -> Figure | None:
-    """Work-precision diagram: median wall time of a run over the worst error of a transition."""
+    """Work-precision diagram: median wall time of a run over the worst error of a transition.
+
+    Filled markers are runs that are right, hollow ones those that are not, whatever is wrong with them.
+    """
     floor = max(expected.radius, HALF_ULP * expected.time_unit)
     ladders: dict[str, list[Row]] = {}
     for row in rows:
@@ -25,48 +33,88 @@ def draw_cost(rows: Sequence[Row], expected: Expected) -> Figure | None:
             ladders.setdefault(str(row["solver"]), []).append(row)
     if sum(len(ladder) for ladder in ladders.values()) < 2:  # a single point compares with nothing
         return None
+    lines = style.lines_of(ladders)
     with style.figure(4.6) as figure:
-        axes = figure.add_axes((0.1, 0.11, 0.67, 0.8))
+        axes = figure.add_axes((0.1, 0.11, 0.645, 0.78))
         axes.set_xscale("log")
         axes.set_yscale("log")
+        axes.set_autoscale_on(False)  # limits are set below; errors that are all the same have no scale of their own
         for solver, ladder in ladders.items():
-            _draw_ladder(axes, solver, ladder, floor)
+            _draw_ladder(axes, lines[solver], ladder, floor)
         _set_limits(axes, ladders, floor)
-        style.decades(axes.xaxis)
+        style.decades(axes.xaxis, style.time_text)
         style.decades(axes.yaxis)
-        tips = [_tip(solver, ladder, floor) for solver, ladder in ladders.items()]
-        style.label_points(axes, tips, x=1.045, gap=0.052)
-        axes.set_xlabel("wall time of one run, median [s]   (bars: 95 % interval of the median)")
+        ordered = sorted(ladders, key=lambda solver: -_tip(ladders[solver], floor)[1])
+        label_column(axes, [(solver, lines[solver]) for solver in ordered], x=1.045, gap=0.052)
+        axes.set_xlabel("wall time of one run, median")
         axes.set_ylabel("worst error of a transition time [s]")
-        axes.set_title("Accuracy against cost   (hollow: transitions missed or spurious)")
+        axes.set_title(TITLE, pad=20)
+        _draw_legend(axes, [row for ladder in ladders.values() for row in ladder])
+        describe(figure, TITLE, _description(ladders, floor))
         return figure
 
 
-def _draw_ladder(axes: Axes, solver: str, ladder: Sequence[Row], floor: float) -> None:
-    line = style.line_of(solver)
+def _draw_ladder(axes: Axes, line: style.Line, ladder: Sequence[Row], floor: float) -> None:
     x = np.array([_value(row["wall_s"]) for row in ladder])
-    y = np.array([max(_value(row["max_time_error_s"]), floor) for row in ladder])
+    y = np.array([_error(row, floor) for row in ladder])
     right = np.array([row["verdict"] == "right" for row in ladder])
-    axes.plot(x[right], y[right], line.dashes, color=line.colour, lw=line.width, zorder=2)
-    axes.hlines(
-        y, [_value(r["wall_s_low"]) for r in ladder], [_value(r["wall_s_high"]) for r in ladder], line.colour, lw=0.8
-    )
+    axes.plot(x[right], y[right], ls=line.dashes, color=line.colour, lw=line.width, zorder=2)
+    low, high = ([_value(row[column]) for row in ladder] for column in ("wall_s_low", "wall_s_high"))
+    axes.hlines(y, low, high, line.colour, lw=0.8)
     for chosen, face in ((right, line.colour), (~right, "white")):
         axes.plot(x[chosen], y[chosen], line.marker, mfc=face, mec=line.colour, mew=1.0, zorder=3)
 
 
-def _set_limits(axes: Axes, ladders: dict[str, list[Row]], floor: float) -> None:
-    x = np.array([_value(row["wall_s"]) for ladder in ladders.values() for row in ladder])
-    y = np.array([max(_value(row["max_time_error_s"]), floor) for ladder in ladders.values() for row in ladder])
-    axes.set_xlim(x.min() / 2.0, x.max() * 2.0)
+def _draw_legend(axes: Axes, rows: Sequence[Row]) -> None:
+    """What markers and bars mean; only those that are drawn."""
+    from matplotlib.lines import Line2D
+
+    marker: dict[str, Any] = {"color": style.GREY, "marker": "o", "ls": "none"}
+    handles = []
+    if any(row["verdict"] != "right" for row in rows):
+        handles.append(Line2D([], [], **marker, label="right"))
+        words = "not right (transitions missed or spurious, or cut short)"
+        handles.append(Line2D([], [], **marker, mfc="white", label=words))
+    if any(_value(row["wall_s_high"]) > _value(row["wall_s_low"]) for row in rows):
+        handles.append(Line2D([], [], color=style.GREY, lw=0.8, label="95 % interval of the median"))
+    if not handles:
+        return
+    axes.legend(
+        handles=handles, loc="lower left", bbox_to_anchor=(-0.02, 0.995), ncols=3, borderaxespad=0.1, handletextpad=0.5,
+        columnspacing=1.2,
+    )  # fmt: skip
+
+
+def _set_limits(axes: Axes, ladders: Mapping[str, Sequence[Row]], floor: float) -> None:
+    """Room on all sides, and at least two decades of time, so that two of them are labelled."""
+    rows = [row for ladder in ladders.values() for row in ladder]
+    x = np.array([_value(row["wall_s"]) for row in rows])
+    y = np.array([_error(row, floor) for row in rows])
+    left, right = x.min() / 2.0, x.max() * 2.0
+    if math.floor(math.log10(right)) - math.ceil(math.log10(left)) < 1:
+        left, right = 10.0 ** math.floor(math.log10(left)), 10.0 ** math.ceil(math.log10(right))
+    axes.set_xlim(left, right)
     axes.set_ylim(10 ** np.floor(np.log10(y.min()) - 0.2), 10 ** np.ceil(np.log10(y.max()) + 0.2))
 
 
-def _tip(solver: str, ladder: Sequence[Row], floor: float) -> tuple[str, float, float, style.Line]:
-    """Label, most accurate point and line style of a ladder."""
-    points = [(_value(row["wall_s"]), max(_value(row["max_time_error_s"]), floor)) for row in ladder]
-    wall, error = min(points, key=lambda point: point[1])
-    return solver, wall, error, style.line_of(solver)
+def _tip(ladder: Sequence[Row], floor: float) -> tuple[float, float]:
+    """Wall time and error [s] of the most accurate run of a ladder."""
+    return min(((_value(row["wall_s"]), _error(row, floor)) for row in ladder), key=lambda point: point[1])
+
+
+def _description(ladders: Mapping[str, Sequence[Row]], floor: float) -> str:
+    tips = {solver: _tip(ladder, floor) for solver, ladder in ladders.items()}
+    ordered = sorted(tips, key=lambda solver: tips[solver][0])
+    points = [f"{solver} {tips[solver][1]:.1e} s in {style.time_text(tips[solver][0])}" for solver in ordered]
+    return (
+        "Work-precision diagram with logarithmic axes: across, the median wall time of one run; upward, the worst "
+        f"error of a transition time in seconds. The most accurate run of each solver: {'; '.join(points)}."
+    )
+
+
+def _error(row: Row, floor: float) -> float:
+    """A row's error [s], not below what can be claimed."""
+    return max(_value(row["max_time_error_s"]), floor)
 
 
 def _number(value: object) -> bool:

@@ -1,26 +1,34 @@
-"""Figure: the error of every transition, per solver, at its tightest setting."""
+"""Figure: the largest error of a transition time so far, per solver, at its tightest setting."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from henon_ref.columns import Row
 from henon_ref.figures import style
+from henon_ref.figures.description import describe
+from henon_ref.figures.labels import label_ends
 from henon_ref.score.reference import Expected
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+TITLE = "Largest error so far, each solver at its tightest setting"
 LEAST = 1e-18
 """Errors below this [s] are drawn at the lower edge, and none at all (a run that agrees to the last bit), too."""
-MOST_MARKED = 60
-"""Transitions up to which each one gets a marker."""
-FEW_MARKED = 16
-"""Markers, roughly, of a longer line."""
+ROOM = 2
+"""Decades below the smallest error that a curve ends with: how it began is of less interest."""
+MARKERS = 6
+"""Markers, roughly, of a curve."""
+
+
+Curve = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Times [s], and errors [s] at them."""
 
 
 class ScoredRun(Protocol):
@@ -50,91 +58,132 @@ def tightest(records: Sequence[ScoredRun]) -> list[ScoredRun]:
 
 
 def draw_errors(records: Sequence[ScoredRun], expected: Expected) -> Figure | None:
-    """Absolute time error of every matched transition over its time."""
+    """Running maximum of the absolute time error of matched transitions, over their times."""
     chosen = tightest(records)
     if not chosen or len(expected.transitions) == 0:
         return None
-    with style.figure(4.2) as figure:
-        axes = figure.add_axes((0.095, 0.11, 0.575, 0.79))
+    curves = {str(record.run["solver"]): running_maximum(record) for record in chosen}
+    lines = style.lines_of(curves)
+    with style.figure(4.5) as figure:
+        axes = figure.add_axes((0.095, 0.165, 0.575, 0.745))
         axes.set_yscale("log")
-        lowest, highest = _limits(chosen, expected)
+        lowest, highest = _limits([errors for _, errors in curves.values()], expected)
         axes.set_ylim(lowest, highest)
         axes.set_xlim(expected.start, expected.end_time)
-        ends = [_draw(axes, record, lowest) for record in chosen]
-        hidden = any(min(_errors(record)[1], default=1.0) < lowest for record in chosen)
-        _draw_floor(axes, expected, lowest, hidden=hidden)
+        last = max((event.time for event in expected.transitions if event.kind != "graze"), default=expected.start)
+        for k, (solver, (times, errors)) in enumerate(curves.items()):
+            _draw(axes, lines[solver], times, np.maximum(errors, lowest), shift=k / len(curves), last=last)
+        _draw_floor(axes, expected, lowest)
+        notes = _notes(curves.values(), expected, lowest, last)
+        figure.text(0.02, 0.015, notes, va="bottom", fontsize=7.0, color=style.GREY)
         style.decades(axes.yaxis)
-        style.label_points(axes, ends, x=1.045, gap=0.055)
+        names = [str(record.run["solver"]) for record in chosen]
+        ends = [
+            (_label(record), max(_last(curves[name]), lowest), lines[name])
+            for name, record in zip(names, chosen, strict=True)
+        ]
+        label_ends(axes, ends, x=1.045, gap=0.055)
         axes.set_xlabel("time of the transition [s]")
-        axes.set_ylabel("absolute error of its time [s]")
-        axes.set_title("Error of every transition, each solver at its tightest setting")
+        axes.set_ylabel("largest error of a transition time so far [s]")
+        axes.set_title(TITLE)
+        describe(figure, TITLE, _description(chosen, curves, expected))
         return figure
 
 
-def _errors(record: ScoredRun) -> tuple[list[float], list[float]]:
-    times, errors = [], []
-    for row in record.transitions:
-        time, error = row["reference_time_s"], row["time_error_s"]
-        if isinstance(time, float) and isinstance(error, float) and row["kind"] != "graze":
-            times.append(time)
-            errors.append(abs(error))
-    return times, errors
+def running_maximum(record: ScoredRun) -> Curve:
+    """Times of a run's matched transitions [s], and the largest absolute error [s] up to each; touches left out."""
+    pairs = [
+        (time, abs(error))
+        for row in record.transitions
+        if isinstance(time := row["reference_time_s"], float)
+        and isinstance(error := row["time_error_s"], float)
+        and row["kind"] != "graze"
+    ]
+    times, errors = np.array(pairs, dtype=float).reshape(-1, 2).T
+    return times, np.maximum.accumulate(errors)
 
 
-def _limits(records: Sequence[ScoredRun], expected: Expected) -> tuple[float, float]:
-    """Whole decades around what there is, the lower end not below what can be seen or claimed."""
-    found = np.array([error for record in records for error in _errors(record)[1]])
-    seen = found[found > max(LEAST, expected.radius)]
+def _last(curve: Curve) -> float:
+    """The largest error of all; none where nothing but touches was matched."""
+    return float(curve[1][-1]) if curve[1].size else 0.0
+
+
+def _limits(curves: Sequence[NDArray[np.float64]], expected: Expected) -> tuple[float, float]:
+    """Whole decades around where the curves end, the lower end not below what can be seen or claimed."""
+    ends = np.array([errors[-1] for errors in curves if errors.size])
+    seen = ends[ends > max(LEAST, expected.radius)]
     if not seen.size:
         return LEAST, 1e-12
-    least = seen.min()
-    if seen.size < found.size:  # what is drawn at the lower edge must not look like an error of some size
-        least = max(min(least, float(np.spacing(abs(expected.end_time))) / 8), LEAST)
-    return float(10 ** np.floor(np.log10(least))), float(10 ** np.ceil(np.log10(seen.max()) + 0.1))
+    least = seen.min() / 10**ROOM
+    if seen.size < ends.size:  # a curve that ends at the lower edge must not look like an error of some size
+        least = min(least, float(np.spacing(abs(expected.end_time))) / 8)
+    return max(float(10 ** np.floor(np.log10(least))), LEAST), float(10 ** np.ceil(np.log10(seen.max()) + 0.1))
 
 
-def _draw(axes: Axes, record: ScoredRun, lowest: float) -> tuple[str, float, float, style.Line]:
-    """One solver's line; returns its label, where it ends, and how it is drawn."""
-    solver = str(record.run["solver"])
-    line = style.line_of(solver)
-    times, errors = _errors(record)
-    shown = np.maximum(errors, lowest)
-    every = 1 if len(times) <= MOST_MARKED else len(times) // FEW_MARKED
+def _draw(
+    axes: Axes, line: style.Line, times: NDArray[np.float64], shown: NDArray[np.float64], *, shift: float, last: float
+) -> None:
+    """One solver's curve: level from a transition to the next.
+
+    It reaches the right edge where the truth's last transition is matched, else it ends in a cross. ``shift`` (of the
+    markers' distance) keeps the markers of two solvers apart.
+    """
+    if not times.size:
+        return
     strong = line.width > style.THIN
-    axes.plot(
-        times,
-        shown,
-        line.dashes,
-        color=line.colour,
-        lw=line.width if strong else 0.8,
-        alpha=1.0 if strong else 0.75,
-        marker=line.marker,
-        markevery=every,
-        ms=3.2,
-        zorder=3 if strong else 2,
-    )
-    label = f"{solver} {_setting(record)}"
-    if record.run["verdict"] != "right":
-        label += f" ({record.run['status']})"
-    return label, times[-1], float(shown[-1]), line
+    left, right = axes.get_xlim()
+    start, end = times[0], right if times[-1] >= last else times[-1]
+    width = line.width if strong else 0.9
+    drawn: dict[str, Any] = {"ls": line.dashes, "color": line.colour, "lw": width, "zorder": 3 if strong else 2}
+    axes.plot([*times, end], [*shown, shown[-1]], drawstyle="steps-post", **drawn)
+    places = left + (right - left) * (np.arange(MARKERS) + shift) / MARKERS
+    places = places[(start <= places) & (places <= end)]
+    places = places if places.size else times[-1:]
+    levels = shown[np.searchsorted(times, places, side="right") - 1]
+    axes.plot(places, levels, line.marker, color=line.colour, ms=3.4, zorder=4 if strong else 3)
+    if times[-1] < last:
+        axes.plot(times[-1:], shown[-1:], "+", color=line.colour, ms=9.0, mew=1.6, zorder=5)
 
 
-def _setting(record: ScoredRun) -> str:
+def _label(record: ScoredRun) -> str:
+    """Solver, setting, and what is wrong with a run that is not right."""
     rtol, step = record.run["rtol"], record.run["step_s"]
-    return f"{rtol:.0e}".replace("e-0", "e-") if rtol is not None else f"h={step:g} s"
+    setting = f"{rtol:.0e}".replace("e-0", "e-") if rtol is not None else f"h={step:g} s"
+    verdict, status = record.run["verdict"], record.run["status"]
+    wrong = "" if verdict == "right" else f" ({verdict if status == 'ok' else status})"
+    return f"{record.run['solver']} {setting}{wrong}"
 
 
-def _draw_floor(axes: Axes, expected: Expected, lowest: float, *, hidden: bool) -> None:
-    """What a time in double precision can hold, the truth's radius where it is in sight, and what lies below all."""
+def _description(
+    records: Sequence[ScoredRun],
+    curves: Mapping[str, Curve],
+    expected: Expected,
+) -> str:
+    ends = {_label(record): _last(curves[str(record.run["solver"])]) for record in records}
+    ordered = sorted(ends, key=lambda label: ends[label])
+    words = [f"{label} {ends[label]:.1e} s" if ends[label] else f"{label} none" for label in ordered]
+    return (
+        f"Across, time from {expected.start:g} to {expected.end_time:g} s; upward, on a logarithmic axis, the largest "
+        f"absolute error of a transition time up to then. At the end: {'; '.join(words)}."
+    )
+
+
+def _draw_floor(axes: Axes, expected: Expected, lowest: float) -> None:
+    """What a time in double precision can hold, and the truth's radius where it is in sight."""
     times = np.linspace(expected.start, expected.end_time, 400)
     half_ulp = np.spacing(np.abs(times)) / 2
     axes.fill_between(times, lowest, np.maximum(half_ulp, lowest), color="#EDEDED", lw=0, zorder=0, step="mid")
-    notes = []
-    if half_ulp[-1] > lowest:
-        notes.append("grey: below half a unit\nin the last place of t")
     if expected.radius > lowest:
         axes.axhline(expected.radius, color=style.GREY, lw=0.8, ls="--")
-        notes.append("dashed: the truth's radius")
-    axes.figure.text(0.70, 0.02, "\n".join(notes), va="bottom", fontsize=7.0, color=style.GREY)
-    if hidden:
-        axes.figure.text(0.02, 0.02, "at the lower edge: no error", va="bottom", fontsize=7.0, color=style.GREY)
+
+
+def _notes(curves: Collection[Curve], expected: Expected, lowest: float, last: float) -> str:
+    """What is drawn besides the curves, two to a line."""
+    known = [
+        ("grey: below half a unit in the last place of t", np.spacing(abs(expected.end_time)) / 2 > lowest),
+        ("grey dashes: the truth's radius", expected.radius > lowest),
+        ("at the lower edge: less, or no error", any(e.size and e[0] < lowest for _, e in curves)),
+        ("+: no later transition is matched", any(t.size and t[-1] < last for t, _ in curves)),
+    ]
+    notes = [words for words, drawn in known if drawn]
+    return "\n".join(";   ".join(notes[k : k + 2]) for k in range(0, len(notes), 2))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from henon_ref.casefile.case import Reading
 from henon_ref.figures import style
+from henon_ref.figures.description import describe
 from henon_ref.filippov.latex import latex
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+MODES_TITLE = "Distance from the surface, modes shaded"
 LONGEST_LABEL = 100
 """Operations of a surface that stands beside its curve."""
 MOST_SURFACES = 4
@@ -121,13 +123,22 @@ def draw_portrait(reading: Reading, motion: Motion) -> Figure | None:
         return None
     with style.figure(4.3, width=5.6) as figure:
         axes = figure.add_axes((0.13, 0.12, 0.84, 0.74))
-        portrait(axes, system, motion, pair)
-        axes.set_title(f"Phase portrait, {motion.times[0]:.10g} s to {motion.times[-1]:.10g} s", pad=24)
+        plane, boundary = portrait(axes, system, motion, pair)
+        title = f"Phase portrait, {motion.times[0]:.10g} s to {motion.times[-1]:.10g} s"
+        axes.set_title(title, pad=24)
+        labels = [label for label, _ in plane.pieces(motion.modes)]
+        pieces = "; ".join(f"{labels.count(label)} of {label}" for label in sorted(set(labels)))
+        describe(
+            figure,
+            title,
+            f"{system.states[plane.x].name} across, {system.states[plane.y].name} upward. Pieces: {pieces}."
+            + (" Surfaces are dashed lines." if boundary else ""),
+        )
         return figure
 
 
-def portrait(axes: Axes, system: FilippovSystem, motion: Motion, pair: tuple[int, int]) -> None:
-    """Phase portrait in the plane of two states, with a legend above it."""
+def portrait(axes: Axes, system: FilippovSystem, motion: Motion, pair: tuple[int, int]) -> tuple[_Plane, bool]:
+    """Phase portrait in the plane of two states, with a legend above it; how it is drawn, and whether surfaces are."""
     plane = _plane(system, *pair)
     drawn = _draw_pieces(axes, motion, plane)
     _draw_arrows(axes, motion, plane)
@@ -140,6 +151,7 @@ def portrait(axes: Axes, system: FilippovSystem, motion: Motion, pair: tuple[int
     axes.set_xlabel(_symbol(system, plane.x))
     axes.set_ylabel(_symbol(system, plane.y))
     _legend(axes, [*drawn, *boundary])
+    return plane, bool(boundary)
 
 
 def _plane(system: FilippovSystem, x: int, y: int) -> _Plane:
@@ -224,7 +236,8 @@ def draw_modes(reading: Reading, motion: Motion) -> Figure:
         inch = 1 / (0.85 + 1.55 * count)
         figure.subplots_adjust(left=0.1, right=0.985, bottom=0.48 * inch, top=1 - 0.32 * inch, hspace=0.12)
         surfaces_over_time(panels, system, motion)
-        panels[0].set_title("Distance from the surface, modes shaded")
+        panels[0].set_title(MODES_TITLE)
+        describe(figure, MODES_TITLE, " ".join(_shares(system, motion, k) for k in range(count)))
         return figure
 
 
@@ -235,6 +248,19 @@ def surfaces_over_time(panels: Sequence[Axes] | NDArray[Any], system: FilippovSy
     panels[-1].set_xlabel("time t [s]")
     panels[-1].set_xlim(motion.times[0], motion.times[-1])
     _mode_legend(panels[0], {_entry(mode, k) for mode in motion.modes for k in range(len(panels))})
+
+
+def _shares(system: FilippovSystem, motion: Motion, k: int) -> str:
+    """How long one surface's modes last, in words."""
+    durations = np.diff(motion.times)
+    entries = np.array([_entry(mode, k) for mode in motion.modes])[:-1]
+    parts = [
+        f"{words} for {float(durations[entries == entry].sum()):.3g} s"
+        for entry, words in ((0, "stick"), (1, "slip with sign +1"), (-1, "slip with sign −1"))
+        if (entries == entry).any()
+    ]
+    window = f"from {motion.times[0]:.10g} to {motion.times[-1]:.10g} s"
+    return f"h of surface {system.signs[k].name} over time, {window}: {', '.join(parts)}."
 
 
 def _draw_surface(axes: Axes, system: FilippovSystem, motion: Motion, k: int) -> None:

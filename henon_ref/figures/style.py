@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
+from zlib import crc32
 
-import numpy as np
-
-from henon_ref.text import one_line
+from henon_ref.figures.description import description_of, with_description
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
@@ -57,8 +56,8 @@ _RC: dict[Any, Any] = {
 
 THIN = 1.1
 """Width of an ordinary line [pt]; what is compared with all others is drawn wider."""
-SAMPLE = 22.0
-"""Length of a line's sample beside its label [pt]."""
+Dashes = str | tuple[int, tuple[int, ...]]
+"""A line's pattern: matplotlib's name for it, or offset and lengths of dashes and gaps [line widths]."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ class Line:
 
     colour: str
     marker: str
-    dashes: str = "-"
+    dashes: Dashes = "-"
     width: float = THIN
 
 
@@ -91,15 +90,54 @@ _LINES = {
 }
 """SUNDIALS is green, SciPy blue; their solvers differ in lightness, which colour-blind readers see too."""
 
+_THIRD = tuple(
+    Line(colour, marker, dashes)
+    for dashes, markers in (("-", "dph*"), ("--", "<>8H"), (":", "dph*"))
+    for colour, marker in zip((PURPLE, "#8C4A2F", "#CC79A7", "#6B6B00"), markers, strict=True)
+)
+"""Third parties' solvers: purple, brown, pink and olive, which no other solver has."""
+
+_VARIANTS: dict[str, Dashes] = {
+    "numba": "-.",
+    "event-free-step": (0, (4, 1, 1, 1, 1, 1)),
+    "offset": (0, (4, 1)),
+    "direction": (0, (1, 1)),
+    "none": (0, (2, 2)),
+}
+"""Dashes of a solver's variants, by what stands behind ``+`` or ``@``; colour and marker are the solver's own."""
+
+
+def lines_of(solvers: Iterable[str]) -> dict[str, Line]:
+    """How each of some solvers is drawn, no two alike up to a dozen third parties.
+
+    A variant (``+numba``, ``@offset``) has its solver's colour and marker, and dashes of its own. A third party's line
+    is found by its name, so that it is the same in every figure in which no other one has taken it.
+
+    Examples
+    --------
+    >>> lines_of(["henon"])["henon"].marker
+    'o'
+    """
+    names = dict.fromkeys(solvers)
+    bases = {name: re.split("[+@]", name) for name in names}
+    unknown = sorted({base for base, *_ in bases.values() if base not in _LINES})
+    own = dict(_LINES)
+    free = list(range(len(_THIRD)))
+    for base in unknown:
+        first = crc32(base.encode()) % len(_THIRD)
+        free = free or list(range(len(_THIRD)))
+        place = min(free, key=lambda k: (k - first) % len(_THIRD))
+        free.remove(place)
+        own[base] = _THIRD[place]
+    return {
+        name: replace(own[base], dashes=_VARIANTS.get(variant[-1], "-.")) if variant else own[base]
+        for name, (base, *variant) in bases.items()
+    }
+
 
 def line_of(solver: str) -> Line:
-    """How a solver is drawn: a variant (``+numba``, ``@offset``) as its base solver, dash-dotted.
-
-    Third parties' solvers share one line style and are told apart by their labels.
-    """
-    base, *variant = re.split("[+@]", solver)
-    line = _LINES.get(base, Line(PURPLE, "d"))
-    return replace(line, dashes="-.") if variant else line
+    """How a solver is drawn that stands alone, or among solvers that are not third parties'."""
+    return lines_of([solver])[solver]
 
 
 def look() -> AbstractContextManager[None]:
@@ -120,82 +158,41 @@ def figure(height: float, *, width: float = WIDTH) -> Iterator[Figure]:
 
 
 def save(figure: Figure, target: Path | BinaryIO, kind: str = "svg") -> None:
-    """Write a figure (SVG, or PNG for viewing) with nothing in it that changes from run to run."""
+    """Write a figure (SVG, or PNG for viewing) with nothing in it that changes from run to run.
+
+    An SVG has the role of an image, a title and a description (see :mod:`henon_ref.figures.description`).
+    """
     import matplotlib
 
+    buffer = io.BytesIO()
     metadata = {"Date": None, "Creator": None} if kind == "svg" else None
     with matplotlib.rc_context(_RC):
-        figure.savefig(target, format=kind, metadata=metadata, dpi=150)
+        figure.savefig(buffer, format=kind, metadata=metadata, dpi=150)
+    content = buffer.getvalue()
+    if kind == "svg":
+        content = with_description(content.decode(), *description_of(figure)).encode()
+    if isinstance(target, Path):
+        target.write_bytes(content)
+    else:
+        target.write(content)
 
 
-def spread(positions: Sequence[float], gap: float, low: float, high: float) -> list[float]:
-    """Move labels apart so that neighbours are at least ``gap`` apart, in their order and between two ends.
-
-    No other way to do so moves them less (in the sum of squares): isotonic regression of what is left of each position
-    once the gaps below it are taken off.
-
-    Examples
-    --------
-    >>> spread([0.0, 0.1, 2.0], 1.0, 0.0, 3.0)
-    [0.0, 1.0, 2.0]
-    >>> spread([1.0, 1.0], 0.5, 0.0, 3.0)
-    [0.75, 1.25]
-    """
-    from scipy.optimize import isotonic_regression
-
-    order = np.argsort(np.asarray(positions, dtype=float), kind="stable")
-    steps = gap * np.arange(len(order))
-    # What each is above the ones below it, packed at the gap, may not fall: a least-squares fit under that order,
-    # which bounds on both ends only clip.
-    excess = isotonic_regression(np.asarray(positions, dtype=float)[order] - steps).x
-    placed = np.empty(len(order))
-    placed[order] = np.clip(excess, low, high - gap * (len(order) - 1)) + steps
-    return [float(value) for value in placed]
-
-
-def label_points(axes: Axes, points: Sequence[tuple[str, float, float, Line]], *, x: float, gap: float) -> None:
-    """Labels in a column right of the axes, each with a sample of its line: they are the legend.
-
-    A thin line leads from each point level to the edge of the axes and from there to its label. Labels stand in the
-    order of their points and within the axes' height, so that no two of these lines cross.
+def decades(axis: Axis, text: Callable[[float], str] | None = None) -> None:
+    """Labels on the decades of a log-scaled axis: at most nine, no mathtext (which is slow to set).
 
     Parameters
     ----------
-    axes : Axes
-        Its limits and scales are set.
-    points : sequence of (str, float, float, Line)
-        Label, point, how its line is drawn.
-    x : float
-        Where the column starts, as a fraction of the axes' width.
-    gap : float
-        Least distance of two labels, as a fraction of the axes' height.
+    axis : Axis
+        Its limits are set.
+    text : callable, optional
+        A decade as text; powers of ten if not given.
     """
-    from matplotlib.lines import Line2D
-
-    to_axes = axes.transScale + axes.transLimits
-    starts = [[min(max(float(at), 0.0), 1.0) for at in to_axes.transform((px, py))] for _, px, py, _ in points]
-    gap = min(gap, 1.0 / max(len(points), 1))
-    heights = spread([level for _, level in starts], gap, gap / 2, 1.0 - gap / 2)
-    point = axes.figure.dpi / 72.0 / axes.bbox.width
-    for (text, _, _, line), (left, level), height in zip(points, starts, heights, strict=True):
-        shared: dict[str, Any] = {"color": line.colour, "transform": axes.transAxes, "clip_on": False}
-        leader = Line2D([left, 1.0, x - 2 * point], [level, level, height], lw=0.5, alpha=0.7, zorder=1, **shared)
-        along = [x + part * SAMPLE * point for part in (0.0, 0.5, 1.0)]
-        drawn: dict[str, Any] = {"ls": line.dashes, "lw": line.width, "marker": line.marker, "ms": 4.0}
-        axes.add_artist(leader)
-        axes.add_artist(Line2D(along, [height] * 3, markevery=[1], **drawn, **shared))
-        place: dict[str, Any] = {"transform": axes.transAxes, "va": "center", "fontsize": 8.0}
-        axes.text(x + (SAMPLE + 4) * point, height, one_line(text), parse_math=False, **place)
-
-
-def decades(axis: Axis) -> None:
-    """Plain-text labels on the decades of a log-scaled axis: at most nine, no mathtext (which is slow to set)."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     low, high = axis.get_view_interval()
     span = math.log10(high / low)
     axis.set_major_locator(LogLocator(10, numticks=9))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: power_of_ten(value)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: (text or power_of_ten)(value)))
     axis.set_minor_locator(LogLocator(10, subs=range(2, 10), numticks=12) if span < 6 else NullLocator())
     axis.set_minor_formatter(NullFormatter())
 
@@ -210,6 +207,23 @@ def power_of_ten(value: float) -> str:
     """
     exponent = round(math.log10(value)) if value > 0 else 0
     return "1" if exponent == 0 else "10" + str(exponent).translate(_SUPERSCRIPT)
+
+
+def time_text(seconds: float) -> str:
+    """A time with two digits, in the unit in which it is said.
+
+    Examples
+    --------
+    >>> [time_text(10.0**k) for k in range(-7, 3)]
+    ['0.1 µs', '1 µs', '10 µs', '0.1 ms', '1 ms', '10 ms', '0.1 s', '1 s', '10 s', '100 s']
+    >>> time_text(1.37e-4), time_text(0.0), time_text(2e-9), time_text(2345.0)
+    ('0.14 ms', '0 s', '2 ns', '2345 s')
+    """
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= 0.0999 * size or seconds == 0:
+            value = seconds / size
+            return f"{value:.0f} {unit}" if value >= 100 else f"{value:.2g} {unit}"
+    return f"{seconds * 1e9:.2g} ns"
 
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

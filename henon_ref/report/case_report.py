@@ -11,10 +11,11 @@ from pathlib import Path
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.columns import RUN_COLUMNS, STICK_COLUMNS
 from henon_ref.report.files.csv_files import csv_text
-from henon_ref.report.files.figure_jobs import READINGS, svg
+from henon_ref.report.files.figure_jobs import READINGS
 from henon_ref.report.files.folder_lock import locked_for_a_moment
-from henon_ref.report.files.manifest import Provenance, manifest_text
-from henon_ref.report.files.write import MANIFEST, REPORT, RUNS, STICKS, TRANSITIONS, write_through
+from henon_ref.report.files.manifest import Provenance, manifest_text, samples_text
+from henon_ref.report.files.svg import svg
+from henon_ref.report.files.write import MANIFEST, REPORT, RUNS, SAMPLES, STICKS, TRANSITIONS, write_through
 from henon_ref.report.text.markdown import report_text
 from henon_ref.report.text.overview import is_drawn, judged
 
@@ -26,6 +27,7 @@ def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]
         RUNS: csv_text(RUN_COLUMNS, comparison.run_rows).encode(),
         TRANSITIONS: csv_text(comparison.transition_columns, comparison.transition_rows).encode(),
         STICKS: csv_text(STICK_COLUMNS, comparison.stick_rows).encode(),
+        SAMPLES: samples_text(comparison).encode(),
     }
     for result in comparison.readings:
         files.update(result.figures)

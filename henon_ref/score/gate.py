@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -71,11 +71,17 @@ def gate_failures(reading: Reading, rows: Sequence[Row]) -> list[str]:
     rows : sequence of Row
         The run rows of this reading.
     """
-    failures: list[str] = []
+    return [words for _, words in unmet_bounds(reading, rows)]
+
+
+def unmet_bounds(reading: Reading, rows: Sequence[Row]) -> list[tuple[Row, str]]:
+    """The bounds of :func:`gate_failures`, each with the row that does not meet it."""
+    failures: list[tuple[Row, str]] = []
     for solver, gate in reading.gate.items():
         row, _ = _row(solver, gate, reading, rows)
         if row is not None:
-            failures += [f"{reading.name}: {solver}{_setting(row)}: {failure}" for failure in _broken(gate, row)]
+            where = f"{reading.name}: {solver}{setting_text(row)}"
+            failures += [(row, f"{where}: {failure}") for failure in _broken(gate, row)]
     return failures
 
 
@@ -98,18 +104,22 @@ def _tightness(row: Row) -> float:
     return float(value) if isinstance(value, int | float) else float("inf")
 
 
-def _setting(row: Row) -> str:
-    return f" (rtol {row['rtol']:g})" if row["rtol"] is not None else f" (step {row['step_s']:g} s)"
+def setting_text(row: Row) -> str:
+    """Tolerance or step of a row, in brackets, to stand behind its solver."""
+    if row["rtol"] is not None:
+        return f" (rtol {row['rtol']:g})"
+    return f" (step {row['step_s']:g} s)" if row["step_s"] is not None else ""
 
 
-def _status(row: Row) -> str:
+def status_text(row: Row) -> str:
+    """Status of a row, and the reason where it has one."""
     return f"{row['status']} ({row['status_reason']})" if row["status_reason"] else str(row["status"])
 
 
 def _broken(gate: Gate, row: Row) -> list[str]:
     failures: list[str] = []
     if row["status"] != gate.status:
-        failures.append(f"status {_status(row)}, wanted {gate.status}")
+        failures.append(f"status {status_text(row)}, wanted {gate.status}")
     for name, column, bound in (
         ("worst time error", "max_time_error_s", gate.max_time_error),
         ("worst stick error", "max_stick_error_s", gate.max_stick_error),
@@ -136,15 +146,23 @@ class Demand:
     """Those and the ones in which it is wrong by its own fault."""
     failures: tuple[str, ...] = ()
     """A sentence for each in which it is not right by its own fault, or could not be run."""
+    known: int = 0
+    """Readings in which it fails as expected; they are not judged."""
 
     def __add__(self, other: Demand) -> Demand:
-        return Demand(self.right + other.right, self.judged + other.judged, self.failures + other.failures)
+        return Demand(
+            self.right + other.right,
+            self.judged + other.judged,
+            self.failures + other.failures,
+            self.known + other.known,
+        )
 
 
-def demand(solver: str, rows: Sequence[Row]) -> Demand:
+def demand(solver: str, rows: Sequence[Row], known: Callable[[Row], bool] = lambda row: False) -> Demand:
     """Whether a solver is right in every reading of a case, at its tightest setting.
 
-    What it does not support, and what is ill-conditioned, not unique or out of time by its own word, is not judged.
+    What it does not support, and what is ill-conditioned, not unique or out of time by its own word, is not judged;
+    nor is a failure that is ``known`` (expected, see :mod:`henon_ref.score.known`).
     """
     found = Demand()
     by_reading: dict[object, list[Row]] = {}
@@ -153,13 +171,15 @@ def demand(solver: str, rows: Sequence[Row]) -> Demand:
             by_reading.setdefault(row["reading"], []).append(row)
     for reading, own in by_reading.items():
         row = min(own, key=_tightness)
-        failure = f"{row['case']}: {reading}: {solver}{_setting(row)}: {_status(row)}"
-        if row["status"] == "unavailable":
+        failure = f"{row['case']}: {reading}: {solver}{setting_text(row)}: {status_text(row)}"
+        repeated = REPEATED in str(row["status_reason"])  # right once, and then a crash, or a deadline ignored
+        defect = repeated or row["verdict"] == "solver defect"
+        if (defect or row["status"] == "unavailable") and known(row):
+            found += Demand(known=1)
+        elif row["status"] == "unavailable":
             found += Demand(failures=(failure,))
-        elif REPEATED in str(row["status_reason"]):  # right once, and then a crash, or a deadline ignored
+        elif defect:
             found += Demand(judged=1, failures=(failure,))
         elif row["verdict"] == "right":
             found += Demand(right=1, judged=1)
-        elif row["verdict"] == "solver defect":
-            found += Demand(judged=1, failures=(failure,))
     return found

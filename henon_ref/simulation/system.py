@@ -118,7 +118,8 @@ class System:
         Parameters
         ----------
         path : str or Path
-            A case file, with a ``system`` or a ``scene``.
+            A case file, with a ``system`` or a ``scene``; or the name of a case that comes with the package, such as
+            ``fig8``.
         reading : str, optional
             Name of the reading; the first one of the file if left out.
 

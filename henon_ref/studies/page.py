@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from henon_ref.figures import style
+from henon_ref.report.files.svg import svg
 from henon_ref.report.files.write import INDEX, replace_file
 from henon_ref.report.text.markdown import environment
 
@@ -54,9 +53,7 @@ def write(
     for name, text in tables.items():
         replace_file(folder / name, text.encode())
     for name, figure in figures.items():
-        buffer = io.BytesIO()
-        style.save(figure, buffer)
-        replace_file(folder / name, buffer.getvalue())
+        replace_file(folder / name, svg(figure))
     text = environment().get_template(f"{template}.md.j2").render(context)
     replace_file(folder / INDEX, text.strip().encode() + b"\n")
     return folder / INDEX

@@ -2,18 +2,20 @@
 
 What is proven comes first: where ball arithmetic encloses a transition, its digits and radius are the truth, and
 heyoka's digits must lie within the enclosure, or there is no truth at all. Where the proof stops, heyoka's
-digits go on, and the truth says that it is not certified and why. Closed forms of the case replace computed
-times once they have been found to agree with them.
+digits go on, and the truth says that it is not certified and why. Where heyoka is not installed, the proof stands
+alone: it is the truth as far as it goes, and the truth says so. Closed forms of the case replace computed times once
+they have been found to agree with them.
 """
 
 from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from decimal import Decimal, localcontext
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,6 +40,8 @@ CLAIM_BITS = 320
 """Precision at which a stored closed form is held against its case's."""
 ANEW = "it is not used, the truth is computed anew"
 """What is said of a stored truth that does not hold."""
+ALONE = "alone: heyoka is not installed"
+"""What is said of a proof beside which there is no other route."""
 END_TOLERANCE = 1e-12
 """Relative difference to the end that a case expects; a blow-up's time is an extrapolation."""
 
@@ -72,6 +76,8 @@ def truth_for(
     Truth
         From the store where the hash of the mathematics matches. Otherwise computed, and stored where nothing is
         replaced by it but what the user's cache holds: a file in ``cases/truth`` that cannot be used stays as it is.
+        Nothing is stored in an installed package.
+        One that heyoka would take further is not stored where it is not installed.
 
     Raises
     ------
@@ -81,9 +87,11 @@ def truth_for(
     if not recompute and (stored := stored_truth(case, reading, folder)) is not None:
         return stored
     truth = compute(case, reading, proof_seconds=PROOF_SECONDS, barren_seconds=BARREN_SECONDS, progress=progress)
-    places = _places(case, folder)
+    if not truth.certified and not heyoka_installed():
+        return truth
+    places = [place for place in _places(case, folder) if not store.inside_package(place)]
     free = [place for place in places[:-1] if not os.path.lexists(store.path_of(place, case.name, reading.name))]
-    for place in (*free, places[-1]):
+    for place in (*free, *places[-1:]):
         try:
             store.save(place, truth)
             break
@@ -172,16 +180,22 @@ def compute(
     # Libraries of half a second's import are not for those who only read a stored truth.
     from henon_ref.truth.closed_forms import with_closed_forms
     from henon_ref.truth.conditioning import conditioning
-    from henon_ref.truth.multiprecision.route import multiprecision
     from henon_ref.truth.validated.route import prove
 
-    problem = reading.problem
-    computed = multiprecision(problem, progress=_stage(progress, "heyoka"))
-    barren = computed.status == "failed" and not computed.transitions and barren_seconds is not None
-    seconds = barren_seconds if barren else proof_seconds
+    problem, seconds, computed = reading.problem, proof_seconds, None
+    if heyoka_installed():
+        from henon_ref.truth.multiprecision.route import multiprecision
+
+        computed = multiprecision(problem, progress=_stage(progress, "heyoka"))
+        if computed.status == "failed" and not computed.transitions and barren_seconds is not None:
+            seconds = barren_seconds
     proof = prove(problem, seconds=seconds, progress=_stage(progress, "proof"))
     where = f"{case.name}, {reading.name}"
-    truth = _combined(case.name, reading, computed, proof, where)
+    if computed is None:
+        proof = replace(proof, method=f"{proof.method} ({ALONE})")
+        truth = _truth(case.name, reading, proof, (proof,), proof.transitions, proof.undecided)
+    else:
+        truth = _combined(case.name, reading, computed, proof, where)
     transitions = truth.transitions
     try:
         if reading.exact is not None:
@@ -233,6 +247,21 @@ def _combined(case: str, reading: Reading, computed: Route, proof: Route, where:
         )
     leading = proof if certified or proven > len(computed.transitions) else computed
     routes = (proof, computed) if proven or certified else (computed, proof)
+    transitions = proof.transitions + computed.transitions[proven:]
+    return replace(
+        _truth(case, reading, leading, routes, transitions, proof.undecided), near_grazes=computed.near_grazes
+    )
+
+
+def _truth(
+    case: str,
+    reading: Reading,
+    leading: Route,
+    routes: Sequence[Route],
+    transitions: tuple[ReferenceTransition, ...],
+    undecided: str,
+) -> Truth:
+    """A truth that ends as one of its routes does; ``undecided`` is what kept the proof from its end."""
     return Truth(
         case=case,
         reading=reading.name,
@@ -241,12 +270,17 @@ def _combined(case: str, reading: Reading, computed: Route, proof: Route, where:
         reason=leading.reason,
         end_digits=leading.end_digits,
         end_radius=leading.end_radius,
-        transitions=proof.transitions + computed.transitions[proven:],
-        near_grazes=computed.near_grazes,
+        transitions=transitions,
+        near_grazes=(),
         methods=tuple((route.method, route.bits, route.seconds) for route in routes),
-        certified=certified,
-        uncertified_because=proof.undecided,
+        certified=not undecided,
+        uncertified_because=undecided,
     )
+
+
+def heyoka_installed() -> bool:
+    """Whether there is heyoka, which the multiprecision route is computed by."""
+    return find_spec("heyoka") is not None
 
 
 def difference(a: ReferenceTransition, b: ReferenceTransition) -> str:

@@ -29,22 +29,22 @@ from collections.abc import Callable, Sequence
 from math import inf
 from typing import Any
 
-import heyoka as hy
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
-from henon_ref.truth.multiprecision.heyoka import double_constants, to_heyoka
 from henon_ref.truth.reference import ReferenceTransition, instants
 
 Vector = NDArray[np.float64]
 
 TOLERANCE = 1e-12
+"""Of the variational equations, relative and as a part of each number's size on the way."""
 AT_ONCE = 1e-9
 """A guard within this part of a mode's length of its root counts as fallen."""
 
@@ -74,8 +74,9 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
     for group in instants(transitions):
         first = transitions[group[0]]
         length = first.time - time
-        spread = flow.derivative(mode, time, state, first.time) @ spread
-        time, state = first.time, np.array([float(v) for v in first.state])
+        landed = np.array([float(v) for v in first.state])
+        spread = flow.derivative(mode, time, state, first.time, landed) @ spread
+        time, state = first.time, landed
         falls = _fallen_guards(flow, mode, first.to_mode, [transitions[i].surface for i in group], time, state, length)
         for i in group:
             own = [f for f in falls if f[0].index == transitions[i].surface] or falls
@@ -114,22 +115,30 @@ class _Variations:
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
-        self._flows: dict[frozenset[int], tuple[Any, list[int]]] = {}
+        self._flows: dict[Mode, Callable[..., Any]] = {}
         self._functions: dict[Mode, Callable[..., Any]] = {}
 
-    def derivative(self, mode: Mode, begin: float, state: Vector, end: float) -> Vector:
-        """Phi: derivative of the state at ``end`` with respect to the state at ``begin``, both within a mode."""
-        n = len(state)
-        if not end > begin:
+    def derivative(self, mode: Mode, begin: float, state: Vector, end: float, landed: Vector) -> Vector:
+        """Phi: derivative of the state at ``end`` (``landed``) with respect to that at ``begin``, within a mode."""
+        n, length = len(state), end - begin
+        if not length > 0:
             return np.eye(n)
-        integrator, signs = self._flow(frozenset(i for i, s in enumerate(mode) if s == 0))
-        integrator.pars[:] = [float(mode[i]) for i in signs]
-        integrator.time = begin
-        integrator.state[:n] = state
-        integrator.state[n:] = np.eye(n).ravel()
-        if integrator.propagate_until(end)[0] != hy.taylor_outcome.time_limit:
+        flow = self._flow(mode)
+
+        def rates(passed: float, values: Vector) -> Vector:
+            field, jacobian = flow(np.float64(begin + passed), *values[:n])
+            growth = np.array(jacobian, dtype=float) @ values[n:].reshape(n, n)
+            return np.concatenate([np.array(field, dtype=float), growth.ravel()])
+
+        start = np.concatenate([state, np.eye(n).ravel()])
+        with np.errstate(all="ignore"):
+            size = np.max(np.abs([state, landed, rates(0.0, start)[:n] * length]), axis=0)
+            size[~(size > 0)] = 1.0
+            sizes = np.concatenate([size, np.divide.outer(size, size).ravel()])
+            run = solve_ivp(rates, (0.0, length), start, "DOP853", rtol=TOLERANCE, atol=TOLERANCE * sizes)
+        if run.status != 0:
             return np.full((n, n), np.nan)  # a singularity close by: double precision cannot say
-        return np.array(integrator.state[n:]).reshape(n, n)
+        return run.y[n:, -1].reshape(n, n)
 
     def guards(self, mode: Mode, time: float, state: Vector) -> list[tuple[Guard, float, Vector, float]]:
         """(guard, value, gradient, rate along the field) of every guard of a mode."""
@@ -194,22 +203,11 @@ class _Variations:
         gradients = gradients.reshape(len(values), len(state))
         return field, values, gradients, drift + gradients @ field
 
-    def _flow(self, sliding: frozenset[int]) -> tuple[Any, list[int]]:
-        """heyoka's integrator of the variational equations of all modes with these sliding surfaces."""
-        if sliding not in self._flows:
+    def _flow(self, mode: Mode) -> Callable[..., Any]:
+        """(t, state) -> field and its Jacobian, of a mode."""
+        if mode not in self._flows:
             system = self.system
-            field = [system.numeric(f) for f in system.shared_equations(sliding).field]
-            used = set().union(*(f.free_symbols for f in field))
-            signs = [i for i, s in enumerate(system.signs) if s in used]
-            names = [f"y{i}" for i in range(len(field))]
-            variables = hy.make_vars(*names) if len(names) > 1 else [hy.make_vars(*names)]
-            symbols: dict[sp.Symbol, Any] = {TIME: hy.time, **dict(zip(system.states, variables, strict=True))}
-            symbols.update((system.signs[i], hy.par[k]) for k, i in enumerate(signs))
-            rhs = [to_heyoka(f, symbols, double_constants) for f in field]
-            equations = hy.var_ode_sys(list(zip(variables, rhs, strict=True)), hy.var_args.vars, order=1)
-            start = [0.0] * len(names)
-            self._flows[sliding] = (
-                hy.taylor_adaptive(equations, start, pars=[0.0] * len(signs), tol=TOLERANCE, compact_mode=True),
-                signs,
-            )
-        return self._flows[sliding]
+            field = [system.numeric(f) for f in system.equations(mode).field]
+            jacobian = [[sp.diff(f, x) for x in system.states] for f in field]
+            self._flows[mode] = sp.lambdify([TIME, *system.states], [field, jacobian], np, cse=True)
+        return self._flows[mode]

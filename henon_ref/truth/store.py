@@ -19,6 +19,7 @@ import platformdirs
 from henon_ref.truth.reference import ReferenceTransition, Truth, TruthError
 from henon_ref.truth.stored_form import SCHEMA, parse
 
+_PACKAGE = Path(__file__).resolve().parents[1]
 _CHECKSUM = re.compile(r'(?<=\n "checksum": ")[0-9a-f]{64}(?="\n\}\n\Z)')
 
 
@@ -48,6 +49,17 @@ def folder_of(case_file: Path | None) -> Path:
             if parent.name == "cases":
                 return parent / "truth"
     return user_folder()
+
+
+def folder_for_new(case_file: Path | None) -> Path:
+    """Where a new truth of a case file is put: beside the others, but never into an installed package."""
+    folder = folder_of(case_file)
+    return user_folder() if inside_package(folder) else folder
+
+
+def inside_package(folder: Path) -> bool:
+    """Whether a folder is part of the package, as the truths of the shipped cases are where a wheel is installed."""
+    return folder.resolve().is_relative_to(_PACKAGE)
 
 
 def user_folder() -> Path:

@@ -44,11 +44,12 @@ def test_a_report_holds_what_the_contract_says(made_up, tmp_path, capsys):
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["rerun"] == "python -m henon_ref.compare made_up.yaml --repeats 2"
     assert manifest["readings"]["default"]["parameters"]["F"] == {"exact": "1", "value": 1.0}
-    assert len(manifest["samples"][0]["samples_ns"]) == 2
+    with (folder / "samples.csv").open() as file:
+        assert len(next(csv.DictReader(file))["samples_ns"].split()) == 2
     assert sorted(manifest["files"]) == sorted(os.listdir(folder))
     captured = capsys.readouterr()
     assert captured.err == ""
-    assert captured.out.splitlines() == ["out/made_up/report.md; gate met"]
+    assert captured.out.splitlines()[-1] == "out/made_up/report.md; gate met"
 
 
 def test_the_report_begins_with_a_row_a_solver(made_up, tmp_path):
@@ -56,8 +57,9 @@ def test_the_report_begins_with_a_row_a_solver(made_up, tmp_path):
     lines = (tmp_path / "out/made_up/report.md").read_text().splitlines()
     assert lines[0] == "# A made-up system"
     assert lines[2].startswith("| solver |")
-    assert lines[4].startswith("| `henon` | 2 of 2 | 6 |")
-    assert lines[5].startswith("| `heyoka` | 0 of 2 |")
+    assert lines[4].startswith("| `henon` | 6 |")
+    assert lines[4].endswith("| 1e-6 | 2 of 2 |  |")
+    assert lines[5].startswith("| `heyoka` |  |  |  |  | 0 of 2 |")
     assert lines[5].endswith("| 1 missed, 0 spurious at 1e-3, 1e-6 |")
     assert (tmp_path / "out/README.md").read_text().startswith("# Reports")
 
@@ -71,10 +73,10 @@ def test_the_gate_decides_the_exit_status_only_where_asked(made_up, monkeypatch,
 
 def test_a_gate_that_checked_nothing_does_not_pass(made_up, capsys):
     words = "none of the 2 bounds of the gate is on a solver that ran"
-    assert run(made_up, "--solvers", "heyoka") == 0
+    assert run(made_up, "--solvers", "heyoka", "--quiet") == 0
     captured = capsys.readouterr()
     assert (captured.out, captured.err) == (f"out/made_up/report.md; gate not checked: {words}\n", "")
-    assert run(made_up, "--solvers", "heyoka", "--gate") == 1
+    assert run(made_up, "--solvers", "heyoka", "--gate", "--quiet") == 1
     captured = capsys.readouterr()
     assert captured.out == f"out/made_up/report.md; gate not checked: {words}\n"
     assert sorted(captured.err.splitlines()) == [
@@ -88,7 +90,7 @@ def test_a_gate_that_is_checked_in_part_says_so(made_up, tmp_path, capsys):
     (tmp_path / "other.yaml").write_text(other)
     assert run(made_up, "other.yaml", "--solvers", "henon", "--gate") == 0
     captured = capsys.readouterr()
-    assert captured.out.splitlines() == ["out/README.md; gate met (2 of 4 bounds checked)"]
+    assert captured.out.splitlines()[-1] == "out/README.md; gate met (2 of 4 bounds checked)"
     assert captured.err == "gate: bounds on what did not run are left out: heyoka\n"
 
 
@@ -120,7 +122,7 @@ def test_a_tighter_tolerance_than_the_case_has_does_not_stand_in_for_its_tightes
 
 
 def test_a_required_solver_decides_the_exit_status(made_up, monkeypatch, capsys):
-    assert run(made_up, "--require", "henon") == 0
+    assert run(made_up, "--require", "henon", "--quiet") == 0
     assert capsys.readouterr().out == "out/made_up/report.md; gate met; henon right in 1 of 1 judged\n"
     assert run(made_up, "--require", "henon,heyoka") == 1
     captured = capsys.readouterr()
@@ -144,9 +146,9 @@ def test_a_required_solver_that_cannot_be_judged_does_not_pass(made_up, monkeypa
 
 def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, capsys):
     (tmp_path / "plain.yaml").write_text(re.sub("gate: .*", "", CASE.format(name="plain")))
-    assert run("plain.yaml", "--gate") == 0
+    assert run("plain.yaml", "--gate", "--quiet") == 0
     assert capsys.readouterr().out == "out/plain/report.md; gate not checked: there is no bound\n"
-    assert run("plain.yaml") == 0
+    assert run("plain.yaml", "--quiet") == 0
     assert capsys.readouterr().out == "out/plain/report.md\n"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
@@ -15,6 +16,10 @@ from henon_ref import registry
 from henon_ref.campaign.run_jobs import sample_times
 from henon_ref.campaign.truth_job import statement_of
 from henon_ref.casefile.case import Reading, load_case
+from henon_ref.columns import Row
+from henon_ref.figures.cost import draw_cost
+from henon_ref.figures.description import description_of
+from henon_ref.figures.errors import draw_errors, running_maximum
 from henon_ref.figures.motion import Motion, axes_of_portrait, draw_modes, draw_portrait, motion_of
 from henon_ref.report.files.figure_jobs import svg
 from henon_ref.score.reference import Expected
@@ -87,3 +92,63 @@ def test_an_arc_is_as_smooth_as_its_samples():
     drawn = drawn_vertices(figure, figure.axes[0])
     gaps = [b[0] - a[0] for a, b in pairwise(drawn.tolist())]
     assert max(gaps) <= 1.01 * np.diff(motion.times).max()
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A run's rows."""
+
+    run: Row
+    transitions: list[Row]
+
+
+def scored(solver: str, errors: dict[float, float | None], **run: object) -> Scored:
+    """A run with an error [s] at each of some transition times [s]; None: it is missed."""
+    rows = [{"reference_time_s": t, "time_error_s": e, "kind": "stick"} for t, e in errors.items()]
+    usual = {"solver": solver, "rtol": 1e-12, "step_s": None, "verdict": "right", "status": "ok", "matched": 1}
+    timed = {"wall_s": 1e-4, "wall_s_low": 1e-4, "wall_s_high": 1e-4, "max_time_error_s": 1e-9}
+    return Scored({**usual, **timed, **run}, rows)
+
+
+ERRORS = {1.0: -3e-12, 2.0: 1e-12, 3.0: None, 4.0: 5e-10, 5.0: 0.0}
+
+
+def test_errors_are_drawn_as_a_running_maximum():
+    times, errors = running_maximum(scored("henon", ERRORS))
+    assert times.tolist() == [1.0, 2.0, 4.0, 5.0]
+    assert errors.tolist() == [3e-12, 3e-12, 5e-10, 5e-10]
+    assert [values.size for values in running_maximum(scored("henon", {}))] == [0, 0]
+
+
+def test_a_curve_ends_where_nothing_later_is_matched():
+    _, expected, _ = moved("equations")
+    at = [event.time for event in expected.transitions if event.kind != "graze"]
+    whole, cut = dict.fromkeys(at, 1e-12), dict.fromkeys(at[:3], 1e-11)
+    figure = draw_errors([scored("henon", whole), scored("ida", cut, status="failed", verdict="wrong")], expected)
+    (axes,) = figure.axes
+    steps = [line for line in axes.lines if line.get_drawstyle() == "steps-post"]
+    assert [line.get_xdata()[-1] for line in steps] == [expected.end_time, at[2]]
+    assert [line.get_xdata().tolist() for line in axes.lines if line.get_marker() == "+"] == [[at[2]]]
+    assert "+: no later transition is matched" in figure.texts[0].get_text()
+    assert [text.get_text() for text in axes.texts] == ["henon 1e-12", "ida 1e-12 (failed)"]
+    assert "henon 1e-12 1.0e-12 s; ida 1e-12 (failed) 1.0e-11 s" in description_of(figure)[1]
+
+
+def test_markers_of_cost_mean_one_thing_each_and_times_have_units():
+    _, expected, _ = moved("equations")
+    rows = [scored(solver, {}, wall_s=wall, **more).run for solver, wall, more in (
+        ("henon", 1e-4, {}), ("mine", 2e-2, {}), ("yours", 3e-2, {"verdict": "solver defect", "wall_s_high": 1.0}),
+    )]  # fmt: skip
+    figure = draw_cost(rows[:2], expected)
+    assert figure.axes[0].get_legend() is None
+    figure = draw_cost(rows, expected)
+    (axes,) = figure.axes
+    words = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert words[0] == "right"
+    assert words[1].startswith("not right")
+    assert words[2:] == ["95 % interval of the median"]
+    hollow = [line for line in axes.lines if len(line.get_xdata()) and line.get_markerfacecolor() == "white"]
+    assert [line.get_xdata().tolist() for line in hollow] == [[3e-2]]
+    labels = [label.get_text() for label in axes.get_xticklabels()]
+    assert {"0.1 ms", "1 ms", "10 ms", "0.1 s"} <= set(labels)
+    assert draw_cost(rows[:1], expected) is None

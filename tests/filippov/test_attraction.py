@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import pytest
 import sympy as sp
+from multiprecision import multiprecision
 from problems import make_problem
 from runs import run
 
 from henon_ref.filippov.attraction import attraction_guards
 from henon_ref.filippov.problem import Problem
 from henon_ref.taylor.tape import TIME
-from henon_ref.truth.multiprecision.route import multiprecision
 from henon_ref.truth.validated.route import prove
 
 

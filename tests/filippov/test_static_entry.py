@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import sympy as sp
 from flint import arb, ctx
+from multiprecision import simulate
 
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.errors import CaseError
@@ -25,7 +26,6 @@ from henon_ref.registry import solver
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.multiprecision.mode_selection import ModeSelection
 from henon_ref.truth.multiprecision.numbers import exact_ball
-from henon_ref.truth.multiprecision.run import simulate
 from henon_ref.truth.validated import certify
 
 FS, FK, VB = sp.Rational(3, 2), sp.Integer(1), sp.Rational(1, 2)

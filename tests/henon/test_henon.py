@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from multiprecision import simulate
 from problems import make_problem
 from runs import kinds, run, times
 
@@ -17,7 +18,6 @@ from henon_ref.henon import records as k
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.run import Run
 from henon_ref.henon.solver import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
-from henon_ref.truth.multiprecision.run import simulate
 
 CASES = Path(__file__).parents[2] / "cases"
 SOLVERS = [HENON_SOLVER, HENON_NEWTON, HENON_BRENT]

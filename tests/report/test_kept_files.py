@@ -24,8 +24,10 @@ from henon_ref.cli import compare_cases
 from henon_ref.columns import RUN_COLUMNS
 from henon_ref.errors import CaseError
 from henon_ref.report import case_report
+from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.write import check_index
-from henon_ref.report.text.index import Entry, entries, index_text, write_index
+from henon_ref.report.text.index import index_text, matrix_text, merged, write_index
+from henon_ref.report.text.matrix_rows import MATRIX_COLUMNS
 
 paper = importlib.import_module("henon_ref.cli.paper")
 pytestmark = [
@@ -77,7 +79,7 @@ def test_the_paper_s_page_does_not_replace_one_of_somebody_else(tmp_path, capsys
 def test_a_report_that_cannot_be_read_is_left_out_of_the_index(made_up, tmp_path, capsys, name, content, words):
     assert run(made_up, "--out", "out") == 0
     shutil.copytree(tmp_path / "out/made_up", tmp_path / "out/other")
-    assert [entry.case for entry in entries(tmp_path / "out")] == ["made_up", "other"]
+    assert {row["case"] for row in merged(tmp_path / "out")} == {"made_up", "other"}
     (tmp_path / "out/other" / name).write_bytes(content.encode("latin-1"))
     capsys.readouterr()
     assert run(made_up, "--out", "out") == 0
@@ -93,9 +95,21 @@ def test_the_committed_index_and_pages_may_be_made_again(folder):
 
 
 def test_an_index_of_nothing_and_of_one_reading_is_known_again(tmp_path):
-    for found in ([], [Entry("made_up", "Made up", "default", [])]):
-        (tmp_path / "README.md").write_text(index_text(found))
+    row = {**dict.fromkeys(MATRIX_COLUMNS), "case": "made_up", "title": "Made up", "reading": "default", "solver": "a"}
+    for rows in ([], [row]):
+        (tmp_path / "README.md").write_text(index_text(rows, tmp_path))
+        (tmp_path / "matrix.md").write_text(matrix_text(rows, tmp_path))
+        (tmp_path / "matrix.csv").write_text(csv_text(MATRIX_COLUMNS, rows))
         check_index(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["matrix.csv", "matrix.md"])
+def test_a_matrix_of_somebody_else_is_not_replaced(made_up, tmp_path, capsys, name):
+    (tmp_path / name).write_text("1,2\n")
+    assert run(made_up, "--out", ".") == 2
+    assert f"{name}: was not written by henon_ref" in capsys.readouterr().err
+    assert (tmp_path / name).read_text() == "1,2\n"
+    assert not (tmp_path / "made_up").exists()
 
 
 @pytest.mark.skipif(os.geteuid() == 0 if hasattr(os, "geteuid") else True, reason="root writes anywhere")

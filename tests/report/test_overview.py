@@ -78,7 +78,7 @@ def first(comparison: Comparison) -> dict[str, dict[str, str]]:
     return cells(tables(report_text(comparison, ORIGIN))[0])
 
 
-RIGHT = "readings right at one setting"
+RIGHT = "right"
 
 
 def test_one_setting_for_all_readings_costs_the_sum_of_their_times():
@@ -106,8 +106,9 @@ def test_a_time_of_all_readings_that_scatters_is_marked():
 def test_a_setting_that_is_wrong_in_one_reading_is_not_right_in_all():
     comparison = sweep(wrong=[("henon", "f3", 1e-6)])
     table = first(comparison)
-    assert list(table["`henon`"].values()) == ["`henon`", "4 of 4", "1e-9", "1 of 2"]
-    assert list(table["`heyoka`"].values()) == ["`heyoka`", "4 of 4", "1e-6, 1e-9", "2 of 2"]
+    assert list(table["`henon`"].values()) == ["`henon`", "9", "0.318 ms", "1", "1e-9", "4 of 4", ""]
+    also = "in as many at 1e-6"
+    assert list(table["`heyoka`"].values()) == ["`heyoka`", "9", "1.27 ms", "4", "1e-9", "4 of 4", also]
     whole = tables(report_text(comparison, ORIGIN))
     prices = next(own for own in whole if own.headings[:2] == ("digits", "cheapest"))
     digits = next(own for own in whole if own.headings[0] == "reading")
@@ -121,30 +122,55 @@ def test_where_no_setting_is_right_in_all_readings_the_best_ones_are_shown():
     wrong = [(solver, f"f{v}", rtol) for solver in ("henon", "heyoka") for v in (1, 2) for rtol in (1e-6, 1e-9)]
     comparison = sweep(wrong=wrong[1:])
     table = first(comparison)
-    assert (table["`henon`"][RIGHT], table["`henon`"]["at"]) == ("3 of 4", "1e-6")
-    assert (table["`heyoka`"][RIGHT], table["`heyoka`"]["at"]) == ("2 of 4", "1e-6, 1e-9")
+    assert list(table["`henon`"].values()) == ["`henon`", "6", "", "", "1e-6", "3 of 4", ""]
+    assert list(table["`heyoka`"].values())[1:] == ["9", "", "", "1e-9", "2 of 4", "in as many at 1e-6"]
     assert all("cheapest" not in own.headings for own in tables(report_text(comparison, ORIGIN))[:2])
     none = first(sweep(wrong=[(s, f"f{v}", r) for s in ("henon", "heyoka") for v in VALUES for r in (1e-6, 1e-9)]))
-    assert (none["`henon`"][RIGHT], none["`henon`"]["at"]) == ("0 of 4", "")
+    assert list(none["`henon`"].values())[1:] == ["", "", "", "", "0 of 4", ""]
 
 
 def test_readings_without_a_truth_are_counted_and_left_out():
     comparison = sweep(without_truth=("f2",))
-    table = first(comparison)
-    assert table["`henon`"][RIGHT] == "3 of 3"
-    assert list(table["all readings"].values()) == ["all readings", "4", "", "without a truth: 1"]
-    assert "[f2](#f2)" not in report_text(comparison, ORIGIN)
+    assert first(comparison)["`henon`"][RIGHT] == "3 of 3"
+    text = report_text(comparison, ORIGIN)
+    assert "in how many of 3 readings, 1 more without a truth, at one and the same setting" in text
+    assert "[f2](#f2)" not in text
+    assert "No run is judged: there is no truth (none)." in text.partition("## f2\n")[2].partition("## f3\n")[0]
 
 
 def test_of_many_readings_each_has_its_tables_in_its_own_section():
     head, section = report_text(sweep(), ORIGIN).split("## f1\n\n")
-    assert "exact run" not in [own.headings[0] for own in tables(head)]
-    assert [own.headings[0] for own in tables(section)[:2]] == ["solver", "exact run"]
+    assert "printed [s]" not in [own.headings[0] for own in tables(head)]
+    assert [own.headings[0] for own in tables(section)[:2]] == ["solver", "printed [s]"]
 
 
 def test_of_few_readings_the_tables_stand_at_the_top():
     assert MANY == 4
     head = report_text(sweep(readings=VALUES[:3]), ORIGIN).split("## f1\n")[0]
-    assert [own.headings[0] for own in tables(head)[:6]] == ["solver", "exact run"] * 3
+    assert [own.headings[0] for own in tables(head)] == ["solver"] * 3
+    assert head.count("its time set against the shortest one in the table") == 1
     assert "[f2](#f2)" in head
     assert "## All readings" not in head
+
+
+def test_a_model_and_a_story_are_told_once():
+    text = report_text(sweep(), ORIGIN)
+    assert text.count("\\begin{aligned}") == report_text(sweep(readings=(1,)), ORIGIN).count("\\begin{aligned}")
+    assert text.count("The equations are those of [f1](#f1).") == len(VALUES) - 1
+    assert all(f"$F = {value}$" in text for value in VALUES)
+    told = replace(case(text=SWEEP).readings[0], story="A story.")
+    comparison = sweep()
+    for result in comparison.readings:
+        result.reading = replace(result.reading, story=told.story)
+    assert report_text(comparison, ORIGIN).count("A story.") == 1
+
+
+def test_of_settings_that_are_as_good_the_cheapest_is_shown():
+    comparison = sweep(settings=(1e-9, 0.9e-9))
+    for result in comparison.readings:
+        comparison.of_reading(result.reading.name)[1].run["wall_s"] = 1e-9
+    row = first(comparison)["`henon`"]
+    assert (row["setting"], row["note"]) == ("9e-10", "in as many at 1e-9")
+    for result in comparison.readings:
+        comparison.of_reading(result.reading.name)[0].run["wall_s"] = 1e-10
+    assert first(comparison)["`henon`"]["setting"] == "1e-9"

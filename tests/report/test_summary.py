@@ -16,28 +16,33 @@ from henon_ref.campaign.rows import Outcome, record, scored
 from henon_ref.campaign.settings import Setting
 from henon_ref.casefile.expected import Orbit
 from henon_ref.report.text.published import orbit_table, published_table
-from henon_ref.report.text.summary import exact_run_table, solver_table
+from henon_ref.report.text.summary import HEADINGS, solver_table
+from henon_ref.report.text.tables import price_table
+from henon_ref.report.text.truth import no_truth, truth_table
 from henon_ref.trajectory import Transition
 
-RIGHT = "right (settings)"
+RIGHT = "right"
 
 
 def solvers(comparison: Comparison) -> dict[str, dict[str, str]]:
     return cells(solver_table(comparison, comparison.readings[0]))
 
 
-def exact_run(comparison: Comparison) -> dict[str, str]:
-    (row,) = cells(exact_run_table(comparison.readings[0])).values()
-    return row
+def truth(comparison: Comparison) -> dict[str, tuple[str, ...]]:
+    """Value and note of each line of the table on the truth."""
+    return {row[0]: row[1:] for row in truth_table(comparison.readings[0]).rows}
 
 
 def test_a_row_a_solver_says_where_it_is_right_and_what_it_costs():
     table = solvers(usual())
     assert list(table) == ["`henon`", "`heyoka`", "`scipy-rk45`", "`scipy-sign`", "`ida`"]
-    assert list(table["`henon`"].values()) == ["`henon`", "2 of 2", "12", "9.9e-13", "1e-12", "0.3 ms", "1", ""]
-    assert table["`heyoka`"]["times the fastest"] == "3"
+    assert [h for h in HEADINGS if h not in ("setting", "right")] == [
+        "solver", "digits", "time", "times as long", "note",
+    ]  # fmt: skip
+    assert list(table["`henon`"].values()) == ["`henon`", "12", "0.3 ms", "1", "1e-12", "2 of 2", ""]
+    assert table["`heyoka`"]["times as long"] == "3"
     assert (table["`scipy-rk45`"][RIGHT], table["`scipy-rk45`"]["note"]) == ("1 of 2", "1 missed, 0 spurious at 1e-6")
-    assert list(table["`scipy-sign`"].values())[1:-1] == ["0 of 1", "", "", "", "", ""]
+    assert list(table["`scipy-sign`"].values())[1:-1] == ["", "", "", "", "0 of 1"]
     assert (table["`ida`"][RIGHT], table["`ida`"]["note"]) == ("unavailable", "it is not installed")
 
 
@@ -58,50 +63,71 @@ def test_settings_out_of_time_are_noted_beside_wrong_ones():
 def test_a_run_that_fails_when_it_is_repeated_is_right_without_a_time():
     whole = compared(made("henon", 1e-6, 1e-4), made("heyoka", 1e-12, 0.0, what="fails later"))
     row = solvers(whole)["`heyoka`"]
-    assert (row[RIGHT], row["digits"], row["time"], row["times the fastest"]) == ("1 of 1", "12", "", "")
+    assert (row[RIGHT], row["digits"], row["time"], row["times as long"]) == ("1 of 1", "12", "", "")
     assert row["note"].startswith("no time: ")
     assert "failed: it died" in row["note"]
 
 
+def test_a_single_solver_is_not_ranked():
+    alone = compared(made("henon", 1e-6, 1e-4), made("henon", 1e-9, 1e-4), made("ida", 1e-6, 0.0, what="unavailable"))
+    assert solvers(alone)["`henon`"]["times as long"] == ""
+    assert price_table(alone.run_rows) is None
+    assert price_table(usual().run_rows) is not None
+
+
 def test_without_a_truth_nothing_is_scored():
     whole = compared(made("henon", 1e-6, 1e-4), expected=None, reason="the routes disagree")
-    row = exact_run(whole)
-    assert (row["exact run"], row["note"]) == ("no truth, nothing is scored", "the routes disagree")
+    assert truth(whole) == {"exact run": ("none, nothing is scored", "the routes disagree")}
+    assert no_truth(whole.readings[0]) == "No run is judged: there is no truth (the routes disagree)."
+    assert no_truth(usual().readings[0]) == ""
 
 
 @pytest.mark.parametrize(
-    ("changes", "status", "known", "note"),
+    ("changes", "end", "note"),
     [
-        ({}, "ok", "5", ""),
-        ({"partial": True, "end_time": 0.5}, "ok", "0.5", "the truth ends there"),
-        ({"partial": True, "end_time": 0.0}, "unknown after its start, no run is judged", "0", "the truth ends there"),
+        ({}, "ok, to t = 5 s", ""),
+        ({"partial": True, "end_time": 0.5}, "ok, to t = 0.5 s", "the truth ends there"),
+        ({"partial": True, "end_time": 0.0}, "unknown after its start, no run is judged", "the truth ends there"),
     ],
 )
-def test_the_exact_run_has_a_row(changes, status, known, note):
-    truth = replace(expected(), transitions=(), **changes)
-    row = exact_run(compared(expected=truth))
-    assert list(row.values()) == [status, "0", "0", known, note]
+def test_the_exact_run_has_a_row(changes, end, note):
+    found = truth(compared(expected=replace(expected(), transitions=(), **changes)))
+    assert found["exact run"] == (end, note)
+    assert (found["transitions"], found["touches"]) == (("0", ""), ("0", ""))
+    assert found["certified"] == ("yes", "it is proven in ball arithmetic that there is no transition")
+
+
+def test_what_is_proven_of_a_truth_and_why_the_rest_is_not():
+    assert truth(usual())["certified"][1].startswith("every one of the 5 is enclosed in ball arithmetic")
+    assert truth(usual())["largest radius of a transition time"] == ("1e-30 s", "no error is claimed below it")
+    assert truth(usual())["computed by"] == ("made up", "256 bits, 0.1 s")
+    partly = {"certified": False, "uncertified_because": "a graze, at t = 1."}
+    assert truth(compared(proven=2, **partly))["certified"] == ("2 of 5", "a graze, at t = 1")
+    assert truth(compared(proven=0, **partly))["certified"] == ("no", "a graze, at t = 1")
+    other = truth(compared(closed_forms=3, near_grazes=2))
+    assert (other["closed forms of the case"][0], other["near touches"][0]) == ("3", "2")
 
 
 def test_an_exact_run_that_ends_early_says_why():
-    truth = expected(TIMES[:3], status="nonunique", end_time=2.7)
+    ended = expected(TIMES[:3], status="nonunique", end_time=2.7)
     outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6))
     outcome = replace(outcome, trajectory=trajectory(found(TIMES[:3]), "nonunique", end_time=2.7))
-    whole = compared(record(scored(outcome, truth), truth), expected=truth, reason="both sides repel")
-    assert list(exact_run(whole).values()) == ["nonunique", "3", "0", "2.7", "both sides repel"]
+    whole = compared(record(scored(outcome, ended), ended), expected=ended, reason="both sides repel")
+    assert truth(whole)["exact run"] == ("nonunique, to t = 2.7 s", "both sides repel")
+    assert truth(whole)["transitions"] == ("3", "")
     assert solvers(whole)["`henon`"][RIGHT] == "1 of 1"
 
 
 def test_a_solver_that_reports_no_touch_is_right_with_a_note():
-    truth = replace(expected(), transitions=(Reference("graze", 0, (1,), (1,), 1.0),))
+    touched = replace(expected(), transitions=(Reference("graze", 0, (1,), (1,), 1.0),))
     seen = (Transition("graze", 0, (1,), (1,), 1.0, (0.25,)),)
     records = []
     for solver, transitions in (("henon", seen), ("scipy-rk45", ())):
         outcome = Outcome("made_up", case().readings[0], solver, Setting(rtol=1e-6, atol=1e-6))
-        outcome = scored(replace(outcome, trajectory=trajectory(transitions)), truth)
-        records.append(record(outcome, truth))
-    whole = compared(*records, expected=truth)
-    assert list(exact_run(whole).values())[1:3] == ["0", "1"]
+        outcome = scored(replace(outcome, trajectory=trajectory(transitions)), touched)
+        records.append(record(outcome, touched))
+    whole = compared(*records, expected=touched)
+    assert (truth(whole)["transitions"][0], truth(whole)["touches"][0]) == ("0", "1")
     notes = {solver: (row[RIGHT], row["note"].partition(";")[0]) for solver, row in solvers(whole).items()}
     assert notes["`scipy-rk45`"] == ("1 of 1", "touches missed: 1")
     assert "touches" not in notes["`henon`"][1]

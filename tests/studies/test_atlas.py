@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from matplotlib.colors import to_rgba
 
 from henon_ref.campaign.case_files import load_cases
 from henon_ref.campaign.options import Options, Silent
@@ -13,6 +14,7 @@ from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import provenance
 from henon_ref.studies.atlas.family import TOLERANCES, defects, family_of, outcome_of
+from henon_ref.studies.atlas.figure import COLOURS, draw_atlas
 from henon_ref.studies.atlas.run import families, run_atlas
 from henon_ref.studies.restarts.run import run_restarts
 
@@ -85,13 +87,33 @@ def test_the_page_and_its_figure_are_made_of_runs(tmp_path: Path) -> None:
     assert "relative tolerance" in page.with_name("grazing.svg").read_text(encoding="utf-8")
 
 
-def test_restart_habits_are_compared_on_the_cases_that_are_there(tmp_path: Path) -> None:
+def test_restarts_are_compared_on_the_cases_that_are_there(tmp_path: Path) -> None:
     """heyoka restarted at an exact zero, with roots of either direction, never gets away from it."""
+    pytest.importorskip("heyoka")
     case = load_case(CASES / "free_coulomb.yaml")
     page = run_restarts([case], Options(solvers=("heyoka",), processes=1), provenance("x"), tmp_path, Silent())
     assert page is not None
-    habits = {str(own["solver"]).partition("@")[2]: own["verdict"] for own in read_rows(page.with_name("runs.csv"))}
-    assert habits["offset"] == habits["event-free-step"] == "right"
-    assert habits["none"] == "solver defect"
+    restarts = {str(own["solver"]).partition("@")[2]: own["verdict"] for own in read_rows(page.with_name("runs.csv"))}
+    assert restarts["offset"] == restarts["event-free-step"] == "right"
+    assert restarts["none"] == "solver defect"
     (line,) = [own for own in page.read_text(encoding="utf-8").splitlines() if own.startswith("| `heyoka` | `none` |")]
     assert line.endswith("| 2 |")
+
+
+def test_neighbours_of_one_outcome_are_one_shape() -> None:
+    """A panel of any size is a path an outcome and its grid: what is drawn is as wide and high as the runs are many."""
+    case = load_case(CASES / "hard" / "grazing.yaml")
+    family = family_of(case)
+    assert family is not None
+    wrong = {"verdict": "solver defect", "status": "wrong", "missed": 2}
+    rows = [
+        row(reading=reading, rtol=rtol, **(wrong if 5 <= i < 9 and rtol == 1e-6 else {}))
+        for i, reading in enumerate(family.order)
+        for rtol in (1e-3, 1e-6)
+    ]
+    panel = draw_atlas(family, rows, ["henon"]).axes[0]
+    shapes = {patch.get_facecolor(): patch.get_path() for patch in panel.patches if patch.get_fill()}
+    missed, right = (shapes[to_rgba(COLOURS[outcome])].vertices.reshape(-1, 5, 2) for outcome in ("missed", "right"))
+    assert [(*box[0], *box[2]) for box in missed.tolist()] == [(5, 1, 9, 2)]
+    assert [(*box[0], *box[2]) for box in right.tolist()] == [(0, 0, 29, 1), (0, 1, 5, 2), (9, 1, 29, 2)]
+    assert len(panel.patches) == 3

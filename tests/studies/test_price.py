@@ -166,7 +166,16 @@ def test_mean_costs_are_over_all_readings_and_in_turn() -> None:
     assert table[1] == ("9", "`c`", "1e-8", "1 s", "`henon`", "1e-9", "2 s", "2")
 
 
+def test_others_are_said_to_take_so_many_times_as_long() -> None:
+    """Never as a fraction: 0.00056 is 1800 times as long."""
+    slow = pair("cvode-adams", 1 / 1000, ratio_low=0.00056, ratio_high=1 / 900)
+    (cells,) = rival_table([slow, pair("heyoka", 1 / 8)]).rows
+    assert "1000 (900 to 1800)" in cells
+    assert "8 (8 to 8)" in cells
+
+
 def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> None:
+    pytest.importorskip("heyoka")
     case = load_case(CASES / "free_coulomb.yaml")
     ladder = [
         {**row(solver, wall, digits, case=case.name), "rtol": rtol, "atol": rtol}

@@ -1,17 +1,16 @@
-"""Restart habits: what the page counts, and what it says of the defaults."""
+"""How libraries are restarted: what the page counts, and what it says of the defaults."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from henon_ref.columns import RUN_COLUMNS, Row
-from henon_ref.report.files.csv_files import read_rows
+from henon_ref.registry import RESTARTS
 from henon_ref.studies.atlas.family import outcome_of
 from henon_ref.studies.restarts.page import ENDINGS, default_table, ending, libraries_of, summary_table
-
-STORED = Path(__file__).parents[2] / "reports" / "restarts" / "runs.csv"
+from henon_ref.trajectory import Status
 
 
 def run(
@@ -38,15 +37,15 @@ def test_every_run_is_counted_once_however_it_ends() -> None:
     assert none == ("`heyoka`", "`none`", "1", "1", "2", "2", "125", "", "")
 
 
-def test_the_stored_runs_are_all_counted() -> None:
-    rows = read_rows(STORED)
+def test_every_status_of_the_contract_is_counted() -> None:
+    rows = [run(f"heyoka@{r}", status, missed=m) for r in RESTARTS for status in get_args(Status) for m in (0, 1)]
     made = [row for row in rows if outcome_of(row) is not None]
     counted = [line[2 : 2 + len(ENDINGS)] for line in summary_table(rows).rows]
     assert sum(int(cell or 0) for line in counted for cell in line) == len(made)
     assert any(ending(row) == "ended early" for row in rows)
 
 
-def test_runs_that_another_habit_gets_right_are_counted() -> None:
+def test_runs_that_another_restart_gets_right_are_counted() -> None:
     rows = [
         run("heyoka@none", "wrong"),
         run("heyoka@none", "failed", reading="by none"),
@@ -57,12 +56,12 @@ def test_runs_that_another_habit_gets_right_are_counted() -> None:
         run("ida@none", "wrong"),
     ]
     table = summary_table(rows)
-    assert table.headings[-1] == "right by another habit"
+    assert table.headings[-1] == "right by another restart"
     counted = {line[:2]: line[-1] for line in table.rows if line[-1]}
     assert counted == {("`heyoka`", "`none`"): "1"}
 
 
-def test_a_default_is_set_against_the_habit_that_is_right_most_often() -> None:
+def test_a_default_is_set_against_the_restart_that_is_right_most_often() -> None:
     """Sequences that only one of them gets, and digits where both do: rounding is no digit."""
     rows = [
         *(run("heyoka@offset", "failed", reading=f"late{k}") for k in range(2)),
@@ -81,8 +80,8 @@ def test_a_default_is_set_against_the_habit_that_is_right_most_often() -> None:
     assert libraries_of(rows) == ["heyoka"]
 
 
-def test_of_habits_that_are_right_as_often_the_one_with_more_digits_counts() -> None:
-    rows = [run(f"cvode-bdf@{habit}", digits=5.0) for habit in ("event-free-step", "offset", "none")]
+def test_of_restarts_that_are_right_as_often_the_one_with_more_digits_counts() -> None:
+    rows = [run(f"cvode-bdf@{restart}", digits=5.0) for restart in ("event-free-step", "offset", "none")]
     assert default_table([*rows, run("cvode-bdf@direction")]).rows[0][2:] == ("`direction`", "", "", "", "1")
 
 

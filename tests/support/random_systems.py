@@ -19,6 +19,7 @@ from math import inf
 import sympy as sp
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
+from multiprecision import multiprecision
 
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import UnsupportedError
@@ -26,7 +27,6 @@ from henon_ref.filippov.problem import Problem
 from henon_ref.registry import solver
 from henon_ref.trajectory import Trajectory, Transition
 from henon_ref.truth.conditioning import conditioning
-from henon_ref.truth.multiprecision.route import multiprecision
 
 TOLERANCE = 1e-15
 CLOSE = 1e-9

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -124,7 +125,7 @@ def test_computed_stored_and_read_again(tmp_path: Path, monkeypatch: pytest.Monk
     assert truth.status == "ok"
     assert [t.closed_form for t in truth.transitions] == [True]
     assert truth.transitions[0].conditioning == 0.0
-    assert {"heyoka", "proof"} <= set(stages)
+    assert set(stages) >= ({"heyoka", "proof"} if compute.heyoka_installed() else {"proof"})
     monkeypatch.setattr(compute, "compute", lambda *a, **k: pytest.fail("computed, although it is stored"))
     assert compute.truth_for(case(), reading(), folder=tmp_path) == replace(
         truth, methods=tuple((m, b, round(s, 1)) for m, b, s in truth.methods)
@@ -184,6 +185,7 @@ def test_differences_name_what_changed() -> None:
 
 def test_a_proof_gets_little_time_where_there_is_no_transition_to_prove(monkeypatch, tmp_path: Path) -> None:
     """A run that fails before its first transition: a proof could only go after it to the singularity."""
+    pytest.importorskip("heyoka")
     asked: list[float | None] = []
 
     def proof(_: object, *, seconds: float | None, progress: object) -> Route:
@@ -197,3 +199,51 @@ def test_a_proof_gets_little_time_where_there_is_no_transition_to_prove(monkeypa
         monkeypatch.setattr("henon_ref.truth.multiprecision.route.multiprecision", lambda *_, found=found, **__: found)
         compute.truth_for(case(text), reading(text), folder=tmp_path, recompute=True)
     assert asked == [compute.BARREN_SECONDS, compute.PROOF_SECONDS]
+
+
+@pytest.fixture
+def no_heyoka(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An environment without heyoka."""
+    for module in [name for name in sys.modules if name.split(".")[0] == "heyoka"]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, "heyoka", None)
+
+
+@pytest.mark.usefixtures("no_heyoka")
+def test_without_heyoka_a_proof_stands_alone_and_says_so(tmp_path: Path) -> None:
+    truth = compute.truth_for(case(), reading(), folder=tmp_path)
+    assert truth.certified
+    assert [(t.time, t.proven, t.closed_form, t.conditioning) for t in truth.transitions] == [(1.0, True, True, 0.0)]
+    ((method, _, _),) = truth.methods
+    assert method.startswith("ball arithmetic, python-flint")
+    assert method.endswith("(alone: heyoka is not installed)")
+    assert store.load(tmp_path, "leaving_slide", "default") is not None
+
+
+@pytest.mark.usefixtures("no_heyoka")
+def test_without_heyoka_a_truth_goes_as_far_as_the_proof_and_is_not_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stopped = route(transition("1", proven=True), status="failed", reason="a graze", undecided="a graze")
+    monkeypatch.setattr("henon_ref.truth.validated.route.prove", lambda *a, **k: stopped)
+    truth = compute.truth_for(case(), reading(), folder=tmp_path)
+    assert (truth.status, truth.certified, truth.uncertified_because) == ("failed", False, "a graze")
+    assert len(truth.transitions) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_is_written_into_an_installed_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "site-packages" / "henon_ref"
+    file = package / "cases" / "leaving_slide.yaml"
+    file.parent.mkdir(parents=True)
+    file.write_text(TEXT)
+    monkeypatch.setattr(store, "_PACKAGE", package)
+    monkeypatch.setattr(store, "user_folder", lambda: tmp_path / "user")
+    shipped = replace(case(), path=file)
+    truth = compute.truth_for(shipped, reading())
+    assert [p.name for p in package.rglob("*")] == ["cases", "leaving_slide.yaml"]
+    assert store.load(tmp_path / "user", "leaving_slide", "default") is not None
+    assert store.folder_for_new(file) == tmp_path / "user"
+    store.save(package / "cases" / "truth", truth)  # as a wheel has it
+    monkeypatch.setattr(compute, "compute", lambda *a, **k: pytest.fail("computed, although it is stored"))
+    assert compute.truth_for(shipped, reading()).transitions == truth.transitions

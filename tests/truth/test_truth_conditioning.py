@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 import sympy as sp
 import systems
+from multiprecision import simulate, transitions
 
 from henon_ref.filippov.problem import Problem
 from henon_ref.truth.conditioning import conditioning
-from henon_ref.truth.multiprecision.route import _transitions
-from henon_ref.truth.multiprecision.run import simulate
 from henon_ref.truth.reference import ReferenceTransition
 
 
@@ -24,7 +23,7 @@ def _from(problem: Problem, *state: str) -> Problem:
 
 
 def reference(problem: Problem) -> list[ReferenceTransition]:
-    return [t for e in simulate(problem, 128).events for t in _transitions(e, e, 1e-30, 1e-30)]
+    return transitions(problem, 128)
 
 
 def conditioned(problem: Problem) -> list[float]:

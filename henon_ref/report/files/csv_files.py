@@ -11,6 +11,9 @@ from pathlib import Path
 from henon_ref.columns import Row
 from henon_ref.text import cell, from_cell
 
+NAMES = frozenset({"case", "title", "reading", "kind", "solver", "commit"})
+"""Columns that hold text, even where it could be read as a number (a reading named ``1e5``)."""
+
 
 def csv_text(columns: Sequence[str], rows: Iterable[Row]) -> str:
     """Rows as CSV (RFC 4180, with plain line feeds)."""
@@ -40,7 +43,7 @@ def field(value: object) -> str:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """Rows of a result file; empty fields come back as None, numbers as float, the rest as text.
+    """Rows of a result file; empty fields come back as None, numbers as float, names and all else as text.
 
     Raises
     ------
@@ -51,12 +54,14 @@ def read_rows(path: Path) -> list[Row]:
         rows = list(csv.DictReader(file, strict=True))
     if any(None in row for row in rows):
         raise ValueError("a row has more fields than there are columns")
-    return [{key: _value(text) for key, text in row.items()} for row in rows]
+    return [{key: _value(key, text) for key, text in row.items()} for row in rows]
 
 
-def _value(text: str | None) -> object:
+def _value(column: str, text: str | None) -> object:
     if not text:
         return None
+    if column in NAMES:
+        return from_cell(text)
     try:
         return float(text)
     except ValueError:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,6 +9,7 @@ from henon_ref.campaign.results import ReadingResult
 from henon_ref.campaign.rows import Record
 from henon_ref.campaign.worker import Job, WorkerState
 from henon_ref.casefile.case import Reading
+from henon_ref.report.files.svg import svg
 from henon_ref.score.reference import Expected
 from henon_ref.trajectory import Samples
 
@@ -70,15 +70,6 @@ def figure_job(result: ReadingResult, records: list[Record]) -> FigureJob:
 def file_name(reading: str, kind: str) -> str:
     """Name of a figure's file."""
     return f"{reading}_{kind}.svg"
-
-
-def svg(figure: Figure) -> bytes:
-    """A figure as SVG."""
-    from henon_ref.figures.style import save
-
-    buffer = io.BytesIO()
-    save(figure, buffer)
-    return buffer.getvalue()
 
 
 def preload() -> None:

@@ -1,4 +1,4 @@
-"""The manifest: everything that is needed to make a report again, and the raw samples behind its times."""
+"""The manifest, which holds what is needed to make a report again, and the raw timing samples, a file of their own."""
 
 from __future__ import annotations
 
@@ -11,10 +11,15 @@ from henon_ref import registry
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.host_info import commit, library_versions, machine
 from henon_ref.campaign.results import ReadingResult
-from henon_ref.campaign.rows import Record
+from henon_ref.report.files.csv_files import csv_text
+from henon_ref.score.kinds import kind_of
 from henon_ref.text import one_line
 
 SCHEMA = 1
+WIDTH = 120
+"""Characters up to which a value of a manifest stands on one line."""
+SAMPLE_COLUMNS = ("reading", "solver", "rtol", "step_s", "samples_ns")
+"""A row a timed run; its samples in nanoseconds, in their order, with blanks between them."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +70,43 @@ def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[st
         "timeout_s": options.timeout,
         "processes": options.processes,
         "readings": {result.reading.name: _reading(result) for result in comparison.readings},
-        "samples": [_samples(record) for record in comparison.records if record.samples],
         "files": sorted(files),
     }
-    return json.dumps(content, indent=1) + "\n"
+    return json_text(content) + "\n"
+
+
+def json_text(value: object, indent: str = "") -> str:
+    """JSON of which whatever fits into one line stands on one.
+
+    Examples
+    --------
+    >>> print(json_text({"a": {"exact": "1/10", "value": 0.1}, "b": ["x" * 70, "y" * 70]}))
+    {
+     "a": {"exact": "1/10", "value": 0.1},
+     "b": [
+      "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx",
+      "yyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyyy"
+     ]
+    }
+    """
+    line = json.dumps(value)
+    if len(indent) + len(line) <= WIDTH or not isinstance(value, dict | list):
+        return line
+    deeper = indent + " "
+    if isinstance(value, dict):
+        parts = [f"{deeper}{json.dumps(key)}: {json_text(own, deeper)}" for key, own in value.items()]
+        return "{\n" + ",\n".join(parts) + f"\n{indent}}}"
+    return "[\n" + ",\n".join(deeper + json_text(own, deeper) for own in value) + f"\n{indent}]"
+
+
+def samples_text(comparison: Comparison) -> str:
+    """Raw timing samples of one case as CSV."""
+    rows = [
+        {**record.run, "samples_ns": " ".join(f"{round(sample * 1e9)}" for sample in record.samples)}
+        for record in comparison.records
+        if record.samples
+    ]
+    return csv_text(SAMPLE_COLUMNS, rows)
 
 
 def _reading(result: ReadingResult) -> dict[str, Any]:
@@ -81,6 +119,7 @@ def _reading(result: ReadingResult) -> dict[str, Any]:
     }
     return {
         "title": result.reading.title,
+        "kind": kind_of(expected, len(system.surfaces)),
         "mathematics_hash": result.reading.mathematics_hash,
         **{
             part: {name: {"exact": str(value), "value": float(value)} for name, value in values.items()}
@@ -102,16 +141,4 @@ def _reading(result: ReadingResult) -> dict[str, Any]:
             "reason": statement.reason,
         },
         "sampled_by": result.sampled_by,
-    }
-
-
-def _samples(record: Record) -> dict[str, Any]:
-    """Raw timing samples of one row, in nanoseconds."""
-    row = record.run
-    return {
-        "reading": row["reading"],
-        "solver": row["solver"],
-        "rtol": row["rtol"],
-        "step_s": row["step_s"],
-        "samples_ns": [round(sample * 1e9) for sample in record.samples],
     }

@@ -17,13 +17,26 @@ REPORT, RUNS, TRANSITIONS, STICKS, MANIFEST = (
     "manifest.json",
 )
 INDEX = "README.md"
+SAMPLES = "samples.csv"
+"""Raw timing samples of a report's runs."""
+ROWS = (TRANSITIONS, SAMPLES)
+"""Files of a report that are too long to be kept in a repository."""
+MATRIX, MATRIX_PAGE = "matrix.csv", "matrix.md"
+"""The matrix of all reports in a folder, and its page."""
 _OWN = re.compile(
     r"# (Reports\n\n(\| solver \| right in \| run on \||\d+ readings? of \d+ cases?\.)"
-    r"|(What accuracy costs in time|Atlas of grazes|Restart habits|What the libraries do by themselves)\n"
-    r"|(Rivals in turn|The paper, computed again)\n)"
+    r"|(What accuracy costs in time|Atlas of grazes|What the libraries do by themselves|The paper, computed again)\n"
+    r"|(Restart habits|How a library is restarted after an event)\n"
+    r"|(Rivals in turn|Times of henon and of other solvers, run in turn)\n)"
 )
 """How the pages begin that this package writes as the README.md of a folder: the index (of earlier versions, too) and
 the further pages."""
+_BEGINNINGS = {
+    INDEX: (re.compile("# Reports\n\nWhich solver to take"), _OWN),
+    MATRIX: (re.compile("case,title,reading,kind,solver,"),),
+    MATRIX_PAGE: (re.compile("# Digits reached\n"),),
+}
+"""How the present version's index, its matrix and the matrix's page begin, and any of the above."""
 
 
 def write_through(path: Path, content: bytes) -> None:
@@ -72,21 +85,23 @@ def check_writable(folder: Path) -> None:
 
 
 def check_index(folder: Path) -> None:
-    """See that a folder's README.md may be replaced: there is none, or this package wrote it.
+    """See that a folder's README.md and matrix may be replaced: there is none, or this package wrote it.
 
     Raises
     ------
     CaseError
         Where somebody else wrote it.
     """
-    path = folder / INDEX
-    try:
-        own = _OWN.match(path.read_text(encoding="utf-8")) is not None
-    except (FileNotFoundError, NotADirectoryError):
-        return
-    except (OSError, ValueError):
-        own = False
-    if not own:
-        raise CaseError(
-            "was not written by henon_ref, so it is not replaced; give --out another folder", file=str(path)
-        )
+    for name, beginnings in _BEGINNINGS.items():
+        path = folder / name
+        try:
+            text = path.read_text(encoding="utf-8")
+            own = any(beginning.match(text) for beginning in beginnings)
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except (OSError, ValueError):
+            own = False
+        if not own:
+            raise CaseError(
+                "was not written by henon_ref, so it is not replaced; give --out another folder", file=str(path)
+            )

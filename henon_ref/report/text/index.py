@@ -1,179 +1,160 @@
-"""The index of all reports in a folder: who is right where, to how many digits, and who is cheapest."""
+"""The index of all reports in a folder: which solver to take, who is right where, and what else there is to read."""
 
 from __future__ import annotations
 
-import csv
-import json
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from urllib.parse import quote
 
-from henon_ref.columns import RUN_COLUMNS, Row
+from henon_ref.columns import Row
 from henon_ref.errors import CaseError
-from henon_ref.report.files.csv_files import read_rows
-from henon_ref.report.files.write import INDEX, MANIFEST, REPORT, RUNS, check_index, replace_file
+from henon_ref.report.files.csv_files import csv_text
+from henon_ref.report.files.links import without_dead_links
+from henon_ref.report.files.svg import svg
+from henon_ref.report.files.write import INDEX, MANIFEST, MATRIX, MATRIX_PAGE, RUNS, check_index, replace_file
+from henon_ref.report.text.choice import case_table, choice_table, key_of
+from henon_ref.report.text.formats import count
+from henon_ref.report.text.kinds_figure import draw_kinds
 from henon_ref.report.text.markdown import environment
-from henon_ref.report.text.matrix import KEY, matrix, solvers_of
-from henon_ref.report.text.paired_times import cheapest, read_ratios, slower_table, spread_table
-from henon_ref.report.text.ranking import LEVELS, NOT_RUN, by_solver, name, prices, reaching
-from henon_ref.report.text.tables import Table
-from henon_ref.text import code, markdown, message
+from henon_ref.report.text.matrix import KEY
+from henon_ref.report.text.matrix_page import reading_table, solver_table, titles
+from henon_ref.report.text.matrix_rows import MATRIX_COLUMNS, read_matrix, rows_of_report
+from henon_ref.report.text.paired_times import cheapest, read_ratios
+from henon_ref.report.text.ranking import NOT_RUN, name, number
+from henon_ref.score.kinds import CLOSE
+from henon_ref.text import code, message
 
-ATLAS, RESTARTS, CAUSES, RIVALS, PAPER, PRICE = "atlas", "restarts", "causes", "rivals", "paper", "price"
-"""Folders of the further pages."""
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One reading of one report."""
-
-    case: str
-    title: str
-    reading: str
-    rows: list[Row]
-
-    @property
-    def label(self) -> str:
-        """Link to the report, with the reading where the case has several."""
-        if self.reading == "default":
-            return self.link(self.case)
-        return self.link(f"{self.case}, {self.reading}", f"#{quote(self.reading)}")
-
-    def link(self, text: str, anchor: str = "") -> str:
-        """Link to the report."""
-        return f"[{markdown(text)}]({quote(self.case)}/{REPORT}{anchor})"
+PAGES = {
+    "price": "[Price list](price/README.md): what accuracy costs in time, from one transition to a million seconds",
+    "rivals": "[Times in turn](rivals/README.md): `henon` against heyoka and whichever other solver is the cheapest",
+    "atlas": "[Atlas](atlas/README.md): tolerance against distance from a graze, or between two roots of one step",
+    "restarts": "[Restart habits](restarts/README.md): which way of restarting a library after an event breaks which",
+    "causes": "[Causes](causes/README.md): what the libraries do by themselves, each shown by the library alone",
+    "paper": "[The paper](paper/README.md): every number and equation of the paper, computed again",
+}
+"""Folders of the further pages, and how the index leads to them."""
+FIGURE = "kinds.svg"
+FEWEST_DRAWN = 4
+"""Cases from which on the index has a figure: of fewer the tables say it all."""
 
 
 def write_index(folder: Path) -> Path:
-    """Write the index of all reports in a folder.
+    """Write the index of all reports in a folder, its matrix (CSV and page) and its figure.
+
+    The matrix keeps the rows of cases whose folders are gone; those of a case that is there are made from its report.
 
     Raises
     ------
     CaseError
-        Where it would replace a README.md of somebody else's.
+        Where it would replace a file of somebody else's.
     """
     check_index(folder)
-    path = folder / INDEX
-    replace_file(path, index_text(entries(folder), pages(folder), read_ratios(folder)).encode())
-    return path
+    rows = merged(folder)
+    replace_file(folder / MATRIX, csv_text(MATRIX_COLUMNS, rows).encode())
+    replace_file(folder / MATRIX_PAGE, matrix_text(rows, folder).encode())
+    if is_drawn(rows):
+        replace_file(folder / FIGURE, svg(draw_kinds(rows)))
+    replace_file(folder / INDEX, index_text(rows, folder).encode())
+    return folder / INDEX
 
 
-def pages(folder: Path) -> dict[str, list[str]]:
-    """The further pages in a folder, with their figures: paths relative to it."""
-    found: dict[str, list[str]] = {}
-    for name_, page in (
-        ("atlas", ATLAS),
-        ("restarts", RESTARTS),
-        ("causes", CAUSES),
-        ("rivals", RIVALS),
-        ("paper", PAPER),
-        ("price", PRICE),
-    ):
-        if (folder / page / INDEX).exists():
-            found[name_] = [f"{page}/{quote(path.name)}" for path in sorted((folder / page).glob("*.svg"))]
-    return found
+def merged(folder: Path) -> list[Row]:
+    """The matrix's rows by case: of the reports in a folder, and of its matrix for cases that have none there.
 
-
-def entries(folder: Path) -> list[Entry]:
-    """The readings of all reports in a folder, by case and reading; one that cannot be read is named and left out."""
-    found: list[Entry] = []
+    A report that cannot be read is named, and left out.
+    """
+    cases: dict[str, list[Row]] = {}
+    for row in read_matrix(folder):
+        cases.setdefault(str(row["case"]), []).append(row)
     for manifest in sorted(folder.glob(f"*/{MANIFEST}")):
         if manifest.with_name(RUNS).exists():
             try:
-                found += _entries(manifest)
+                fresh = rows_of_report(manifest)
             except CaseError as error:
                 print(message(f"left out of the index: {error}"), file=sys.stderr)
-    return found
+                continue
+            _keep_kinds(fresh, cases.get(manifest.parent.name, []))
+            cases[manifest.parent.name] = fresh
+    return [row for case in sorted(cases) for row in cases[case]]
 
 
-def _entries(manifest: Path) -> list[Entry]:
-    """The readings of one report.
-
-    Raises
-    ------
-    CaseError
-        Where manifest or runs are not what this package writes.
-    """
-    file = manifest
-    try:
-        content = json.loads(manifest.read_text(encoding="utf-8"))
-        if not isinstance(content, dict) or not isinstance(content.get("title"), str):
-            raise CaseError("is no manifest of a report: it names no title", file=str(file))
-        file = manifest.with_name(RUNS)
-        rows = read_rows(file)
-    except (OSError, RecursionError, ValueError, csv.Error) as error:
-        raise CaseError(f"cannot be read: {error}", file=str(file)) from error
-    by_reading: dict[str, list[Row]] = {}
-    for row in rows:
-        missing = [column for column in RUN_COLUMNS if column not in row]
-        if missing:
-            raise CaseError(f"is no list of runs of this package: it has no column {missing[0]}", file=str(file))
-        by_reading.setdefault(str(row["reading"]), []).append(row)
-    return [Entry(manifest.parent.name, content["title"], reading, rows) for reading, rows in by_reading.items()]
+def _keep_kinds(fresh: Sequence[Row], earlier: Sequence[Row]) -> None:
+    """Give readings whose report does not say their kind the one that the matrix has of them."""
+    known = {key_of(row): row["kind"] for row in earlier}
+    for row in fresh:
+        row["kind"] = row["kind"] or known.get(key_of(row))
 
 
-def index_text(
-    found: Sequence[Entry], further: Mapping[str, Sequence[str]] | None = None, ratios: Sequence[Row] = ()
-) -> str:
+def is_drawn(rows: Sequence[Row]) -> bool:
+    """Whether there are enough cases for a figure, and some run in one."""
+    return len({row["case"] for row in rows}) >= FEWEST_DRAWN and any(number(row, "judged") for row in rows)
+
+
+def index_text(rows: Sequence[Row], folder: Path) -> str:
     """The index as markdown.
 
     Parameters
     ----------
-    found : sequence of Entry
-    further : mapping, optional
-        Pages beside the reports, with their figures.
-    ratios : sequence of Row
-        Ratios of times taken in turn, if there are any.
+    rows : sequence of Row
+        Of the matrix.
+    folder : Path
+        Where it lies: links lead only to what is there.
     """
-    runs = [row for entry in found for row in entry.rows]
-    spread, slower = spread_table(ratios), slower_table(ratios, runs, reports="")
-    return (
+    text = (
         environment()
         .get_template("index.md.j2")
         .render(
-            key=KEY,
-            matrix=matrix(("case",), [((entry.label,), entry.rows) for entry in found]).markdown,
-            solvers=ranking_table(found, cheapest(ratios)).markdown,
-            cases=len({entry.case for entry in found}),
-            spread=spread.markdown if spread.rows else "",
-            slower=slower.markdown if slower.rows else "",
-            pages=dict(further or {}),
-            titles={
-                f"[{markdown(entry.case)}]({quote(entry.case)}/{REPORT})": markdown(entry.title) for entry in found
-            },
+            choice=choice_table(rows).markdown,
+            figure=FIGURE if is_drawn(rows) else "",
+            cases=case_table(rows).markdown,
+            counted=counted(rows),
+            commits=commits(rows),
+            mean_parts=round(1 / CLOSE),
+            pages=[words for page, words in PAGES.items() if (folder / page / INDEX).exists()],
         )
     )
+    return without_dead_links(text, folder)
 
 
-def ranking_table(found: Sequence[Entry], in_turn: Mapping[tuple[str, str, int], str]) -> Table:
-    """In how many readings each solver is right, and how often it is the cheapest for so many digits.
+def matrix_text(rows: Sequence[Row], folder: Path) -> str:
+    """The matrix's page as markdown; parameters as for :func:`index_text`."""
+    text = (
+        environment()
+        .get_template("matrix.md.j2")
+        .render(
+            key=KEY,
+            matrix=reading_table(rows).markdown,
+            solvers=solver_table(rows, cheapest(read_ratios(folder))).markdown,
+            titles=titles(rows),
+        )
+    )
+    return without_dead_links(text, folder)
 
-    Right is a solver that is so at one setting at least; of the readings those count that it was run on. Who is the
-    cheapest decide the times taken in turn where there are some, by case, reading and digits; elsewhere the reports'
-    own times do. Where nobody else gets so far, there is nothing to time in turn.
-    """
-    wins: dict[str, dict[int, int]] = {}
-    reached, contested = dict.fromkeys(LEVELS, 0), dict.fromkeys(LEVELS, 0)
-    for entry in found:
-        for price in prices(entry.rows):
-            if price.row is not None:
-                reached[price.digits] += 1
-                contested[price.digits] += price.next_row is not None
-                first = in_turn.get((entry.case, entry.reading, price.digits), "")
-                if first not in by_solver(reaching(entry.rows, price.digits)):  # or the reports are newer than that
-                    first = name(price.row)
-                wins.setdefault(first, dict.fromkeys(LEVELS, 0))[price.digits] += 1
-    lines = []
-    for solver in solvers_of([entry.rows for entry in found]):
-        runs = [own for entry in found if (own := by_solver(entry.rows).get(solver))]
-        tried = [rows for rows in runs if rows[-1]["status"] not in NOT_RUN]
-        right = sum(any(row["verdict"] == "right" for row in rows) for rows in tried)
-        won = wins.get(solver, {})
-        lines.append((right, (code(solver), f"{right}", f"{len(tried)}", *(f"{won.get(d) or ''}" for d in LEVELS))))
-    rows = [cells for _, cells in sorted(lines, key=lambda line: -line[0])]
-    rows.append(("all readings", "", f"{len(found)}", *(f"{reached[level]}" for level in LEVELS)))
-    rows.append(("of these, another solver gets there, too", "", "", *(f"{contested[level]}" for level in LEVELS)))
-    headings = ("solver", "right in", "run on", *(f"cheapest for {level} digits" for level in LEVELS))
-    return Table(headings, "l" + "r" * (len(headings) - 1), rows)
+
+def counted(rows: Sequence[Row]) -> str:
+    """In how many readings the solver that is right most often is so, and why it is not judged in the others."""
+    readings = {key_of(row) for row in rows}
+    right: dict[str, set[tuple[str, str]]] = {}
+    for row in rows:
+        if number(row, "right"):
+            right.setdefault(name(row), set()).add(key_of(row))
+    if not right:
+        return f"No solver is right in any of {count(len(readings), 'reading')}."
+    first = max(right, key=lambda solver: len(right[solver]))
+    own = {key_of(row): row for row in rows if name(row) == first}
+    judged = {key for key, row in own.items() if number(row, "judged")}
+    left = {
+        "run only by other solvers": readings - set(own),
+        "that it cannot do": {key for key, row in own.items() if row["status"] in NOT_RUN},
+    }
+    left["without a verdict"] = set(own) - judged - left["that it cannot do"]
+    why = ", ".join(f"{len(keys)} {words}" for words, keys in left.items() if keys)
+    tail = f"; of all {len(readings)} that leaves {why}" if why else ""
+    return f"{code(first)} is right in {len(right[first])} of the {len(judged)} readings that it is judged in{tail}."
+
+
+def commits(rows: Sequence[Row]) -> str:
+    """How many commits of the program the rows mix."""
+    made = {str(row["commit"] or "") for row in rows}
+    known = len(made - {""})
+    return f"{count(known, 'commit')} of the program" if known else "a program of no known commit"

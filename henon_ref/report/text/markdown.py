@@ -14,32 +14,50 @@ from henon_ref.report.files.figure_jobs import COST, ERRORS, MODES, PORTRAIT, fi
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.text.formats import listing
 from henon_ref.report.text.gate import gate_table
-from henon_ref.report.text.model import as_written, general_form, mode_equations, modes_of, parameters, truth_sentences
+from henon_ref.report.text.model import as_written, general_form, mode_equations, modes_of, parameters
 from henon_ref.report.text.overview import overview
 from henon_ref.report.text.published import orbit_table, published_table
 from henon_ref.report.text.ranking import name
-from henon_ref.report.text.summary import exact_run_table, solver_table
+from henon_ref.report.text.summary import EXPLAINED, solver_table
 from henon_ref.report.text.tables import MARK, Table, price_table, reason_table, run_table, samples_of, stick_table
+from henon_ref.report.text.truth import no_truth, truth_table
 from henon_ref.text import link, markdown, paragraphs
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 NOTES = (
-    "Transitions are matched with the truth by order and mode (kind, surface, modes before and after) before any error "
-    "is taken, so that one missed transition counts once; touches that change no mode count apart. "
-    "**Digits** are −log₁₀ of the worst error of a transition time in seconds{unit}, never more than the truth's "
-    "radius and double precision allow. "
-    "**Times** are medians of repeated runs in one process after one run as a warm-up, with the interquartile range, "
-    "or the number of runs where they are fewer than three: a slow run is not repeated, nor is one that is not right; "
-    "† marks samples that scatter by more than a tenth. Compilation, code generation and other one-time work is in the "
-    "column **compile**; what is kept on disk (`henon`'s machine code, numba's) comes from there once it has been "
-    "made, in some seconds. "
-    "A library is restarted on the surface after every event, and the **verdict** is on the library with its default "
-    "way of that: `--restart` tries the others. "
-    "**Steps**, **fields** (right-hand sides) and **events** (evaluations of event functions) are what each solver's "
-    "docstring says they are."
+    (
+        "matched, missed, spurious",
+        "Transitions are matched with the truth by order and mode (kind, surface, modes before and after) before any "
+        "error is taken, so that one missed transition counts once; touches that change no mode count apart.",
+    ),
+    (
+        "digits",
+        "−log₁₀ of the worst error of a transition time in seconds{unit}, never more than the truth's radius and "
+        "double precision allow.",
+    ),
+    (
+        "time",
+        "Median of repeated runs in one process after one run as a warm-up, with the interquartile range, or the "
+        "number of runs where they are fewer than three: a slow run is not repeated, nor is one that is not right.",
+    ),
+    (
+        "compile",
+        "Compilation, code generation and other one-time work. What is kept on disk (machine code of `henon`, numba's) "
+        "comes from there once it has been made, in some seconds.",
+    ),
+    (
+        "right, verdict",
+        "Of the library with its default way of being restarted on the surface after an event: `--restart` tries the "
+        "others.",
+    ),
+    (
+        "steps, right-hand sides, event functions",
+        "Steps, and evaluations of right-hand sides and of event functions, as each solver's docstring counts them.",
+    ),
 )
+"""What the columns of the tables mean."""
 
 LEGEND = f"{MARK}: the samples scatter by more than a tenth of their median."
 """Below a table that is marked so, away from the notes."""
@@ -71,9 +89,12 @@ def report_text(comparison: Comparison, provenance: Provenance) -> str:
             single=single,
             sub="##" if single else "###",
             overview=overview(comparison),
-            readings=[_reading(comparison, result) for result in comparison.readings],
+            explained=EXPLAINED if len({name(record.run) for record in comparison.records}) > 1 else "",
+            readings=_told_once([_reading(comparison, result) for result in comparison.readings]),
             gate=_markdown(gate_table(comparison)),
-            notes=NOTES.format(unit=_unit(comparison)),
+            notes=Table(
+                ("column", "meaning"), "ll", [(c, w.format(unit=_unit(comparison))) for c, w in NOTES]
+            ).markdown,
             source=markdown(case.source or "").rstrip("."),
             links=list(dict.fromkeys(link(own) for result in comparison.readings for own in result.reading.links)),
             rerun=provenance.rerun,
@@ -92,32 +113,49 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
     rows = [record.run for record in records]
     solvers = solver_table(comparison, result).markdown
     prices = _markdown(price_table(rows, samples_of(records)))
+    figures = _figures(result)
     return {
         "name": reading.name,
         "title": "" if reading.title == comparison.case.title else markdown(reading.title),
         "solvers": solvers,
         "solvers_legend": LEGEND if MARK in solvers else "",
-        "exact_run": exact_run_table(result).markdown,
-        "figures": _figures(result),
+        "no_truth": no_truth(result),
+        "figures": figures[:FIRST_FIGURES],
+        "more_figures": figures[FIRST_FIGURES:],
         "figures_note": _figures_note(comparison, result),
+        "published": _markdown(published_table(comparison, result)),
         "prices": prices,
         "legend": LEGEND if MARK in prices else "",
-        "stick_tables": [
-            table.markdown
-            for table in (published_table(comparison, result), stick_table(comparison, result))
-            if table is not None
-        ],
+        "sticks": _markdown(stick_table(comparison, result)),
         "orbit": _markdown(orbit_table(result)),
         "runs": run_table(records).markdown,
         "reasons": _markdown(reason_table(rows)),
-        "truth": truth_sentences(result),
-        "story": paragraphs(reading.story or ""),
-        "effects": ", ".join(f"`{effect}`" for effect in system.effects),
-        "equations": general_form(system),
-        "written": as_written(system),
-        "modes": [mode_equations(system, mode) for mode in modes_of(result)],
+        "truth": truth_table(result).markdown,
+        "model": {
+            "story": paragraphs(reading.story or ""),
+            "effects": ", ".join(f"`{effect}`" for effect in system.effects),
+            "equations": general_form(system),
+            "written": as_written(system),
+            "modes": [mode_equations(system, mode) for mode in modes_of(result)],
+        },
         "parameters": parameters(result),
     }
+
+
+def _told_once(readings: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Readings with the name of an earlier one of the same model, and with no story that an earlier one has told."""
+    stories: set[str] = set()
+    models: list[tuple[str, dict[str, Any]]] = []
+    for reading in readings:
+        model = reading["model"]
+        if (story := model.pop("story")) in stories:
+            story = ""
+        stories.add(story)
+        same = next((name for name, earlier in models if earlier == model), "")
+        if not same:
+            models.append((reading["name"], model))
+        reading |= {"story": story, "same_model": same}
+    return readings
 
 
 def _markdown(table: Table | None) -> str:
@@ -127,9 +165,11 @@ def _markdown(table: Table | None) -> str:
 CAPTIONS = {
     PORTRAIT: "Phase portrait in the measured window; sticks lie on the surface",
     MODES: "Distance from the surface over time, the modes shaded",
-    ERRORS: "Error of every transition time, each solver at its tightest setting",
+    ERRORS: "Largest error of a transition time so far, each solver at its tightest setting",
     COST: "Worst error of a transition time against the wall time of a run",
 }
+FIRST_FIGURES = 3
+"""Figures that stand above all headings; the others belong to the model."""
 
 
 def _figures(result: ReadingResult) -> list[dict[str, str]]:

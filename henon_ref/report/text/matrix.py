@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from henon_ref import registry
 from henon_ref.columns import Row
 from henon_ref.report.text.formats import digits
-from henon_ref.report.text.ranking import best_of, by_solver, name, number
+from henon_ref.report.text.matrix_rows import summary
+from henon_ref.report.text.ranking import by_solver, name, number
 from henon_ref.report.text.tables import Table
 from henon_ref.text import code
 
@@ -21,9 +22,9 @@ KEY = (
 """What the cells mean."""
 
 
-def solvers_of(readings: Sequence[Sequence[Row]]) -> list[str]:
-    """Solvers that ran in any of some readings, in the registry's order."""
-    present = {name(row) for rows in readings for row in rows}
+def solvers_of(rows: Iterable[Row]) -> list[str]:
+    """Solvers of some rows, in the registry's order."""
+    present = {name(row) for row in rows}
     order = [solver for solver in registry.names() if solver in present]
     return order + sorted(present - set(order))
 
@@ -36,24 +37,29 @@ def matrix(headings: Sequence[str], lines: Sequence[tuple[Sequence[str], Sequenc
     headings : sequence of str
         Of the columns before the solvers'.
     lines : sequence of (cells, rows)
-        For each reading the cells of those columns, and its rows.
+        For each reading the cells of those columns, and its rows (of the runs).
     """
-    solvers = solvers_of([rows for _, rows in lines])
+    summed = [(cells, [{"solver": solver, **summary(own)} for solver, own in by_solver(rows).items()])
+              for cells, rows in lines]  # fmt: skip
+    return matrix_table(headings, summed)
+
+
+def matrix_table(headings: Sequence[str], lines: Sequence[tuple[Sequence[str], Sequence[Row]]]) -> Table:
+    """The same of summed rows, one a solver (:func:`henon_ref.report.text.matrix_rows.summary`)."""
+    solvers = solvers_of(row for _, rows in lines for row in rows)
     made = []
     for cells, rows in lines:
-        own = by_solver(rows)
-        made.append((*cells, *(_cell(own[solver]) if solver in own else "" for solver in solvers)))
+        own = {name(row): _cell(row) for row in rows}
+        made.append((*cells, *(own.get(solver, "") for solver in solvers)))
     alignment = "l" + "r" * (len(headings) - 1 + len(solvers))
     return Table((*headings, *(code(solver) for solver in solvers)), alignment, made)
 
 
-def _cell(rows: Sequence[Row]) -> str:
-    best = best_of(rows)
-    if best["verdict"] == "right":
-        reached = digits(number(best, "digits")) if best["digits"] is not None else "ok"
-        return reached if all(row["verdict"] == "right" for row in rows) else f"{reached} *"
-    if any(row["verdict"] == "right" for row in rows):
-        return "ok"
-    if best["verdict"] in ("ill-conditioned", "not unique"):
-        return str(best["verdict"])
-    return MARKS.get(str(best["status"]), str(best["status"]))
+def _cell(row: Row) -> str:
+    right, settings = number(row, "right"), number(row, "settings")
+    if right:
+        reached = "ok" if row["digits"] is None else digits(number(row, "digits"))
+        return reached if right == settings else f"{reached} *"
+    if row["verdict"] in ("ill-conditioned", "not unique"):
+        return str(row["verdict"])
+    return MARKS.get(str(row["status"]), str(row["status"]))

@@ -9,10 +9,11 @@ from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.options import MOST_DRAWN
 from henon_ref.columns import Row
 from henon_ref.report.files.figure_jobs import READINGS
-from henon_ref.report.text.formats import setting
+from henon_ref.report.text.formats import digits, setting
 from henon_ref.report.text.matrix import KEY, matrix
-from henon_ref.report.text.ranking import NOT_RUN, by_solver, number, over_all
-from henon_ref.report.text.tables import MARK, Table, price_table
+from henon_ref.report.text.ranking import AS_GOOD, NOT_RUN, by_solver, number, over_all
+from henon_ref.report.text.summary import HEADINGS, times_as_long
+from henon_ref.report.text.tables import MARK, Table, price_table, timed
 from henon_ref.text import code
 
 MANY = 4
@@ -34,7 +35,8 @@ def overview(comparison: Comparison) -> dict[str, Any] | None:
     prices = price_table(whole)
     lines = [((f"[{reading}](#{reading})", _transitions(rows)), rows) for reading, rows in readings]
     return {
-        "solvers": right_in_all_table(whole, len(readings), len(comparison.readings)).markdown,
+        "solvers": right_in_all_table(whole, len(readings)).markdown,
+        "explained": _explained(len(readings), len(comparison.readings)),
         "prices": prices.markdown if prices else "",
         "legend": LEGEND if prices and MARK in prices.markdown else "",
         "figure": READINGS if is_drawn(comparison) else "",
@@ -58,25 +60,56 @@ def is_drawn(comparison: Comparison) -> bool:
     return wanted and any(record.run["status"] not in NOT_RUN for record in comparison.records)
 
 
-def right_in_all_table(whole: Sequence[Row], judged: int, readings: int) -> Table:
-    """In how many readings each solver is right at one and the same setting, and at which settings it is.
+def right_in_all_table(whole: Sequence[Row], judged: int) -> Table:
+    """A row a solver: the setting with which it is right in most readings, and its cost over all where that is in all.
+
+    Of settings that are right in as many, one is shown, and the others are noted.
 
     Parameters
     ----------
     whole : sequence of Row
         From :func:`over_all`.
-    judged, readings : int
-        Readings with a truth, and all of them.
+    judged : int
+        Readings with a truth.
     """
+    solvers = by_solver(whole)
+    best = {solver: _best(rows) for solver, rows in solvers.items()}
+    walls = {solver: number(row, "wall_s") for solver, row in best.items() if row["verdict"] == "right"}
     lines = []
-    for solver, rows in by_solver(whole).items():
-        most = max(int(number(row, "right_in")) for row in rows)
-        at = [setting(row["rtol"], row["step_s"]) for row in rows if row["right_in"] == most] if most else []
-        lines.append((most, (code(solver), f"{most} of {judged}", ", ".join(at), f"{len(at)} of {len(rows)}")))
-    ordered = [cells for _, cells in sorted(lines, key=lambda line: -line[0])]
-    last = ("all readings", f"{readings}", "", "" if judged == readings else f"without a truth: {readings - judged}")
-    headings = ("solver", "readings right at one setting", "at", "settings")
-    return Table(headings, "lrll", [*ordered, last])
+    for solver in sorted(solvers, key=lambda solver: (-number(best[solver], "right_in"), walls.get(solver, 0.0))):
+        row, most = best[solver], int(number(best[solver], "right_in"))
+        others = [setting(own["rtol"], own["step_s"]) for own in solvers[solver] if own["right_in"] == most]
+        own = setting(row["rtol"], row["step_s"])
+        lines.append(
+            (
+                code(solver),
+                "" if row["digits"] is None else digits(number(row, "digits")),
+                timed(row) if solver in walls else "",
+                times_as_long(walls, solver),
+                own if most else "",
+                f"{most} of {judged}",
+                f"in as many at {', '.join(at for at in others if at != own)}" if most and len(others) > 1 else "",
+            )
+        )
+    return Table(HEADINGS, "lrrrrrl", lines)
+
+
+def _best(rows: Sequence[Row]) -> Row:
+    """Of the settings that are right in most readings the most accurate one; among those as good, the cheapest."""
+    most = max(number(row, "right_in") for row in rows)
+    able = [row for row in rows if row["right_in"] == most]
+    reached = [number(row, "digits") if row["digits"] is not None else 0.0 for row in able]
+    good = [row for row, own in zip(able, reached, strict=True) if own >= max(reached) - AS_GOOD]
+    return min(good, key=lambda row: number(row, "wall_s"))
+
+
+def _explained(judged: int, readings: int) -> str:
+    """What the first table's columns mean, and how many readings they are over."""
+    without = f", {readings - judged} more without a truth" if judged < readings else ""
+    return (
+        f"Right: in how many of {judged} readings{without}, at one and the same setting. Digits: the fewest in any "
+        "reading that is right; time: of all readings, where all are right."
+    )
 
 
 def _transitions(rows: Sequence[Row]) -> str:

@@ -13,7 +13,7 @@ from henon_ref.columns import Row
 from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.write import REPORT
 from henon_ref.report.text.formats import digits as shown_digits
-from henon_ref.report.text.formats import duration, setting
+from henon_ref.report.text.formats import duration, setting, significant
 from henon_ref.report.text.ranking import LEVELS, number
 from henon_ref.report.text.tables import Table
 from henon_ref.text import code, markdown
@@ -55,26 +55,24 @@ def cheapest(rows: Sequence[Row]) -> dict[tuple[str, str, int], str]:
 
 
 def spread_table(rows: Sequence[Row]) -> Table:
-    """How the ratios spread over the readings."""
+    """How many times as long as ``henon`` the others take over the readings; and in how many they take less."""
     lines = []
     for against, label in ((SECOND, code(SECOND)), (OTHERS, OTHERS), (LIBRARIES, LIBRARIES)):
         for digits in (*LEVELS, None):
-            found = [number(row, "ratio") for row in rows if (row["against"], row["digits"]) == (against, digits)]
+            found = [1.0 / number(row, "ratio") for row in rows if (row["against"], row["digits"]) == (against, digits)]
             if found:
-                least, *quartiles, largest = np.quantile(found, [0.0, 0.25, 0.5, 0.75, 1.0])
-                middle = (f"{quartile:.2g}" for quartile in quartiles)
-                above = sum(ratio > 1 for ratio in found)
-                lines.append(
-                    (label, bound(digits), f"{len(found)}", f"{least:.2g}", *middle, f"{largest:.3g}", f"{above}")
-                )
+                quantiles = (significant(value) for value in np.quantile(found, [0.0, 0.25, 0.5, 0.75, 1.0]))
+                faster = sum(times < 1 for times in found)
+                lines.append((label, bound(digits), f"{len(found)}", *quantiles, f"{faster}"))
     headings = (
-        "against", "digits", "readings", "least", "lower quartile", "median", "upper quartile", "largest", "above 1",
+        "solver", "digits", "readings", "times as long, least", "lower quartile", "median", "upper quartile", "most",
+        f"faster than {code(FIRST)} in",
     )  # fmt: skip
     return Table(headings, "l" + "r" * (len(headings) - 1), lines)
 
 
 def slower_table(rows: Sequence[Row], runs: Sequence[Row], reports: str = "../") -> Table:
-    """Where a rival is faster, and what either gets for its time.
+    """Where another solver is faster, how many times as long ``henon`` takes, and what either gets for its time.
 
     Parameters
     ----------
@@ -100,9 +98,19 @@ def slower_table(rows: Sequence[Row], runs: Sequence[Row], reports: str = "../")
                 steps = "" if run is None or run["steps"] is None else f"{number(run, 'steps'):.0f}"
                 cells += [code(str(solver))] if solver != FIRST else []
                 cells += [setting(rtol, step), got, steps, duration(wall)]
-            lines.append((*cells, f"{number(row, 'ratio'):.3g}"))
+            lines.append((*cells, significant(number(row, "ratio"))))
     own = ("setting", "gets", "steps")
-    headings = ("reading", "digits", f"{code(FIRST)} at", *own[1:], "time", "rival", *own, "time", "ratio")
+    headings = (
+        "reading",
+        "digits",
+        f"{code(FIRST)} at",
+        *own[1:],
+        "time",
+        "solver",
+        *own,
+        "time",
+        f"times as long, {code(FIRST)}",
+    )
     return Table(headings, "lrrrrrlrrrrr", lines)
 
 

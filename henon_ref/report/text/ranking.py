@@ -69,8 +69,9 @@ def best_of(rows: Sequence[Row]) -> Row:
 def over_all(readings: Sequence[Sequence[Row]]) -> list[Row]:
     """A row for every solver and setting, over all readings of a case.
 
-    ``wall_s`` is the time of all readings, ``wall_s_iqr`` the sum of their ranges, ``digits`` the fewest in any. The
-    verdict is right where it is so in every reading; in how many it is says ``right_in``.
+    ``status`` is one of a reading in which it ran, ``wall_s`` the time of all readings, ``wall_s_iqr`` the sum of their
+    ranges, ``digits`` the fewest in any. The verdict is right where it is so in every reading; in how many it is says
+    ``right_in``.
     """
     own: dict[tuple[object, ...], list[Row]] = {}
     for row in (row for rows in readings for row in rows):
@@ -84,6 +85,7 @@ def over_all(readings: Sequence[Sequence[Row]]) -> list[Row]:
                 "solver": solver,
                 "rtol": rtol,
                 "step_s": step,
+                "status": next((row["status"] for row in rows if row["status"] not in NOT_RUN), rows[0]["status"]),
                 "verdict": "right" if len(good) == len(readings) else "wrong",
                 "right_in": len(good),
                 "digits": min(reached, default=None),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from henon_ref.columns import Row
 from henon_ref.figures import style
+from henon_ref.figures.description import describe
 from henon_ref.report.text.matrix import solvers_of
 from henon_ref.report.text.ranking import LEVELS, NOT_RUN, best_of, by_solver, number
 from henon_ref.text import one_line
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
+TITLE = "Digits of the worst transition time, each solver at its most accurate setting"
 MOST_DIGITS = 16.0
 DARK = 9.0
 """Digits from which on a cell is so dark that its text is white."""
@@ -25,7 +27,7 @@ LABELS = {
     NOTHING: "right, nothing to time",
     CORNER: "(corner) wrong at another setting",
     WRONG: "wrong at every setting",
-    OPEN: "so, ill-conditioned or not unique",
+    OPEN: "wrong, but ill-conditioned or not unique",
 }
 LEFT, ACROSS, WIDEST = 1.05, 6.08, 0.5
 """Room for the solvers' names and for all readings, and the most that one reading takes of it [in]."""
@@ -45,7 +47,7 @@ def draw_readings(readings: Sequence[tuple[str, Sequence[Row]]]) -> Figure:
     """
     cells = {(reading, solver): own for reading, rows in readings for solver, own in by_solver(rows).items()}
     cells = {key: own for key, own in cells.items() if own[-1]["status"] not in NOT_RUN}
-    solvers = [s for s in solvers_of([rows for _, rows in readings]) if any(key[1] == s for key in cells)]
+    solvers = [s for s in solvers_of(row for _, rows in readings for row in rows) if any(key[1] == s for key in cells)]
     names = [reading for reading, _ in readings]
     wide = min(ACROSS / len(names), WIDEST)
     texts = len(names) <= MOST_TEXTS
@@ -64,7 +66,21 @@ def draw_readings(readings: Sequence[tuple[str, Sequence[Row]]]) -> Figure:
             handles=_patches(used, shades=not texts), loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=4,
             fontsize=7.0, handlelength=1.1, columnspacing=1.0, borderpad=0.2,
         )  # fmt: skip
+        describe(figure, TITLE, _description(cells, solvers, names))
         return figure
+
+
+def _description(cells: Mapping[tuple[str, str], Sequence[Row]], solvers: Sequence[str], names: Sequence[str]) -> str:
+    """On how many readings each solver is right at some setting."""
+    counts = []
+    for solver in solvers:
+        own = [rows for key, rows in cells.items() if key[1] == solver]
+        some = sum(any(row["verdict"] == "right" for row in rows) for rows in own)
+        counts.append(f"{solver} {some} of {len(own)}")
+    return (
+        f"A row a solver, a column for each of {len(names)} readings; cells say how many digits are right. "
+        f"Readings in which some setting is right: {'; '.join(counts)}."
+    )
 
 
 def _draw(axes: Axes, i: int, j: int, rows: Sequence[Row], wide: float, *, texts: bool) -> set[str]:
@@ -107,7 +123,7 @@ def _label(axes: Axes, names: Sequence[str], solvers: Sequence[str]) -> None:
     axes.tick_params(length=0, pad=2.5)
     for side in axes.spines.values():
         side.set_visible(False)
-    axes.set_title("Digits of the worst transition time, each solver at its most accurate setting")
+    axes.set_title(TITLE)
 
 
 def _patches(used: set[str], *, shades: bool) -> list[Patch]:

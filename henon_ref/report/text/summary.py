@@ -1,53 +1,53 @@
-"""The tables that a reading's report begins with: a row a solver, and a row on the exact run."""
+"""The table that a reading's report begins with: a row a solver."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.results import ReadingResult
 from henon_ref.columns import Row
-from henon_ref.report.text.formats import digits, error, setting, significant
-from henon_ref.report.text.ranking import NOT_RUN, by_solver, floor, most_accurate, number
+from henon_ref.report.text.formats import digits, setting, significant
+from henon_ref.report.text.ranking import NOT_RUN, by_solver, most_accurate, number
 from henon_ref.report.text.tables import Table, samples_of, timed
 from henon_ref.text import code, markdown
 
+HEADINGS = ("solver", "digits", "time", "times as long", "setting", "right", "note")
+EXPLAINED = (
+    "Shown is the most accurate right run of each solver, its time set against the shortest one in the table. Right: "
+    "at how many of its settings a solver is."
+)
+"""Below a table in which times are compared."""
+
 
 def solver_table(comparison: Comparison, result: ReadingResult) -> Table:
-    """A row a solver: at how many settings it is right, its most accurate right run, and what else became of it.
+    """A row a solver: its most accurate right run, at how many settings it is right, and what else became of it.
 
-    Times are set against the shortest one in the table. Solvers that are right come first, the fastest of them at
-    the top; then those that are not, and those that did not run.
+    Times are set against the shortest one in the table, where several solvers have one. Solvers that are right come
+    first, the fastest of them at the top; then those that are not, and those that did not run.
     """
     records = comparison.of_reading(result.reading.name)
     samples, solvers = samples_of(records), by_solver([record.run for record in records])
     best = {solver: _best(own) for solver, own in solvers.items()}
     walls = {solver: number(row, "wall_s") for solver, row in best.items() if row is not None and row["wall_s"]}
-    fastest = min(walls.values(), default=0.0)
     lines = []
     for solver in sorted(solvers, key=lambda solver: (_rank(best[solver], solvers[solver]), walls.get(solver, 0.0))):
         row = best[solver]
-        cells = ("", "", "", "", "")
+        cells = ("", "", "", "")
         if row is not None:
             cells = (
                 "" if row["digits"] is None else digits(number(row, "digits")),
-                error(row["max_time_error_s"], floor(row)),
-                setting(row["rtol"], row["step_s"]),
                 timed(row, samples) if solver in walls else "",
-                significant(walls[solver] / fastest) if solver in walls else "",
+                times_as_long(walls, solver),
+                setting(row["rtol"], row["step_s"]),
             )
-        lines.append((code(solver), _right_at(solvers[solver]), *cells, _note(solvers[solver], row)))
-    headings = (
-        "solver",
-        "right (settings)",
-        "digits",
-        "worst error [s]",
-        "setting",
-        "time",
-        "times the fastest",
-        "note",
-    )
-    return Table(headings, "lrrrrrrl", lines)
+        lines.append((code(solver), *cells, _right_at(solvers[solver]), _note(solvers[solver], row)))
+    return Table(HEADINGS, "lrrrrrl", lines)
+
+
+def times_as_long(walls: Mapping[str, float], solver: str) -> str:
+    """A solver's time over the shortest of all; nothing where there is no other time, or none of its own."""
+    return significant(walls[solver] / min(walls.values())) if solver in walls and len(walls) > 1 else ""
 
 
 def _best(rows: Sequence[Row]) -> Row | None:
@@ -96,21 +96,3 @@ def _ending(row: Row) -> str:
         return f"{missed:.0f} missed, {spurious:.0f} spurious"
     fault = row["verdict"] if row["verdict"] in ("ill-conditioned", "not unique") else ""
     return ", ".join(str(part) for part in (row["status"], fault) if part)
-
-
-def exact_run_table(result: ReadingResult) -> Table:
-    """One row on the exact run: how it ends and when, and how often it changes its mode and touches a surface."""
-    expected, reason = result.expected, markdown(result.statement.reason).rstrip(".")
-    headings = ("exact run", "transitions", "touches", "known up to [s]", "note")
-    if expected is None:
-        return Table(headings, "lrrrl", [("no truth, nothing is scored", "", "", "", reason)])
-    touches = sum(event.kind == "graze" for event in expected.transitions)
-    status = "unknown after its start, no run is judged" if expected.nothing_known else expected.status
-    row = (
-        status,
-        f"{len(expected.transitions) - touches}",
-        f"{touches}",
-        significant(expected.end_time, 9),
-        "; ".join(part for part in ("the truth ends there" if expected.partial else "", reason) if part),
-    )
-    return Table(headings, "lrrrl", [row])

@@ -13,7 +13,7 @@ from henon_ref.campaign.timing import UNSTABLE
 from henon_ref.columns import Row
 from henon_ref.report.text.formats import count, digits, duration, error, setting, significant
 from henon_ref.report.text.ranking import NOT_RUN, floor, name, number, prices, right
-from henon_ref.score.sticks import published_partners, sticks
+from henon_ref.score.sticks import sticks
 from henon_ref.text import code, markdown
 
 MOST_STICKS = 12
@@ -53,15 +53,15 @@ def samples_of(records: Sequence[Record]) -> Samples:
 
 
 def price_table(rows: Sequence[Row], samples: Samples | None = None) -> Table | None:
-    """The cheapest solver for so many digits, and what the next one costs."""
-    found = [price for price in prices(rows) if price.row is not None]
-    if not found:
+    """The cheapest solver for so many digits, and what the next one costs; None where fewer than two solvers ran."""
+    ran = {name(row) for row in rows if row["status"] not in NOT_RUN}
+    if len(ran) < 2 or all(price.row is None for price in prices(rows)):
         return None
     lines = []
     for price in prices(rows):
         cells = [f"{price.digits}"]
-        for row in (price.row, price.next_row):
-            cells += ["none", "", ""] if row is None else [
+        for row, missing in ((price.row, "none"), (price.next_row, "none" if price.row is not None else "")):
+            cells += [missing, "", ""] if row is None else [
                 code(name(row)), setting(row["rtol"], row["step_s"]), timed(row, samples)
             ]  # fmt: skip
         ratio = ""
@@ -98,7 +98,7 @@ def run_table(records: Sequence[Record]) -> Table:
         )
     headings = (
         "solver", "setting", "status", "matched", "missed / spurious", "worst error [s]", "digits",
-        "stick error [s]", "time (IQR)", "compile", "steps", "fields", "events",
+        "stick error [s]", "time (IQR)", "compile", "steps", "right-hand sides", "event functions",
     )  # fmt: skip
     return Table(headings, "lrlrrrrrrrrrr", lines)
 
@@ -166,31 +166,24 @@ def _cause(name: str) -> str:
 
 
 def stick_table(comparison: Comparison, result: ReadingResult) -> Table | None:
-    """The sticks of the measured window: truth, source, and every solver's most accurate right run."""
+    """The sticks of the measured window: the truth's, and how near the most accurate right run comes to them."""
     expected, reading = result.expected, result.reading
     if expected is None:
         return None
     exact = sticks(expected.transitions, start=expected.start, after=reading.measure_after)
     if not exact:
         return None
-    printed = [float(value) for value in reading.published.stick_durations] if reading.published else []
-    partners = published_partners([stick.duration for stick in exact], printed)
     rows = []
     best = _best_stick_run(comparison, reading.name)
-    for index, (stick, partner) in enumerate(list(zip(exact, partners, strict=True))[:MOST_STICKS]):
+    for index, stick in enumerate(exact[:MOST_STICKS]):
         cells = [f"{index}", reading.problem.system.sign_names[stick.surface], f"{stick.start:.9f}"]
         cells.append(f"{stick.duration:.13f}")
-        if printed:
-            cells.append("" if partner is None else f"{partner:g}")
-            cells.append("" if partner is None else error(partner - stick.duration))
         if best is not None:
             own = next((row for row in best[1] if row["index"] == index), None)
             cells.append("" if own is None else error(own["error_s"]))
             cells.append("" if own is None or own["length"] is None else f"{number(own, 'length'):.9f}")
         rows.append(tuple(cells))
     headings = ["stick", "surface", "begins at [s]", "exact duration [s]"]
-    if printed:
-        headings += ["printed [s]", "printed − exact [s]"]
     if best is not None:
         headings += [f"error of {code(best[0])} [s]", f"length [unit of {code(reading.problem.system.state_names[0])}]"]
     return Table(tuple(headings), "rl" + "r" * (len(headings) - 2), rows)

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from henon_ref.columns import Row
 from henon_ref.figures import style
+from henon_ref.figures.description import describe
 from henon_ref.studies.atlas.family import OUTCOMES, Family, Outcome, outcome_of
 from henon_ref.text import one_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.path import Path
 
 COLUMNS = 3
 """Panels in a row."""
@@ -62,7 +65,20 @@ def draw_atlas(family: Family, rows: Sequence[Row], solvers: Sequence[str]) -> F
         figure.suptitle(
             one_line(family.case.title), parse_math=False, x=0.085, ha="left", y=1 - 0.12 / height, fontsize=10
         )
+        describe(figure, family.case.title, _description(family, cells, solvers))
         return figure
+
+
+def _description(family: Family, cells: Mapping[tuple[str, str, float], Outcome | None], solvers: Sequence[str]) -> str:
+    """What the panels show, and how many runs of each solver are right."""
+    counts = []
+    for solver in solvers:
+        own = [outcome for key, outcome in cells.items() if key[0] == solver and outcome is not None]
+        counts.append(f"{solver} {own.count('right')} of {len(own)}")
+    return (
+        f"A panel a solver. Across, {family.meaning}; upward, the relative tolerance; a cell's colour says how the run "
+        f"ended. Right runs: {'; '.join(counts)}."
+    )
 
 
 def _tolerance(row: Row) -> float:
@@ -76,14 +92,19 @@ def _draw_panel(
     tolerances: Sequence[float],
     cells: dict[tuple[str, str, float], Outcome | None],
 ) -> None:
-    from matplotlib.patches import Rectangle
+    from matplotlib.patches import PathPatch
 
     order = family.order
+    runs: dict[Outcome, list[tuple[int, int, int]]] = {}
     for j, tolerance in enumerate(tolerances):
-        for i, reading in enumerate(order):
-            outcome = cells.get((solver, reading, tolerance))
-            if outcome is not None:
-                axes.add_patch(Rectangle((i, j), 1, 1, facecolor=COLOURS[outcome], edgecolor="white", linewidth=0.25))
+        outcomes = [cells.get((solver, reading, tolerance)) for reading in order]
+        for outcome, begin, end in _stretches(outcomes):
+            runs.setdefault(outcome, []).append((begin, end, j))
+    for outcome, boxes in runs.items():
+        axes.add_patch(PathPatch(_boxes(boxes), facecolor=COLOURS[outcome], linewidth=0))
+    lines = [((i, 0), (i, len(tolerances))) for i in range(1, len(order))]
+    lines += [((0, j), (len(order), j)) for j in range(1, len(tolerances))]
+    axes.add_patch(PathPatch(_segments(lines), fill=False, edgecolor="white", linewidth=0.4))
     axes.set_xlim(0, len(order))
     axes.set_ylim(0, len(tolerances))
     axes.grid(visible=False)
@@ -95,6 +116,34 @@ def _draw_panel(
         exact = next((i for i, reading in enumerate(order) if family.distances[reading] >= 0), 0)
         axes.plot([exact, exact], [0, len(tolerances)], color=style.GREY, lw=0.5)
     _draw_limit(axes, family, tolerances)
+
+
+def _stretches(outcomes: Sequence[Outcome | None]) -> list[tuple[Outcome, int, int]]:
+    """Neighbours of the same outcome: it, the first of them, and the one behind the last."""
+    found: list[tuple[Outcome, int, int]] = []
+    begin = 0
+    for outcome, own in itertools.groupby(outcomes):
+        end = begin + len(list(own))
+        if outcome is not None:
+            found.append((outcome, begin, end))
+        begin = end
+    return found
+
+
+def _boxes(boxes: Sequence[tuple[int, int, int]]) -> Path:
+    """Stretches of rows (begin, end, row) as one path: a figure of single cells is ten times as long."""
+    from matplotlib.path import Path
+
+    corners = [[(a, j), (b, j), (b, j + 1), (a, j + 1), (a, j)] for a, b, j in boxes]
+    codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(boxes)
+    return Path([corner for box in corners for corner in box], codes)
+
+
+def _segments(lines: Sequence[tuple[tuple[int, int], tuple[int, int]]]) -> Path:
+    """Straight lines as one path."""
+    from matplotlib.path import Path
+
+    return Path([end for line in lines for end in line], [Path.MOVETO, Path.LINETO] * len(lines))
 
 
 def _draw_limit(axes: Axes, family: Family, tolerances: Sequence[float]) -> None:

@@ -11,6 +11,8 @@ from matplotlib.figure import Figure
 
 from henon_ref.columns import Row
 from henon_ref.figures import style
+from henon_ref.figures.description import describe
+from henon_ref.figures.labels import label_column
 from henon_ref.registry import COMPILED
 from henon_ref.report.text.ranking import by_solver, number, right
 from henon_ref.studies.price.growth import Horizon
@@ -18,7 +20,7 @@ from henon_ref.studies.price.growth import exponent as horizon_power
 from henon_ref.studies.price.states import Size, fitted
 
 COUNTS = {
-    "wall_s": "wall time of one run, median [s]",
+    "wall_s": "wall time of one run, median",
     "rhs_evaluations": "right-hand sides (of henon and heyoka: whole Taylor expansions)",
     "steps": "steps",
 }
@@ -31,57 +33,57 @@ BOUND = 1e-11
 def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
     """Worst error of a transition's time against a cost, one line a solver, for one reading.
 
-    Times have bars, the 95 % intervals of the medians. Compiled callbacks change times and nothing else: they stand
-    where the cost is a time.
+    Times have bars, the 95 % intervals of the medians. Compiled callbacks change times and nothing else: they stand,
+    dash-dotted, where the cost is a time.
     """
     is_time = count == "wall_s"
     with style.figure(4.4) as figure:
-        axes = figure.add_axes((0.1, 0.12, 0.67, 0.8))
+        axes = figure.add_axes((0.1, 0.12, 0.645, 0.8))
         axes.set_xscale("log")
         axes.set_yscale("log")
-        tips = []
-        for solver, ladder in by_solver(right(rows)).items():
-            compiled = solver.endswith(COMPILED)
+        ladders = by_solver(right(rows))
+        lines = style.lines_of(solver for solver in ladders if is_time or not solver.endswith(COMPILED))
+        tips = {}
+        for solver, line in lines.items():
             points = [
                 (number(row, count), max(number(row, "max_time_error_s"), 1e-16))
-                for row in ladder
+                for row in ladders[solver]
                 if row[count] and row["max_time_error_s"] is not None
             ]
-            if points and (is_time or not compiled):
-                _draw_line(axes, solver, points)
+            if points:
+                _draw_line(axes, line, points)
                 if is_time:
-                    _draw_bars(axes, solver, ladder)
-                if not compiled:
-                    x, y = min(points, key=lambda point: point[1])
-                    tips.append((solver, x, y, style.line_of(solver)))
-        style.decades(axes.xaxis)
+                    _draw_bars(axes, line, ladders[solver])
+                tips[solver] = min(error for _, error in points)
+        style.decades(axes.xaxis, style.time_text if is_time else None)
         style.decades(axes.yaxis)
-        style.label_points(axes, tips, x=1.045, gap=0.05)
+        ordered = sorted(tips, key=lambda solver: -tips[solver])
+        label_column(axes, [(solver, lines[solver]) for solver in ordered], x=1.045, gap=0.05)
         if is_time:
-            axes.plot(
-                [], [], ":", color=style.GREY, marker="o", mfc="white", ms=3.5, label="compiled callbacks (+numba)"
-            )
+            axes.plot([], [], color=style.GREY, lw=0.8, label="95 % interval of the median")
             axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         axes.set(xlabel=COUNTS[count], ylabel="worst error of a transition time [s]")
+        least = "; ".join(f"{solver} {tips[solver]:.1e} s" for solver in ordered)
+        describe(
+            figure,
+            f"Accuracy against {'time' if is_time else count.replace('_', ' ')}",
+            f"Across, {COUNTS[count]}; upward, the worst error of a transition time; both axes are logarithmic. "
+            f"Least error of each solver: {least}.",
+        )
     return figure
 
 
-def _draw_line(axes: Axes, solver: str, points: Sequence[tuple[float, float]]) -> None:
-    look = style.line_of(solver.removesuffix(COMPILED))
-    fair = solver.endswith(COMPILED)
+def _draw_line(axes: Axes, line: style.Line, points: Sequence[tuple[float, float]]) -> None:
     x, y = np.array(points).T
-    axes.plot(
-        x, y, ":" if fair else look.dashes, marker=look.marker, color=look.colour, lw=look.width, ms=3.5,
-        mfc="white" if fair else look.colour,
-    )  # fmt: skip
+    axes.plot(x, y, ls=line.dashes, marker=line.marker, color=line.colour, lw=line.width, ms=3.5)
 
 
-def _draw_bars(axes: Axes, solver: str, ladder: Sequence[Row]) -> None:
+def _draw_bars(axes: Axes, line: style.Line, ladder: Sequence[Row]) -> None:
     known = [row for row in ladder if row["wall_s_low"] is not None and row["max_time_error_s"] is not None]
     if known:
         errors = [max(number(row, "max_time_error_s"), 1e-16) for row in known]
         low, high = ([number(row, column) for row in known] for column in ("wall_s_low", "wall_s_high"))
-        axes.hlines(errors, low, high, color=style.line_of(solver.removesuffix(COMPILED)).colour, lw=0.8)
+        axes.hlines(errors, low, high, color=line.colour, lw=0.8)
 
 
 def draw_growth(found: Sequence[Horizon]) -> Figure:
@@ -104,6 +106,13 @@ def draw_growth(found: Sequence[Horizon]) -> Figure:
         )  # fmt: skip
         right_.set(xlabel="horizon [s]", ylabel="worst error of the last sticks [s]")
         figure.set_layout_engine("constrained")
+        describe(
+            figure,
+            "Time of a transition, and error of the last sticks, over the horizon",
+            "Two panels with logarithmic axes. Time of a run grows with a power of the horizon: "
+            + "; ".join(f"{s} {horizon_power(found, s)}" for s in dict.fromkeys(own.solver for own in found))
+            + f". In the second panel a dashed line is the bound of {BOUND:.0e} s on the error of the last sticks.",
+        )
     return figure
 
 
@@ -128,9 +137,19 @@ def draw_sizes(found: Sequence[Size]) -> Figure:
             axes.set(xlabel="states", ylabel=words)
             axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         figure.set_layout_engine("constrained")
+        describe(
+            figure,
+            "Time of a simulated second, and of making ready, over the number of states",
+            "Two panels with logarithmic axes, a line a solver. Times grow with a power of the number of states: "
+            + "; ".join(
+                f"{solver} {', '.join(f'{fitted(found, solver, column)}' for column, _, _ in columns)}"
+                for solver in dict.fromkeys(own.solver for own in found)
+            )
+            + ".",
+        )
     return figure
 
 
 def _plot(axes: Axes, solver: str, x: Sequence[float], y: Sequence[float], label: str) -> None:
     look = style.line_of(solver)
-    axes.loglog(x, y, look.dashes, marker=look.marker, color=look.colour, lw=look.width, label=label)
+    axes.loglog(x, y, ls=look.dashes, marker=look.marker, color=look.colour, lw=look.width, label=label)

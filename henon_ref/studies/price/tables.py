@@ -54,7 +54,7 @@ def own_times(pairs: Sequence[Row]) -> str:
 
 
 def rival_table(found: Sequence[Row]) -> Table:
-    """`henon`'s time over that of others, for the same digits of the worst transition, reading by reading."""
+    """How many times as long as `henon` others take, for the same digits, reading by reading."""
     ratios: dict[tuple[str, str, str], dict[str, Row]] = {}
     for row in found:
         if row["rival"] in LISTED:
@@ -62,14 +62,15 @@ def rival_table(found: Sequence[Row]) -> Table:
             ratios.setdefault(key, {})[str(row["rival"])] = row
     lines = []
     for (case, reading, digits), own in ratios.items():
-        cells = [_ratio(own[rival]) if rival in own else "" for rival in LISTED]
+        cells = [_times_as_long(own[rival]) if rival in own else "" for rival in LISTED]
         lines.append((title(case, reading), digits, *cells))
     return Table(("reading", "digits", *(f"`{rival}`" for rival in LISTED)), "lr" + "r" * len(LISTED), lines)
 
 
-def _ratio(row: Row) -> str:
-    value, low, high = (number(row, column) for column in ("ratio", "ratio_low", "ratio_high"))
-    return f"{value:.2g} ({low:.2g}–{high:.2g})"
+def _times_as_long(row: Row) -> str:
+    """How many times as long as ``henon`` a solver takes, and the interval: a row has ``henon``'s time over its own."""
+    times, low, high = (significant(1.0 / number(row, column), 2) for column in ("ratio", "ratio_high", "ratio_low"))
+    return f"{times} ({low} to {high})"
 
 
 def price_table(pairs: Sequence[Row], reading: tuple[str, str]) -> Table:

@@ -1,4 +1,4 @@
-"""The page of restart habits: outcomes by library and habit, over all readings and reading by reading."""
+"""The page on how libraries are restarted: outcomes by library and way, over all readings and reading by reading."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def write_page(rows: Sequence[Row], origin: Provenance, folder: Path) -> Path:
     Parameters
     ----------
     rows : sequence of Row
-        A run a reading, library, habit and tolerance.
+        A run a reading, library, way of restarting and tolerance.
     origin : Provenance
     folder : Path
         The experiment's own folder; made if need be.
@@ -54,21 +54,21 @@ def write_page(rows: Sequence[Row], origin: Provenance, folder: Path) -> Path:
 
 
 def libraries_of(rows: Sequence[Row]) -> list[str]:
-    """Solvers without their habit, in the registry's order."""
+    """Solvers without what they are restarted by, in the registry's order."""
     present = {registry.base_name(str(row["solver"])) for row in rows}
     return [name for name in registry.names() if name in present]
 
 
 def of_restart(rows: Sequence[Row], library: str, restart: str) -> list[Row]:
-    """The runs of a library that was restarted by a habit."""
+    """The runs of a library that was restarted in one way."""
     name = f"{library}{registry.AT}{restart}"
     return [row for row in rows if row["solver"] == name and outcome_of(row) is not None]
 
 
 def summary_table(rows: Sequence[Row]) -> Table:
-    """Library and habit: how their runs ended, each in one column, and the transitions missed and spurious in them.
+    """Library and restart: how their runs ended, each in one column, and the transitions missed and spurious in them.
 
-    The last column counts the runs that are not right although another habit of the library is.
+    The last column counts the runs that are not right although another way of restarting the library is.
     """
     lines = []
     for library in libraries_of(rows):
@@ -79,12 +79,12 @@ def summary_table(rows: Sequence[Row]) -> Table:
             label = f"**`{restart}`**" if restart == registry.restart_of(library) else f"`{restart}`"
             counts = (*(ends[end] for end in ENDINGS), *edits, broken_runs(rows, library, restart))
             lines.append((f"`{library}`", label, *(f"{n or ''}" for n in counts)))
-    headings = ("library", "habit", *ENDINGS, "transitions missed", "spurious", "right by another habit")
+    headings = ("library", "restart", *ENDINGS, "transitions missed", "spurious", "right by another restart")
     return Table(headings, "ll" + "r" * (len(headings) - 2), lines)
 
 
 def broken_runs(rows: Sequence[Row], library: str, restart: str) -> int:
-    """How many runs of a habit are not right although another one gets the same reading and tolerance right."""
+    """How many runs of one restart are not right although another one gets the same reading and tolerance right."""
     others = [row for other in registry.RESTARTS if other != restart for row in of_restart(rows, library, other)]
     right = set(_by_problem([row for row in others if outcome_of(row) == "right"]))
     return sum(outcome_of(row) != "right" and _problem(row) in right for row in of_restart(rows, library, restart))
@@ -99,7 +99,7 @@ def ending(row: Row) -> str:
 
 
 def default_table(rows: Sequence[Row]) -> Table:
-    """Each library's default against the best other habit: runs that one alone gets right, or to a digit more."""
+    """Each library's default against the best other restart: runs that one alone gets right, or to a digit more."""
     lines = []
     for library in libraries_of(rows):
         own = registry.restart_of(library)
@@ -152,7 +152,7 @@ def _digit_better(row: Row, other: Row) -> bool:
 
 
 def detail_table(rows: Sequence[Row]) -> Table:
-    """Every reading, library and habit that is not right at every tolerance."""
+    """Every reading, library and restart that is not right at every tolerance."""
     lines = []
     keys = dict.fromkeys((str(row["case"]), str(row["reading"])) for row in rows)
     for case, reading in keys:

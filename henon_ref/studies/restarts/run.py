@@ -1,4 +1,4 @@
-"""The study of restart habits: its readings, its libraries, and their runs."""
+"""The study of how libraries are restarted: its readings, its libraries, and their runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""SymPy expressions to heyoka's, with numbers of any precision."""
+"""SymPy expressions and exact numbers to heyoka's, of any precision."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Any
 
 import heyoka as hy
 import sympy as sp
+from flint import arb
 
 from henon_ref.errors import ModelError
-from henon_ref.truth.multiprecision.numbers import exact_real
+from henon_ref.truth.multiprecision.numbers import decimal_digits, exact_text
 
 Number = Callable[[sp.Expr], Any]
 
@@ -18,6 +19,16 @@ _FUNCTIONS = {
     name: getattr(hy, name)
     for name in ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")
 }
+
+
+def exact_real(number: sp.Expr, bits: int) -> Any:
+    """An exact number as a heyoka number of so many bits."""
+    return hy.real(exact_text(number, bits), bits)
+
+
+def to_real(value: arb, bits: int) -> Any:
+    """The midpoint of a ball as a heyoka number."""
+    return hy.real(value.mid().str(decimal_digits(bits), radius=False), bits)
 
 
 def real_constants(bits: int) -> Number:
@@ -47,11 +58,6 @@ class RealParameters:
             return self._constant(number)
         self.values.append(exact_real(number, self._bits))
         return hy.par[self._first + len(self.values) - 1]
-
-
-def double_constants(number: sp.Expr) -> Any:
-    """An exact number as a heyoka constant in double precision."""
-    return hy.expression(float(number))
 
 
 def to_heyoka(expression: sp.Expr, symbols: Mapping[sp.Symbol, Any], constant: Number) -> Any:

@@ -1,4 +1,4 @@
-"""Exact numbers to digits, and digits between heyoka, ball arithmetic and doubles; no double on the way."""
+"""Exact numbers to digits and balls, and balls to digits; no double on the way, and no need of heyoka."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from decimal import Decimal, localcontext
 from functools import lru_cache
 from typing import Any
 
-import heyoka as hy
 import sympy as sp
 from flint import arb
 
@@ -49,16 +48,6 @@ def exact_ball(number: sp.Expr, bits: int) -> arb:
     if number.is_Rational:
         return arb(int(number.p)) / arb(int(number.q))
     return arb(exact_text(number, bits + GUARD_BITS))
-
-
-def exact_real(number: sp.Expr, bits: int) -> Any:
-    """An exact number as a heyoka number of so many bits."""
-    return hy.real(exact_text(number, bits), bits)
-
-
-def to_real(value: arb, bits: int) -> Any:
-    """The midpoint of a ball as a heyoka number."""
-    return hy.real(value.mid().str(decimal_digits(bits), radius=False), bits)
 
 
 def to_ball(value: Any) -> arb:

@@ -14,8 +14,9 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
+from henon_ref.truth.multiprecision.heyoka import to_real
 from henon_ref.truth.multiprecision.mode_selection import ModeSelection, Point
-from henon_ref.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball, to_real
+from henon_ref.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball
 from henon_ref.truth.multiprecision.stepper import Step, Stepper
 from henon_ref.truth.multiprecision.termination import CROWD, EndedError, Termination, written
 from henon_ref.truth.reference import NearGraze

@@ -23,8 +23,8 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.multiprecision import series
-from henon_ref.truth.multiprecision.heyoka import RealParameters, to_heyoka
-from henon_ref.truth.multiprecision.numbers import to_ball, to_real
+from henon_ref.truth.multiprecision.heyoka import RealParameters, to_heyoka, to_real
+from henon_ref.truth.multiprecision.numbers import to_ball
 from henon_ref.truth.roots import END
 
 PIECES = 16

@@ -5,7 +5,6 @@ from __future__ import annotations
 from decimal import Decimal
 from fractions import Fraction
 
-import heyoka as hy
 import pytest
 import sympy as sp
 from flint import arb, ctx
@@ -13,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from henon_ref.errors import ModelError
-from henon_ref.truth.multiprecision.numbers import ball_text, exact_ball, exact_text, to_ball, to_real
+from henon_ref.truth.multiprecision.numbers import ball_text, exact_ball, exact_text, to_ball
 from henon_ref.truth.reference import split_double
 
 
@@ -29,6 +28,9 @@ def test_exact_text_refuses_what_is_no_real_number() -> None:
 
 
 def test_heyoka_numbers_and_balls_convert_without_loss() -> None:
+    hy = pytest.importorskip("heyoka")
+    from henon_ref.truth.multiprecision.heyoka import to_real
+
     with ctx.workprec(288):
         third = to_ball(to_real(exact_ball(sp.Rational(1, 3), 256), 256))
         assert to_real(third, 256) == hy.real("1", 256) / hy.real("3", 256)

@@ -8,6 +8,8 @@ import pytest
 import systems
 from flint import arb
 
+pytest.importorskip("heyoka")
+
 from henon_ref.truth.multiprecision import route as multiprecision
 from henon_ref.truth.multiprecision.route import multiprecision as route
 from henon_ref.truth.multiprecision.run import Event, Run

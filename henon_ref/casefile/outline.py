@@ -1,0 +1,83 @@
+"""What a case file says at a glance, read as YAML alone: no expression in it is looked into."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode, merged
+from henon_ref.casefile.yaml_file import read_yaml
+from henon_ref.errors import CaseError
+
+SCENE_SURFACES = 1
+"""A scene has one contact."""
+NO_STATES = ("t", "mode")
+"""Keys of ``initial`` that are no state."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A case at a glance."""
+
+    name: str
+    title: str
+    tags: tuple[str, ...]
+    readings: int
+    states: tuple[int, ...]
+    """How many, in each reading."""
+    surfaces: tuple[int, ...]
+    """How many, in each reading."""
+
+
+def outline(path: Path) -> Outline:
+    """A case file at a glance.
+
+    Raises
+    ------
+    CaseError
+        For what is no YAML, and for a file without a name, a title or a model.
+    """
+    tree = read_yaml(path)
+    readings = list(_readings(tree))
+    name, title = (_text(tree, key, path) for key in ("name", "title"))
+    tags = dict.fromkeys(tag for reading in readings for tag in _words(reading.entries.get("tags")))
+    sizes = [_sizes(reading, path) for reading in readings]
+    return Outline(
+        name, title, tuple(tags), len(readings), tuple(states for states, _ in sizes), tuple(s for _, s in sizes)
+    )
+
+
+def _readings(tree: MappingNode) -> Iterator[MappingNode]:
+    """The tree of each reading, its overrides laid over the case."""
+    overrides = tree.entries.get("readings")
+    if not isinstance(overrides, MappingNode):
+        yield tree
+        return
+    for own in overrides.entries.values():
+        yield merged(tree, own) if isinstance(own, MappingNode) else tree
+
+
+def _text(tree: MappingNode, key: str, path: Path) -> str:
+    node = tree.entries.get(key)
+    if not isinstance(node, ScalarNode) or node.value is None:
+        raise CaseError(f"the key '{key}' is missing at the top", file=str(path))
+    return " ".join(node.text.split())
+
+
+def _words(node: Node | None) -> Iterator[str]:
+    for item in node.items if isinstance(node, SequenceNode) else ():
+        if isinstance(item, ScalarNode):
+            yield item.text
+
+
+def _sizes(reading: MappingNode, path: Path) -> tuple[int, int]:
+    """States and surfaces of a reading."""
+    system, initial = (reading.entries.get(key) for key in ("system", "initial"))
+    if isinstance(system, MappingNode):
+        states, surfaces = (system.entries.get(key) for key in ("state", "surfaces"))
+        if isinstance(states, SequenceNode) and isinstance(surfaces, MappingNode):
+            return len(states.items), len(surfaces.entries)
+    elif isinstance(initial, MappingNode):  # a scene's states stand in its start
+        return sum(key not in NO_STATES for key in initial.entries), SCENE_SURFACES
+    raise CaseError("there is no model: give 'system' or 'scene', and 'initial'", file=str(path))

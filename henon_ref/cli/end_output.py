@@ -1,0 +1,66 @@
+"""What the comparison says on standard output: a line a finished case, the table at the end, the report's path."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from henon_ref.cli.end_table import EndTable, Failing
+from henon_ref.cli.text_table import print_table
+from henon_ref.columns import Row
+from henon_ref.report.text.formats import count, digits, duration, significant
+from henon_ref.text import listed, message
+
+HEADINGS = ("solver", "right of judged", "digits", "time", "times as long")
+MOST_FAILING = 24
+"""Lines on what is not right; the JSON document and the reports have all."""
+MOST_PLACES = 3
+"""Readings that one such line names."""
+NOTE = (
+    "At the tightest setting. Digits: the fewest of any reading. Time: the median. Times as long as the fastest: the "
+    "geometric mean."
+)
+
+
+def case_line(name: str, rows: Sequence[Row], report: Path) -> str:
+    """What is said of a finished case."""
+    right = sum(row["verdict"] == "right" for row in rows)
+    return message(f"{name}: {count(len(rows), 'row')}, {right} right: {report}")
+
+
+def print_end(table: EndTable, *, readings: int) -> None:
+    """Print the table, and below it what is not right and why."""
+    print_table(HEADINGS, _cells(table), right=HEADINGS[1:])
+    if readings > 1:
+        print(NOTE)
+    failing = table.failing()
+    for found in failing[:MOST_FAILING]:
+        print(failing_line(found))
+    if len(failing) > MOST_FAILING:
+        print(f"and {len(failing) - MOST_FAILING} more, see the reports")
+
+
+def failing_line(found: Failing) -> str:
+    """What keeps a solver from being right, and where, in one line."""
+    reason = f" ({found.reason.rstrip('.')})" if found.reason else ""
+    return message(f"{found.solver}: {found.status}{reason}: {listed(found.where, MOST_PLACES)}")
+
+
+def document(table: EndTable, report: Path, **more: Any) -> str:
+    """The JSON document: the table, the report's path, and what else the caller knows."""
+    return json.dumps({**table.document(), "report": str(report), **more}, indent=1)
+
+
+def _cells(table: EndTable) -> list[tuple[str, ...]]:
+    return [
+        (
+            line.solver,
+            f"{line.right} of {line.judged}" if line.judged else "not judged",
+            "" if line.digits is None else digits(line.digits),
+            duration(line.time_s),
+            "" if line.times_as_long is None else significant(line.times_as_long),
+        )
+        for line in table.solvers()
+    ]

@@ -1,0 +1,85 @@
+"""What a figure shows, in words: its ``<title>`` and ``<desc>``, which screen readers read out."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import escape
+from zlib import crc32
+
+from henon_ref.text import one_line
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def describe(figure: Figure, title: str, description: str) -> None:
+    """Give a figure a title and a description.
+
+    Parameters
+    ----------
+    figure : Figure
+    title : str
+        One line.
+    description : str
+        What stands on the axes, and what is to be seen: sentences that can be read out.
+    """
+    figure.set_label(f"{one_line(title)}\n{one_line(description)}")
+
+
+def description_of(figure: Figure) -> tuple[str, str]:
+    """Title and description of a figure; of one that has not been described, its own titles and axis labels."""
+    title, _, description = str(figure.get_label()).partition("\n")
+    if description:
+        return title, description
+    panels = [words for words in map(_panel, figure.axes) if words]
+    titles = [title for title in map(_title, figure.axes) if title] or [_over(axes) for axes in figure.axes]
+    title = figure.get_suptitle() or "; ".join(titles)
+    return _spoken(title) or "Figure", _spoken(" ".join(panels)) or "A figure without axes."
+
+
+def _title(axes: Axes) -> str:
+    """A panel's title, wherever above it that stands."""
+    return next((own for place in ("left", "center", "right") if (own := axes.get_title(loc=place))), "")
+
+
+def _over(axes: Axes) -> str:
+    """What is drawn over what."""
+    return " over ".join(label for label in (axes.get_ylabel(), axes.get_xlabel()) if label)
+
+
+def _spoken(text: str) -> str:
+    """Text without the marks of mathematical typesetting."""
+    return re.sub(r"[\\${}]", "", re.sub(r"\\[,;: ]", " ", text))
+
+
+def _panel(axes: Axes) -> str:
+    labels = [f"{side}: {own}" for side, own in (("across", axes.get_xlabel()), ("upward", axes.get_ylabel())) if own]
+    if not labels:
+        return ""
+    curves = [str(own) for own in axes.get_legend_handles_labels()[1]]
+    shown = f"; shown are {', '.join(curves)}" if curves else ""
+    return f"{_title(axes) or 'Panel'}, {', '.join(labels)}{shown}."
+
+
+def with_description(svg: str, title: str, description: str) -> str:
+    """An SVG as an image with title and description.
+
+    The elements' names are made from what they say, so that two figures in one page do not share them.
+
+    Examples
+    --------
+    >>> print(with_description('<svg width="1">\\n</svg>', "A < B", "Of A and B."))
+    <svg role="img" aria-labelledby="title-c3ee58ff desc-c3ee58ff" width="1">
+    <title id="title-c3ee58ff">A &lt; B</title>
+    <desc id="desc-c3ee58ff">Of A and B.</desc>
+    </svg>
+    """
+    mark = f"{crc32(f'{title} {description}'.encode()):08x}"
+    head = f'<svg role="img" aria-labelledby="title-{mark} desc-{mark}"'
+    elements = (
+        f'<title id="title-{mark}">{escape(one_line(title))}</title>\n'
+        f'<desc id="desc-{mark}">{escape(one_line(description))}</desc>'
+    )
+    return re.sub(r"<svg\b([^>]*)>", lambda found: f"{head}{found.group(1)}>\n{elements}", svg, count=1)

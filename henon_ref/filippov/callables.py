@@ -1,0 +1,221 @@
+"""SymPy expressions as Python callables: what a numerical library calls back.
+
+Every number in an expression is exact; :func:`rounded` folds each constant once, in one rounding.
+Scalar callables (``math``, one float an argument) are the cheapest plain Python there is for a handful
+of states; the compiled ones are numba's, for libraries that take a callback on arrays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any, Literal
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+from sympy.printing.pycode import PythonCodePrinter
+
+from henon_ref.errors import ModelError, UnavailableError
+from henon_ref.taylor.tape import TIME
+
+Callbacks = Literal["python", "numba"]
+"""How right-hand sides, Jacobians and guards are called back: plain Python, or compiled by numba."""
+
+Scalar = Callable[..., tuple[float, ...]]
+"""``f(t, *x)`` -> one float an expression."""
+
+LONGEST = 2**53
+"""Integers up to this one are doubles, too."""
+ARITHMETIC = (ZeroDivisionError, ValueError, OverflowError)
+"""What ``math`` raises where an expression has no (finite) value."""
+
+
+def rounded(expression: sp.Expr) -> sp.Expr:
+    """The expression with every constant part folded to one double.
+
+    Integers that a double holds stay as they are (exponents, unit factors); exponents stay exact.
+
+    Raises
+    ------
+    ModelError
+        For a constant that is no finite number (a mode that does not exist for these parameters).
+
+    Examples
+    --------
+    >>> x = sp.Symbol("x", real=True)
+    >>> rounded(sp.sqrt(3) / 9 * x)
+    0.19245008972987526*x
+    """
+    if expression.is_number:
+        return expression if expression.is_Float else _constant(expression)
+    if expression.is_Pow:
+        exponent = expression.exp if expression.exp.is_Rational else rounded(expression.exp)
+        return sp.Pow(rounded(expression.base), exponent)
+    if expression.is_Mul or expression.is_Add:
+        numbers = [a for a in expression.args if a.is_number]
+        others = [rounded(a) for a in expression.args if not a.is_number]
+        constant = expression.func(*numbers)
+        return expression.func(_constant(constant), *others)
+    return expression.func(*(rounded(a) for a in expression.args)) if expression.args else expression
+
+
+def _constant(number: sp.Expr) -> sp.Expr:
+    """An integer as it is unless it is too long (numba knows none of more than 64 bits); else the nearest double."""
+    return number if number.is_Integer and abs(number) <= LONGEST else _float(number)
+
+
+def _float(number: sp.Expr) -> sp.Float:
+    value = number.evalf(40)
+    if not value.is_comparable or not math.isfinite(float(value)):
+        raise ModelError(f"the constant {number} is no finite number")
+    # 17 decimal digits name a double; sp.Float(float) keeps its 53 bits.
+    return sp.Float(float(value), 17)
+
+
+class _ScalarPrinter(PythonCodePrinter):
+    """``math`` names, and a non-integer power that raises on a negative base instead of turning complex."""
+
+    def __init__(self) -> None:
+        super().__init__({"fully_qualified_modules": False, "inline": True, "allow_unknown_functions": True})
+
+    def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:  # noqa: N802  (SymPy's name)
+        if expr.exp.is_Integer or abs(expr.exp) == sp.Rational(1, 2):
+            return str(super()._print_Pow(expr, rational=rational))
+        return f"pow({self._print(expr.base)}, {self._print(expr.exp)})"
+
+    def _print_Float(self, expr: sp.Float) -> str:  # noqa: N802  (SymPy's name)
+        return repr(float(expr))
+
+
+def scalar(
+    states: Sequence[sp.Symbol],
+    expressions: Iterable[sp.Expr],
+    functions: Mapping[str, Callable[[float], float]] | None = None,
+) -> Scalar:
+    """``f(t, *states)`` in ``math``, common subexpressions shared.
+
+    Parameters
+    ----------
+    states : sequence of Symbol
+    expressions : iterable of Expr
+        In time and states only (parameters already put in).
+    functions : mapping, optional
+        Name -> what is called for a function that ``math`` does not have.
+    """
+    exprs = tuple(_float(e) if e.is_number else rounded(e) for e in expressions)
+    return _lambdified(tuple(states), exprs, tuple((functions or {}).items()))
+
+
+@lru_cache(maxsize=4096)
+def _lambdified(
+    states: tuple[sp.Symbol, ...],
+    exprs: tuple[sp.Expr, ...],
+    functions: tuple[tuple[str, Callable[[float], float]], ...],
+) -> Scalar:
+    """Modes share many of their functions: each is made once."""
+    return sp.lambdify(
+        [TIME, *states],
+        exprs,
+        modules=[{"pow": math.pow, **dict(functions)}, "math"],
+        printer=_ScalarPrinter(),
+        cse=True,
+        dummify=True,
+    )
+
+
+def compiled(states: Sequence[sp.Symbol], expressions: Iterable[sp.Expr]) -> Callable[[float, Any, Any], None]:
+    """``f(t, x, out)`` compiled by numba: writes one value an expression into the flat array ``out``.
+
+    Where an expression has no value it writes NaN or infinity (numba's ``numpy`` error model).
+
+    Raises
+    ------
+    UnavailableError
+        Where numba is not installed.
+    """
+    try:
+        import numba
+    except ImportError as error:
+        raise UnavailableError("numba is not installed: callbacks='numba' needs it") from error
+    clock, array = sp.Symbol("clock_"), sp.IndexedBase("x_")
+    names = {TIME: clock, **{x: array[k] for k, x in enumerate(states)}}
+    # A constant entry is written as a double, so that all entries have one type and numba can index them.
+    exprs = tuple(_float(e) if e.is_number else rounded(e).xreplace(names) for e in expressions)
+    source = sp.lambdify([clock, array], exprs, modules=[{"pow": math.pow}, "math"], printer=_ScalarPrinter(), cse=True)
+    values = numba.njit(source, error_model="numpy")
+
+    def fill(t: float, x: Any, out: Any) -> None:
+        results = values(t, x)
+        for k in range(len(results)):
+            out[k] = results[k]
+
+    return numba.njit(fill, error_model="numpy")
+
+
+def vector(states: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., NDArray[np.float64]]:
+    """``f(t, x)`` of a time and an array of the states -> one value an expression, shape (m,).
+
+    Every value is NaN where one of them has none (a division by zero, a root of a negative number).
+    """
+    function, nowhere = scalar(states, expressions), (math.nan,) * len(expressions)
+
+    def values(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        try:
+            return np.array(function(t, *x.tolist()))
+        except ARITHMETIC:
+            return np.array(nowhere)
+
+    return values
+
+
+class Jacobian:
+    """df/dx by SymPy; only the entries that are not identically zero are evaluated.
+
+    Parameters
+    ----------
+    states, field : sequences of Symbol and Expr
+        Unknowns, and the functions of them to differentiate.
+    callbacks : {"python", "numba"}
+    """
+
+    def __init__(self, states: Sequence[sp.Symbol], field: Sequence[sp.Expr], callbacks: Callbacks) -> None:
+        entries = [
+            (i, k, slope)
+            for i, f in enumerate(field)
+            for k, x in enumerate(states)
+            if f.has(x) and (slope := sp.diff(f, x)) != 0
+        ]
+        self.shape = (len(field), len(states))
+        self._rows = np.array([i for i, _, _ in entries], dtype=np.intp)
+        self._columns = np.array([k for _, k, _ in entries], dtype=np.intp)
+        slopes = [slope for _, _, slope in entries]
+        self._values: Callable[[float, NDArray[np.float64]], Any]
+        if not entries:
+            self._values = lambda t, x: ()
+        elif callbacks == "numba":
+            fill = compiled(states, slopes)
+            room = np.empty(len(slopes))
+
+            def values(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
+                fill(t, x, room)
+                return room
+
+            self._values = values
+        else:
+            function = scalar(states, slopes)
+            self._values = lambda t, x: function(t, *x.tolist())
+
+    def fill(self, t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Write df/dx at (t, x), shape (n, n), into ``out`` (NaN where it has no value)."""
+        out[:] = 0.0
+        try:
+            out[self._rows, self._columns] = self._values(t, x)
+        except ARITHMETIC:
+            out[self._rows, self._columns] = math.nan
+
+    def __call__(self, t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        out = np.empty(self.shape)
+        self.fill(t, x, out)
+        return out

@@ -1,0 +1,96 @@
+"""Figure of the index: in how many readings of each kind every solver reaches so many digits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from henon_ref.columns import Row
+from henon_ref.figures import style
+from henon_ref.report.text.choice import ANY, by_kind, key_of
+from henon_ref.report.text.matrix import solvers_of
+from henon_ref.report.text.ranking import LEVELS, name, number
+from henon_ref.text import one_line
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLUMNS = (("ok", ANY), *((f"{level}", f"wall_{level}_s") for level in LEVELS))
+"""Label of a column of a panel, and the column of the matrix that has a time where so many digits are reached."""
+LEFT, RIGHT, ABOVE, BELOW, BETWEEN, ROW = 1.05, 0.03, 0.78, 0.42, 0.1, 0.19
+"""Room for names of solvers, right of the panels, above and below them, between two of them; height of a row [in]."""
+TITLE = "Percent of the readings of each kind in which a solver is right to so many digits"
+LABEL = "digits of the worst transition time, in the readings that have one (ok: right, in all readings judged)"
+DARK = 0.7
+"""Share from which on a cell is so dark that its text is white."""
+
+
+def draw_kinds(rows: Sequence[Row]) -> Figure:
+    """A panel a kind of case, a row a solver, a column a number of digits: the share of readings, in percent.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        Of a matrix; some solver was judged.
+    """
+    kinds = by_kind(rows)
+    solvers = solvers_of(row for row in rows if number(row, "judged"))
+    height = ABOVE + ROW * len(solvers) + BELOW
+    wide = (style.WIDTH - LEFT - RIGHT - BETWEEN * (len(kinds) - 1)) / len(kinds)
+    with style.figure(height) as figure:
+        for k, (kind, own) in enumerate(kinds.items()):
+            left = LEFT + k * (wide + BETWEEN)
+            axes = figure.add_axes(
+                (left / style.WIDTH, BELOW / height, wide / style.WIDTH, ROW * len(solvers) / height)
+            )
+            _draw_panel(axes, kind, own, solvers)
+            axes.set_yticks([])
+            if k == 0:
+                names = [one_line(solver) for solver in reversed(solvers)]
+                axes.set_yticks([j + 0.5 for j in range(len(solvers))], names, parse_math=False)
+        figure.suptitle(TITLE, x=0.01, y=1 - 0.1 / height, ha="left", va="top", fontsize=9.5)
+        figure.text(
+            LEFT / style.WIDTH, 0.04 / height, LABEL,
+            fontsize=8.0, va="bottom",
+        )  # fmt: skip
+        return figure
+
+
+def _draw_panel(axes: Axes, kind: str, rows: Sequence[Row], solvers: Sequence[str]) -> None:
+    from matplotlib.patches import Rectangle
+
+    timed = {key_of(row) for row in rows if row["digits"] is not None}
+    every = {key_of(row) for row in rows if number(row, "judged")}
+    drawn = COLUMNS if timed else COLUMNS[:1]
+    for j, solver in enumerate(reversed(solvers)):
+        own = {key_of(row): row for row in rows if name(row) == solver and number(row, "judged")}
+        for i, (_, column) in enumerate(drawn):
+            share = _share(own, column, every if column == ANY else timed)
+            if share is not None:
+                colour, ink = _shade(share), "white" if share >= DARK else style.BLACK
+                axes.add_patch(Rectangle((i, j), 1, 1, facecolor=colour, edgecolor="white", linewidth=0.5))
+                axes.text(i + 0.5, j + 0.46, f"{100 * share:.0f}", ha="center", va="center", fontsize=5.5, color=ink)
+    axes.set_xlim(0, len(COLUMNS))
+    axes.set_ylim(0, len(solvers))
+    axes.grid(visible=False)
+    axes.set_xticks([i + 0.5 for i in range(len(drawn))], [label for label, _ in drawn], fontsize=7.0)
+    axes.tick_params(length=0, pad=2.0)
+    for side in axes.spines.values():
+        side.set_visible(False)
+    title = kind.replace(" or ", " or\n")
+    axes.set_title(f"{title}\n({len(every)})", fontsize=7.5, linespacing=1.05)
+
+
+def _share(own: Mapping[tuple[str, str], Row], column: str, readings: set[tuple[str, str]]) -> float | None:
+    """Part of the readings that the solver was judged in; None where it was in none of them."""
+    judged = readings & set(own)
+    right = "right" if column == ANY else column
+    return sum(bool(own[key][right]) for key in judged) / len(judged) if judged else None
+
+
+def _shade(share: float) -> str:
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return to_hex(colormaps["Blues"](0.04 + 0.86 * share))

@@ -1,0 +1,81 @@
+"""Failures that are expected: which rows they are, and what becomes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from henon_ref.columns import REPEATED, Row
+
+
+@dataclass(frozen=True)
+class KnownFailure:
+    """Rows that are expected to fail; None stands for any."""
+
+    case: str | None = None
+    reading: str | None = None
+    solver: str | None = None
+    rtol: float | None = None
+    """Relative tolerance."""
+    step_s: float | None = None
+    """Step [s]."""
+    status: str | None = None
+    """The status with which they fail."""
+    reason: str = ""
+    """Why that is expected."""
+    place: str = ""
+    """File and line."""
+
+    def names(self, row: Row) -> bool:
+        """Whether it speaks of a row, whatever that row's status."""
+        own = {
+            "case": self.case,
+            "reading": self.reading,
+            "solver": self.solver,
+            "rtol": self.rtol,
+            "step_s": self.step_s,
+        }
+        return all(value is None or row[column] == value for column, value in own.items())
+
+    def covers(self, row: Row) -> bool:
+        """Whether a failure of this row is the one that is expected."""
+        return self.names(row) and self.status in (None, row["status"])
+
+
+@dataclass(frozen=True)
+class Found:
+    """What became of one that was expected."""
+
+    entry: KnownFailure
+    failing: list[Row]
+    """Rows that fail as expected."""
+    named: bool
+    """There are rows of which it speaks."""
+    mended: bool
+    """There are, and none of them fails in any way."""
+
+
+def fails(row: Row) -> bool:
+    """Whether a row is not right, or was right once and failed when it was repeated."""
+    return row["verdict"] != "right" or REPEATED in str(row["status_reason"])
+
+
+def found(entries: Iterable[KnownFailure], rows: Iterable[Row], failing: Callable[[Row], bool]) -> list[Found]:
+    """What became of failures that were expected.
+
+    Parameters
+    ----------
+    entries : iterable of KnownFailure
+    rows : iterable of Row
+        All that were run.
+    failing : callable
+        Whether something is wrong with a row.
+    """
+    rows = list(rows)
+    states = []
+    for entry in entries:
+        own = [row for row in rows if entry.names(row)]
+        bad = [row for row in own if failing(row)]
+        expected = [row for row in bad if entry.covers(row)]
+        states.append(Found(entry, expected, bool(own), mended=bool(own) and not bad))
+    return states

@@ -1,0 +1,123 @@
+"""What a terminal is shown while a comparison runs."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from problems import LEAVING_SLIDE
+
+from henon_ref.campaign.rows import Record
+from henon_ref.cli import status_line
+from henon_ref.cli.progress import Shown
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="a terminal is a pseudo-terminal here")
+QUICK = ["--solvers", "scipy-dop853", "--tolerances", "1e-6", "--repeats", "1", "--no-figures", "--out", "out"]
+COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+ERASED = "\x1b[2K"
+
+
+def on_a_terminal(folder: Path, *arguments: str, **variables: str) -> tuple[int, str]:
+    """The exit status of the program on a terminal of its own, and all that it has written there."""
+    terminal, its_own = pty.openpty()
+    program = subprocess.Popen(
+        [sys.executable, "-m", "henon_ref", *arguments],
+        cwd=folder,
+        env={**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", **variables},
+        stdin=its_own,
+        stdout=its_own,
+        stderr=its_own,
+        start_new_session=True,
+    )
+    os.close(its_own)
+    written = b""
+    while True:
+        try:
+            piece = os.read(terminal, 65536)
+        except OSError:  # what a pseudo-terminal says once its other side is closed
+            break
+        if not piece:
+            break
+        written += piece
+    os.close(terminal)
+    return program.wait(), written.decode()
+
+
+@pytest.fixture
+def case(tmp_path, monkeypatch) -> Path:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    (tmp_path / "leaving_slide.yaml").write_text(LEAVING_SLIDE)
+    return tmp_path
+
+
+def test_a_terminal_is_shown_what_is_read_then_a_bar_with_each_run_at_work_then_the_table(case):
+    status, written = on_a_terminal(case, "compare", "leaving_slide.yaml", *QUICK)
+    assert status == 0
+    assert written.startswith("reading leaving_slide.yaml")
+    text = COLOUR.sub("", written)
+    assert re.search(r"[01]/1 rows .*left", text)
+    assert "leaving_slide default scipy-dop853 rtol 1e-06, 0 s" in text
+    assert COLOUR.search(written)
+    end = text[text.rindex(ERASED) :]
+    assert re.search(r"scipy-dop853 +1 of 1 ", end)
+    assert end.rstrip().endswith("out/leaving_slide/report.md")
+    assert "1 row, 1 right" not in text
+
+
+def test_no_colour_where_none_is_wanted(case):
+    status, written = on_a_terminal(case, "compare", "leaving_slide.yaml", *QUICK, NO_COLOR="1")
+    assert status == 0
+    assert not COLOUR.search(written)
+    assert "rows" in written
+
+
+@pytest.mark.parametrize("variables", [{}, {"NO_COLOR": "1"}])
+def test_quiet_on_a_terminal_is_the_path_alone(case, variables):
+    status, written = on_a_terminal(case, "compare", "leaving_slide.yaml", *QUICK, "--quiet", **variables)
+    assert (status, written) == (0, "out/leaving_slide/report.md\r\n")
+
+
+def test_a_bad_file_on_a_terminal_leaves_its_message_alone(case):
+    status, written = on_a_terminal(case, "compare", "nowhere.yaml")
+    assert status == 2
+    assert written.split(ERASED)[-1] == "error: nowhere.yaml: there is no such file\r\n"
+
+
+def test_a_line_too_long_for_the_terminal_is_cut_and_holds_no_control_characters(monkeypatch, capsys):
+    monkeypatch.setattr(status_line, "is_terminal", lambda: True)
+    monkeypatch.setenv("COLUMNS", "40")
+    status_line.show("reading \x1b[31m" + "x" * 100)
+    shown = capsys.readouterr().err
+    assert shown == ("reading [31m" + "x" * 100)[:39]
+    status_line.clear()
+    assert capsys.readouterr().err == f"\r{ERASED}"
+    status_line.clear()
+    assert capsys.readouterr().err == ""
+
+
+def test_without_a_terminal_nothing_is_shown(capsys):
+    status_line.show("reading")
+    with Shown() as shown:
+        assert not shown.on_terminal
+        shown.runs(1, 0)
+        shown.begun("made_up", "default henon rtol 1e-06")
+        shown.tick()
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == ("", "")
+
+
+def test_a_run_at_work_is_shown_until_its_row_is_there():
+    shown = Shown()
+    shown.runs(2, 0)
+    shown.begun("made_up", "[b]one[/b]\x1b henon rtol 1e-06")
+    shown.begun("made_up", "one henon-rk4 step 0.001 s")
+    lines = [line.plain for line in shown.at_work()]
+    assert lines == ["  made_up [b]one[/b] henon rtol 1e-06, 0 s", "  made_up one henon-rk4 step 0.001 s, 0 s"]
+    run = {"case": "made_up", "reading": "one", "solver": "henon-rk4", "rtol": None, "step_s": 0.001}
+    shown.row(Record(run))
+    assert [line.plain for line in shown.at_work()] == lines[:1]

@@ -1,0 +1,113 @@
+"""What the package says of itself: dependencies that are used, bounds and machines that are tried, one version."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from packaging.requirements import Requirement
+from ruamel.yaml import YAML
+
+import henon_ref
+
+ROOT = Path(__file__).parents[2]
+PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+REQUIREMENTS = [Requirement(text) for text in PROJECT["dependencies"]]
+TESTS = [Requirement(text) for text in PROJECT["optional-dependencies"]["test"]]
+MODULES = {"scikit-sundae": "sksundae", "python-flint": "flint", "ruamel.yaml": "ruamel"}
+"""Package -> module, where the names differ."""
+DOI = "10.1007/s11071-013-0826-7"
+
+
+def imported(*folders: str) -> set[str]:
+    """Top-level modules that the code below some folders imports."""
+    found = set()
+    for folder in folders:
+        for file in (ROOT / folder).rglob("*.py"):
+            found |= set(re.findall(r"^\s*(?:import|from) (\w+)", file.read_text(encoding="utf-8"), re.MULTILINE))
+    return found
+
+
+@pytest.mark.parametrize("requirement", REQUIREMENTS, ids=lambda r: r.name)
+def test_every_dependency_is_imported(requirement: Requirement) -> None:
+    assert MODULES.get(requirement.name, requirement.name) in imported("henon_ref", "baselines")
+
+
+@pytest.mark.parametrize("requirement", TESTS, ids=lambda r: r.name)
+def test_every_dependency_of_the_tests_is_imported(requirement: Requirement) -> None:
+    assert MODULES.get(requirement.name, requirement.name) in imported("tests")
+
+
+def test_the_lowest_versions_that_are_tried_are_the_bounds() -> None:
+    lines = (ROOT / "constraints-lowest.txt").read_text(encoding="utf-8").splitlines()
+    tried = dict(line.lower().split("==") for line in lines if line and not line.startswith("#"))
+    for requirement in [*REQUIREMENTS, *TESTS]:
+        assert re.fullmatch(r">=[0-9.]+", str(requirement.specifier))
+        bound = str(requirement.specifier).removeprefix(">=")
+        assert re.fullmatch(re.escape(bound) + r"(\.0)*", tried.pop(requirement.name.lower())), requirement.name
+    assert not tried
+
+
+@pytest.mark.parametrize(
+    ("system", "processor", "asked"),
+    [
+        ("linux", "x86_64", {"heyoka", "scikit-sundae"}),
+        ("linux", "aarch64", {"heyoka"}),
+        ("darwin", "arm64", {"scikit-sundae"}),
+        ("darwin", "x86_64", {"scikit-sundae"}),
+        ("win32", "AMD64", {"scikit-sundae"}),
+        ("win32", "ARM64", set()),
+        ("linux", "riscv64", set()),
+    ],
+)
+def test_libraries_are_asked_for_where_they_have_wheels(system: str, processor: str, asked: set[str]) -> None:
+    machine = {"sys_platform": system, "platform_machine": processor}
+    marked = {r.name: r.marker for r in REQUIREMENTS if r.marker is not None}
+    assert set(marked) == {"heyoka", "scikit-sundae"}
+    for version in ("3.11", "3.14"):
+        environment = machine | {"python_version": version}
+        assert {name for name, marker in marked.items() if marker.evaluate(environment)} == asked
+
+
+def test_there_is_one_version() -> None:
+    assert PROJECT["version"] == henon_ref.__version__
+    assert citation()["version"] == henon_ref.__version__
+    assert f"## {henon_ref.__version__}\n" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def citation() -> dict[str, Any]:
+    return dict(YAML(typ="safe").load((ROOT / "CITATION.cff").read_text(encoding="utf-8")))
+
+
+def test_the_paper_is_cited_by_its_doi() -> None:
+    paper = citation()["references"][0]
+    assert {key: paper[key] for key in ("doi", "journal", "volume", "start", "end", "year")} == {
+        "doi": DOI, "journal": "Nonlinear Dynamics", "volume": 73, "start": 723, "end": 736, "year": 2013,
+    }  # fmt: skip
+    assert PROJECT["urls"]["Paper"] == f"https://doi.org/{DOI}"
+
+
+def test_all_folders_of_the_package_and_the_cases_are_in_a_wheel() -> None:
+    """setup.py, asked for its packages: every folder with a file that git keeps is one, the cases inside henon_ref."""
+    pytest.importorskip("setuptools")
+    done = subprocess.run(
+        [sys.executable, "-c", ASK], cwd=ROOT, capture_output=True, text=True, check=True, timeout=120
+    )
+    packages = set(done.stdout.split())
+    files = [file for top in ("henon_ref", "baselines", "cases") for file in (ROOT / top).rglob("*.*")]
+    kept = [f.parent.relative_to(ROOT).as_posix() for f in files if f.suffix in (".py", ".j2", ".yaml", ".json")]
+    assert {re.sub(r"^cases\b", "henon_ref/cases", folder).replace("/", ".") for folder in kept} <= packages
+    assert "henon_ref.cases.truth.fig8" in packages
+    assert {package.split(".")[0] for package in packages} == {"henon_ref", "baselines"}
+
+
+ASK = """
+import setuptools
+setuptools.setup = lambda packages, package_dir: print(*packages)
+exec(open("setup.py").read())
+"""

@@ -1,0 +1,50 @@
+"""What is committed under ``reports/``: small, without links to what is not there, and its index made of its rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from henon_ref.columns import RUN_COLUMNS
+from henon_ref.report.files.csv_files import read_rows
+from henon_ref.report.files.links import dead_links
+from henon_ref.report.files.write import INDEX, MANIFEST, MATRIX_PAGE, RUNS
+from henon_ref.report.text.index import index_text, matrix_text
+from henon_ref.report.text.matrix_rows import read_matrix, rows_of_report
+
+ROOT = Path(__file__).parents[2]
+REPORTS = ROOT / "reports"
+GATE = ("fig8", "leaving_slide", "free_coulomb", "stribeck_belt", "static_belt", "two_blocks")
+PAGES = [ROOT / "README.md", *(page for place in ("reports", "docs", "cases") for page in (ROOT / place).rglob("*.md"))]
+MOST_BYTES, MOST_WORDS, MOST_LINES = 8_000_000, 1500, 300
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_every_relative_link_leads_to_a_file(page):
+    assert list(dead_links(page.read_text(encoding="utf-8"), page.parent)) == []
+
+
+def test_what_is_kept_is_what_people_read():
+    files = [path for path in REPORTS.rglob("*") if path.is_file()]
+    assert sum(path.stat().st_size for path in files) <= MOST_BYTES
+    assert {path.parent.name for path in files if path.name == MANIFEST} == set(GATE)
+    for case in GATE:
+        assert set(read_rows(REPORTS / case / RUNS)[0]) == set(RUN_COLUMNS)
+        assert len((REPORTS / case / MANIFEST).read_text().splitlines()) <= MOST_LINES
+
+
+def test_the_index_is_short_and_made_of_the_stored_rows():
+    rows = read_matrix(REPORTS)
+    index = (REPORTS / INDEX).read_text()
+    assert index == index_text(rows, REPORTS)
+    assert len(index.split()) < MOST_WORDS
+    assert (REPORTS / MATRIX_PAGE).read_text() == matrix_text(rows, REPORTS)
+    assert len({row["case"] for row in rows}) > 60
+    assert {row["kind"] for row in rows if row["kind"]} > {"crossings", "stick-slip", "graze or close roots"}
+
+
+@pytest.mark.parametrize("case", GATE)
+def test_the_stored_rows_are_those_of_the_reports_that_are_there(case):
+    stored = [row for row in read_matrix(REPORTS) if row["case"] == case]
+    assert stored == rows_of_report(REPORTS / case / MANIFEST)

@@ -1,0 +1,70 @@
+"""What a row is to a test runner, and failures that are expected."""
+
+from __future__ import annotations
+
+import pytest
+
+from henon_ref.columns import REPEATED, RUN_COLUMNS
+from henon_ref.score.known import KnownFailure, fails, found
+from henon_ref.score.row_result import row_result
+
+
+def row(status: str, verdict: str | None, **values: object) -> dict[str, object]:
+    own = {"case": "c", "reading": "default", "solver": "ida", "rtol": 1e-6, "status": status, "verdict": verdict}
+    return dict.fromkeys(RUN_COLUMNS) | {"found_transitions": 3} | own | values
+
+
+@pytest.mark.parametrize(
+    ("given", "kind"),
+    [
+        (row("ok", "right"), "passed"),
+        (row("nonunique", "right"), "passed"),
+        (row("failed", "right"), "passed"),
+        (row("wrong", "solver defect"), "failure"),
+        (row("diverged", "solver defect"), "failure"),
+        (row("failed", "solver defect"), "failure"),
+        (row("timeout", "not judged"), "failure"),
+        (row("timeout", "solver defect", found_transitions=None), "failure"),
+        (row("failed", "solver defect", found_transitions=None), "error"),
+        (row("ok", "right", status_reason=f"{REPEATED}failed: signal 11"), "error"),
+        (row("wrong", "ill-conditioned"), "skipped"),
+        (row("invalid", "not unique"), "skipped"),
+        (row("ok", None), "skipped"),
+        (row("unsupported", "not run", found_transitions=None), "skipped"),
+        (row("unavailable", "not run", found_transitions=None), "skipped"),
+    ],
+)
+def test_every_row_is_one_of_four(given, kind):
+    result = row_result(given)
+    assert result.kind == kind
+    assert bool(result.reason) == (kind != "passed")
+    assert row_result(given, known=True).kind == ("passed" if kind == "passed" else "known")
+    assert fails(given) == (kind != "passed")
+
+
+def test_a_complaint_makes_a_failure_of_what_is_right():
+    result = row_result(row("ok", "right"), ["gate: too late"])
+    assert (result.kind, result.reason) == ("failure", "gate: too late")
+    assert row_result(row("ok", "right"), ["gate: too late"], known=True).kind == "known"
+    assert row_result(row("unavailable", "not run"), ["worse"]).kind == "failure"
+
+
+def test_an_empty_field_stands_for_any():
+    wrong = row("wrong", "solver defect")
+    for entry in (KnownFailure(case="c"), KnownFailure(solver="ida", rtol=1e-6), KnownFailure(reading="default")):
+        assert entry.covers(wrong)
+    for change in ({"case": "d"}, {"reading": "x"}, {"solver": "cvode"}, {"rtol": 1e-3}, {"step_s": 0.1}):
+        assert not KnownFailure(**change).names(wrong)
+    assert KnownFailure(case="c", status="wrong").covers(wrong)
+    assert not KnownFailure(case="c", status="failed").covers(wrong)
+    assert KnownFailure(case="c", status="failed").names(wrong)
+
+
+def test_mended_is_what_is_named_and_fails_nowhere():
+    rows = [row("ok", "right"), row("wrong", "solver defect", rtol=1e-3)]
+    entries = [KnownFailure("c", rtol=1e-6), KnownFailure("c"), KnownFailure("d"), KnownFailure("c", status="failed")]
+    mended, failing, nowhere, other = found(entries, rows, fails)
+    assert (mended.mended, mended.failing) == (True, [])
+    assert (failing.mended, failing.failing) == (False, rows[1:])
+    assert (nowhere.mended, nowhere.named) == (False, False)
+    assert (other.mended, other.named, other.failing) == (False, True, [])
