@@ -70,8 +70,8 @@ class ConstantProgram:
 
         Parameters
         ----------
-        values : ndarray, shape (points, inputs)
-            Doubles, taken as exact.
+        values : ndarray, shape (points, inputs) or (points, inputs, 2)
+            Doubles, or doubles and what they leave of a number, taken as exact.
 
         Returns
         -------
@@ -80,7 +80,10 @@ class ConstantProgram:
         """
         found = np.empty((len(values), *self._registers.shape))
         found[:] = self._registers
-        found[:, : self.inputs, 0] = values
+        if values.ndim == 2:
+            found[:, : self.inputs, 0] = values
+        else:
+            found[:, : self.inputs, :2] = values
         for other, operations in self._stages:
             if other:
                 for operation in operations.tolist():

@@ -12,8 +12,12 @@ from henon_ref.henon.records import HENON
 from henon_ref.henon.start import Start
 from henon_ref.simulation.arguments import check_absolute_tolerance, problem_of, stop_of, tolerance_of
 from henon_ref.simulation.compiled import integrator_of, local_error
+from henon_ref.simulation.quick_start import QuickStart
 from henon_ref.simulation.system import System
 from henon_ref.trajectory import Trajectory
+
+MOST_PREPARED = 32
+"""Tolerances of one system that are kept."""
 
 
 class Launch(NamedTuple):
@@ -55,15 +59,32 @@ def launch(
     ArgumentError
         For what cannot be meant.
     """
-    if not isinstance(system, System):
-        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
-    error = local_error(tolerance_of(rtol, "rtol"))
+    integrator, quick, error = _prepared(system, rtol)
     if atol is not None:
         check_absolute_tolerance(atol)
-    own, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
-    integrator = integrator_of(own, error)
-    begin = integrator.start(problem, tolerance=error, landing=HENON)
+    begin = None if mode or quick is None else quick(initial, until, start, parameters)
+    if begin is None:
+        own, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
+        if own.structure != system.structure:
+            integrator = integrator_of(own, error)
+        begin = integrator.start(problem, tolerance=error, landing=HENON)
     if stop:
         falling, rising = stop_of(system, stop)
         begin = replace(begin, stop_falling=falling, stop_rising=rising)
     return Launch(system, parameters, integrator, begin)
+
+
+def _prepared(system: System, rtol: float) -> tuple[Integrator, QuickStart | None, float]:
+    """What is made once a system and tolerance."""
+    if not isinstance(system, System):
+        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
+    found: tuple[Integrator, QuickStart | None, float] | None = None
+    if type(rtol) is float:
+        found = system.prepared.get(rtol)
+    if found is None:
+        error = local_error(tolerance_of(rtol, "rtol"))
+        if len(system.prepared) >= MOST_PREPARED:
+            system.prepared.clear()
+        integrator = integrator_of(system, error)
+        found = system.prepared[float(rtol)] = integrator, QuickStart.of(system, integrator, error), error
+    return found

@@ -1,0 +1,174 @@
+"""A start from numbers that need no reading: microseconds, where the exact way takes a millisecond.
+
+What it cannot decide by itself is left to the exact way, which also says what is wrong: other values than int and
+float, names that are not the system's, a start on a surface, constants that are not finite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.filippov.exact_numbers import double_double
+from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.double_constants import DoubleConstants
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.parameter_programs import ParameterPrograms
+from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
+from henon_ref.henon.records import HENON
+from henon_ref.henon.start import Start
+from henon_ref.simulation.clear_signs import sign_function
+from henon_ref.simulation.pairs import Pair, pair_of
+from henon_ref.simulation.system import System
+from henon_ref.taylor.tape import TIME
+
+KEPT = 64
+"""Parameter values of which the constants are kept."""
+CLEARLY = 1e-9
+"""What a condition on the parameters is above where rounding cannot have made it so."""
+Values = tuple[Pair, ...]
+"""Of the parameters that stand in the equations."""
+
+
+class PairConstants(DoubleConstants):
+    """Constants of compiled modes at values that are pairs of doubles.
+
+    Parameters
+    ----------
+    programs : ParameterPrograms
+    values : tuple of Pair
+        Of the programs' parameters, in their order.
+    exact : callable
+        Gives the system with the exact values, for what double-double does not decide.
+    """
+
+    def __init__(self, programs: ParameterPrograms, values: Values, exact: Callable[[], FilippovSystem]) -> None:
+        self._exact = exact
+        super().__init__(programs, values)
+
+    @cached_property
+    def switching(self) -> Switching:
+        """See :class:`henon_ref.henon.mode_constants.ModeConstants`."""
+        return Switching(self._programs.system, self._exact())
+
+    @cached_property
+    def precise(self) -> PreciseModes:
+        """See :class:`henon_ref.henon.mode_constants.ModeConstants`."""
+        system, values = self._programs.system, self._exact()
+        return PreciseModes(system, self.switching, lambda: BallSwitching(system, values))
+
+
+class QuickStart:
+    """Starts of one system at one tolerance.
+
+    Parameters
+    ----------
+    system : System
+    integrator : Integrator
+        Of its structure.
+    tolerance : float
+        Local error of a step.
+    """
+
+    def __init__(self, system: System, integrator: Integrator, tolerance: float) -> None:
+        self._system, self._integrator, self._tolerance = system, integrator, tolerance
+        programs, self._own = integrator.programs, system.model.parameters
+        self._values: Values = tuple(double_double(self._own[symbol]) for symbol in programs.parameters)
+        self._places = {symbol.name: at for at, symbol in enumerate(programs.parameters)}
+        self._movable = system.independent_parameters
+        self._conditions = sp.lambdify(list(self._own), system.conditions, "math") if system.conditions else None
+        self._floats = {symbol.name: float(value) for symbol, value in self._own.items()}
+        self._constants = lru_cache(maxsize=KEPT)(self._made)
+        model = integrator.system
+        inputs = (TIME, *model.states, *programs.parameters)
+        self._signs = sign_function(inputs, [*model.surfaces, *model.valid])
+
+    @classmethod
+    def of(cls, system: System, integrator: Integrator, tolerance: float) -> QuickStart | None:
+        """None for a system with expressions that no program evaluates, and one with exponents in time or states."""
+        try:
+            return None if system.has_moving_exponents else cls(system, integrator, tolerance)
+        except ModelError:
+            return None
+
+    def __call__(
+        self, initial: Mapping[Any, Any], until: Any, start: Any, parameters: Mapping[Any, Any] | None
+    ) -> Start | None:
+        """Where a run starts; None where that is to be found in the exact way."""
+        if type(initial) is not dict or not (parameters is None or type(parameters) is dict):
+            return None
+        values = self._values if not parameters else self._changed(parameters)
+        time, end = pair_of(start), pair_of(until)
+        names = self._system.state
+        if values is None or time is None or end is None or len(initial) != len(names):
+            return None
+        x = []
+        for name in names:
+            pair = pair_of(initial.get(name))
+            if pair is None:
+                return None
+            x.append(pair)
+        constants = self._constants(values)
+        if constants is None or not (end[0] - time[0]) + (end[1] - time[1]) > 0.0:
+            return None
+        row = self._row(constants, time, x)
+        if row is None:
+            return None
+        integrator = self._integrator
+        return Start(
+            time, end, tuple(x), None, row, integrator.no_zeros, integrator.order, self._tolerance, HENON, constants
+        )
+
+    def _row(self, constants: PairConstants, time: Pair, x: list[Pair]) -> int | None:
+        """Row of the mode at the start; None where that may be on a surface, and where the model may not hold."""
+        if self._signs is None:
+            mode = constants.clear_signs(time, x)
+        else:
+            found = self._signs(time[0], *(high for high, _ in x), *(high for high, _ in constants.values))
+            count = len(self._integrator.system.surfaces)
+            mode = None if found is None or -1 in found[count:] else found[:count]
+        return None if mode is None else self._integrator.mode_table.index.get(mode)
+
+    def _changed(self, parameters: Mapping[Any, Any]) -> Values | None:
+        """Values of the parameters, some of them others; None where they are not to be had like that."""
+        values = list(self._values)
+        for name, value in parameters.items():
+            pair = pair_of(value)
+            if pair is None or name not in self._movable:
+                return None
+            place = self._places.get(name)
+            if place is not None:  # else nothing depends on it
+                values[place] = pair
+        if self._conditions is not None and not self._clearly_allowed(parameters):
+            return None
+        return tuple(values)
+
+    def _clearly_allowed(self, parameters: Mapping[str, float]) -> bool:
+        """Whether a scene allows these values beyond what rounding could change."""
+        assert self._conditions is not None
+        try:
+            found = self._conditions(**{**self._floats, **parameters})
+        except (ArithmeticError, ValueError):
+            return False
+        return all(condition > CLEARLY for condition in found)
+
+    def _made(self, values: Values) -> PairConstants | None:
+        """Constants at some values; None where some of them are not finite."""
+        programs = self._integrator.programs
+        made = PairConstants(programs, values, lambda: self._exact(values))
+        return made if bool(np.isfinite(made.latest.numbers).all()) else None
+
+    def _exact(self, values: Values) -> FilippovSystem:
+        """The system with exact values: its own, or the decimal numbers that others are printed as."""
+        model, given = self._system.model, dict(self._own)
+        for symbol, value, own in zip(self._integrator.programs.parameters, values, self._values, strict=True):
+            if value != own:
+                given[symbol] = sp.Rational(repr(value[0]))
+        return replace(model, parameters=given)
