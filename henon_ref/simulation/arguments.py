@@ -13,6 +13,7 @@ from henon_ref.casefile.tree import MappingNode, Node
 from henon_ref.casefile.validation import validated
 from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.filippov.problem import Problem
+from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System, argument_error
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
 from henon_ref.text import did_you_mean, listed
@@ -54,7 +55,8 @@ def problem_of(
     read = {"initial": mapping(entries), "until": tree_of(written(until, "'until'"), "'until'")}
     source = Source(mapping({**system.tree.entries, **read}), work=system.work())
     try:
-        return system, build_problem(source, validated(source.tree, file=None))[0]
+        with one_at_a_time():
+            return system, build_problem(source, validated(source.tree, file=None))[0]
     except HenonRefError as error:
         raise argument_error(error) from None
 
@@ -70,8 +72,8 @@ def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> Map
     return node
 
 
-def tolerance_of(value: object, what: str) -> float:
-    """A tolerance as a double.
+def tolerance_of(value: object) -> float:
+    """A relative tolerance as a double.
 
     Raises
     ------
@@ -80,7 +82,7 @@ def tolerance_of(value: object, what: str) -> float:
     """
     if isinstance(value, Real) and not isinstance(value, bool) and SMALLEST <= float(value) < LARGEST:
         return float(value)
-    raise ArgumentError(f"{what} is {str(value)[:60]}; a tolerance is a number from 1e-16 to below 1")
+    raise ArgumentError(f"rtol is {str(value)[:60]}; a tolerance is a number from 1e-16 to below 1")
 
 
 def check_absolute_tolerance(value: object) -> None:

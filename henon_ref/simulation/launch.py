@@ -10,6 +10,7 @@ from henon_ref.errors import ArgumentError
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.start import Start
+from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.arguments import check_absolute_tolerance, problem_of, stop_of, tolerance_of
 from henon_ref.simulation.compiled import integrator_of, local_error
 from henon_ref.simulation.quick_start import QuickStart
@@ -67,7 +68,8 @@ def launch(
         own, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
         if own.structure != system.structure:
             integrator = integrator_of(own, error)
-        begin = integrator.start(problem, tolerance=error, landing=HENON)
+        with one_at_a_time():
+            begin = integrator.start(problem, tolerance=error, landing=HENON)
     if stop:
         falling, rising = stop_of(system, stop)
         begin = replace(begin, stop_falling=falling, stop_rising=rising)
@@ -78,13 +80,12 @@ def _prepared(system: System, rtol: float) -> tuple[Integrator, QuickStart | Non
     """What is made once a system and tolerance."""
     if not isinstance(system, System):
         raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
-    found: tuple[Integrator, QuickStart | None, float] | None = None
-    if type(rtol) is float:
-        found = system.prepared.get(rtol)
+    key = rtol if type(rtol) is float else tolerance_of(rtol)
+    found: tuple[Integrator, QuickStart | None, float] | None = system.prepared.get(key)
     if found is None:
-        error = local_error(tolerance_of(rtol, "rtol"))
+        error = local_error(tolerance_of(key))
         if len(system.prepared) >= MOST_PREPARED:
             system.prepared.clear()
         integrator = integrator_of(system, error)
-        found = system.prepared[float(rtol)] = integrator, QuickStart.of(system, integrator, error), error
+        found = system.prepared[key] = integrator, QuickStart.of(system, integrator, error), error
     return found

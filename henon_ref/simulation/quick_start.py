@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from fractions import Fraction
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -137,11 +138,14 @@ class QuickStart:
         return None if mode is None else self._integrator.mode_table.index.get(mode)
 
     def _changed(self, parameters: Mapping[Any, Any]) -> Values | None:
-        """Values of the parameters, some of them others; None where they are not to be had like that."""
+        """Values of the parameters, some of them others; None where they are not to be had like that.
+
+        (A fraction could not be told from its pair afterwards, a decimal number can.)
+        """
         values = list(self._values)
         for name, value in parameters.items():
             pair = pair_of(value)
-            if pair is None or name not in self._movable:
+            if pair is None or name not in self._movable or type(value) is Fraction:
                 return None
             place = self._places.get(name)
             if place is not None:  # else nothing depends on it

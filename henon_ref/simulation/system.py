@@ -23,6 +23,7 @@ from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
 from henon_ref.filippov.exponents import parameters_in_exponents, with_rational_exponents
 from henon_ref.filippov.latex import latex
 from henon_ref.filippov.work import Work, names_in
+from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
@@ -143,8 +144,9 @@ class System:
         self.tree = mapping({**kept, **{key: tree_of(value, key) for key, value in _REST.items()}})
         try:
             self._form = validated(self.tree, file=None)
-            self._written, self._names = written_model(Source(self.tree), self._form)
-            self.model = with_rational_exponents(self._written)
+            with one_at_a_time():
+                self._written, self._names = written_model(Source(self.tree), self._form)
+                self.model = with_rational_exponents(self._written)
         except HenonRefError as error:
             raise argument_error(error) from None
         self.state: tuple[str, ...] = self.model.state_names
