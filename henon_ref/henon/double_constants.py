@@ -25,11 +25,10 @@ class DoubleConstants(ModeConstants):
     ----------
     programs : ParameterPrograms
     values : tuple of float
-        Of the programs' parameters, in their order; taken as exact. (:meth:`update` and :meth:`clear_signs` take a
-        double with what it leaves of a number in place of each.)
+        Of the programs' parameters, in their order; taken as exact.
     """
 
-    def __init__(self, programs: ParameterPrograms, values: tuple[Any, ...]) -> None:
+    def __init__(self, programs: ParameterPrograms, values: tuple[float, ...]) -> None:
         self._programs, self.values = programs, values
         self.latest = self.update()
 
@@ -46,7 +45,7 @@ class DoubleConstants(ModeConstants):
         self.latest = LoopData(compiled, compiled.tables, numbers[0], normals)
         return self.latest
 
-    def clear_signs(self, t: Any, x: Sequence[Any]) -> Mode | None:
+    def clear_signs(self, t: float, x: Sequence[float]) -> Mode | None:
         """The mode at a point where all surfaces are clearly off zero, and ``valid`` ones above it; else None."""
         program, count = self._programs.start, len(self._programs.system.surfaces)
         found = program.registers(np.array([(t, *x, *self.values)]))[0].tolist()

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import sympy as sp
@@ -19,6 +19,7 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.constant_program import ConstantProgram
 from henon_ref.henon.double_constants import DoubleConstants
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.parameter_programs import ParameterPrograms
@@ -51,8 +52,8 @@ class PairConstants(DoubleConstants):
     """
 
     def __init__(self, programs: ParameterPrograms, values: Values, exact: Callable[[], FilippovSystem]) -> None:
-        self._exact = exact
-        super().__init__(programs, values)
+        self.pairs, self._exact = values, exact
+        super().__init__(programs, cast(Any, values))  # where the programs take a double, they take a pair too
 
     @cached_property
     def switching(self) -> Switching:
@@ -64,6 +65,15 @@ class PairConstants(DoubleConstants):
         """See :class:`henon_ref.henon.mode_constants.ModeConstants`."""
         system, values = self._programs.system, self._exact()
         return PreciseModes(system, self.switching, lambda: BallSwitching(system, values))
+
+
+def _signs_of(program: ConstantProgram, point: tuple[Pair, ...]) -> tuple[int, ...] | None:
+    """Signs of a program's expressions at a point; None where one of them is not clear."""
+    found = program.registers(np.array([point]))[0, list(program.outputs)]
+    value, error = found[:, 0], found[:, 2]
+    if not bool(((np.abs(value) > 2.0 * error) & np.isfinite(value)).all()):
+        return None
+    return tuple(np.sign(value).astype(int).tolist())
 
 
 class QuickStart:
@@ -129,13 +139,14 @@ class QuickStart:
 
     def _row(self, constants: PairConstants, time: Pair, x: list[Pair]) -> int | None:
         """Row of the mode at the start; None where that may be on a surface, and where the model may not hold."""
+        point, count = (time, *x, *constants.pairs), len(self._integrator.system.surfaces)
         if self._signs is None:
-            mode = constants.clear_signs(time, x)
+            found = _signs_of(self._integrator.programs.start, point)
         else:
-            found = self._signs(time[0], *(high for high, _ in x), *(high for high, _ in constants.values))
-            count = len(self._integrator.system.surfaces)
-            mode = None if found is None or -1 in found[count:] else found[:count]
-        return None if mode is None else self._integrator.mode_table.index.get(mode)
+            found = self._signs(*(high for high, _ in point))
+        if found is None or -1 in found[count:]:
+            return None
+        return self._integrator.mode_table.index.get(found[:count])
 
     def _changed(self, parameters: Mapping[Any, Any]) -> Values | None:
         """Values of the parameters, some of them others; None where they are not to be had like that.

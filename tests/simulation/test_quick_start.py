@@ -115,3 +115,14 @@ def test_what_cannot_be_meant_is_told_by_the_exact_way(changed: dict[str, object
     hr.simulate(BELT, {"x": 1, "v": 0}, until=1)
     with pytest.raises(hr.HenonRefError):
         hr.simulate(BELT, {"x": 1, "v": 0}, until=1, parameters=changed)
+
+
+def test_surfaces_that_are_no_polynomials_are_told_by_the_programs(exact: list[object]) -> None:
+    moving = hr.System(["x", "v"], {"A": 0.3, "w": 2}, {"s": "v - A*sin(w*t)"}, ["v", "-x - s"], valid=["2 + cos(x)"])
+    number = {"initial": {"x": 0.7, "v": 0.9}, "until": 9.1, "start": 0.3, "parameters": {"A": 0.37}}
+    text = {"initial": {"x": "0.7", "v": "0.9"}, "until": "9.1", "start": "0.3", "parameters": {"A": "0.37"}}
+    quick, slow = (hr.simulate(moving, given.pop("initial"), **given) for given in (number, text))
+    assert everything(quick) == everything(slow)
+    assert len(exact) == 1
+    hr.simulate(moving, {"x": 0.7, "v": 0}, until=1)  # on the surface at t = 0
+    assert len(exact) == 2
