@@ -72,7 +72,7 @@ def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> Map
     return node
 
 
-def tolerance_of(value: object) -> float:
+def tolerance_of(value: Any) -> float:
     """A relative tolerance as a double.
 
     Raises
@@ -80,12 +80,12 @@ def tolerance_of(value: object) -> float:
     ArgumentError
         For what is no number between 1e-16 and 1.
     """
-    if isinstance(value, Real) and not isinstance(value, bool) and SMALLEST <= float(value) < LARGEST:
+    if isinstance(value, Real) and not isinstance(value, bool) and SMALLEST <= value < LARGEST:
         return float(value)
     raise ArgumentError(f"rtol is {str(value)[:60]}; a tolerance is a number from 1e-16 to below 1")
 
 
-def check_absolute_tolerance(value: object) -> None:
+def check_absolute_tolerance(value: Any) -> None:
     """Check the absolute tolerance, which is not used: steps go by each state's own size.
 
     Raises
@@ -93,7 +93,7 @@ def check_absolute_tolerance(value: object) -> None:
     ArgumentError
         For what is not a positive number.
     """
-    positive = isinstance(value, Real) and not isinstance(value, bool) and 0 < float(value) < math.inf
+    positive = isinstance(value, Real) and not isinstance(value, bool) and 0 < value < math.inf
     if value is not None and not positive:
         raise ArgumentError(f"atol is {str(value)[:60]}; wanted a number larger than 0, or None")
 

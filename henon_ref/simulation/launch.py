@@ -21,6 +21,13 @@ MOST_PREPARED = 32
 """Tolerances of one system that are kept."""
 
 
+class Prepared(NamedTuple):
+    """What is made once a system and tolerance."""
+
+    integrator: Integrator
+    quick: QuickStart | None
+
+
 class Launch(NamedTuple):
     """A run that is ready to go."""
 
@@ -60,32 +67,35 @@ def launch(
     ArgumentError
         For what cannot be meant.
     """
-    integrator, quick, error = _prepared(system, rtol)
+    if not isinstance(system, System):
+        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
+    tolerance = rtol if type(rtol) is float else tolerance_of(rtol)
+    ready: Prepared | None = system.prepared.get(tolerance)
+    begin = None
+    if ready is not None and ready.quick is not None and not mode:
+        begin = ready.quick(initial, until, start, parameters)
     if atol is not None:
         check_absolute_tolerance(atol)
-    begin = None if mode or quick is None else quick(initial, until, start, parameters)
-    if begin is None:
+    falling, rising = stop_of(system, stop) if stop else (0, 0)
+    if begin is not None and ready is not None:
+        integrator = ready.integrator
+    else:  # what is wrong is said before anything is compiled
+        error = local_error(tolerance_of(tolerance))
         own, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
-        if own.structure != system.structure:
-            integrator = integrator_of(own, error)
+        integrator = integrator_of(own, error)
         with one_at_a_time():
             begin = integrator.start(problem, tolerance=error, landing=HENON)
-    if stop:
-        falling, rising = stop_of(system, stop)
+        if ready is None:
+            _prepare(system, tolerance)
+    if falling or rising:
         begin = replace(begin, stop_falling=falling, stop_rising=rising)
     return Launch(system, parameters, integrator, begin)
 
 
-def _prepared(system: System, rtol: float) -> tuple[Integrator, QuickStart | None, float]:
-    """What is made once a system and tolerance."""
-    if not isinstance(system, System):
-        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
-    key = rtol if type(rtol) is float else tolerance_of(rtol)
-    found: tuple[Integrator, QuickStart | None, float] | None = system.prepared.get(key)
-    if found is None:
-        error = local_error(tolerance_of(key))
-        if len(system.prepared) >= MOST_PREPARED:
-            system.prepared.clear()
-        integrator = integrator_of(system, error)
-        found = system.prepared[key] = integrator, QuickStart.of(system, integrator, error), error
-    return found
+def _prepare(system: System, tolerance: float) -> None:
+    """Make what later runs at a tolerance begin with."""
+    if len(system.prepared) >= MOST_PREPARED:
+        system.prepared.clear()
+    error = local_error(tolerance)
+    integrator = integrator_of(system, error)
+    system.prepared[tolerance] = Prepared(integrator, QuickStart.of(system, integrator, error))

@@ -129,6 +129,8 @@ class System:
         HenonRefError
             For a file that is no case (with file, line and column), and a reading that it does not have.
         """
+        if not (reading is None or isinstance(reading, str)):
+            raise ArgumentError(f"reading is {str(reading)[:60]!r}; wanted the name of a reading, or None")
         case = load_case(path)
         chosen = case.readings[0] if reading is None else case.reading(reading)
         self = cls.__new__(cls)
