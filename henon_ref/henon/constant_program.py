@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.henon.double_double import ADD, MULTIPLY, POWER, ROUNDING, SQRT, run_operations
+from henon_ref.henon.double_double import ACCURATE, ADD, MULTIPLY, POWER, ROUNDING, SQRT, run_operations
 from henon_ref.precision import working_precision
 
 FUNCTION = 4
@@ -49,6 +49,11 @@ class ConstantProgram:
     """Operation, register of the result, registers of the operands."""
     outputs: tuple[int, ...]
     """Register of each expression."""
+
+    @cached_property
+    def places(self) -> NDArray[np.int64]:
+        """Registers of the expressions, as an array."""
+        return np.array(self.outputs, dtype=np.int64)
 
     @cached_property
     def _registers(self) -> NDArray[np.float64]:
@@ -91,6 +96,15 @@ class ConstantProgram:
             else:
                 run_operations(operations, found)
         return found
+
+    def made_accurate(self, registers: NDArray[np.float64]) -> None:
+        """Evaluate outputs in balls at points where they have lost digits, terms having cancelled."""
+        outputs = list(self.outputs)
+        error, size = registers[:, outputs, 2], np.abs(registers[:, outputs, 0])
+        for point in np.flatnonzero((np.isfinite(size) & (error > ACCURATE * size)).any(axis=1)).tolist():
+            with working_precision(BITS):
+                found = [_three(ball) for ball in self.balls(registers[point, : self.inputs, 0].tolist())]
+            registers[point, outputs] = found
 
     def over_ring(
         self, values: Sequence[Any], number: Callable[[sp.Expr], Any], root: Callable[[Any], Any]
@@ -161,6 +175,11 @@ def _function_value(what: int, function: int, argument: Sequence[float]) -> tupl
         value = balls[0] ** balls[1]
     else:
         value = abs(balls[0]) if NAMES[function] == "Abs" else getattr(balls[0], NAMES[function])()
+    return _three(value)
+
+
+def _three(value: arb) -> tuple[float, float, float]:
+    """A ball as two doubles and a bound of their error."""
     if not value.is_finite():
         return math.nan, math.nan, math.inf
     high = float(value.mid())
