@@ -80,7 +80,7 @@ def tolerance_of(value: Any) -> float:
     ArgumentError
         For what is no number between 1e-16 and 1.
     """
-    if isinstance(value, Real) and not isinstance(value, bool) and SMALLEST <= value < LARGEST:
+    if _is_number(value) and SMALLEST <= value < LARGEST:
         return float(value)
     raise ArgumentError(f"rtol is {str(value)[:60]}; a tolerance is a number from 1e-16 to below 1")
 
@@ -93,9 +93,12 @@ def check_absolute_tolerance(value: Any) -> None:
     ArgumentError
         For what is not a positive number.
     """
-    positive = isinstance(value, Real) and not isinstance(value, bool) and 0 < value < math.inf
-    if value is not None and not positive:
+    if value is not None and not (_is_number(value) and 0 < value < math.inf):
         raise ArgumentError(f"atol is {str(value)[:60]}; wanted a number larger than 0, or None")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def stop_of(system: System, stop: Mapping[Any, Any]) -> tuple[int, int]:

@@ -35,6 +35,11 @@ def pair_of(value: Any) -> Pair | None:
     return None
 
 
+def exact_number(value: Any) -> Fraction:
+    """What :func:`pair_of` is a pair of, exactly."""
+    return Fraction(repr(float(value))) if isinstance(value, float) else Fraction(value)
+
+
 def _rational(numerator: int, denominator: int) -> Pair | None:
     """A quotient of whole numbers; None where it is no double."""
     try:
