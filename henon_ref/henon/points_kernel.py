@@ -133,6 +133,24 @@ def _finish(run, state, code, ends, states, point):  # type: ignore[no-untyped-d
         states[point, i] = state[STATE_PLACE + i]
 
 
+@inner()
+def _take_in(at, run, block, code, buffer, waiting, ends, states):  # type: ignore[no-untyped-def]
+    """Take in what a point's run has come to; True where it goes on."""
+    going_on = code == ReturnCode.BLOCK_FULL.value or code == ReturnCode.BUDGET_SPENT.value
+    end = end_of(row_of(ends[at.point]))
+    if not (going_on or code == ReturnCode.HORIZON.value or code == ReturnCode.STOPPED.value):
+        at.kept, end.code = at.kept_before, SET_ASIDE
+        return False
+    end.transitions += run.transitions
+    records = work_space(row_of(block), run.states, run.guards, run.order)[3]
+    keep_transitions(at, records, run.transitions, run.states, buffer, waiting)
+    run.transitions = 0
+    going_on = going_on and run.steps < run.most_steps
+    if not going_on:
+        _finish(run, block, code, ends, states, at.point)
+    return going_on
+
+
 @njit(nogil=True)
 def run_points(  # type: ignore[no-untyped-def]
     progress, block, template, times, initial, rows, surfaces, tables, numbers, normals, selection, samples, kept,
@@ -179,7 +197,6 @@ def run_points(  # type: ignore[no-untyped-def]
     """
     at = progress_of(row_of(progress))
     run = run_of(row_of(block))
-    n, most = initial.shape[1], tables.shape[1] - 1
     buffer, waiting = rows_of(row_of(kept), kept.shape[1]), rows_of(row_of(pending), pending.shape[1])
     spent = 0
     while at.point < rows.size:
@@ -207,18 +224,7 @@ def run_points(  # type: ignore[no-untyped-def]
             chosen = address, normals[constants], signs, table, decoupled, room, values, systems, places
             code = _advance_several(block, tables, numbers[constants], chosen, samples)
         spent += run.steps - before
-        going_on = code == ReturnCode.BLOCK_FULL.value or code == ReturnCode.BUDGET_SPENT.value
-        if going_on or code == ReturnCode.HORIZON.value or code == ReturnCode.STOPPED.value:
-            end_of(row_of(ends[point])).transitions += run.transitions
-            records = work_space(row_of(block), n, most, run.order)[2]
-            keep_transitions(at, records, run.transitions, n, buffer, waiting)
-            run.transitions = 0
-            going_on = going_on and run.steps < run.most_steps
-            if not going_on:
-                _finish(run, block, code, ends, states, point)
-        else:
-            at.kept = at.kept_before
-            end_of(row_of(ends[point])).code = SET_ASIDE
+        going_on = _take_in(at, run, block, code, buffer, waiting, ends, states)
         if not going_on:
             at.running = 0
             at.point += 1
