@@ -32,12 +32,11 @@ class Outcome:
     """
 
     def __init__(self, made: Launch, trajectory: Trajectory) -> None:
-        self._made, self.trajectory = made, trajectory
+        self._base, self._parameters, self.trajectory = made.base, made.parameters, trajectory
 
     @cached_property
     def system(self) -> System:
-        made = self._made
-        return made.base.with_parameters(made.parameters) if made.parameters else made.base
+        return self._base.with_parameters(self._parameters) if self._parameters else self._base
 
     @property
     def status(self) -> Status:
@@ -58,4 +57,4 @@ class Outcome:
     @property
     def final_mode(self) -> str:
         mode = self.trajectory.end_mode
-        return mode_text(mode, self._made.base.model.sign_names) if mode else ""
+        return mode_text(mode, self._base.model.sign_names) if mode else ""

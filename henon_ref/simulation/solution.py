@@ -54,17 +54,12 @@ class Solution(Outcome):
         steps: NDArray[Any] | None,
     ) -> None:
         super().__init__(made, trajectory)
-        self._steps = steps
-
-    @property
-    def _start(self) -> float:
-        """Initial time [s]."""
-        return self._made.start.time[0]
+        (self._start, _), self._pairs, self._steps = made.start.time, made.start.x, steps
 
     @property
     def _initial(self) -> list[float]:
         """Initial state."""
-        return [high for high, _ in self._made.start.x]
+        return [high for high, _ in self._pairs]
 
     @cached_property
     def sol(self) -> DenseOutput | None:
@@ -122,19 +117,19 @@ class Solution(Outcome):
         if self.sol is None:
             raise ArgumentError("without dense output no mode is kept: simulate with dense_output=True")
         times = checked_times(t, self._start, self.trajectory.end_time)
-        names = self._made.base.model.sign_names
+        names = self._base.model.sign_names
         modes = [dict(zip(names, mode, strict=False)) for mode in self._modes(np.atleast_1d(times))]
         return modes if times.ndim else modes[0]
 
     @cached_property
     def transitions(self) -> pd.DataFrame:
         """A row a transition: ``time_s, kind, surface, from_mode, to_mode``, then the states by name."""
-        return transition_table(self._made.base.model, self.trajectory.transitions)
+        return transition_table(self._base.model, self.trajectory.transitions)
 
     @cached_property
     def sticks(self) -> pd.DataFrame:
         """A row a whole stick: ``start_s, duration_s, surface``; one that the end of the run cuts off is left out."""
-        return stick_table(self._made.base.model, self.trajectory.transitions, self._start)
+        return stick_table(self._base.model, self.trajectory.transitions, self._start)
 
     def plot(self) -> NDArray[Any]:
         """Phase portrait of the first states (of one state: the state over time), and surfaces over time.

@@ -67,8 +67,6 @@ class System:
     Attributes
     ----------
     state : tuple of str
-    parameters : dict
-        Name -> exact number.
     model : FilippovSystem
         What is integrated.
     tree : MappingNode
@@ -152,7 +150,6 @@ class System:
         except HenonRefError as error:
             raise argument_error(error) from None
         self.state: tuple[str, ...] = self.model.state_names
-        self.parameters: dict[str, Number] = {name: plain_number(v) for name, v in self._names.values.items()}
         self.initial: dict[str, Number] | None = None
         self.start: Number | None = None
         self.until: Number | None = None
@@ -161,6 +158,11 @@ class System:
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "prepared": {}}
+
+    @property
+    def parameters(self) -> dict[str, Number]:
+        """Name -> exact number (a copy: :meth:`with_parameters` makes a system with others)."""
+        return {name: plain_number(value) for name, value in self._names.values.items()}
 
     def with_parameters(self, parameters: Mapping[Any, Any]) -> System:
         """The system with other values of some parameters; what is an expression in them follows.
@@ -178,9 +180,9 @@ class System:
         given = tree_of(parameters, "'parameters'")
         if not isinstance(given, MappingNode):
             raise ArgumentError("'parameters' must be a mapping, as in {name: value}")
-        known = list(self.parameters)
+        known = list(self._names.values)
         for name in given.entries:
-            if name not in self.parameters:
+            if name not in known:
                 raise ArgumentError(
                     f"'{name[:60]}' is no parameter{did_you_mean(name, known)}; parameters: {listed(known)}"
                 )
@@ -238,7 +240,7 @@ class System:
         tree = child(self.tree, ["system" if self._form.system else "scene", "parameters"])
         nodes = tree.entries.values() if isinstance(tree, MappingNode) else ()
         used = {name for node in nodes if isinstance(node, ScalarNode) for name in names_in(node.text)}
-        return frozenset(self.parameters) - used - {symbol.name for symbol in parameters_in_exponents(self._written)}
+        return frozenset(self._names.values) - used - {symbol.name for symbol in parameters_in_exponents(self._written)}
 
     @cached_property
     def has_moving_exponents(self) -> bool:
@@ -257,7 +259,7 @@ class System:
             (i, o.field, tuple((r.when, r.direction, r.to) for r in o.release), o.entry)
             for i, o in sorted(model.overrides.items())
         )
-        names = tuple(self.parameters)
+        names = tuple(self._names.values)
         return model.states, model.signs, model.surfaces, model.field, model.valid, overrides, names
 
     @cached_property

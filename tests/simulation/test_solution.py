@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import pickle
+from fractions import Fraction
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -149,3 +151,12 @@ def test_many_grazes_in_a_long_run_are_kept_whole() -> None:
     times = np.linspace(0, 1000, 20_001)
     assert np.abs(run.sol(times)[0] - 1 - np.cos(times)).max() < 1e-7
     assert (np.diff(run.t) >= 0).all()
+
+
+def test_it_can_be_sent_to_another_process(stick_slip: hr.Solution) -> None:
+    there = hr.simulate(BELT, {"x": 1.5, "v": 0}, until=20, parameters={"vb": 0.3})
+    again = pickle.loads(pickle.dumps(there))
+    assert again.transitions.equals(there.transitions)
+    assert again.sol(7.0).tolist() == there.sol(7.0).tolist()
+    assert again.system == there.system == BELT.with_parameters({"vb": 0.3})
+    assert again.system.parameters["vb"] == Fraction(3, 10)
