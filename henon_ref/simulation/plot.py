@@ -25,7 +25,7 @@ def plotted(system: FilippovSystem, motion: Motion) -> NDArray[Any]:
 
     count = min(len(system.surfaces), MOST_SURFACES)
     height = 2 * GAP + PORTRAIT + count * PANEL + GAP
-    with style.look():
+    with style.report_style():
         figure = plt.figure(figsize=(style.WIDTH, height))
         bottom = GAP + count * PANEL
         top = figure.add_axes((0.11, (bottom + 1.3 * GAP) / height, 0.86, (PORTRAIT - 0.3 * GAP) / height))
