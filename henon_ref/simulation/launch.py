@@ -72,8 +72,8 @@ def launch(
     tolerance = rtol if type(rtol) is float else tolerance_of(rtol)
     ready: Prepared | None = system.prepared.get(tolerance)
     begin = None
-    if ready is not None and ready.quick is not None and not mode:
-        begin = ready.quick(initial, until, start, parameters)
+    if ready is not None and ready.quick is not None:
+        begin = ready.quick(initial, until, start, parameters, mode)
     if atol is not None:
         check_absolute_tolerance(atol)
     falling, rising = stop_of(system, stop) if stop else (0, 0)
