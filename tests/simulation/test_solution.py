@@ -160,3 +160,12 @@ def test_it_can_be_sent_to_another_process(stick_slip: hr.Solution) -> None:
     assert again.sol(7.0).tolist() == there.sol(7.0).tolist()
     assert again.system == there.system == BELT.with_parameters({"vb": 0.3})
     assert again.system.parameters["vb"] == Fraction(3, 10)
+
+
+def test_the_start_comes_before_what_happens_there() -> None:
+    """The crossing is half a unit in the last place after the start."""
+    case = hr.System.from_case(CASES / "hard" / "horizon_one_ulp.yaml", "event")
+    run = hr.simulate(case, case.initial, start=case.start, until=case.until)
+    assert len(run.transitions) == 1
+    assert run.t[:3].tolist() == [1.0, 1.0, 1.0]
+    assert run.y[0, 0] == float(case.initial["x"]) < 0 <= run.y[0, 1]
