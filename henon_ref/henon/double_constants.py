@@ -57,7 +57,7 @@ class DoubleConstants(ModeConstants):
     @cached_property
     def switching(self) -> Switching:
         """See :class:`ModeConstants`."""
-        return _DoubleSwitching(self._programs, self.values)
+        return DoubleSwitching(self._programs, self.values)
 
     @cached_property
     def precise(self) -> PreciseModes:
@@ -67,7 +67,7 @@ class DoubleConstants(ModeConstants):
         )
 
 
-class _DoubleSwitching(Switching):
+class DoubleSwitching(Switching):
     """Decides modes with constants from programs, whose equations and tapes it shares with other values."""
 
     def __init__(self, programs: ParameterPrograms, values: tuple[float, ...]) -> None:

@@ -117,7 +117,7 @@ class Integrator:
         time, point = double_double(problem.start), [high for high, _ in x]
         surfaces, valid = constants.switching.signs_at(problem.start, problem.initial)
         decision = constants.switching.mode_by_signs(time[0], point, surfaces, valid, problem.initial_mode)
-        refused, row, zeros = self._entered(constants, time[0], point, decision, surfaces, valid)
+        refused, row, zeros = self.entered(constants, time[0], point, decision, surfaces, valid)
         until = double_double(problem.until)
         return Start(time, until, tuple(x), refused, row, zeros, self.order, tolerance, landing, constants)
 
@@ -157,11 +157,16 @@ class Integrator:
         """
         constants = self.double_constants(values)
         x = tuple((v, 0.0) for v in initial)
-        refused, (row, zeros) = None, self._clear_start(constants, start, initial) if not mode else (-1, ())
+        refused, (row, zeros) = (
+            None,
+            self.clear_start(constants, constants.start_signs(start, initial), start, initial)
+            if not mode
+            else (-1, ()),
+        )
         if row < 0:
             surfaces, valid = constants.exact_signs(start, initial)
             decision = constants.switching.mode_by_signs(start, list(initial), surfaces, valid, mode or {})
-            refused, row, zeros = self._entered(constants, start, initial, decision, surfaces, valid)
+            refused, row, zeros = self.entered(constants, start, initial, decision, surfaces, valid)
         return Start(
             (start, 0.0), (until, 0.0), x, refused, row, zeros, self.order, tolerance, landing, constants, **limits
         )
@@ -186,12 +191,14 @@ class Integrator:
         row = rows[0] if on else self.mode_table.row(mode)
         return None if row is None else (row, on[0] if on else -1)
 
-    def _clear_start(self, constants: DoubleConstants, t: float, x: Sequence[float]) -> tuple[int, tuple[int, ...]]:
+    def clear_start(
+        self, constants: DoubleConstants, signs: Mode, t: float, x: Sequence[float]
+    ) -> tuple[int, tuple[int, ...]]:
         """Row and known zeros of the mode at a start off all surfaces, or on one that is left or slid on clearly.
 
-        Row -1 where it is not clear.
+        Row -1 where it is not clear. ``signs``: see :meth:`row_at_start`.
         """
-        found = self.row_at_start(constants.start_signs(t, x))
+        found = self.row_at_start(signs)
         if found is None or found[1] < 0:
             return (-1 if found is None else found[0]), self.no_zeros
         data = constants.latest if constants.latest.compiled is self.mode_table.compiled else constants.update()
@@ -203,7 +210,7 @@ class Integrator:
         own = tuple(order if g.kind == "surface" and g.index == found[1] else 0 for g in guards)
         return row, own + self.no_zeros[len(own) :]
 
-    def _entered(
+    def entered(
         self,
         constants: ModeConstants,
         t: float,

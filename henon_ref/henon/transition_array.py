@@ -33,6 +33,11 @@ class TransitionArray(Sequence[Transition]):
         self._rows, self._modes = rows, modes
 
     @property
+    def modes(self) -> tuple[Mode, ...]:
+        """Modes by the numbers that the records hold."""
+        return self._modes
+
+    @property
     def rows(self) -> NDArray[np.float64]:
         """What it was made of."""
         return self._rows
