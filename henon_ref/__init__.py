@@ -13,11 +13,24 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from henon_ref.analysis.lyapunov import lyapunov_exponents
+    from henon_ref.analysis.periodic_orbit import periodic_orbit
+    from henon_ref.analysis.tangent import tangent_points
     from henon_ref.campaign.comparison import Comparison, compare
     from henon_ref.casefile.case import Case, Reading, load_case, parse_case
-    from henon_ref.errors import CaseError, HenonRefError, ModelError, UnavailableError, UnsupportedError
+    from henon_ref.errors import (
+        ArgumentError,
+        CaseError,
+        HenonRefError,
+        ModelError,
+        UnavailableError,
+        UnsupportedError,
+    )
     from henon_ref.filippov.problem import Problem
     from henon_ref.filippov.system import FilippovSystem
+    from henon_ref.simulation.simulate import simulate, stream
+    from henon_ref.simulation.solution import Solution
+    from henon_ref.simulation.system import System
     from henon_ref.solver import Solver
     from henon_ref.trajectory import Counts, Trajectory, Transition
 
@@ -26,6 +39,7 @@ __version__ = "0.1.0"
 _HOME = {
     "Comparison": "campaign.comparison",
     "compare": "campaign.comparison",
+    "ArgumentError": "errors",
     "CaseError": "errors",
     "HenonRefError": "errors",
     "ModelError": "errors",
@@ -36,6 +50,13 @@ _HOME = {
     "load_case": "casefile.case",
     "parse_case": "casefile.case",
     "FilippovSystem": "filippov.system",
+    "Solution": "simulation.solution",
+    "System": "simulation.system",
+    "simulate": "simulation.simulate",
+    "stream": "simulation.simulate",
+    "lyapunov_exponents": "analysis.lyapunov",
+    "periodic_orbit": "analysis.periodic_orbit",
+    "tangent_points": "analysis.tangent",
     "Solver": "solver",
     "Counts": "trajectory",
     "Problem": "filippov.problem",
@@ -44,6 +65,7 @@ _HOME = {
 }
 
 __all__ = [
+    "ArgumentError",
     "Case",
     "CaseError",
     "Comparison",
@@ -53,14 +75,21 @@ __all__ = [
     "ModelError",
     "Problem",
     "Reading",
+    "Solution",
     "Solver",
+    "System",
     "Trajectory",
     "Transition",
     "UnavailableError",
     "UnsupportedError",
     "compare",
     "load_case",
+    "lyapunov_exponents",
     "parse_case",
+    "periodic_orbit",
+    "simulate",
+    "stream",
+    "tangent_points",
 ]
 
 

@@ -142,7 +142,7 @@ def parse_case(
 def _case(
     tree: MappingNode, file: str | None, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
 ) -> Case:
-    readings = tuple(_reading(name, source, solvers, fixed_step) for name, source in _sources(tree, file))
+    readings = tuple(_reading(name, source, solvers, fixed_step) for name, source in reading_sources(tree, file))
     whole = Source(tree, file)
     name, title, source = (_line(whole, key) for key in ("name", "title", "source"))
     if title is None:
@@ -166,7 +166,7 @@ def _checked(whole: Source, path: KeyPath, check: Callable[[object], str], value
         raise whole.error(path, f"'{path[0]}': {error}", key=key) from None
 
 
-def _sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
+def reading_sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
     """Every reading's name and its tree, overrides laid over."""
     whole = Source(tree, file)
     if "readings" not in tree.entries:

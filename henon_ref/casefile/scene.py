@@ -76,6 +76,26 @@ def build_scene(source: Source, form: SceneForm) -> tuple[FilippovSystem, Names]
     return system, names
 
 
+def conditions(source: Source, form: SceneForm) -> list[sp.Expr]:
+    """What a scene wants of its parameters: expressions in them that must be larger than 0, or at least not smaller.
+
+    Values with which they all are larger have been checked.
+    """
+    body = BODIES[form.body]
+    symbols = {name: sp.Symbol(name, real=True) for name in source.keys(("scene", "parameters"))}
+    found = [symbols[p.name] for p in body.parameters if p.range != "any"]
+    forces: dict[Stage, sp.Expr] = {}
+    for effect in _named_effects(source, form, body):
+        given = set(source.keys(("scene", "effects", effect.name)))
+        for parameter in effect.parameters:
+            if parameter.name in given and not parameter.in_time:
+                value = source.expression(("scene", "effects", effect.name, parameter.name), symbols)
+                found += [] if parameter.range == "any" else [value]
+                if parameter.name == "force":
+                    forces[effect.stage] = forces.get(effect.stage, sp.Integer(0)) + value
+    return [*found, *([forces[Stage.HOLDING] - forces[Stage.FRICTION]] if Stage.HOLDING in forces else [])]
+
+
 def _system(body: Contact, rubs: bool, names: Names, effects: tuple[str, ...]) -> FilippovSystem:
     # Without friction nothing changes where the block overtakes the belt: there is no surface then.
     return FilippovSystem(

@@ -1,0 +1,117 @@
+"""The arguments of a run, read as a case file's ``initial`` and ``until`` are, to an initial-value problem."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from numbers import Real
+from typing import Any, Literal
+
+from henon_ref.casefile.problem import build_problem
+from henon_ref.casefile.source import Source
+from henon_ref.casefile.tree import MappingNode, Node
+from henon_ref.casefile.validation import validated
+from henon_ref.errors import ArgumentError, HenonRefError
+from henon_ref.filippov.problem import Problem
+from henon_ref.simulation.system import System, argument_error
+from henon_ref.simulation.written import mapping, tree_of, written
+from henon_ref.text import did_you_mean, listed
+
+Direction = Literal["falling", "rising"]
+DIRECTIONS: tuple[Direction, ...] = ("falling", "rising")
+SMALLEST, LARGEST = 1e-16, 1.0
+"""Between these lies a tolerance, as in a case file."""
+
+
+def problem_of(
+    system: System,
+    initial: Mapping[Any, Any],
+    *,
+    until: object,
+    start: object = 0,
+    parameters: Mapping[Any, Any] | None = None,
+    mode: Mapping[Any, Any] | None = None,
+) -> tuple[System, Problem]:
+    """The system of a run and its initial-value problem, in exact numbers.
+
+    Parameters
+    ----------
+    system, initial, until, start, parameters, mode
+        As in :func:`henon_ref.simulation.simulate.simulate`.
+
+    Raises
+    ------
+    ArgumentError
+        For a missing or unknown state, a number that is not finite, an unknown parameter, a horizon that is not later
+        than the start, and a mode of an unknown surface, or one that the start contradicts.
+    """
+    if not isinstance(system, System):
+        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
+    if parameters:
+        system = system.with_parameters(parameters)
+    given = _mapping(initial, "'initial'", "state", system.state)
+    entry = _mapping({} if mode is None else mode, "'mode'", "surface", system.model.sign_names)
+    entries: dict[str, Node] = {"t": tree_of(written(start, "'start'"), "'start'"), **given.entries, "mode": entry}
+    read = {"initial": mapping(entries), "until": tree_of(written(until, "'until'"), "'until'")}
+    source = Source(mapping({**system.tree.entries, **read}), work=system.work())
+    try:
+        return system, build_problem(source, validated(source.tree, file=None))[0]
+    except HenonRefError as error:
+        raise argument_error(error) from None
+
+
+def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> MappingNode:
+    """A mapping of known names."""
+    node = tree_of(value, what)
+    if not isinstance(node, MappingNode):
+        raise ArgumentError(f"{what} must be a mapping, as in {{{known[0]!r}: 0}}")
+    for name in node.entries:
+        if name not in known:
+            raise ArgumentError(f"'{name[:60]}' is no {kind}{did_you_mean(name, known)}; {kind}s: {listed(known)}")
+    return node
+
+
+def tolerance_of(value: object, what: str) -> float:
+    """A tolerance as a double.
+
+    Raises
+    ------
+    ArgumentError
+        For what is no number between 1e-16 and 1.
+    """
+    if isinstance(value, Real) and not isinstance(value, bool) and SMALLEST <= float(value) < LARGEST:
+        return float(value)
+    raise ArgumentError(f"{what} is {str(value)[:60]}; a tolerance is a number from 1e-16 to below 1")
+
+
+def check_absolute_tolerance(value: object) -> None:
+    """Check the absolute tolerance, which is not used: steps go by each state's own size.
+
+    Raises
+    ------
+    ArgumentError
+        For what is not a positive number.
+    """
+    positive = isinstance(value, Real) and not isinstance(value, bool) and 0 < float(value) < math.inf
+    if value is not None and not positive:
+        raise ArgumentError(f"atol is {str(value)[:60]}; wanted a number larger than 0, or None")
+
+
+def stop_of(system: System, stop: Mapping[Any, Any] | None) -> dict[int, Direction]:
+    """Index of each surface that ends the run, and in which direction it is gone through there.
+
+    Raises
+    ------
+    ArgumentError
+        For an unknown surface or direction.
+    """
+    if stop is None:
+        return {}
+    names = system.model.sign_names
+    node = _mapping(stop, "'stop'", "surface", names)
+    found: dict[int, Direction] = {}
+    for name, direction in zip(node.entries, stop.values(), strict=True):
+        if direction not in DIRECTIONS:
+            raise ArgumentError(f"'stop' at '{name}' is {str(direction)[:60]!r}; wanted 'falling' or 'rising'")
+        found[names.index(name)] = direction
+    return found
