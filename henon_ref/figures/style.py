@@ -5,13 +5,8 @@ from __future__ import annotations
 import io
 import math
 import re
-<<<<<<< HEAD
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-=======
-from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
->>>>>>> simulation
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
