@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.filippov.exact_numbers import exact_sign
+from henon_ref.filippov.exact_numbers import double_double, exact_sign
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.compile_units import link
 from henon_ref.henon.loop import load
-from henon_ref.henon.mode_constants import ModeConstants, double_double
+from henon_ref.henon.mode_constants import ModeConstants
 from henon_ref.henon.mode_table import ModeTable
 from henon_ref.henon.start import Start
 from henon_ref.henon.workspace import WorkspacePool

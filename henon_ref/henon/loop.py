@@ -15,7 +15,7 @@ from henon_ref.henon.compile_units import NUMBERS, ROW, ROWS, TABLES, compile_un
 from henon_ref.henon.event_detection import at_zero, ends_at_zero, first_event, guards_below_zero, load_equals_friction
 from henon_ref.henon.mode_selection import SELECTION
 from henon_ref.henon.mode_transition import apply_event
-from henon_ref.henon.recorder import fill_samples
+from henon_ref.henon.recorder import _record_step, fill_samples
 from henon_ref.henon.records import BRACKET, RELEASE, guard_of, mode_of
 from henon_ref.henon.state import EVENT, NOWHERE, ON, RUN_RECORD, ReturnCode, run_of, vectors_of
 from henon_ref.henon.step import CHECKED_GROWTH, CUT_WEIGHT, add_to_state, event_free_steps, refine_release, state_grows
@@ -71,8 +71,9 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
     Returns
     -------
     int
-        HORIZON, SELECT_MODE, BLOCK_FULL, DIVERGED, STALLED, BUDGET_SPENT, LEFT_DOMAIN, EVENTS_ACCUMULATE or
-        MODE_NOT_COMPILED; UNDECIDED_EVENT where an event ahead cannot be decided in double precision.
+        HORIZON, STOPPED, SELECT_MODE, BLOCK_FULL, STEPS_FULL, DIVERGED, STALLED, BUDGET_SPENT, LEFT_DOMAIN,
+        EVENTS_ACCUMULATE or MODE_NOT_COMPILED; UNDECIDED_EVENT where an event ahead cannot be decided in double
+        precision.
     """
     most = tables.shape[1] - 1
     block = row_of(state)
@@ -89,6 +90,8 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
     while True:
         if code == EVENT:
             code = apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, band, room)
+            if code == ON and run.stopped != 0:
+                return ReturnCode.STOPPED.value
         if code != ON:
             return code
 
@@ -104,10 +107,14 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
             return ReturnCode.BLOCK_FULL.value
         if remaining(run) <= 0.0:
             return ReturnCode.HORIZON.value
+        if run.dense != 0 and run.dense_steps >= run.dense_capacity:
+            return ReturnCode.STEPS_FULL.value
         sampled = run.next_sample < samples.shape[0]
         theta = event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, sampled, stop_at)
         if theta == 0.0:
             return ReturnCode.BUDGET_SPENT.value
+        if theta < -2.5:
+            return ReturnCode.STEPS_FULL.value
         if theta < 0.0:
             return ReturnCode.STALLED.value if theta > -1.5 else ReturnCode.DIVERGED.value
         unit = run.unit
@@ -164,6 +171,8 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
                 at_once = g == hit or at_zero(c[n + g], known_zeros[g], order, part, guard_of(layout, g).rising_only)
                 hits[g] = 1 if at_once else 0
             call_closing(compiled.step_end, part, c, change)
+        if run.dense != 0 and part > 0.0:
+            _record_step(run, c, part * unit, mode)
         bounded = add_to_state(n, x, x_low, change)
         if not below_time_resolution(run, part * unit):
             run.stalled = 0

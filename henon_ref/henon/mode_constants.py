@@ -7,10 +7,10 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
+from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
@@ -22,21 +22,6 @@ from henon_ref.precision import one_at_a_time
 
 Pair = tuple[float, float]
 """A number as its double and what that leaves."""
-
-
-def double_double(number: sp.Expr) -> Pair:
-    """An exact number as the nearest double and what that leaves, rounded again.
-
-    Raises
-    ------
-    ModelError
-        If it is not a finite real number.
-    """
-    rest = sp.N(number, 50)
-    if not rest.is_number or not rest.is_real or not rest.is_finite:
-        raise ModelError(f"not a finite real number: {number}")
-    high = float(rest)
-    return high, float(rest - sp.Float(high, 50))
 
 
 class LoopData(NamedTuple):

@@ -182,6 +182,7 @@ class ModeTable:
             surface = guard.kind == "surface"
             record["kind"], record["index"], record["rising_only"] = _KIND[guard.kind], guard.index, guard.rising_only
             record["hold_zone"] = surface and system.held_inside(guard.index)
+            record["side"] = mode[guard.index] if surface else 0
             record["coupled"] = surface and len(system.together(guard.index, sliding)) > 1
             # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
             tangent = guard.kind == "release" and guard.index not in system.overrides

@@ -40,6 +40,10 @@ class Start:
     """HENON, NEWTON or BRENT of :mod:`henon_ref.henon.records`."""
     constants: ModeConstants
     """The compiled modes' constants at the problem's parameter values."""
+    stop_falling: int = 0
+    """Surfaces, a bit each (1 << index), on which the run ends when they are reached from above, where h > 0."""
+    stop_rising: int = 0
+    """And from below."""
 
     @cached_property
     def unpacked(self) -> Callable[..., tuple[float, ...]]:
@@ -59,5 +63,6 @@ class Start:
         run.mode, run.transition_capacity = self.row, CHUNK
         run.states, run.guards = len(self.x), len(self.zeros)
         run.order, run.method = self.order, self.landing
+        run.stop_falling, run.stop_rising = self.stop_falling, self.stop_rising
         zeros = np.array([*self.zeros, *(0 for _ in self.zeros)], dtype=np.int64)
         return np.concatenate([state, zeros.view(np.float64)])

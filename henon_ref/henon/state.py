@@ -26,10 +26,12 @@ class ReturnCode(IntEnum):
     EVENTS_ACCUMULATE = 7
     UNDECIDED_EVENT = 8
     MODE_NOT_COMPILED = 9
+    STEPS_FULL = 10
+    STOPPED = 11
 
 
 # Between its own parts: an event is to be gone through, or there is nothing to say.
-EVENT, ON = 10, 11
+EVENT, ON = 20, 21
 REMEMBERED_STEPS = 64
 """Modes of which the last step is kept: a mode seen before begins with it."""
 RUN = np.dtype(
@@ -53,6 +55,9 @@ RUN = np.dtype(
         ("method", "i8"),  # of landing
         ("transition_capacity", "i8"),  # of a block of memory
         ("states", "i8"), ("guards", "i8"),  # guards: of the largest mode
+        ("stop_falling", "i8"), ("stop_rising", "i8"),  # surfaces, a bit each, on which the run ends
+        ("stopped", "i8"),  # 1 once it has come to one
+        ("dense", "i8"), ("dense_steps", "i8"), ("dense_capacity", "i8"),  # address of steps (0: none), how many, room
     ],
     align=True,
 )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from henon_ref.henon.compensated_time import add_to_time, below_compensated_resolution, below_time_resolution, remaining
+from henon_ref.henon.recorder import _record_step
 from henon_ref.henon.records import mode_of
 from henon_ref.henon.step_size import _flat_step_size, infinite_at_low_order, step_size
 from henon_ref.henon.step_validation import tail_unconverged
@@ -53,7 +54,7 @@ def event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, a
 
     ``alone``: look at the very first one, as where a guard stands at zero or a branch point may come. Returns the step
     proposed in the unit; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where
-    the state blew up.
+    the state blew up, -3 where the block of steps is full.
     """
     n, guards = run.states, mode_of(layout).guards
     expansion, closing = mode_of(layout).expansion, mode_of(layout).step_end
@@ -103,9 +104,12 @@ def event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, a
             return -2.0
         if not below_time_resolution(run, step):
             run.stalled = 0
+        full = run.dense != 0 and _record_step(run, c, step, run.mode)
         add_to_time(run, step)
         run.steps += 1
         run.unit = smaller(step, 1e3 * unit)
+        if full:
+            return -3.0
 
 
 @inner()

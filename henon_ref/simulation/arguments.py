@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from numbers import Real
-from typing import Any, Literal
+from typing import Any
 
 from henon_ref.casefile.problem import build_problem
 from henon_ref.casefile.source import Source
@@ -14,11 +14,12 @@ from henon_ref.casefile.validation import validated
 from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.filippov.problem import Problem
 from henon_ref.simulation.system import System, argument_error
-from henon_ref.simulation.written import mapping, tree_of, written
+from henon_ref.simulation.written import mapping, tree_of, written, written_name
 from henon_ref.text import did_you_mean, listed
 
-Direction = Literal["falling", "rising"]
-DIRECTIONS: tuple[Direction, ...] = ("falling", "rising")
+DIRECTIONS = ("falling", "rising")
+STOPS = 63
+"""Surfaces, of the first ones, on which a run can be stopped: bits of a positive whole number."""
 SMALLEST, LARGEST = 1e-16, 1.0
 """Between these lies a tolerance, as in a case file."""
 
@@ -97,21 +98,22 @@ def check_absolute_tolerance(value: object) -> None:
         raise ArgumentError(f"atol is {str(value)[:60]}; wanted a number larger than 0, or None")
 
 
-def stop_of(system: System, stop: Mapping[Any, Any] | None) -> dict[int, Direction]:
-    """Index of each surface that ends the run, and in which direction it is gone through there.
+def stop_of(system: System, stop: Mapping[Any, Any]) -> tuple[int, int]:
+    """Surfaces that end a run where they are reached from above, and from below: a bit each, by their index.
 
     Raises
     ------
     ArgumentError
         For an unknown surface or direction.
     """
-    if stop is None:
-        return {}
     names = system.model.sign_names
-    node = _mapping(stop, "'stop'", "surface", names)
-    found: dict[int, Direction] = {}
-    for name, direction in zip(node.entries, stop.values(), strict=True):
+    _mapping(stop, "'stop'", "surface", names)
+    bits = dict.fromkeys(DIRECTIONS, 0)
+    for name, direction in stop.items():
+        index = names.index(written_name(name, "'stop'"))
         if direction not in DIRECTIONS:
-            raise ArgumentError(f"'stop' at '{name}' is {str(direction)[:60]!r}; wanted 'falling' or 'rising'")
-        found[names.index(name)] = direction
-    return found
+            raise ArgumentError(f"'stop' at '{names[index]}' is {str(direction)[:60]!r}; wanted 'falling' or 'rising'")
+        if index >= STOPS:
+            raise ArgumentError(f"'{names[index]}' is beyond the first {STOPS} surfaces, on which a run can be stopped")
+        bits[direction] |= 1 << index
+    return bits["falling"], bits["rising"]

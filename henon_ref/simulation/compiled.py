@@ -1,12 +1,12 @@
-"""Compiled systems, kept by what they say: an equal system made anew compiles nothing."""
+"""Compiled systems, kept by what they say: an equal system made anew compiles nothing, nor do other values."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
+from dataclasses import replace
 from threading import Lock
 
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.loop import load
 from henon_ref.henon.solver import order_for
 from henon_ref.simulation.system import System
 
@@ -15,7 +15,7 @@ KEPT = 64
 ROUNDING = 2e-16
 """Local errors below this are rounding's."""
 
-_kept: OrderedDict[tuple[System, int], Integrator] = OrderedDict()
+_kept: OrderedDict[tuple[object, int], Integrator] = OrderedDict()
 _lock = Lock()
 
 
@@ -25,17 +25,18 @@ def local_error(rtol: float) -> float:
 
 
 def integrator_of(system: System, tolerance: float) -> Integrator:
-    """What runs a system at the order of a local error; compiled the first time that an equal system is asked for.
+    """What runs a system, with any values of its parameters, at the order of a local error.
 
-    One thread compiles at a time; the others wait for it.
+    It is compiled the first time that a system of this structure is asked for. One thread compiles at a time; the
+    others wait for it.
     """
-    key = system, order_for(tolerance)
+    key = system.structure, order_for(tolerance)
     with _lock:
         if key in _kept:
             _kept.move_to_end(key)
             return _kept[key]
-        made = Integrator(system.model, key[1])
-        load(made.selection)
+        made = Integrator(replace(system.model, parameters={}), key[1])
+        made.load()
         _kept[key] = made
         while len(_kept) > KEPT:
             _kept.popitem(last=False)

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.errors import ArgumentError
+from henon_ref.trajectory import Trajectory
 
 Vector = NDArray[np.float64]
+
+
+STEPS = 256
+"""Steps that are kept in one block of memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +28,7 @@ class DenseOutput:
         Time at which each step begins [s], and what rounding it lost; the end of the run comes last.
     unit : ndarray, shape (k,)
         Unit of time of each step's polynomial [s].
-    coefficients : ndarray, shape (k, order + 1, n)
+    coefficients : ndarray, shape (k, n, order + 1)
         Taylor coefficients of the states on each step, in its unit.
     start, end : float
         Times between which the solution is known [s].
@@ -34,6 +40,29 @@ class DenseOutput:
     coefficients: Vector
     start: float
     end: float
+
+    @classmethod
+    def of(cls, steps: NDArray[Any], start: float, end: Trajectory) -> DenseOutput:
+        """That of a run.
+
+        Parameters
+        ----------
+        steps : ndarray, shape (k,) of :func:`henon_ref.henon.records.step_dtype`
+        start : float
+            Initial time [s].
+        end : Trajectory
+            How the run ended: where it did so, the state is constant from there on.
+        """
+        rest = np.zeros((1, *steps["coefficients"].shape[1:]))
+        rest[0, :, 0] = end.end_state
+        return cls(
+            begin=np.append(steps["time"], end.end_time),
+            begin_low=np.append(steps["time_low"], 0.0),
+            unit=np.append(steps["unit"], 1.0),
+            coefficients=np.concatenate([steps["coefficients"], rest]),
+            start=start,
+            end=end.end_time,
+        )
 
     def __call__(self, t: ArrayLike) -> Vector:
         """The state at a time, shape (n,), or at m times, shape (n, m).
@@ -47,10 +76,10 @@ class DenseOutput:
         flat = np.atleast_1d(times)
         step = np.maximum(np.searchsorted(self.begin, flat, side="right") - 1, 0)
         part = ((flat - self.begin[step]) - self.begin_low[step]) / self.unit[step]
-        order = self.coefficients.shape[1] - 1
-        value = self.coefficients[step, order]
-        for k in range(order - 1, -1, -1):
-            value = value * part[:, None] + self.coefficients[step, k]
+        rows = self.coefficients[step]
+        value = rows[:, :, -1]
+        for k in range(rows.shape[2] - 2, -1, -1):
+            value = value * part[:, None] + rows[:, :, k]
         return np.ascontiguousarray(value.T) if times.ndim else value[0]
 
 

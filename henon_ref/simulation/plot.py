@@ -38,6 +38,6 @@ def plotted(system: FilippovSystem, motion: Motion) -> NDArray[Any]:
             portrait(top, system, motion, pair)
         else:
             top.plot(motion.times, motion.states[:, 0], color=style.BLUE)
-            top.set(xlabel="time t [s]", ylabel=f"${latex(system.states[0])}$")
+            top.set(xlabel="time t [s]", ylabel=f"${latex(system.states[0])}$", xlim=motion.times[[0, -1]])
         surfaces_over_time(panels, system, motion)
     return np.array([top, *panels])

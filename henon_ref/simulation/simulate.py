@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from henon_ref.henon.run import Run
-from henon_ref.henon.state import HENON
-from henon_ref.simulation.arguments import check_absolute_tolerance, problem_of, tolerance_of
-from henon_ref.simulation.compiled import integrator_of, local_error
+from henon_ref.simulation.dense_output import STEPS
+from henon_ref.simulation.launch import launch
 from henon_ref.simulation.solution import Solution
 from henon_ref.simulation.stream import TransitionStream
 from henon_ref.simulation.system import System
@@ -78,11 +77,10 @@ def simulate(
     >>> run.transitions[["time_s", "kind", "x"]].values.tolist()
     [[2.0, 'stick', 1.0]]
     """
-    system, made = _run(system, initial, until, start, rtol, atol, parameters, mode)
-    trajectory = made.to_horizon()
-    if made.start.refused is not None:  # there is no mode to begin with
-        trajectory = trajectory._replace(end_mode=())
-    return Solution(system, made.start.time[0], tuple(high for high, _ in made.start.x), trajectory, None)
+    made = launch(system, initial, until, start, rtol, atol, parameters, mode, stop)
+    run = Run(made.integrator, made.start, dense=STEPS if dense_output else 0)
+    trajectory = made.ended(run.to_horizon())
+    return Solution(made.system, made.start, trajectory, run.steps if dense_output else None)
 
 
 def stream(
@@ -124,21 +122,4 @@ def stream(
     >>> [round(row.time_s, 9) for row in stream(oscillator, {"x": 1, "v": 0}, until=5)]
     [1.570796327, 4.71238898]
     """
-    return TransitionStream(*_run(system, initial, until, start, rtol, atol, parameters, mode))
-
-
-def _run(
-    system: System,
-    initial: Mapping[Any, Any],
-    until: Any,
-    start: Any,
-    rtol: float,
-    atol: float | None,
-    parameters: Mapping[Any, Any] | None,
-    mode: Mapping[Any, int] | None,
-) -> tuple[System, Run]:
-    error = local_error(tolerance_of(rtol, "rtol"))
-    check_absolute_tolerance(atol)
-    system, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
-    integrator = integrator_of(system, error)
-    return system, Run(integrator, integrator.start(problem, tolerance=error, landing=HENON))
+    return TransitionStream(launch(system, initial, until, start, rtol, atol, parameters, mode, stop))

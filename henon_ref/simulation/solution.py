@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from henon_ref.errors import ArgumentError
 from henon_ref.figures.motion import Motion
 from henon_ref.filippov.modes import Mode
+from henon_ref.henon.records import transition_dtype
+from henon_ref.henon.start import Start
+from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.simulation.dense_output import DenseOutput, checked_times
 from henon_ref.simulation.outcome import Outcome
 from henon_ref.simulation.plot import plotted
@@ -49,13 +51,26 @@ class Solution(Outcome):
     def __init__(
         self,
         system: System,
-        start: float,
-        initial: Sequence[float],
+        start: Start,
         trajectory: Trajectory,
-        sol: DenseOutput | None,
+        steps: NDArray[Any] | None,
     ) -> None:
         super().__init__(system, trajectory)
-        self.sol, self._start, self._initial = sol, start, initial
+        self._from, self._steps = start, steps
+
+    @property
+    def _start(self) -> float:
+        """Initial time [s]."""
+        return self._from.time[0]
+
+    @property
+    def _initial(self) -> list[float]:
+        """Initial state."""
+        return [high for high, _ in self._from.x]
+
+    @cached_property
+    def sol(self) -> DenseOutput | None:
+        return None if self._steps is None else DenseOutput.of(self._steps, self._start, self.trajectory)
 
     @cached_property
     def t(self) -> NDArray[np.float64]:
@@ -68,11 +83,10 @@ class Solution(Outcome):
     @cached_property
     def _nodes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Times, shape (k,), and states, shape (n, k)."""
-        end, changes = self.trajectory, self.trajectory.transitions
-        times = self._times
-        states = np.array([c.state for c in changes]).reshape(len(changes), len(self._initial))
+        end, changes = self.trajectory, self._changes
+        times, states = changes["time"], changes["state"]
         if self.sol is not None:
-            begin, values = self.sol.begin, self.sol.coefficients[:, 0]
+            begin, values = self.sol.begin, self.sol.coefficients[:, :, 0]
             at = np.searchsorted(begin, times)
             return np.insert(begin, at, times), np.ascontiguousarray(np.insert(values, at, states, axis=0).T)
         moved = end.end_time > self._start or len(changes) > 0
@@ -80,17 +94,22 @@ class Solution(Outcome):
         together = np.concatenate([[self._initial], np.repeat(states, 2, axis=0), last[1]])
         return np.concatenate([[self._start], np.repeat(times, 2), last[0]]), np.ascontiguousarray(together.T)
 
-    @cached_property
-    def _times(self) -> NDArray[np.float64]:
-        """Times of the transitions [s]."""
-        return np.array([change.time for change in self.trajectory.transitions], dtype=np.float64)
-
-    @cached_property
-    def _modes(self) -> tuple[Mode, ...]:
-        """The mode at the start and after each transition."""
+    @property
+    def _changes(self) -> NDArray[Any]:
+        """Records of the transitions."""
         changes = self.trajectory.transitions
-        first = changes[0].from_mode if len(changes) else self.trajectory.end_mode
-        return (first, *(change.to_mode for change in changes))
+        empty = np.zeros(0, dtype=transition_dtype(len(self._initial)))
+        return changes.records if isinstance(changes, TransitionArray) else empty
+
+    def _modes(self, times: NDArray[np.float64]) -> list[Mode]:
+        """The mode at each time, after the transitions there."""
+        changes = self.trajectory.transitions
+        if not isinstance(changes, TransitionArray):
+            return [self.trajectory.end_mode] * times.size
+        records = changes.records
+        rows = np.concatenate([records["from_mode"][:1], records["to_mode"]])
+        found = rows[np.searchsorted(records["time"], times, side="right")]
+        return [changes.modes[row] for row in found.tolist()]
 
     def mode(self, t: ArrayLike) -> dict[str, int] | list[dict[str, int]]:
         """The mode at a time: -1 or +1 (the sign, in slip) or 0 (sliding) by surface, such as ``{"s": 0}``.
@@ -106,8 +125,7 @@ class Solution(Outcome):
             raise ArgumentError("without dense output no mode is kept: simulate with dense_output=True")
         times = checked_times(t, self._start, self.trajectory.end_time)
         names = self.system.model.sign_names
-        found = np.searchsorted(self._times, np.atleast_1d(times), side="right").tolist()
-        modes = [dict(zip(names, self._modes[k], strict=False)) for k in found]
+        modes = [dict(zip(names, mode, strict=False)) for mode in self._modes(np.atleast_1d(times))]
         return modes if times.ndim else modes[0]
 
     @cached_property
@@ -136,8 +154,7 @@ class Solution(Outcome):
         if self.sol is None or self.sol.end <= self.sol.start:
             raise ArgumentError("nothing to plot: it takes dense output, and a run that has left its start")
         times = np.union1d(np.linspace(self.sol.start, self.sol.end, PLOTTED), self.t)
-        found = np.searchsorted(self._times, times, side="right").tolist()
-        return plotted(self.system.model, Motion(times, self.sol(times).T, tuple(self._modes[k] for k in found)))
+        return plotted(self.system.model, Motion(times, self.sol(times).T, tuple(self._modes(times))))
 
     def __repr__(self) -> str:
         end, changes = self.trajectory, len(self.trajectory.transitions)

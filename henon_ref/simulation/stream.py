@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from henon_ref.henon.run import Run
+from henon_ref.simulation.launch import Launch
 from henon_ref.simulation.outcome import Outcome
-from henon_ref.simulation.system import System
-from henon_ref.simulation.tables import row_of
+from henon_ref.simulation.tables import rows_of
 
 
 class TransitionStream(Iterator[Any]):
@@ -20,16 +20,16 @@ class TransitionStream(Iterator[Any]):
         How the run ended, once it is through.
     """
 
-    def __init__(self, system: System, run: Run) -> None:
+    def __init__(self, made: Launch) -> None:
         self.outcome: Outcome | None = None
-        self._rows = self._made(system, run)
+        self._rows = self._made(made)
 
-    def _made(self, system: System, run: Run) -> Iterator[Any]:
-        row = row_of(system.model)
+    def _made(self, made: Launch) -> Iterator[Any]:
+        run, rows = Run(made.integrator, made.start), rows_of(made.system.model)
         for block in run.stream():
-            yield from map(row, block)
+            yield from rows(block)
         assert run.ended is not None
-        self.outcome = Outcome(system, run.ended._replace(transitions=()))
+        self.outcome = Outcome(made.system, made.ended(run.ended)._replace(transitions=()))
 
     def __next__(self) -> Any:
         return next(self._rows)

@@ -222,15 +222,20 @@ class System:
         return conditions(Source(self.tree), self._form.scene) if self._form.scene else []
 
     @cached_property
-    def content(self) -> tuple[object, ...]:
-        """Everything that the system says, in a form that can be compared and hashed."""
+    def structure(self) -> tuple[object, ...]:
+        """What the system says whatever the values of its parameters, in a form that can be compared and hashed."""
         model = self.model
         overrides = tuple(
             (i, o.field, tuple((r.when, r.direction, r.to) for r in o.release), o.entry)
             for i, o in sorted(model.overrides.items())
         )
-        values = tuple(sorted(self._names.values.items()))
-        return model.states, model.signs, model.surfaces, model.field, model.valid, overrides, values
+        names = tuple(self.parameters)
+        return model.states, model.signs, model.surfaces, model.field, model.valid, overrides, names
+
+    @cached_property
+    def content(self) -> tuple[object, ...]:
+        """Everything that it says, likewise."""
+        return self.structure, tuple(self._names.values.values())
 
     def __eq__(self, other: object) -> bool:
         return self.content == other.content if isinstance(other, System) else NotImplemented
