@@ -17,7 +17,9 @@ from henon_ref.jit.primitives import fma
 ADD, MULTIPLY, POWER, SQRT = range(4)
 """Operations; POWER has a whole number in place of its second register."""
 ROUNDING = 2.0**-100
-"""Bound of the relative error of one operation."""
+"""Bound of the relative error of one operation. Sums and products of doubles are exact: their error is 0."""
+LEAST_EXACT = 1e-280
+"""A product of doubles above this is two doubles, none of which is too small."""
 
 
 @inner()
@@ -120,10 +122,12 @@ def run_operations(operations, registers):  # type: ignore[no-untyped-def]
             a, al, ae = r[i, 0], r[i, 1], r[i, 2]
             if what == ADD:
                 high, low = _added(a, al, r[j, 0], r[j, 1])
-                error = 1.0001 * (ae + r[j, 2]) + ROUNDING * abs(high)
+                exact = al == 0.0 and r[j, 1] == 0.0
+                error = 1.0001 * (ae + r[j, 2]) + (0.0 if exact else ROUNDING * abs(high))
             elif what == MULTIPLY:
                 high, low, error = _times(a, al, ae, r[j, 0], r[j, 1], r[j, 2])
-                error = 1.0001 * error
+                exact = al == 0.0 and r[j, 1] == 0.0 and ae == 0.0 and r[j, 2] == 0.0 and abs(high) > LEAST_EXACT
+                error = 0.0 if exact else 1.0001 * error
             elif what == POWER:
                 high, low, error = _power(a, al, ae, j)
                 error = 1.0001 * error

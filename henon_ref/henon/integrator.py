@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property, lru_cache
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.filippov.exact_numbers import double_double, exact_sign
+from henon_ref.filippov.decision import Decision
+from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.compile_units import link
+from henon_ref.henon.double_constants import DoubleConstants
 from henon_ref.henon.loop import load
-from henon_ref.henon.mode_constants import ModeConstants
+from henon_ref.henon.mode_constants import ExactConstants, ModeConstants
 from henon_ref.henon.mode_table import ModeTable
+from henon_ref.henon.parameter_programs import ParameterPrograms
 from henon_ref.henon.start import Start
 from henon_ref.henon.workspace import WorkspacePool
 from henon_ref.jit.processor_time import compiling
 from henon_ref.precision import one_at_a_time
-from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 
 KEPT_VALUES = 64
@@ -46,7 +49,10 @@ class Integrator:
         self.workspaces = WorkspacePool(states, self.mode_table.most_guards, order, surfaces)
         self.several = self.mode_table.compiled.rows.size > 0
         """Whether the compiled loop decides events of several surfaces."""
+        self.no_zeros = (0,) * self.mode_table.most_guards
+        """Known zeros of the guards where a start is off every surface."""
         self._constants: dict[tuple[sp.Expr, ...], ModeConstants] = {}
+        self.double_constants = lru_cache(maxsize=KEPT_VALUES)(self._double_constants)
 
     def load(self) -> None:
         """Make the compiled loop callable, as the first run does otherwise."""
@@ -67,10 +73,25 @@ class Integrator:
         found = self._constants.get(key)
         if found is None:
             with one_at_a_time(), compiling():
-                found = self._constants.setdefault(key, ModeConstants(self.mode_table, values))
+                found = self._constants.setdefault(key, ExactConstants(self.mode_table, values))
                 if len(self._constants) > KEPT_VALUES:
                     del self._constants[next(iter(self._constants))]
         return found
+
+    @property
+    def parameters(self) -> tuple[sp.Symbol, ...]:
+        """Those that stand in the system's expressions, by name: the order of the values of :meth:`start_at`."""
+        return self.programs.parameters
+
+    @cached_property
+    def programs(self) -> ParameterPrograms:
+        """Programs of constants, for values that are doubles."""
+        if self.system.parameters:
+            raise ModelError("an integrator of a system with values of its parameters runs that system alone")
+        return ParameterPrograms(self.mode_table)
+
+    def _double_constants(self, values: tuple[float, ...]) -> DoubleConstants:
+        return DoubleConstants(self.programs, values)
 
     def start(self, problem: Problem, *, tolerance: float, landing: int) -> Start:
         """What is decided once a problem, in exact numbers: where it starts and in which mode.
@@ -84,25 +105,82 @@ class Integrator:
         landing : int
             HENON, NEWTON or BRENT of :mod:`henon_ref.henon.records`.
         """
-        system, constants = problem.system, self.constants(problem.system)
-        decision = constants.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
-        at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
-        x = [double_double(v) for v in problem.initial]
-        active, edges = (
-            [i for i, e in enumerate(expressions) if exact_sign(system.numeric(e).xreplace(at)) == 0]
-            for expressions in (system.surfaces, system.valid)
-        )
-        time, until, point = double_double(problem.start), double_double(problem.until), tuple(high for high, _ in x)
-        refused, row, zeros = None, 0, (0,) * self.mode_table.most_guards
-        if decision.mode is None:
-            nowhere = (0,) * len(system.surfaces)
-            refused = Trajectory(decision.ending, (), time[0], point, nowhere, decision.reason)
-        elif (found := self.mode_table.row(decision.mode)) is None:
-            refused = Trajectory("failed", (), time[0], point, decision.mode, "the mode at the start has no equations")
-        else:
-            row, own = found, self.known_zeros(constants, time[0], point, decision.mode, active, edges)
-            zeros = own + zeros[len(own) :]
+        constants, x = self.constants(problem.system), [double_double(v) for v in problem.initial]
+        time, point = double_double(problem.start), [high for high, _ in x]
+        surfaces, valid = constants.switching.signs_at(problem.start, problem.initial)
+        decision = constants.switching.mode_by_signs(time[0], point, surfaces, valid, problem.initial_mode)
+        refused, row, zeros = self._entered(constants, time[0], point, decision, surfaces, valid)
+        until = double_double(problem.until)
         return Start(time, until, tuple(x), refused, row, zeros, self.order, tolerance, landing, constants)
+
+    def start_at(
+        self,
+        values: tuple[float, ...],
+        initial: Sequence[float],
+        *,
+        start: float = 0.0,
+        until: float,
+        tolerance: float,
+        landing: int,
+        mode: Mapping[int, int] | None = None,
+        **limits: int,
+    ) -> Start:
+        """The same from doubles, taken as exact: in microseconds where the start is clearly off every surface.
+
+        Parameters
+        ----------
+        values : tuple of float
+            Of :attr:`parameters`, in their order.
+        initial : sequence of float, shape (n,)
+            State at the start.
+        start, until : float
+            Initial time and horizon [s].
+        tolerance, landing
+            See :meth:`start`.
+        mode : mapping, optional
+            Surface -> -1, 0 or +1, for a start on a surface that the fields leave open.
+        **limits
+            ``stop_falling``, ``stop_rising``, ``most_steps`` of :class:`Start`.
+
+        Raises
+        ------
+        ModelError
+            Where the system has values of its parameters, or an expression in them that no program evaluates.
+        """
+        constants = self.double_constants(values)
+        x = tuple((v, 0.0) for v in initial)
+        signs = None if mode else constants.clear_signs(start, initial)
+        row = None if signs is None else self.mode_table.row(signs)
+        if row is not None:
+            refused, zeros = None, self.no_zeros
+        else:
+            surfaces, valid = constants.exact_signs(start, initial)
+            decision = constants.switching.mode_by_signs(start, list(initial), surfaces, valid, mode or {})
+            refused, row, zeros = self._entered(constants, start, initial, decision, surfaces, valid)
+        return Start(
+            (start, 0.0), (until, 0.0), x, refused, row, zeros, self.order, tolerance, landing, constants, **limits
+        )
+
+    def _entered(
+        self,
+        constants: ModeConstants,
+        t: float,
+        x: Sequence[float],
+        decision: Decision,
+        surfaces: Sequence[int],
+        valid: Sequence[int],
+    ) -> tuple[Trajectory | None, int, tuple[int, ...]]:
+        """What every run comes to that cannot begin, else None; row and known zeros of the mode at the start."""
+        if decision.mode is None:
+            nowhere = (0,) * len(surfaces)
+            return Trajectory(decision.ending, (), t, tuple(x), nowhere, decision.reason), 0, self.no_zeros
+        row = self.mode_table.row(decision.mode)
+        if row is None:
+            reason = "the mode at the start has no equations"
+            return Trajectory("failed", (), t, tuple(x), decision.mode, reason), 0, self.no_zeros
+        active, edges = ([i for i, sign in enumerate(signs) if sign == 0] for signs in (surfaces, valid))
+        own = self.known_zeros(constants, t, x, decision.mode, active, edges)
+        return None, row, own + self.no_zeros[len(own) :]
 
     def known_zeros(
         self,

@@ -85,7 +85,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
     c, ahead, work = band, rest_of(band, rows), rest_of(band, 2 * rows)
     bounds = rest_of(work, 4 + DEPTH)
     change, lower, point = room, rest_of(room, n), rest_of(room, n + most)
-    stop_at = run.steps + BUDGET
+    stop_at = min(run.steps + BUDGET, run.most_steps)
     code = ON
     while True:
         if code == EVENT:

@@ -189,6 +189,8 @@ class Run(State):
             return None if why is None else self._end(*why)
         elif code == ReturnCode.STEPS_FULL:
             self._close_steps()
+        elif code == ReturnCode.BUDGET_SPENT and self.scalars.steps >= self.start.most_steps:
+            return self._end("timeout", f"stopped after {self.start.most_steps} steps at t = {self.time:.17g}")
         elif code not in (ReturnCode.BLOCK_FULL, ReturnCode.BUDGET_SPENT):
             return self._end(*ending_of(self, code))
         return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,9 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.henon.mode_constants import ModeConstants
-from henon_ref.henon.state import LAST_STEPS, RUN_VIEW, STATE_PLACE
+from henon_ref.henon.state import RUN, STATE_PLACE, state_places
 from henon_ref.henon.workspace import CHUNK
 from henon_ref.trajectory import Trajectory
+
+NO_LIMIT = 1 << 62
+"""More steps than any run takes."""
+_NOTHING = dict.fromkeys(RUN.names or (), 0)
+_SCALARS = Struct("".join("d" if RUN[name].kind == "f" else "q" for name in _NOTHING))
+"""The scalars of a run in memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +51,8 @@ class Start:
     """Surfaces, a bit each (1 << index), on which the run ends when they are reached from above, where h > 0."""
     stop_rising: int = 0
     """And from below."""
+    most_steps: int = NO_LIMIT
+    """Steps after which the run ends with status ``timeout``."""
 
     @cached_property
     def unpacked(self) -> Callable[..., tuple[float, ...]]:
@@ -53,16 +62,21 @@ class Start:
     @cached_property
     def state(self) -> NDArray[np.float64]:
         """What a run begins with (see :func:`henon_ref.henon.loop.advance`). Each run copies it to its workspace."""
+        n, guards = len(self.x), len(self.zeros)
+        length = (self.until[0] - self.time[0]) + (self.until[1] - self.time[1])
+        scalars = {
+            **_NOTHING,
+            "time": self.time[0], "time_low": self.time[1],
+            "horizon": self.until[0], "horizon_low": self.until[1],
+            "event_time": -math.inf, "unit": max(length, 1e-280), "tolerance": self.tolerance,
+            "mode": self.row, "transition_capacity": CHUNK, "states": n, "guards": guards,
+            "order": self.order, "method": self.landing,
+            "stop_falling": self.stop_falling, "stop_rising": self.stop_rising, "most_steps": self.most_steps,
+        }  # fmt: skip
+        state = np.zeros(state_places(n, guards))
+        _SCALARS.pack_into(state.data, 0, *scalars.values())
         high, low = zip(*self.x, strict=True)
-        state = np.array([0.0] * STATE_PLACE + [*high, *low])
-        run = state[:LAST_STEPS].view(RUN_VIEW)[0]
-        run.time, run.time_low = self.time
-        run.horizon, run.horizon_low = self.until
-        run.event_time, run.tolerance = -np.inf, self.tolerance
-        run.unit = max((self.until[0] - self.time[0]) + (self.until[1] - self.time[1]), 1e-280)
-        run.mode, run.transition_capacity = self.row, CHUNK
-        run.states, run.guards = len(self.x), len(self.zeros)
-        run.order, run.method = self.order, self.landing
-        run.stop_falling, run.stop_rising = self.stop_falling, self.stop_rising
-        zeros = np.array([*self.zeros, *(0 for _ in self.zeros)], dtype=np.int64)
-        return np.concatenate([state, zeros.view(np.float64)])
+        state[STATE_PLACE : STATE_PLACE + 2 * n] = high + low
+        if any(self.zeros):
+            state[STATE_PLACE + 2 * n : STATE_PLACE + 2 * n + guards].view(np.int64)[:] = self.zeros
+        return state

@@ -13,7 +13,7 @@ import sympy as sp
 
 from henon_ref.henon.integrator import Integrator
 from henon_ref.simulation.compiled import integrator_of, local_error
-from henon_ref.sweeps.kernel import Ended, run_points
+from henon_ref.sweeps.kernel import Ended, run_points, together
 from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.parameter_values import parameter_values
 from henon_ref.sweeps.points import Vector
@@ -101,6 +101,7 @@ def run_chunk(
         for name in names
     ]
     initial = np.column_stack(states)
+    keep = together([o.kept(system) for o in work.observations])
     parts: list[tuple[Any, Ended]] = []
     for step in range(work.chain):
         own = np.arange(step, count, work.chain)
@@ -108,7 +109,7 @@ def run_chunk(
             before, ended = parts[-1]
             carried = ended.status == "ok"
             initial[own[carried]] = ended.end_state[carried]
-        run = run_points(integrator, settings, {name: v[own] for name, v in parameters.items()}, initial[own])
+        run = run_points(integrator, settings, {name: v[own] for name, v in parameters.items()}, initial[own], keep)
         parts.append((own, run))
     return Runs(
         settings=settings,

@@ -12,6 +12,7 @@ import sympy as sp
 
 from henon_ref.errors import ArgumentError, ModelError
 from henon_ref.filippov.equations import along
+from henon_ref.henon.points import Keep
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.runs import Columns, Runs, Vector
@@ -59,6 +60,9 @@ class Extremes(Observation):
             if numerator.free_symbols & {TIME, *model.states}:
                 found[numerator] = None
         return [*found, *([] if self.after is None else [TIME - _exact(self.after)])]
+
+    def kept(self, system: System) -> Keep:
+        return Keep() if self.after is None else Keep(after=self.after)
 
     def columns(self, runs: Runs) -> Columns:
         after = -np.inf if self.after is None else self.after

@@ -1,26 +1,27 @@
-"""The reference on many points of one system."""
+"""The reference on many points of one system: one compiled call for all of them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.records import HENON, transition_dtype
-from henon_ref.henon.run import Run
-from henon_ref.henon.transition_array import TransitionArray
-from henon_ref.simulation.arguments import problem_of
+from henon_ref.henon.points import NOTHING, Keep, PointRuns
+from henon_ref.henon.records import HENON
 from henon_ref.simulation.compiled import local_error
 from henon_ref.sweeps.runs import Settings, Vector
+
+OK = "the run reached its horizon"
 
 
 @dataclass(frozen=True)
 class Ended:
-    """How K runs ended, and their transitions (see :class:`henon_ref.sweeps.runs.Runs`)."""
+    """How K runs ended, and the transitions that are kept (see :class:`henon_ref.sweeps.runs.Runs`)."""
 
     status: NDArray[Any]
     message: NDArray[Any]
@@ -32,35 +33,58 @@ class Ended:
     records: NDArray[Any]
 
 
-def run_points(integrator: Integrator, settings: Settings, parameters: Mapping[str, Vector], initial: Vector) -> Ended:
-    ends, blocks, runs = [], [], []
-    model = integrator.system
-    for k in range(len(initial)):
-        system, problem = problem_of(
-            settings.system,
-            dict(zip(settings.system.state, initial[k].tolist())),
-            until=settings.until,
-            start=settings.start,
-            parameters={name: float(v[k]) for name, v in parameters.items()},
-            mode=settings.mode,
-        )
-        from dataclasses import replace
+def together(wanted: Sequence[Keep]) -> Keep:
+    """What is kept for several observations, of which each finds its own in it."""
+    some = [keep for keep in wanted if keep != NOTHING]
+    if not some:
+        return NOTHING
+    return Keep(after=min(keep.after for keep in some), open_sticks=any(keep.open_sticks for keep in some))
 
-        problem = replace(problem, system=replace(model, parameters=problem.system.parameters))
-        start = integrator.start(problem, tolerance=local_error(settings.rtol), landing=HENON)
-        end = Run(integrator, start).to_horizon()
-        ends.append(end)
-        records = end.transitions.records if isinstance(end.transitions, TransitionArray) else np.zeros(0, dtype=transition_dtype(len(model.states)))
-        blocks.append(records)
-        runs.append(np.full(len(records), k))
-    modes = {m: i for i, m in enumerate(integrator.mode_table.modes)}
+
+def run_points(
+    integrator: Integrator, settings: Settings, parameters: Mapping[str, Vector], initial: Vector, keep: Keep
+) -> Ended:
+    """Run K points.
+
+    Parameters
+    ----------
+    integrator : Integrator
+    settings : Settings
+    parameters : mapping
+        Every parameter -> its values, shape (K,).
+    initial : ndarray, shape (K, n)
+    keep : Keep
+    """
+    count, number = len(initial), settings.system.number
+    values = np.empty((count, len(integrator.parameters)))
+    for k, symbol in enumerate(integrator.parameters):
+        values[:, k] = parameters[symbol.name]
+    runs = PointRuns(
+        integrator,
+        values,
+        initial,
+        start=float(sp.N(number(settings.start))),
+        until=float(sp.N(number(settings.until))),
+        tolerance=local_error(settings.rtol),
+        landing=HENON,
+        keep=keep,
+    )
+    blocks = [block for block in runs if len(block)] if count else []
+    records = np.concatenate([np.zeros(0, dtype=runs.transition_dtype), *blocks])
+    order = np.argsort(records["point"], kind="stable")  # points that were set aside come behind others
+    status, message = np.full(count, "ok", dtype=object), np.full(count, OK, dtype=object)
+    end_mode = runs.ends["mode"].astype(np.int64)
+    for point, end in runs.others.items():
+        status[point], message[point] = end.status, end.reason or OK
+        if runs.start(point).refused is not None:  # there is no mode to begin with
+            end_mode[point] = -1
     return Ended(
-        status=np.array([e.status for e in ends], dtype=object),
-        message=np.array([e.reason or "the run reached its horizon" for e in ends], dtype=object),
-        end_time=np.array([e.end_time for e in ends]),
-        end_state=np.array([e.end_state for e in ends]),
-        end_mode=np.array([modes.get(e.end_mode, -1) for e in ends]),
-        counts=np.array([tuple(e.counts) for e in ends]),
-        run=np.concatenate(runs),
-        records=np.concatenate(blocks),
+        status=status,
+        message=message,
+        end_time=runs.ends["time"].copy(),
+        end_state=runs.states,
+        end_mode=end_mode,
+        counts=np.column_stack([runs.ends[name] for name in ("steps", "expansions", "guard_evaluations")]),
+        run=records["point"][order].astype(np.int64),
+        records=records[order],
     )

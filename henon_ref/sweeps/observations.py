@@ -11,6 +11,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
+from henon_ref.henon.points import NOTHING, Keep
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.runs import Columns, Runs
 from henon_ref.taylor.tape import TIME
@@ -48,6 +49,10 @@ class Observation:
         """Names of its columns, and of its tables, as far as they are known before anything runs."""
         return [], []
 
+    def kept(self, system: System) -> Keep:
+        """Transitions that it is computed from, of whatever surface."""
+        return NOTHING
+
     def columns(self, runs: Runs) -> Columns:
         """Columns of the table of points, an entry a run; NaN (of text: None) where there is nothing to tell."""
         return {}
@@ -72,6 +77,9 @@ class Sticks(Observation):
 
     def names(self, system: System) -> tuple[list[str], list[str]]:
         return ["stick_count", "last_stick_duration"], ["sticks"] if self.each else []
+
+    def kept(self, system: System) -> Keep:
+        return Keep(after=self.after, open_sticks=True)
 
     def columns(self, runs: Runs) -> Columns:
         run, duration, _, _ = self._whole(runs)
@@ -173,6 +181,9 @@ class SectionPoints(Observation):
     def sections(self, system: System) -> Sequence[sp.Expr]:
         return (self.expression(system),)
 
+    def kept(self, system: System) -> Keep:
+        return Keep(after=self.after)
+
     def places(self, runs: Runs) -> NDArray[np.int64]:
         """Places of the transitions that are section points."""
         section = runs.sections[self.expression(runs.system)]
@@ -209,6 +220,9 @@ class Period(Observation):
 
     def sections(self, system: System) -> Sequence[sp.Expr]:
         return self._section().sections(system)
+
+    def kept(self, system: System) -> Keep:
+        return self._section().kept(system)
 
     def columns(self, runs: Runs) -> Columns:
         at = self._section().places(runs)
