@@ -12,7 +12,10 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # modules, too, under the names by which they go here
+    import henon_ref.figures.sweeps as plots  # noqa: F401
+    import henon_ref.sweeps.observe as observe  # noqa: F401
+    import henon_ref.sweeps.point_sets as points  # noqa: F401
     from henon_ref.analysis.lyapunov import lyapunov_exponents
     from henon_ref.analysis.periodic_orbit import periodic_orbit
     from henon_ref.analysis.tangent import tangent_points
@@ -32,6 +35,7 @@ if TYPE_CHECKING:
     from henon_ref.simulation.solution import Solution
     from henon_ref.simulation.system import System
     from henon_ref.solver import Solver
+    from henon_ref.sweeps.sweep import sweep
     from henon_ref.trajectory import Counts, Trajectory, Transition
 
 __version__ = "0.1.0"
@@ -54,6 +58,7 @@ _HOME = {
     "System": "simulation.system",
     "simulate": "simulation.simulate",
     "stream": "simulation.simulate",
+    "sweep": "sweeps.sweep",
     "lyapunov_exponents": "analysis.lyapunov",
     "periodic_orbit": "analysis.periodic_orbit",
     "tangent_points": "analysis.tangent",
@@ -63,6 +68,9 @@ _HOME = {
     "Trajectory": "trajectory",
     "Transition": "trajectory",
 }
+
+_MODULES = {"observe": "sweeps.observe", "plots": "figures.sweeps", "points": "sweeps.point_sets"}
+"""What goes with :func:`sweep`: what is observed, where it is run, how it is drawn."""
 
 __all__ = [
     "ArgumentError",
@@ -89,11 +97,14 @@ __all__ = [
     "periodic_orbit",
     "simulate",
     "stream",
+    "sweep",
     "tangent_points",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f"henon_ref.{_MODULES[name]}")
     if name in _HOME:
         value = getattr(import_module(f"henon_ref.{_HOME[name]}"), name)
         globals()[name] = value
@@ -102,4 +113,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, *_MODULES})

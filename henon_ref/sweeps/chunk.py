@@ -106,7 +106,7 @@ def run_chunk(
     for step in range(work.chain):
         own = np.arange(step, count, work.chain)
         if step:
-            before, ended = parts[-1]
+            _, ended = parts[-1]
             carried = ended.status == "ok"
             initial[own[carried]] = ended.end_state[carried]
         run = run_points(integrator, settings, {name: v[own] for name, v in parameters.items()}, initial[own], keep)

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.points import NOTHING, Keep, PointRuns
-from henon_ref.henon.records import HENON
+from henon_ref.henon.records import HENON, transition_dtype
+from henon_ref.henon.run import Run
+from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.simulation.compiled import local_error
 from henon_ref.sweeps.runs import Settings, Vector
 
@@ -59,15 +61,12 @@ def run_points(
     values = np.empty((count, len(integrator.parameters)))
     for k, symbol in enumerate(integrator.parameters):
         values[:, k] = parameters[symbol.name]
+    begin, until = float(sp.N(number(settings.start))), float(sp.N(number(settings.until)))
+    if settings.mode:
+        mode = {settings.system.model.sign_names.index(sign): side for sign, side in settings.mode.items()}
+        return _one_by_one(integrator, values, initial, begin, until, local_error(settings.rtol), mode)
     runs = PointRuns(
-        integrator,
-        values,
-        initial,
-        start=float(sp.N(number(settings.start))),
-        until=float(sp.N(number(settings.until))),
-        tolerance=local_error(settings.rtol),
-        landing=HENON,
-        keep=keep,
+        integrator, values, initial, start=begin, until=until, tolerance=local_error(settings.rtol), landing=HENON, keep=keep
     )
     blocks = [block for block in runs if len(block)] if count else []
     records = np.concatenate([np.zeros(0, dtype=runs.transition_dtype), *blocks])
@@ -87,4 +86,34 @@ def run_points(
         counts=np.column_stack([runs.ends[name] for name in ("steps", "expansions", "guard_evaluations")]),
         run=records["point"][order].astype(np.int64),
         records=records[order],
+    )
+
+
+def _one_by_one(
+    integrator: Integrator,
+    values: Vector,
+    initial: Vector,
+    begin: float,
+    until: float,
+    tolerance: float,
+    mode: Mapping[int, int],
+) -> Ended:
+    """The same where all runs start in a mode that is given: each is started by itself."""
+    ends, records, nowhere = [], [np.zeros(0, dtype=transition_dtype(initial.shape[1]))], []
+    for own, x in zip(values.tolist(), initial.tolist(), strict=True):
+        start = integrator.start_at(tuple(own), x, start=begin, until=until, tolerance=tolerance, landing=HENON, mode=mode)
+        end = Run(integrator, start).to_horizon()
+        ends.append(end)
+        nowhere.append(start.refused is not None)
+        records.append(end.transitions.records if isinstance(end.transitions, TransitionArray) else records[0])
+    rows = integrator.mode_table.index
+    return Ended(
+        status=np.array([end.status for end in ends], dtype=object),
+        message=np.array([end.reason or OK for end in ends], dtype=object),
+        end_time=np.array([end.end_time for end in ends]),
+        end_state=np.array([end.end_state for end in ends]).reshape(initial.shape),
+        end_mode=np.array([-1 if no else rows[end.end_mode] for end, no in zip(ends, nowhere, strict=True)]),
+        counts=np.array([tuple(end.counts) for end in ends]).reshape(-1, 3),
+        run=np.repeat(np.arange(len(ends)), [len(r) for r in records[1:]]),
+        records=np.concatenate(records),
     )

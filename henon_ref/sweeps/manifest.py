@@ -19,7 +19,9 @@ from henon_ref.sweeps.plan import Plan
 SWEEP_FILE, TABLE = "sweep.yaml", "points.csv"
 
 
-def files_of(plan: Plan, *, name: str = "sweep", title: str = "A sweep from Python", source: str | None = None) -> dict[str, str]:
+def files_of(
+    plan: Plan, *, name: str = "sweep", title: str = "A sweep from Python", source: str | None = None
+) -> dict[str, str]:
     """Name -> text of the files that run the sweep again; a function of one's own cannot stand in them."""
     from ruamel.yaml import YAML
 
@@ -52,7 +54,9 @@ def manifest_of(plan: Plan) -> dict[str, Any]:
 
 def _written(plan: Plan, name: str, title: str, source: str | None) -> dict[str, Any]:
     settings = plan.work.settings
-    model = {key: _plain(settings.system.tree.entries[key]) for key in MODEL_KEYS if key in settings.system.tree.entries}
+    model = {
+        key: _plain(settings.system.tree.entries[key]) for key in MODEL_KEYS if key in settings.system.tree.entries
+    }
     initial = {state: written(settings.initial[state], state) for state in settings.system.state}
     mode = {"mode": {str(sign): int(side) for sign, side in settings.mode.items()}} if settings.mode else {}
     told = {

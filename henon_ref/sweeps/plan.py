@@ -150,7 +150,9 @@ def _check_columns(work: Work, points: Points) -> None:
     for what, names in (("column", columns), ("table", tables)):
         for name, count in Counter(names).items():
             if count > 1:
-                raise ArgumentError(f"two results have the {what} '{name[:60]}'; call one of them otherwise, or leave it out")
+                raise ArgumentError(
+                    f"two results have the {what} '{name[:60]}'; call one of them otherwise, or leave it out"
+                )
 
 
 def _chunk_size(chunk: int | None, points: Points) -> int:

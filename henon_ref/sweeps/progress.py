@@ -26,7 +26,14 @@ def shown(total: int, *, quiet: bool = False) -> Iterator[Told]:
         yield lambda points, kept: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     columns = (
         MofNCompleteColumn(),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -57,15 +57,13 @@ class SweepFolder:
         """
         try:
             before = self._manifest()
-            if before is None and self.path.exists() and any(self.path.iterdir()):
+            if before is None and self.path.exists() and any(f.name[0] != "." for f in self.path.iterdir()):
                 raise CaseError("this folder holds files, and no sweep's; name another one", file=str(self.path))
             if resume and before is not None and before.get("content") != self.content:
                 raise CaseError(f"this folder {OTHER}", file=str(self.path))
-            if not resume:
-                for file in self._files("*"):
+            for pattern in ("*/.*.part",) if resume else ("*/.*.part", "*/*.parquet"):
+                for file in self.path.glob(pattern):
                     file.unlink()
-            for file in self._files("*", suffix=".part"):
-                file.unlink()
             self.path.mkdir(parents=True, exist_ok=True)
             for name, text in files.items():
                 self._put(self.path / name, text.encode())
@@ -98,7 +96,7 @@ class SweepFolder:
 
     def read(self, number: int) -> Tables:
         """A finished chunk's tables, as they were observed."""
-        files = {file.parent.name: file for file in self._files(_file(number))}
+        files = {file.parent.name: file for file in self.path.glob(f"*/{_file(number)}")}
         tables = {name: _columns(file) for name, file in files.items()}
         points = tables.pop(POINTS)
         del points["point"]
@@ -119,9 +117,6 @@ class SweepFolder:
         except (FileNotFoundError, NotADirectoryError, ValueError):
             return None
         return found if isinstance(found, dict) else None
-
-    def _files(self, name: str, suffix: str = "") -> Iterator[Path]:
-        return (file for file in sorted(self.path.glob(f"*/{name}{suffix or ''}")) if file.suffix in (".parquet", suffix))
 
     def _put(self, path: Path, content: bytes) -> None:
         """Write a file under another name, and give it its own once it is whole on the disk."""

@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -94,7 +95,9 @@ def _points(source: Source, system: System, folder: Path) -> Points:
     (kind,) = source.keys(("points",))
     path: tuple[str, ...] = ("points", kind)
     if kind not in POINT_KINDS:
-        raise source.error(path, f"unknown kind '{kind}'{did_you_mean(kind, POINT_KINDS)}; {listed(POINT_KINDS)}", key=True)
+        raise source.error(
+            path, f"unknown kind '{kind}'{did_you_mean(kind, POINT_KINDS)}; {listed(POINT_KINDS)}", key=True
+        )
     node = child(source.tree, path)
     if kind == "table":
         if not isinstance(node, ScalarNode) or not isinstance(node.value, str):
@@ -123,7 +126,7 @@ def _axes(source: Source, system: System, path: KeyPath) -> dict[str, Any]:
     """Values of a grid, each checked by itself, so that an error has its place."""
     found = {name: _plain(source, system, (*path, name)) for name in _named(source, system, path)}
     for name, given in found.items():
-        _placed(source, (*path, name), lambda name=name, given=given: grid({name: given}))  # type: ignore[misc]
+        _placed(source, (*path, name), partial(grid, {name: given}))
     return found
 
 
@@ -134,9 +137,7 @@ def _named(source: Source, system: System, path: KeyPath) -> list[str]:
         raise source.error(path, f"'{path[-1]}' must be a mapping of parameters and states, as in {{vb: [0.1, 0.2]}}")
     for name in names:
         lone = Points((name,), numbers([0], name)[:, None])
-        _placed(
-            source, (*path, name), lambda lone=lone: check_names(lone, list(system.parameters), system.state), key=True  # type: ignore[misc]
-        )
+        _placed(source, (*path, name), partial(check_names, lone, list(system.parameters), system.state), key=True)
     return names
 
 

@@ -43,7 +43,7 @@ class SweepForm(Form):
     story: Text | None = None
     system: SystemForm | None = None
     scene: SceneForm | None = None
-    sliding: dict[str, SlidingForm] = {}
+    sliding: dict[str, SlidingForm] = Field({})
     initial: InitialForm
     until: Expression
     points: Annotated[dict[str, Any], Field(min_length=1, max_length=1)]
