@@ -66,7 +66,14 @@ def run_points(
         mode = {settings.system.model.sign_names.index(sign): side for sign, side in settings.mode.items()}
         return _one_by_one(integrator, values, initial, begin, until, local_error(settings.rtol), mode)
     runs = PointRuns(
-        integrator, values, initial, start=begin, until=until, tolerance=local_error(settings.rtol), landing=HENON, keep=keep
+        integrator,
+        values,
+        initial,
+        start=begin,
+        until=until,
+        tolerance=local_error(settings.rtol),
+        landing=HENON,
+        keep=keep,
     )
     blocks = [block for block in runs if len(block)] if count else []
     records = np.concatenate([np.zeros(0, dtype=runs.transition_dtype), *blocks])
@@ -101,7 +108,9 @@ def _one_by_one(
     """The same where all runs start in a mode that is given: each is started by itself."""
     ends, records, nowhere = [], [np.zeros(0, dtype=transition_dtype(initial.shape[1]))], []
     for own, x in zip(values.tolist(), initial.tolist(), strict=True):
-        start = integrator.start_at(tuple(own), x, start=begin, until=until, tolerance=tolerance, landing=HENON, mode=mode)
+        start = integrator.start_at(
+            tuple(own), x, start=begin, until=until, tolerance=tolerance, landing=HENON, mode=mode
+        )
         end = Run(integrator, start).to_horizon()
         ends.append(end)
         nowhere.append(start.refused is not None)

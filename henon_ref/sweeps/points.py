@@ -257,11 +257,14 @@ def _product(sizes: Sequence[int]) -> int:
     return total
 
 
-def _read_table(path: Path) -> pd.DataFrame:
+def _read_table(path: Path) -> Mapping[str, Any]:
     import pandas as pd
 
     try:
-        return pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path, float_precision="round_trip")
+        if path.suffix == ".parquet":
+            return dict(pd.read_parquet(path).items())
+        text = pd.read_csv(path, dtype=str)  # numbers are read by Python, to the last bit
+        return {str(name): np.array(text[name].tolist(), dtype=np.float64) for name in text}
     except (OSError, ValueError) as error:  # what is no table is a ValueError of pandas, and of pyarrow
         raise ArgumentError(f"the table {path} cannot be read: {str(error)[:200]}") from None
 
