@@ -127,7 +127,8 @@ def _in_processes(function: Callable[..., Any], tasks: Iterator[Task], jobs: int
 def _first(again: list[Task], tasks: Iterator[Task]) -> Iterator[Task]:
     while again:
         yield again.pop(0)
-    yield from tasks
+    for task in tasks:  # noqa: UP028 - 'yield from' would end the other generator with this one
+        yield task
 
 
 def _flow(

@@ -33,8 +33,9 @@ class SweepTable(pd.DataFrame):
 
 def assembled(points: Points, chunks: Sequence[Tables]) -> SweepTable:
     """The chunks of a sweep, in order, as one table."""
-    own = points.columns(slice(None)) | _concatenated([chunk.points for chunk in chunks])
-    table = SweepTable(own, index=pd.RangeIndex(len(points), name="point"))
+    own = points.columns(slice(None))
+    observed = [{name: column for name, column in chunk.points.items() if name not in own} for chunk in chunks]
+    table = SweepTable(own | _concatenated(observed), index=pd.RangeIndex(len(points), name="point"))
     names = dict.fromkeys(name for chunk in chunks for name in chunk.ragged)
     frames = {name: pd.DataFrame(_concatenated([chunk.ragged[name] for chunk in chunks])) for name in names}
     object.__setattr__(table, "frames", frames)

@@ -102,8 +102,8 @@ def _dies(number: int) -> int:
 
 
 def test_a_task_whose_worker_is_killed_is_done_again(tmp_path: Path) -> None:
-    tasks = (Task(k, (str(tmp_path / "mark"), k)) for k in range(12))
-    assert dict(finished(_dies_once, tasks, jobs=2)) == {k: k * k for k in range(12)}
+    tasks = (Task(k, (str(tmp_path / "mark"), k)) for k in range(60))
+    assert dict(finished(_dies_once, tasks, jobs=2)) == {k: k * k for k in range(60)}
 
 
 def test_a_task_that_kills_every_worker_is_an_error() -> None:
@@ -137,7 +137,8 @@ def test_workers_that_are_killed_leave_the_same_files(tmp_path: Path) -> None:
     code = dedent(
         f"""
         import numpy as np, henon_ref as hr
-        block = hr.System(["x", "v"], {{"F": 1, "d": 3, "vb": 0.5}}, {{"s": "v - vb"}}, ["v", "-x - F*s/(1 + d*s*(v - vb))"])
+        field = ["v", "-x - F*s/(1 + d*s*(v - vb))"]
+        block = hr.System(["x", "v"], {{"F": 1, "d": 3, "vb": 0.5}}, {{"s": "v - vb"}}, field)
         hr.sweep(block, {{"x": 0, "v": 0}}, until=3000, grid={{"vb": np.linspace(0.1, 1, 300)}}, rtol=1e-9,
                  observe=[hr.observe.final_state()], jobs=2, chunk=5, out={str(tmp_path / "killed")!r})
         """
