@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from baselines.functions import Scalar
 from baselines.record import Event
+from henon_ref.filippov.callables import Scalar
 from henon_ref.filippov.modes import Mode, replaced, transition_kind
 
 SUBSTEPS = 4

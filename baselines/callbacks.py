@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.flow import LIMIT
-from baselines.functions import ARITHMETIC, Callbacks, compiled, scalar
 from baselines.mode_functions import EPSILON, ModeFunctions
 from baselines.work import Stalled, Work
+from henon_ref.filippov.callables import ARITHMETIC, Callbacks, compiled, scalar
 
 STALL = 2000
 """Evaluations in a row, at accepted steps and while a root is sought, within four roundings of one time."""

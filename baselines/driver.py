@@ -25,13 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.flow import LIMIT, Library, Stop
-from baselines.functions import ARITHMETIC, Scalar
 from baselines.mode_functions import EPSILON
 from baselines.mode_table import ModeEntry, ModeTable
 from baselines.record import Record
 from baselines.restart import Fresh
 from baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
+from henon_ref.filippov.callables import ARITHMETIC, Scalar
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run

@@ -11,8 +11,8 @@ from typing import Any
 
 import sympy as sp
 
-from baselines.functions import rounded
 from henon_ref.errors import UnsupportedError
+from henon_ref.filippov.callables import rounded
 from henon_ref.taylor.tape import TIME
 
 FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")

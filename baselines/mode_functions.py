@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from baselines.functions import ARITHMETIC, Callbacks, Jacobian, Scalar, scalar
+from henon_ref.filippov.callables import ARITHMETIC, Callbacks, Jacobian, Scalar, scalar
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.system import FilippovSystem

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import sympy as sp
 
 from baselines.flow import Flow, Library
-from baselines.functions import ARITHMETIC, Scalar, scalar
 from baselines.mode_functions import EPSILON, ModeFunctions, projected
 from baselines.restart import Fresh
 from baselines.work import Work
+from henon_ref.filippov.callables import ARITHMETIC, Scalar, scalar
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.switching import Switching

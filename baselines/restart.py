@@ -25,8 +25,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.functions import ARITHMETIC
 from baselines.mode_functions import EPSILON, ModeFunctions
+from henon_ref.filippov.callables import ARITHMETIC
 
 Restart = Literal["event-free-step", "offset", "direction", "none"]
 

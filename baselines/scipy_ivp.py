@@ -14,19 +14,19 @@ for Radau (a cubic) is less accurate than its steps.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.base import Adapter, CallbackFlow, ConfiguredLibrary
+from baselines.base import Adapter, ConfiguredLibrary, SmoothMode
 from baselines.callbacks import counted_field
 from baselines.flow import Stop
-from baselines.functions import Callbacks
 from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.work import Stalled, Work
+from baselines.work import Work
+from henon_ref.filippov.callables import Callbacks
 
 Method = Literal["RK45", "DOP853", "Radau", "BDF", "LSODA"]
 
@@ -70,7 +70,7 @@ class ScipyIvp(Adapter):
         return _Flow(self, library, model, work, horizon)
 
 
-class _Flow(CallbackFlow):
+class _Flow(SmoothMode):
     """``solve_ivp`` on one mode."""
 
     def __init__(
@@ -86,20 +86,21 @@ class _Flow(CallbackFlow):
         guards = self.gates.watchers(work.count_event)
         self._events = [*(_event(g, direction) for g in guards), _event(self.last.value, -1)]
 
-    def solve(self, t: float, x: Sequence[float], until: float, wanted: NDArray[np.float64] | None) -> Stop:
-        """See :class:`baselines.base.CallbackFlow`."""
+    def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
+        """See :class:`baselines.base.SmoothMode`."""
+        wanted = self.wanted
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             try:
                 result = self._solve_ivp(
                     self._rhs,
                     (t, until),
-                    self.model.start(t, x),
+                    x,
                     events=self._events,
                     dense_output=wanted is not None,
                     **self._options,
                 )
-            except (ValueError, np.linalg.LinAlgError, Stalled) as error:
+            except (ValueError, np.linalg.LinAlgError) as error:
                 # SciPy's linear algebra refuses NaN and infinity.
                 return self.failed(str(error))
         self.work.steps += result.t.size - 1

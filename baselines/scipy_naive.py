@@ -30,11 +30,11 @@ from scipy.optimize import brentq
 from baselines.bands import Band, Dense, joined
 from baselines.driver import blown_up, tolerances
 from baselines.flow import LIMIT
-from baselines.functions import ARITHMETIC, Jacobian, Scalar, scalar
 from baselines.mode_functions import EPSILON
 from baselines.record import Event, Transitions
 from baselines.work import BudgetSpent, DeadlinePassed, Work
 from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.filippov.callables import ARITHMETIC, Jacobian, Scalar, scalar
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem

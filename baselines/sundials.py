@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.base import Adapter, CallbackFlow
+from baselines.base import Adapter, SmoothMode
 from baselines.callbacks import LastSeen
 from baselines.flow import Stop
-from baselines.functions import ARITHMETIC
 from baselines.mode_functions import EPSILON
 from baselines.restart import Watcher
 from baselines.work import Stalled
+from henon_ref.filippov.callables import ARITHMETIC
 
 # SUNDIALS' own logger writes its warnings ("t + h = t") to the standard output of the process, past Python.
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
@@ -39,7 +39,7 @@ class SundialsAdapter(Adapter):
         return 100.0 * EPSILON * abs(t)
 
 
-class SundialsFlow(CallbackFlow):
+class SundialsFlow(SmoothMode):
     """One mode on an integrator of scikit-sundae: subclasses set the attributes and add ``start``."""
 
     function: Callable[..., None]
@@ -50,8 +50,8 @@ class SundialsFlow(CallbackFlow):
     """Its options for events."""
 
     @abstractmethod
-    def start(self, t: float, x: Sequence[float]) -> tuple[NDArray[np.float64], ...]:
-        """The arrays that ``solve`` starts from at (t, x).
+    def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """The arrays that the library's ``solve`` starts from where the unknowns are x at t.
 
         Raises
         ------
@@ -59,12 +59,12 @@ class SundialsFlow(CallbackFlow):
             Where the field has no value there.
         """
 
-    def solve(self, t: float, x: Sequence[float], until: float, wanted: NDArray[np.float64] | None) -> Stop:
-        """See :class:`baselines.base.CallbackFlow`."""
+    def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
+        """See :class:`baselines.base.SmoothMode`."""
         try:
             start = self.start(t, x)
         except ARITHMETIC as error:
-            return Stop("failed", t, 0.0, tuple(x), reason=f"the field has no value at the start: {error}")
+            return self.failed(f"the field has no value at the start: {error}")
         make, work, said = self.library.module, self.work, io.StringIO()
         before = work.rhs
         # scikit-sundae prints its errors.
@@ -77,7 +77,7 @@ class SundialsFlow(CallbackFlow):
             work.steps += result.t.size - 1
             work.rhs = before + int(result.nfev)
             stop = self._stop(result, until, said.getvalue())
-            if wanted is None:
+            if (wanted := self.wanted) is None:
                 return stop
             kept = work.rhs
             times = wanted[(wanted <= stop.t) & (wanted > t)]

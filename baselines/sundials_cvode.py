@@ -14,7 +14,7 @@ the deadline does, inside the callbacks.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 
 from baselines.base import ConfiguredLibrary
 from baselines.callbacks import filling_field
-from baselines.functions import Callbacks
 from baselines.mode_functions import ModeFunctions
 from baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function
 from baselines.work import Work
+from henon_ref.filippov.callables import Callbacks
 
 
 @dataclass(frozen=True)
@@ -78,9 +78,9 @@ class _Flow(SundialsFlow):
             "num_events": len(guards) + 1,
         }
 
-    def start(self, t: float, x: Sequence[float]) -> tuple[NDArray[np.float64], ...]:
+    def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """The unknowns."""
-        return (self.model.start(t, x),)
+        return (x,)
 
 
 ADAMS = SundialsCvode("cvode-adams", "Adams")

@@ -17,7 +17,7 @@ seen; a new object for every run of a mode, as for CVODE.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,11 +26,11 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from baselines.base import ConfiguredLibrary
-from baselines.functions import ARITHMETIC, Callbacks, Jacobian, compiled, scalar
 from baselines.mode_functions import ModeFunctions
 from baselines.restart import Watcher
 from baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function_of_dae
 from baselines.work import Work
+from henon_ref.filippov.callables import ARITHMETIC, Callbacks, Jacobian, compiled, scalar
 from henon_ref.filippov.equations import Guard
 
 
@@ -144,11 +144,12 @@ class _Flow(SundialsFlow):
         at, side = equations.differential + equations.sliding.index(guard.index), guard.to_sign
         return self.gates.watcher(k, count, lambda t, y: 1.0 - side * float(y[at]))
 
-    def start(self, t: float, x: Sequence[float]) -> tuple[NDArray[np.float64], ...]:
-        """Unknowns and their time derivatives."""
-        found = self._equations.start(t, *x)
+    def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Unknowns of the residual and their time derivatives."""
+        states = x[: self.states].tolist()
+        found = self._equations.start(t, *states)
         further = len(self._equations.unknowns) - self.states
-        return np.array([*x, *found[:further]]), np.array(found[further:])
+        return np.array([*states, *found[:further]]), np.array(found[further:])
 
 
 def _residual(equations: _Equations, callbacks: Callbacks, work: Work) -> Callable[..., None]:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
     import henon_ref.figures.sweeps as plots  # noqa: F401
     import henon_ref.sweeps.observe as observe  # noqa: F401
     import henon_ref.sweeps.point_sets as points  # noqa: F401
+    from baselines.base import ModeSolver, SmoothMode
     from henon_ref.analysis.lyapunov import lyapunov_exponents
     from henon_ref.analysis.periodic_orbit import periodic_orbit
     from henon_ref.analysis.tangent import tangent_points
@@ -44,6 +45,8 @@ _HOME = {
     "Comparison": "campaign.comparison",
     "compare": "campaign.comparison",
     "ArgumentError": "errors",
+    "ModeSolver": "baselines.base",
+    "SmoothMode": "baselines.base",
     "CaseError": "errors",
     "HenonRefError": "errors",
     "ModelError": "errors",
@@ -80,9 +83,11 @@ __all__ = [
     "Counts",
     "FilippovSystem",
     "HenonRefError",
+    "ModeSolver",
     "ModelError",
     "Problem",
     "Reading",
+    "SmoothMode",
     "Solution",
     "Solver",
     "System",
@@ -106,7 +111,8 @@ def __getattr__(name: str) -> Any:
     if name in _MODULES:
         return import_module(f"henon_ref.{_MODULES[name]}")
     if name in _HOME:
-        value = getattr(import_module(f"henon_ref.{_HOME[name]}"), name)
+        home = _HOME[name] if _HOME[name].startswith("baselines") else f"henon_ref.{_HOME[name]}"
+        value = getattr(import_module(home), name)
         globals()[name] = value
         return value
     raise AttributeError(f"module 'henon_ref' has no attribute {name!r}")

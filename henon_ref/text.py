@@ -1,7 +1,8 @@
 """Escapes for text from outside (case files, solvers, file names), one function for each kind of output.
 
 Whatever writes such text calls one of these: :func:`message` for a terminal, :func:`markdown` and :func:`code`
-for a page (what they return is safe in HTML, too), :func:`cell` for a spreadsheet.
+for a page (what they return is safe in HTML, too), :func:`html` for what a notebook shows, :func:`cell` for a
+spreadsheet.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 from difflib import get_close_matches
+from html import escape
 
 LONGEST_LINE = 2000
 """Characters of a line on a terminal."""
@@ -122,6 +124,19 @@ def code(text: str) -> str:
     """
     line = one_line(text)
     return f"`{line}`" if line and not set(line) & set("`<>&|") else markdown(line)
+
+
+def html(text: str) -> str:
+    """One line of text that a notebook shows as it is: no tag and no formula is made of it.
+
+    Where formulas are typeset, no delimiter of one is looked for across the ends of an element.
+
+    Examples
+    --------
+    >>> html("a <b> & $x$"), html("\\\\(x\\\\)")
+    ('a &lt;b&gt; &amp; <span>$</span>x<span>$</span>', '<span>\\\\</span>(x<span>\\\\</span>)')
+    """
+    return re.sub(r"[$\\]", r"<span>\g<0></span>", escape(one_line(text)))
 
 
 def link(address: str) -> str:

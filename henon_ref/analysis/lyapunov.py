@@ -164,7 +164,7 @@ def lyapunov_exponents(
     until = f"({written(start, 'start')}) + 1"  # whose run it is decides span
     _, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
     return lyapunov_spectrum(
-        problem, discard=float(discard), span=float(span), tolerance=local_error(tolerance_of(rtol, "rtol"))
+        problem, discard=float(discard), span=float(span), tolerance=local_error(tolerance_of(rtol))
     )
 
 

@@ -74,7 +74,7 @@ def periodic_orbit(
     system, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
     if not (isinstance(radius, float | int) and 0 < radius < 1):
         raise ArgumentError(f"radius is {str(radius)[:60]}; wanted a number between 0 and 1")
-    run = HENON_SOLVER.prepare(problem, rtol=tolerance_of(rtol, "rtol"))()
+    run = HENON_SOLVER.prepare(problem, rtol=tolerance_of(rtol))()
     if run.status != "ok":
         raise OrbitError(f"the run towards the orbit ended {run.status}: {run.reason}")
     if period is not None:

@@ -68,7 +68,7 @@ class Campaign:
         self.draw = draw
         self.ready = ready
         self.observer: Observer = observer or Silent()
-        self._pool = WorkerPool(workers=options.processes, memory=options.memory)
+        self._pool = WorkerPool(workers=options.processes, memory=options.memory, main=options.of_main)
         self._statements: dict[tuple[str, str], Statement] = {}
 
     def run(self) -> None:

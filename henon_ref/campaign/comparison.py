@@ -2,29 +2,36 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
 from henon_ref.campaign.campaign import Campaign
 from henon_ref.campaign.options import Draw, Observer, Options
+from henon_ref.campaign.progress import ProgressLine, is_seen
 from henon_ref.campaign.results import ReadingResult
 from henon_ref.campaign.rows import Record
+from henon_ref.campaign.summary import html_table, text_table
 from henon_ref.casefile.case import Case
+from henon_ref.casefile.notebook import equations_html
 from henon_ref.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, Row
 from henon_ref.errors import CaseError
 from henon_ref.jit.cache_folder import cache_root
 from henon_ref.score.gate import gate_failures
 from henon_ref.solver import Solver
+from henon_ref.text import html, message
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 T = TypeVar("T")
 
 
-@dataclass
+@dataclass(repr=False)
 class Comparison:
     """What came out for one case."""
 
@@ -71,6 +78,51 @@ class Comparison:
         states = [name for result in self.readings for name in result.reading.problem.system.state_names]
         return (*TRANSITION_COLUMNS, *dict.fromkeys((*states, *JUDGED_COLUMNS)))
 
+    def __repr__(self) -> str:
+        wrong = sum(run["verdict"] != "right" for run in self.run_rows)
+        runs = f"{len(self.records)} runs, {len(self.records) - wrong} of them right"
+        readings = f"{len(self.readings)} reading{'s' * (len(self.readings) != 1)}"
+        head = message(f"Comparison of {self.case.name}: {readings}, {runs}")
+        return f"{head}\n{text_table(self.run_rows)}" if self.records else head
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the table that ``print`` shows, and the case's equations as formulas."""
+        problems = {result.reading.name: result.reading.problem for result in self.readings}
+        title = f"<p><b>{html(self.case.name)}</b>: {html(self.case.title)}</p>"
+        return f"{title}{html_table(self.run_rows)}{equations_html(problems)}"
+
+    def plot(self, reading: str | None = None) -> Axes:
+        """The work-precision diagram of one reading: worst error of a transition time over wall time.
+
+        Parameters
+        ----------
+        reading : str, optional
+            Name of the reading; None: the first one.
+
+        Returns
+        -------
+        Axes
+            Of a figure that belongs to :mod:`matplotlib.pyplot`: a notebook shows it, ``plt.show()`` too.
+
+        Raises
+        ------
+        CaseError
+            Where there is no such reading, no truth to measure errors by, or fewer than two timed runs that have one.
+        """
+        from matplotlib import pyplot as plt
+
+        from henon_ref.figures.cost import draw_cost
+
+        name = self.readings[0].reading.name if reading is None else self.case.reading(reading).name
+        (result,) = (result for result in self.readings if result.reading.name == name)
+        rows = [record.run for record in self.of_reading(name)]
+        drawn = draw_cost(rows, result.expected) if result.expected is not None else None
+        if drawn is None:
+            raise CaseError(f"reading '{name}' has fewer than two timed runs with an error to plot")
+        # pyplot makes its figures by calling this: so the one that is drawn becomes its own.
+        figure = plt.figure(FigureClass=lambda *given, **options: drawn)  # type: ignore[arg-type]
+        return figure.axes[0]
+
     def of_reading(self, name: str) -> list[Record]:
         """The runs of one reading."""
         return [record for record in self.records if record.run["reading"] == name]
@@ -92,11 +144,14 @@ def compare(
     repeats: int | None = None,
     timeout: float = 10.0,
     processes: int = 2,
+    progress: bool | None = None,
 ) -> Comparison:
     """Run every solver on every reading of a case and score it against the truth.
 
     Each run is done by a worker (a process of its own with limits on time and memory): a solver that hangs or
-    crashes is a row that says so.
+    crashes is a row that says so. An interrupt (Ctrl-C, a notebook's stop button) ends all of them. A script needs no
+    ``if __name__ == "__main__"`` guard, unless it has threads and hands over a solver that it defines itself; in a
+    notebook such a solver must be imported from a module.
 
     Parameters
     ----------
@@ -112,6 +167,8 @@ def compare(
         Processor time that one run may take [s], 0.01 or more.
     processes : int
         Runs at work at once, 1 or more.
+    progress : bool, optional
+        Whether a line on standard error tells how many rows are done; None: where that is a terminal or a notebook.
 
     Returns
     -------
@@ -131,8 +188,12 @@ def compare(
         timeout=timeout,
         processes=processes,
     )
+    if progress not in (None, True, False):
+        raise CaseError(f"progress is {progress!r}, wanted None, True or False")
     found: list[Comparison] = []
-    compare_all([case], options, found.append)
+    shown = sys.stderr is not None and (is_seen(sys.stderr) if progress is None else progress)
+    with ProgressLine(sys.stderr, case.name) if shown else nullcontext() as line:
+        compare_all([case], options, found.append, observer=line)
     return found[0]
 
 

@@ -2,8 +2,8 @@
 
 The command begins one of its own at once, which imports what workers need while the command reads its cases. Else it
 is a fork of the caller on Linux while that has a single thread: its workers have what the caller has. Where neither
-can be, it is a fresh process that imports the caller's main module: a script needs the usual
-``if __name__ == "__main__"`` guard.
+can be (in a notebook, say), it is a fresh process. That imports the caller's main module only where jobs hold objects
+of it (a solver that a script defines): such a script needs the usual ``if __name__ == "__main__"`` guard.
 
 It outlives the caller by a moment: whatever workers have started, in sessions of their own, too, loses its parent to
 it, and is killed when the worker has ended or the caller has. On other systems than Linux (POSIX alone will do) only
@@ -31,7 +31,7 @@ from multiprocessing import spawn, util
 from typing import Any, NoReturn
 
 from henon_ref.campaign.procfs import adopt_orphans, children, family, is_at_work, kill_family, signal_with_parent
-from henon_ref.errors import HenonRefError
+from henon_ref.errors import CaseError, HenonRefError
 
 WORKERS_NEED = (
     "henon_ref.henon.solver",
@@ -78,10 +78,10 @@ class ForkServer:
         self._broken = self._closed = False
 
     @classmethod
-    def of_caller(cls) -> ForkServer:
-        """One that has what this process has."""
+    def of_caller(cls, *, main: bool = False) -> ForkServer:
+        """One that has what this process has; a fresh one has its main module only where it is needed (``main``)."""
         if sys.platform != "linux" or threading.active_count() > 1:
-            return cls.fresh(caller=True)
+            return cls.fresh(caller=True) if main else cls.fresh(*WORKERS_NEED)
         ours, theirs = socket.socketpair()
         for stream in (sys.stdout, sys.stderr):
             if stream is not None:
@@ -106,11 +106,18 @@ class ForkServer:
             Where it cannot be begun.
         HenonRefError
             In a server that is importing its caller's main module.
+        CaseError
+            Where the caller's main module is wanted and there is no file to import it from.
         """
         if _importing:
             raise HenonRefError('the script compares where it is imported: put that under if __name__ == "__main__"')
         known: dict[str, Any] = spawn.get_preparation_data("worker") if caller else {}
         known.pop("authkey", None)
+        if caller and not {"init_main_from_name", "init_main_from_path"} & set(known):
+            raise CaseError(
+                "a solver is defined in a notebook or at a prompt, where no other process finds it: "
+                "write it into a module and import it from there"
+            )
         ours, theirs = socket.socketpair()
         code = (
             f"import sys; sys.path[:] = {[*map(str, sys.path)]!r}; "

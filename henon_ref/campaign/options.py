@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,8 @@ from henon_ref.solver import Solver, fault
 
 LEAST_TIMEOUT = 0.01
 """Shortest time that a run may be given [s]."""
+MAIN = b"__main__"
+"""The caller's main module, as a pickle names it."""
 MOST_DRAWN = 6
 """Readings of a case that figures are drawn for; a family of dozens would be a heap of look-alikes."""
 
@@ -73,6 +76,19 @@ class Options:
                 raise CaseError(f"{name} is a whole number from 1 on, not {_shown(count)}")
         if not (_is_number(self.timeout) and LEAST_TIMEOUT <= self.timeout < math.inf):
             raise CaseError(f"timeout is a number of seconds from {LEAST_TIMEOUT:g} on, not {_shown(self.timeout)}")
+
+    @property
+    def of_main(self) -> bool:
+        """Whether a solver is an object of the caller's main module, as in a script that defines one."""
+        return any(not isinstance(solver, str) and MAIN in _pickled(solver) for solver in self.solvers or ())
+
+
+def _pickled(value: object) -> bytes:
+    """Empty where it cannot be pickled: which job that is, is told when it is to be sent."""
+    try:
+        return pickle.dumps(value)
+    except Exception:  # noqa: BLE001 - whatever the solver's own classes do on the way into a pickle
+        return b""
 
 
 def _is_number(value: object) -> bool:

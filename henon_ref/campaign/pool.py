@@ -109,11 +109,14 @@ class WorkerPool:
         How many are at work at once.
     memory : int
         Bytes that one worker may hold, with all that it has started.
+    main : bool
+        Whether jobs hold objects of the caller's main module.
     """
 
-    def __init__(self, *, workers: int, memory: int) -> None:
+    def __init__(self, *, workers: int, memory: int, main: bool = False) -> None:
         self.workers = workers
         self.memory = memory
+        self._main = main
         self._waiting: dict[str, deque[Jobs]] = {}
         self._tasks: list[_Task] = []
         self._starting: deque[WorkerProcess] = deque()
@@ -228,7 +231,7 @@ class WorkerPool:
 
     def _new_worker(self) -> WorkerProcess:
         if self._server is None:
-            self._server = present_server() or ForkServer.of_caller()
+            self._server = present_server() or ForkServer.of_caller(main=self._main)
         worker = WorkerProcess(self._server, self.memory)
         self._starting.append(worker)
         return worker

@@ -18,6 +18,7 @@ from typing import Any
 
 from henon_ref.casefile import expected
 from henon_ref.casefile.expected import Exact, Expect, Gate, Orbit, Published
+from henon_ref.casefile.notebook import case_html
 from henon_ref.casefile.problem import build_problem, mathematics
 from henon_ref.casefile.schema import READING_KEYS, CaseForm, file_name, one_line
 from henon_ref.casefile.shipped import located
@@ -29,7 +30,7 @@ from henon_ref.casefile.yaml_file import parse_yaml, read_yaml
 from henon_ref.errors import CaseError
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.problem import Problem
-from henon_ref.text import did_you_mean, listed
+from henon_ref.text import did_you_mean, listed, message
 
 DEFAULT_READING = "default"
 MAX_WRITTEN_OUT = 500_000
@@ -85,6 +86,20 @@ class Case:
     readings: tuple[Reading, ...]
     """In the order of the file."""
     path: Path | None = None
+
+    def __repr__(self) -> str:
+        problem = self.readings[0].problem
+        where = f" ({self.path})" if self.path else ""
+        lines = [
+            f"Case {self.name}{where}: {self.title}",
+            f"readings: {listed([reading.name for reading in self.readings])}",
+            f"states: {listed(problem.system.state_names)}; surfaces: {listed(problem.system.sign_names)}",
+        ]
+        return "\n".join(map(message, lines))
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the readings, and the equations as formulas."""
+        return case_html(self.name, self.title, {reading.name: reading.problem for reading in self.readings})
 
     def reading(self, name: str) -> Reading:
         """The reading of this name.

@@ -19,11 +19,11 @@ RUNS, SHOWN, DEMANDS, CI = "Runs", "What is shown", "What must hold", "Continuou
 """Panels of the help."""
 HELP = "Run every solver on every case, score it against the truth, and write a report."
 EXAMPLES = (
-    "compare cases/fig8.yaml",
-    "compare cases/hard --solvers henon,heyoka --tolerances 1e-6,1e-9",
+    "compare fig8",
+    "compare hard --solvers henon,heyoka --tolerances 1e-6,1e-9",
     "compare my_case.yaml --check",
     "compare my_case.yaml --gate --json > table.json",
-    "compare cases/hard --solvers my-solver --require my-solver",
+    "compare hard --solvers my-solver --require my-solver",
 )
 
 

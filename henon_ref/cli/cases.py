@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from henon_ref.casefile.outline import Outline, outline
+from henon_ref.casefile.shipped import located, shipped_folder, yaml_files
 from henon_ref.cli.exit_status import DONE, exit_status, parsed
 from henon_ref.cli.text_table import print_table
 from henon_ref.cli.typer_app import application, examples
@@ -20,7 +21,7 @@ HEADINGS = ("name", "readings", "states", "surfaces", "title", "tags")
 NUMBERS = HEADINGS[1:4]
 
 
-@app.command(epilog=examples("cases", "cases --tag grazing", "cases cases/hard my_cases"))
+@app.command(epilog=examples("cases", "cases --tag grazing", "cases hard my_cases"))
 def main(
     folders: Annotated[
         list[Path] | None,
@@ -36,7 +37,7 @@ def main(
     ] = None,
 ) -> int:
     """List cases: names, numbers of readings, states and surfaces, titles, tags."""
-    found = [outline(file) for file in _files(folders or [shipped()])]
+    found = [outline(file) for file in _files(folders or [shipped_folder()])]
     tags = dict.fromkeys(own for case in found for own in case.tags)
     for wanted in tag or ():
         if wanted not in tags:
@@ -51,18 +52,9 @@ def command(arguments: Sequence[str] | None = None) -> int:
     return exit_status(lambda: int(parsed(app, arguments, name="cases")), name="cases", arguments=arguments)
 
 
-def shipped() -> Path:
-    """The folder of the cases that come with the program: inside the package, or beside it in a clone."""
-    package = Path(__file__).parents[1]
-    return next((f for f in (package / "cases", package.parent / "cases") if f.is_dir()), Path("cases"))
-
-
 def _files(paths: Sequence[Path]) -> list[Path]:
-    found: list[Path] = []
-    for path in paths:
-        inside = [path] if not path.is_dir() else sorted(path.rglob("*.yaml"))
-        found += [file for file in inside if "truth" not in file.relative_to(path).parts[:-1]]
-    return found
+    places = [located(path) for path in paths]
+    return [file for place in places for file in (yaml_files(place) if place.is_dir() else [place])]
 
 
 def _line(case: Outline) -> tuple[str, ...]:

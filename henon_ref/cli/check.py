@@ -136,7 +136,7 @@ def check(cases: Sequence[Path], reports: Path, fresh: Path | None) -> list[str]
 app = application()
 
 
-@app.command(epilog=examples("check cases/fig8.yaml", "check cases --fresh out"))
+@app.command(epilog=examples("check fig8", "check cases --fresh out"))
 def main(
     cases: Cases,
     reports: Annotated[Path, typer.Option(help="Folder of the reports.", metavar="FOLDER")] = Path("reports"),

@@ -34,6 +34,7 @@ class Subcommand:
 
 SUBCOMMANDS = {
     "compare": Subcommand("compare:program", "Run every solver on cases, score it against the truth, write a report."),
+    "simulate": Subcommand("simulate:command", "Simulate one case with the reference, and print its transitions."),
     "cases": Subcommand("cases:command", "List cases: names, sizes, titles, tags."),
     "solvers": Subcommand("solvers:command", "List solvers: versions, options, and why one cannot be had."),
     "schema": Subcommand("schema:command", "Print the JSON Schema of a case file."),
@@ -46,7 +47,7 @@ SUBCOMMANDS = {
 }
 """Name -> subcommand, in the order of the list."""
 
-EXAMPLES = ("cases", "compare cases/fig8.yaml", "compare my_case.yaml --check", "compare --help")
+EXAMPLES = ("cases", "compare fig8", "compare my_case.yaml --check", "compare --help")
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ app = application()
 KEPT = "finished rows are kept, --resume goes on from them"
 
 
-@app.command(epilog=examples("price cases/fig8.yaml", "price cases/fig8.yaml cases/free_coulomb.yaml --resume"))
+@app.command(epilog=examples("price fig8", "price fig8 free_coulomb --resume"))
 def main(
     cases: Cases,
     out: Folder = Path("out/price"),

@@ -13,16 +13,21 @@ from typing import Annotated
 import typer
 
 from henon_ref.cli.exit_status import DONE, exit_status, parsed, say
+from henon_ref.cli.typer_app import FLAG, application, examples
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = application()
 
 
-@app.command()
+@app.command(
+    epilog=examples("simulate fig8", "simulate my_case.yaml --reading mine --rtol 1e-6", "simulate fig8 --csv")
+)
 def main(
-    case: Annotated[Path, typer.Argument(help="A case file.", show_default=False)],
-    reading: Annotated[str | None, typer.Option(help="Its reading; the first one if left out.")] = None,
-    rtol: Annotated[float, typer.Option(help="Relative tolerance, from 1e-16 to below 1.")] = 1e-10,
-    csv: Annotated[bool, typer.Option("--csv", help="Print CSV, numbers in full.")] = False,
+    case: Annotated[Path, typer.Argument(help="A case file, or a case's name.", show_default=False, metavar="CASE")],
+    reading: Annotated[
+        str | None, typer.Option(help="Its reading; the first one if left out.", metavar="NAME", show_default=False)
+    ] = None,
+    rtol: Annotated[float, typer.Option(help="Tolerance, from 1e-16 to below 1.", metavar="NUMBER")] = 1e-10,
+    csv: Annotated[bool, typer.Option("--csv", help="Print CSV, numbers in full.", metavar=FLAG)] = False,
 ) -> int:
     """Simulate a case with the reference, and print its transitions."""
     from henon_ref.simulation.simulate import simulate

@@ -123,23 +123,22 @@ def draw_portrait(reading: Reading, motion: Motion) -> Figure | None:
         return None
     with style.figure(4.3, width=5.6) as figure:
         axes = figure.add_axes((0.13, 0.12, 0.84, 0.74))
-        boundary = portrait(axes, system, motion, pair)
+        plane, boundary = portrait(axes, system, motion, pair)
         title = f"Phase portrait, {motion.times[0]:.10g} s to {motion.times[-1]:.10g} s"
         axes.set_title(title, pad=24)
-        labels = [label for label, _ in _plane(system, *pair).pieces(motion.modes)]
+        labels = [label for label, _ in plane.pieces(motion.modes)]
         pieces = "; ".join(f"{labels.count(label)} of {label}" for label in sorted(set(labels)))
-        across, upward = (system.states[k].name for k in pair)
         describe(
             figure,
             title,
-            f"{across} across, {upward} upward. Pieces: {pieces}."
+            f"{system.states[plane.x].name} across, {system.states[plane.y].name} upward. Pieces: {pieces}."
             + (" Surfaces are dashed lines." if boundary else ""),
         )
         return figure
 
 
-def portrait(axes: Axes, system: FilippovSystem, motion: Motion, pair: tuple[int, int]) -> bool:
-    """Phase portrait in the plane of two states, with a legend above it; whether surfaces are drawn in it."""
+def portrait(axes: Axes, system: FilippovSystem, motion: Motion, pair: tuple[int, int]) -> tuple[_Plane, bool]:
+    """Phase portrait in the plane of two states, with a legend above it; how it is drawn, and whether surfaces are."""
     plane = _plane(system, *pair)
     drawn = _draw_pieces(axes, motion, plane)
     _draw_arrows(axes, motion, plane)
@@ -152,7 +151,7 @@ def portrait(axes: Axes, system: FilippovSystem, motion: Motion, pair: tuple[int
     axes.set_xlabel(_symbol(system, plane.x))
     axes.set_ylabel(_symbol(system, plane.y))
     _legend(axes, [*drawn, *boundary])
-    return bool(boundary)
+    return plane, bool(boundary)
 
 
 def _plane(system: FilippovSystem, x: int, y: int) -> _Plane:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.henon.double_double import ADD, MULTIPLY, POWER, ROUNDING, SQRT, run_operations
+from henon_ref.henon.double_double import ACCURATE, ADD, MULTIPLY, POWER, ROUNDING, SQRT, run_operations
 from henon_ref.precision import working_precision
 
 FUNCTION = 4
@@ -51,6 +51,11 @@ class ConstantProgram:
     """Register of each expression."""
 
     @cached_property
+    def places(self) -> NDArray[np.int64]:
+        """Registers of the expressions, as an array."""
+        return np.array(self.outputs, dtype=np.int64)
+
+    @cached_property
     def _registers(self) -> NDArray[np.float64]:
         """All of them before a run, shape (registers, 3)."""
         found = np.zeros((self.inputs + len(self.numbers) + len(self.operations), 3))
@@ -70,8 +75,8 @@ class ConstantProgram:
 
         Parameters
         ----------
-        values : ndarray, shape (points, inputs)
-            Doubles, taken as exact.
+        values : ndarray, shape (points, inputs) or (points, inputs, 3)
+            Doubles, taken as exact; or each number as two doubles, and a bound of their error.
 
         Returns
         -------
@@ -80,7 +85,10 @@ class ConstantProgram:
         """
         found = np.empty((len(values), *self._registers.shape))
         found[:] = self._registers
-        found[:, : self.inputs, 0] = values
+        if values.ndim == 2:
+            found[:, : self.inputs, 0] = values
+        else:
+            found[:, : self.inputs] = values
         for other, operations in self._stages:
             if other:
                 for operation in operations.tolist():
@@ -88,6 +96,23 @@ class ConstantProgram:
             else:
                 run_operations(operations, found)
         return found
+
+    def made_accurate(self, registers: NDArray[np.float64]) -> None:
+        """Evaluate outputs in balls at points where they have lost digits, terms having cancelled.
+
+        Raises
+        ------
+        ModelError
+            Where the inputs are no exact doubles.
+        """
+        if registers[:, : self.inputs, 1:].any():
+            raise ModelError("terms cancel, and their numbers have no more digits than two doubles")
+        outputs = list(self.outputs)
+        error, size = registers[:, outputs, 2], np.abs(registers[:, outputs, 0])
+        for point in np.flatnonzero((np.isfinite(size) & (error > ACCURATE * size)).any(axis=1)).tolist():
+            with working_precision(BITS):
+                found = [_three(ball) for ball in self.balls(registers[point, : self.inputs, 0].tolist())]
+            registers[point, outputs] = found
 
     def over_ring(
         self, values: Sequence[Any], number: Callable[[sp.Expr], Any], root: Callable[[Any], Any]
@@ -117,7 +142,7 @@ class ConstantProgram:
     def signs(self, values: Sequence[float]) -> list[int]:
         """Signs of the expressions at one point, taken as exact: 0 for zero, and where 60 digits show nothing."""
         with working_precision(BITS):
-            if self._rational:
+            if self.is_rational:
                 exact = [fmpq(*v.as_integer_ratio()) for v in values]
                 try:
                     found = self.over_ring(exact, lambda n: fmpq(int(n.p), int(n.q)), arb.sqrt)
@@ -127,7 +152,8 @@ class ConstantProgram:
             return [int(v > 0) - int(v < 0) for v in self.balls(values)]
 
     @cached_property
-    def _rational(self) -> bool:
+    def is_rational(self) -> bool:
+        """Whether rational inputs give rational outputs."""
         plain = all(what in (ADD, MULTIPLY, POWER) for what, *_ in self.operations)
         return plain and all(number.is_Rational for number in self.numbers)
 
@@ -158,6 +184,11 @@ def _function_value(what: int, function: int, argument: Sequence[float]) -> tupl
         value = balls[0] ** balls[1]
     else:
         value = abs(balls[0]) if NAMES[function] == "Abs" else getattr(balls[0], NAMES[function])()
+    return _three(value)
+
+
+def _three(value: arb) -> tuple[float, float, float]:
+    """A ball as two doubles and a bound of their error."""
     if not value.is_finite():
         return math.nan, math.nan, math.inf
     high = float(value.mid())

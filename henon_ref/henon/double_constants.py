@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
@@ -45,17 +44,10 @@ class DoubleConstants(ModeConstants):
         self.latest = LoopData(compiled, compiled.tables, numbers[0], normals)
         return self.latest
 
-    def clear_signs(self, t: float, x: Sequence[float]) -> Mode | None:
-        """The mode at a point where all surfaces are clearly off zero, and ``valid`` ones above it; else None."""
-        program, count = self._programs.start, len(self._programs.system.surfaces)
-        found = program.registers(np.array([(t, *x, *self.values)]))[0].tolist()
-        signs = []
-        for output in program.outputs:
-            value, _, error = found[output]
-            if not abs(value) > 2.0 * error or not math.isfinite(value):
-                return None
-            signs.append(1 if value > 0 else -1)
-        return None if -1 in signs[count:] else tuple(signs[:count])
+    def start_signs(self, t: float, x: Sequence[float]) -> tuple[int, ...]:
+        """See :meth:`ParameterPrograms.start_signs`."""
+        found: list[int] = self._programs.start_signs(np.array([(t, *x, *self.values)]))[0].tolist()
+        return tuple(found)
 
     def exact_signs(self, t: float, x: Sequence[float]) -> tuple[list[int], list[int]]:
         """Signs of the surfaces, and of the ``valid`` expressions, at a point taken as exact."""
@@ -65,7 +57,7 @@ class DoubleConstants(ModeConstants):
     @cached_property
     def switching(self) -> Switching:
         """See :class:`ModeConstants`."""
-        return _DoubleSwitching(self._programs, self.values)
+        return DoubleSwitching(self._programs, self.values)
 
     @cached_property
     def precise(self) -> PreciseModes:
@@ -75,7 +67,7 @@ class DoubleConstants(ModeConstants):
         )
 
 
-class _DoubleSwitching(Switching):
+class DoubleSwitching(Switching):
     """Decides modes with constants from programs, whose equations and tapes it shares with other values."""
 
     def __init__(self, programs: ParameterPrograms, values: tuple[float, ...]) -> None:

@@ -18,6 +18,10 @@ ADD, MULTIPLY, POWER, SQRT = range(4)
 """Operations; POWER has a whole number in place of its second register."""
 ROUNDING = 2.0**-100
 """Bound of the relative error of one operation. Sums and products of doubles are exact: their error is 0."""
+ACCURATE = 2.0**-80
+"""Bound of the relative error that a constant may have: the double is the nearest one, but for a tie."""
+UNCLEAR_SIGN = 2
+"""Of a number that may be zero."""
 LEAST_EXACT = 1e-280
 """A product of doubles above this is two doubles, none of which is too small."""
 
@@ -147,8 +151,38 @@ def scatter(registers, sources, highs, lows, out):  # type: ignore[no-untyped-de
     sources, highs, lows : ndarray of int, shape (k,)
         Registers, and places in a row where each number, and what its rounding lost, is put.
     out : ndarray, shape (points, places)
+
+    Returns
+    -------
+    bool
+        Whether each number, so far as it is finite, has most of its digits: terms may have cancelled.
+    """
+    accurate = True
+    for point in range(registers.shape[0]):
+        for k in range(sources.size):
+            number = registers[point, sources[k]]
+            out[point, highs[k]], out[point, lows[k]] = number[0], number[1]
+            accurate = accurate and not number[2] > ACCURATE * abs(number[0])
+    return accurate
+
+
+@njit(nogil=True)
+def signs_of(registers, sources, signs):  # type: ignore[no-untyped-def]
+    """Signs of numbers: 0 of one that is exactly zero, UNCLEAR_SIGN of one that may be zero within its error.
+
+    Parameters
+    ----------
+    registers : ndarray, shape (points, registers, 3)
+    sources : ndarray of int, shape (k,)
+        Their registers.
+    signs : ndarray of int, shape (points, k)
+        Filled with them.
     """
     for point in range(registers.shape[0]):
         for k in range(sources.size):
-            out[point, highs[k]] = registers[point, sources[k], 0]
-            out[point, lows[k]] = registers[point, sources[k], 1]
+            value, error = registers[point, sources[k], 0], registers[point, sources[k], 2]
+            signs[point, k] = UNCLEAR_SIGN
+            if abs(value) > 2.0 * error and abs(value) < np.inf:
+                signs[point, k] = 1 if value > 0.0 else -1
+            elif value == 0.0 and error == 0.0:
+                signs[point, k] = 0

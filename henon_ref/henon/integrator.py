@@ -5,21 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
 
+import numpy as np
 import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.compile_units import link
 from henon_ref.henon.double_constants import DoubleConstants
+from henon_ref.henon.double_double import UNCLEAR_SIGN
 from henon_ref.henon.loop import load
 from henon_ref.henon.mode_constants import ExactConstants, ModeConstants
 from henon_ref.henon.mode_table import ModeTable
 from henon_ref.henon.parameter_programs import ParameterPrograms
 from henon_ref.henon.start import Start
+from henon_ref.henon.surface_start import mode_at_start
 from henon_ref.henon.workspace import WorkspacePool
 from henon_ref.jit.processor_time import compiling
 from henon_ref.precision import one_at_a_time
@@ -109,7 +112,7 @@ class Integrator:
         time, point = double_double(problem.start), [high for high, _ in x]
         surfaces, valid = constants.switching.signs_at(problem.start, problem.initial)
         decision = constants.switching.mode_by_signs(time[0], point, surfaces, valid, problem.initial_mode)
-        refused, row, zeros = self._entered(constants, time[0], point, decision, surfaces, valid)
+        refused, row, zeros = self.entered(constants, time[0], point, decision, surfaces, valid)
         until = double_double(problem.until)
         return Start(time, until, tuple(x), refused, row, zeros, self.order, tolerance, landing, constants)
 
@@ -149,19 +152,60 @@ class Integrator:
         """
         constants = self.double_constants(values)
         x = tuple((v, 0.0) for v in initial)
-        signs = None if mode else constants.clear_signs(start, initial)
-        row = None if signs is None else self.mode_table.row(signs)
-        if row is not None:
-            refused, zeros = None, self.no_zeros
-        else:
+        refused, (row, zeros) = (
+            None,
+            self.clear_start(constants, constants.start_signs(start, initial), start, initial)
+            if not mode
+            else (-1, ()),
+        )
+        if row < 0:
             surfaces, valid = constants.exact_signs(start, initial)
             decision = constants.switching.mode_by_signs(start, list(initial), surfaces, valid, mode or {})
-            refused, row, zeros = self._entered(constants, start, initial, decision, surfaces, valid)
+            refused, row, zeros = self.entered(constants, start, initial, decision, surfaces, valid)
         return Start(
             (start, 0.0), (until, 0.0), x, refused, row, zeros, self.order, tolerance, landing, constants, **limits
         )
 
-    def _entered(
+    def row_at_start(self, signs: Mode) -> tuple[int, int] | None:
+        """Row of a start's mode, and the surface that it is on (-1: none); None where Python has to decide the mode.
+
+        On a surface the row is that of the mode below it; those that may follow are compiled.
+
+        Parameters
+        ----------
+        signs : tuple of int
+            Of the surfaces, then of the ``valid`` expressions.
+        """
+        count = len(self.system.surfaces)
+        mode, on = signs[:count], [i for i, sign in enumerate(signs[:count]) if sign == 0]
+        if UNCLEAR_SIGN in mode or len(on) > 1 or any(sign != 1 for sign in signs[count:]):
+            return None
+        if on and self.system.overrides:
+            return None
+        rows = [self.mode_table.row(replaced(mode, i, entry)) for i in on for entry in (-1, 0, 1)]
+        row = rows[0] if on else self.mode_table.row(mode)
+        return None if row is None else (row, on[0] if on else -1)
+
+    def clear_start(
+        self, constants: DoubleConstants, signs: Mode, t: float, x: Sequence[float]
+    ) -> tuple[int, tuple[int, ...]]:
+        """Row and known zeros of the mode at a start off all surfaces, or on one that is left or slid on clearly.
+
+        Row -1 where it is not clear. ``signs``: see :meth:`row_at_start`.
+        """
+        found = self.row_at_start(signs)
+        if found is None or found[1] < 0:
+            return (-1 if found is None else found[0]), self.no_zeros
+        data = constants.latest if constants.latest.compiled is self.mode_table.compiled else constants.update()
+        point, speeds = np.array(x, dtype=np.float64), np.empty(len(x) + 2 * len(self.no_zeros))
+        row, order = mode_at_start(data.tables, data.numbers, *found, t, point, speeds)
+        if row < 0 or order == 0:
+            return row, self.no_zeros
+        guards = self.mode_table.guards(self.mode_table.modes[row])
+        own = tuple(order if g.kind == "surface" and g.index == found[1] else 0 for g in guards)
+        return row, own + self.no_zeros[len(own) :]
+
+    def entered(
         self,
         constants: ModeConstants,
         t: float,

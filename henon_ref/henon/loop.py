@@ -18,7 +18,15 @@ from henon_ref.henon.mode_transition import apply_event
 from henon_ref.henon.recorder import _record_step, fill_samples
 from henon_ref.henon.records import BRACKET, RELEASE, guard_of, mode_of
 from henon_ref.henon.state import EVENT, NOWHERE, ON, RUN_RECORD, ReturnCode, run_of, vectors_of
-from henon_ref.henon.step import CHECKED_GROWTH, CUT_WEIGHT, add_to_state, event_free_steps, refine_release, state_grows
+from henon_ref.henon.step import (
+    CHECKED_GROWTH,
+    CUT_WEIGHT,
+    add_to_state,
+    enter_mode,
+    event_free_steps,
+    refine_release,
+    state_grows,
+)
 from henon_ref.henon.step_validation import cancellation_limit, tail_unconverged, validated_step
 from henon_ref.henon.workspace import work_space
 from henon_ref.jit.calls import call_closing
@@ -80,7 +88,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
     run = run_of(block)
     n, order = run.states, run.order
     last_steps, x, x_low, known_zeros, hits = vectors_of(block, n, most)
-    band, room, records = work_space(block, n, most, order)
+    band, room, remembered, records = work_space(block, n, most, order)
     rows = n + most + 1
     c, ahead, work = band, rest_of(band, rows), rest_of(band, 2 * rows)
     bounds = rest_of(work, 4 + DEPTH)
@@ -99,10 +107,9 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         mode = run.mode
         layout, constants = rows_in(tables, mode), rows_in(numbers, mode)[0]
         compiled = mode_of(layout)
-        guards, slot = compiled.guards, compiled.remembered
-        if mode != run.stepped_mode and last_steps[slot] > 0.0:
-            run.unit = smaller(last_steps[slot], run.longest_step)
-        run.stepped_mode = mode
+        guards = compiled.guards
+        if mode != run.stepped_mode:
+            enter_mode(run, remembered, last_steps)
         if run.transitions + 1 > run.transition_capacity:
             return ReturnCode.BLOCK_FULL.value
         if remaining(run) <= 0.0:
@@ -180,7 +187,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         run.steps += 1
         run.longest_step = 1e3 * part * unit if part > 0.0 else unit
         run.unit = smaller(natural, run.longest_step) if part > 0.0 else unit
-        last_steps[slot] = natural
+        last_steps[run.step_place] = natural
         if not bounded:
             return ReturnCode.DIVERGED.value
         if hit >= 0:

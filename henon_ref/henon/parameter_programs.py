@@ -15,7 +15,7 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import ModeWithTape, mode_with_tape
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.constant_program import ConstantProgram, constant_program
-from henon_ref.henon.double_double import scatter
+from henon_ref.henon.double_double import scatter, signs_of
 from henon_ref.henon.mode_table import CompiledModes, ModeTable
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape, build_tape
@@ -48,7 +48,9 @@ class LoopProgram:
         """
         registers, points, modes = self.program.registers(values), len(values), len(self.compiled.modes)
         numbers = np.zeros((points, modes * 2 * self.longest))
-        scatter(registers, self.sources, *self.places, numbers)
+        if not scatter(registers, self.sources, *self.places, numbers):
+            self.program.made_accurate(registers)
+            scatter(registers, self.sources, *self.places, numbers)
         count = len(self.normal_sources)
         normals = np.zeros((points, 2 * count + 1))
         if count:
@@ -94,6 +96,19 @@ class ParameterPrograms:
         with one_at_a_time():
             inputs = (TIME, *self.system.states, *self.parameters)
             return constant_program(inputs, (*self.system.surfaces, *self.system.valid))
+
+    def start_signs(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Signs of the surfaces, then of the ``valid`` expressions, at some points; UNCLEAR_SIGN where it is not clear.
+
+        Parameters
+        ----------
+        points : ndarray, shape (points, 1 + n + parameters)
+            Time, state, parameter values; taken as exact.
+        """
+        program = self.start
+        signs = np.empty((len(points), len(program.outputs)), dtype=np.int64)
+        signs_of(program.registers(points), program.places, signs)
+        return signs
 
     def mode(self, mode: Mode) -> ModeWithTape | None:
         """See :func:`henon_ref.filippov.switching.mode_with_tape`."""

@@ -206,13 +206,14 @@ class _Part:
 
     def _compiled(self, workspace: Workspace) -> Iterator[NDArray[Any]]:
         runs, progress, table = self.runs, self.progress, self.runs.integrator.mode_table
-        rows, template = self._rows(), replace(runs.start(self.first), zeros=runs.integrator.no_zeros).state
+        rows, surfaces = self._rows()
+        template = replace(runs.start(self.first), zeros=runs.integrator.no_zeros).state
         ends, states = runs.ends[self.part].view(np.float64).reshape(-1, END_PLACES), runs.states[self.part]
         tries, code, constants = TRIES, PAUSE, self._constants(workspace)
         while code != DONE:
             code = run_points(
                 self.memory.view(np.float64), workspace.block, template, runs.times[self.part],
-                runs.initial[self.part], rows, *constants, NO_SAMPLES, self.kept, self.pending, ends, states,
+                runs.initial[self.part], rows, surfaces, *constants, NO_SAMPLES, self.kept, self.pending, ends, states,
             )  # fmt: skip
             if code == ASIDE:
                 compiled = table.compiled
@@ -225,22 +226,23 @@ class _Part:
                 yield from self._handed_out()
         yield from self._handed_out()
 
-    def _rows(self) -> NDArray[np.int64]:
-        """Row of each point's mode at the start, -1 where the start is not clearly off all surfaces."""
+    def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Row of each point's mode at the start, and the surface that it starts on, -1 for none.
+
+        Where it is on one, the row is that of the mode below it; -1 where the start is not clear.
+        """
         runs, integrator = self.runs, self.runs.integrator
-        program, surfaces = integrator.programs.start, len(integrator.system.surfaces)
         initial, times = runs.initial[self.part], runs.times[self.part, :1]
         values = np.broadcast_to(self.values, (len(initial), self.values.shape[1]))
-        found = program.registers(np.hstack([times, initial, values]))[:, list(program.outputs)]
-        signs = np.where(found[..., 0] > 0, 1, -1)
-        clear = (np.abs(found[..., 0]) > 2.0 * found[..., 2]) & np.isfinite(found[..., 0])
-        clear[:, surfaces:] &= signs[:, surfaces:] > 0
-        rows = np.full(len(initial), -1)
-        modes, places = np.unique(signs[:, :surfaces], axis=0, return_inverse=True)
+        signs = integrator.programs.start_signs(np.hstack([times, initial, values]))
+        rows, surfaces = np.full(len(initial), -1), np.full(len(initial), -1)
+        modes, places = np.unique(signs, axis=0, return_inverse=True)
         for k, mode in enumerate(modes.tolist()):
-            row = integrator.mode_table.row(tuple(mode))
-            rows[(places.ravel() == k) & clear.all(axis=1)] = -1 if row is None else row
-        return rows
+            found = integrator.row_at_start(tuple(mode))
+            if found is not None:
+                own = places.ravel() == k
+                rows[own], surfaces[own] = found
+        return rows, surfaces
 
     def _constants(self, workspace: Workspace) -> tuple[Any, ...]:
         """Tables, constants and what decides events of several surfaces, for the modes that are compiled now."""

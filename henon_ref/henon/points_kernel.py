@@ -6,6 +6,7 @@ horizon is set aside by its number: Python finishes it (:mod:`henon_ref.henon.po
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,14 @@ from numba import int64, types
 from henon_ref.henon.compile_units import NUMBERS, ROW, ROWS, TABLES, add_symbol, call_symbol
 from henon_ref.henon.loop import advance, load
 from henon_ref.henon.mode_selection import SELECTION
+from henon_ref.henon.recorder import set_known_zeros
 from henon_ref.henon.records import RELEASED, STICK, TRANSITION_PLACES, record_view, transition_of
-from henon_ref.henon.state import STATE_PLACE, ReturnCode, run_of
+from henon_ref.henon.state import STATE_PLACE, ReturnCode, run_of, vectors_of
+from henon_ref.henon.surface_start import mode_on_surface
 from henon_ref.henon.workspace import work_space
 from henon_ref.jit.njit import inner, njit
 from henon_ref.jit.shared_compiling import compile_all
-from henon_ref.jit.views import integers_in, rest_of, row_of, rows_of
+from henon_ref.jit.views import integers_in, rest_of, row_of, rows_in, rows_of
 
 NO_SAMPLES = np.zeros((0, 2))
 PROGRESS = np.dtype(
@@ -100,8 +103,8 @@ def _append(progress, row, width, kept):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _begin(state, template, times, initial, point, row):  # type: ignore[no-untyped-def]
-    """Put a point's start into the run's block."""
+def _begin(state, template, times, initial, point, row, surface, tables, numbers):  # type: ignore[no-untyped-def]
+    """Put a point's start into the run's block; False where its mode is not clear."""
     for i in range(template.size):
         state[i] = template[i]
     run = run_of(row_of(state))
@@ -109,6 +112,15 @@ def _begin(state, template, times, initial, point, row):  # type: ignore[no-unty
     run.unit = max(run.horizon - run.time, 1e-280)
     for i in range(initial.shape[1]):
         state[STATE_PLACE + i] = initial[point, i]
+    if surface >= 0:
+        n, most = run.states, run.guards
+        x, known_zeros = vectors_of(row_of(state), n, most)[1], vectors_of(row_of(state), n, most)[3]
+        speeds = work_space(row_of(state), n, most, run.order)[1]
+        run.mode, zeros = mode_on_surface(tables, numbers, row, surface, run.time, x, n, speeds)
+        if run.mode < 0:
+            return False
+        set_known_zeros(known_zeros, rows_in(tables, run.mode), surface, zeros)
+    return True
 
 
 @inner()
@@ -121,10 +133,28 @@ def _finish(run, state, code, ends, states, point):  # type: ignore[no-untyped-d
         states[point, i] = state[STATE_PLACE + i]
 
 
+@inner()
+def _take_in(at, run, block, code, buffer, waiting, ends, states):  # type: ignore[no-untyped-def]
+    """Take in what a point's run has come to; True where it goes on."""
+    going_on = code == ReturnCode.BLOCK_FULL.value or code == ReturnCode.BUDGET_SPENT.value
+    end = end_of(row_of(ends[at.point]))
+    if not (going_on or code == ReturnCode.HORIZON.value or code == ReturnCode.STOPPED.value):
+        at.kept, end.code = at.kept_before, SET_ASIDE
+        return False
+    end.transitions += run.transitions
+    records = work_space(row_of(block), run.states, run.guards, run.order)[3]
+    keep_transitions(at, records, run.transitions, run.states, buffer, waiting)
+    run.transitions = 0
+    going_on = going_on and run.steps < run.most_steps
+    if not going_on:
+        _finish(run, block, code, ends, states, at.point)
+    return going_on
+
+
 @njit(nogil=True)
 def run_points(  # type: ignore[no-untyped-def]
-    progress, block, template, times, initial, rows, tables, numbers, normals, selection, samples, kept, pending,
-    ends, states,
+    progress, block, template, times, initial, rows, surfaces, tables, numbers, normals, selection, samples, kept,
+    pending, ends, states,
 ):  # fmt: skip
     """Do the runs of points until all are done, or Python is needed.
 
@@ -141,6 +171,8 @@ def run_points(  # type: ignore[no-untyped-def]
     initial : ndarray, shape (points, n)
     rows : ndarray of int, shape (points,)
         Row of the mode at the start; -1: the point is set aside.
+    surfaces : ndarray of int, shape (points,)
+        Surface on which the point starts, -1 where it is on none; ``rows`` then has the mode below it.
     tables : ndarray of int
         See :func:`henon_ref.henon.loop.advance`.
     numbers : ndarray, shape (points or 1, M, 2, K)
@@ -165,17 +197,18 @@ def run_points(  # type: ignore[no-untyped-def]
     """
     at = progress_of(row_of(progress))
     run = run_of(row_of(block))
-    n, most = initial.shape[1], tables.shape[1] - 1
     buffer, waiting = rows_of(row_of(kept), kept.shape[1]), rows_of(row_of(pending), pending.shape[1])
     spent = 0
     while at.point < rows.size:
         point = at.point
         if at.running == 0:
-            if rows[point] < 0:
+            own = numbers[point if numbers.shape[0] > 1 else 0]
+            if rows[point] < 0 or not _begin(
+                block, template, times, initial, point, rows[point], surfaces[point], tables, own
+            ):
                 end_of(row_of(ends[point])).code = SET_ASIDE
                 at.point += 1
                 continue
-            _begin(block, template, times, initial, point, rows[point])
             for i in range(pending.shape[0]):
                 pending[i, 0] = 0.0
             end_of(row_of(ends[point])).transitions = 0
@@ -191,18 +224,7 @@ def run_points(  # type: ignore[no-untyped-def]
             chosen = address, normals[constants], signs, table, decoupled, room, values, systems, places
             code = _advance_several(block, tables, numbers[constants], chosen, samples)
         spent += run.steps - before
-        going_on = code == ReturnCode.BLOCK_FULL.value or code == ReturnCode.BUDGET_SPENT.value
-        if going_on or code == ReturnCode.HORIZON.value or code == ReturnCode.STOPPED.value:
-            end_of(row_of(ends[point])).transitions += run.transitions
-            records = work_space(row_of(block), n, most, run.order)[2]
-            keep_transitions(at, records, run.transitions, n, buffer, waiting)
-            run.transitions = 0
-            going_on = going_on and run.steps < run.most_steps
-            if not going_on:
-                _finish(run, block, code, ends, states, point)
-        else:
-            at.kept = at.kept_before
-            end_of(row_of(ends[point])).code = SET_ASIDE
+        going_on = _take_in(at, run, block, code, buffer, waiting, ends, states)
         if not going_on:
             at.running = 0
             at.point += 1
@@ -222,6 +244,7 @@ def keep_rows(progress, transitions, kept, pending):  # type: ignore[no-untyped-
     keep_transitions(progress_of(row_of(progress)), records, count, width - TRANSITION_PLACES, buffer, waiting)
 
 
+@cache
 def load_points(*, several: bool) -> None:
     """Make the call ready; ``several``: for systems whose events of several surfaces the compiled loop decides."""
     load(several=several)
@@ -236,4 +259,21 @@ def point_types(*, several: bool) -> tuple[Any, ...]:
     constants = types.Array(types.float64, 4, "C")
     selection = SELECTION if several else types.none
     whole = types.Array(types.int64, 1, "C")
-    return (flat, flat, flat, grid, grid, whole, TABLES, constants, grid, selection, grid, grid, grid, grid, grid)
+    return (
+        flat,
+        flat,
+        flat,
+        grid,
+        grid,
+        whole,
+        whole,
+        TABLES,
+        constants,
+        grid,
+        selection,
+        grid,
+        grid,
+        grid,
+        grid,
+        grid,
+    )

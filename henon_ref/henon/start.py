@@ -69,7 +69,7 @@ class Start:
             "time": self.time[0], "time_low": self.time[1],
             "horizon": self.until[0], "horizon_low": self.until[1],
             "event_time": -math.inf, "unit": max(length, 1e-280), "tolerance": self.tolerance,
-            "mode": self.row, "transition_capacity": CHUNK, "states": n, "guards": guards,
+            "mode": self.row, "stepped_mode": -1, "transition_capacity": CHUNK, "states": n, "guards": guards,
             "order": self.order, "method": self.landing,
             "stop_falling": self.stop_falling, "stop_rising": self.stop_rising, "most_steps": self.most_steps,
         }  # fmt: skip

@@ -33,7 +33,7 @@ class ReturnCode(IntEnum):
 # Between its own parts: an event is to be gone through, or there is nothing to say.
 EVENT, ON = 20, 21
 REMEMBERED_STEPS = 64
-"""Modes of which the last step is kept: a mode seen before begins with it."""
+"""Modes of which a run keeps the last step, the first that it comes to: one seen before begins with it."""
 RUN = np.dtype(
     [
         ("time", "f8"), ("time_low", "f8"),  # s, and what rounding it lost
@@ -49,7 +49,9 @@ RUN = np.dtype(
         ("stalled", "i8"),  # steps that time cannot tell apart
         ("events_at_once", "i8"),  # events that it cannot tell apart
         ("next_sample", "i8"),
-        ("stepped_mode", "i8"),  # mode of the last step
+        ("stepped_mode", "i8"),  # mode of the last step, -1 before the first
+        ("remembered", "i8"),  # modes of which the last step is kept
+        ("step_place", "i8"),  # of the present one among them
         ("pending_kind", "i8"),  # of the event that leads to a mode without a row
         ("order", "i8"),
         ("method", "i8"),  # of landing

@@ -5,6 +5,7 @@ from __future__ import annotations
 from henon_ref.henon.compensated_time import add_to_time, below_compensated_resolution, below_time_resolution, remaining
 from henon_ref.henon.recorder import _record_step
 from henon_ref.henon.records import mode_of
+from henon_ref.henon.state import REMEMBERED_STEPS
 from henon_ref.henon.step_size import _flat_step_size, infinite_at_low_order, step_size
 from henon_ref.henon.step_validation import tail_unconverged
 from henon_ref.jit.calls import call_closing, call_expand
@@ -46,6 +47,26 @@ def add_to_state(n, x, x_low, change):  # type: ignore[no-untyped-def]
         x[i] = total
         bounded = bounded and abs(total) < BLOWN_UP
     return bounded
+
+
+@inner()
+def enter_mode(run, remembered, last_steps):  # type: ignore[no-untyped-def]
+    """Begin a mode with its own last step, if the run has been in it.
+
+    Which modes are remembered depends on the run alone, not on what others have had compiled.
+    """
+    place = 0
+    while place < run.remembered and remembered[place] != run.mode:
+        place += 1
+    if place == run.remembered:
+        if place < REMEMBERED_STEPS:
+            remembered[place] = run.mode
+            run.remembered += 1
+        else:  # the last place is for all others
+            place -= 1
+    run.step_place, run.stepped_mode = place, run.mode
+    if last_steps[place] > 0.0:
+        run.unit = smaller(last_steps[place], run.longest_step)
 
 
 @inner(forceinline=True)

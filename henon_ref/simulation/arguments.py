@@ -13,6 +13,7 @@ from henon_ref.casefile.tree import MappingNode, Node
 from henon_ref.casefile.validation import validated
 from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.filippov.problem import Problem
+from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System, argument_error
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
 from henon_ref.text import did_you_mean, listed
@@ -46,8 +47,6 @@ def problem_of(
         For a missing or unknown state, a number that is not finite, an unknown parameter, a horizon that is not later
         than the start, and a mode of an unknown surface, or one that the start contradicts.
     """
-    if not isinstance(system, System):
-        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
     if parameters:
         system = system.with_parameters(parameters)
     given = _mapping(initial, "'initial'", "state", system.state)
@@ -56,7 +55,8 @@ def problem_of(
     read = {"initial": mapping(entries), "until": tree_of(written(until, "'until'"), "'until'")}
     source = Source(mapping({**system.tree.entries, **read}), work=system.work())
     try:
-        return system, build_problem(source, validated(source.tree, file=None))[0]
+        with one_at_a_time():
+            return system, build_problem(source, validated(source.tree, file=None))[0]
     except HenonRefError as error:
         raise argument_error(error) from None
 
@@ -72,20 +72,20 @@ def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> Map
     return node
 
 
-def tolerance_of(value: object, what: str) -> float:
-    """A tolerance as a double.
+def tolerance_of(value: Any) -> float:
+    """A relative tolerance as a double.
 
     Raises
     ------
     ArgumentError
         For what is no number between 1e-16 and 1.
     """
-    if isinstance(value, Real) and not isinstance(value, bool) and SMALLEST <= float(value) < LARGEST:
+    if _is_number(value) and SMALLEST <= value < LARGEST:
         return float(value)
-    raise ArgumentError(f"{what} is {str(value)[:60]}; a tolerance is a number from 1e-16 to below 1")
+    raise ArgumentError(f"rtol is {str(value)[:60]}; a tolerance is a number from 1e-16 to below 1")
 
 
-def check_absolute_tolerance(value: object) -> None:
+def check_absolute_tolerance(value: Any) -> None:
     """Check the absolute tolerance, which is not used: steps go by each state's own size.
 
     Raises
@@ -93,9 +93,12 @@ def check_absolute_tolerance(value: object) -> None:
     ArgumentError
         For what is not a positive number.
     """
-    positive = isinstance(value, Real) and not isinstance(value, bool) and 0 < float(value) < math.inf
-    if value is not None and not positive:
+    if value is not None and not (_is_number(value) and 0 < value < math.inf):
         raise ArgumentError(f"atol is {str(value)[:60]}; wanted a number larger than 0, or None")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def stop_of(system: System, stop: Mapping[Any, Any]) -> tuple[int, int]:

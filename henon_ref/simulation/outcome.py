@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 from henon_ref.filippov.modes import mode_text
+from henon_ref.simulation.launch import Launch
 from henon_ref.simulation.system import System
 from henon_ref.trajectory import Counts, Status, Trajectory
 
@@ -28,8 +31,12 @@ class Outcome:
         Mode at the end, such as ``s1=-1 s2=0``; empty where there is none to begin with.
     """
 
-    def __init__(self, system: System, trajectory: Trajectory) -> None:
-        self.system, self.trajectory = system, trajectory
+    def __init__(self, made: Launch, trajectory: Trajectory) -> None:
+        self._base, self._parameters, self.trajectory = made.base, made.parameters, trajectory
+
+    @cached_property
+    def system(self) -> System:
+        return self._base.with_parameters(self._parameters) if self._parameters else self._base
 
     @property
     def status(self) -> Status:
@@ -50,4 +57,4 @@ class Outcome:
     @property
     def final_mode(self) -> str:
         mode = self.trajectory.end_mode
-        return mode_text(mode, self.system.model.sign_names) if mode else ""
+        return mode_text(mode, self._base.model.sign_names) if mode else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any
 
 Pair = tuple[float, float]
@@ -13,12 +14,15 @@ SHORT = 1e6
 
 
 def pair_of(value: Any) -> Pair | None:
-    """An int or a float, which stands for the decimal number that it is printed as; None for anything else.
+    """An int, a Fraction, or a float, which stands for the decimal number that it is printed as; else None.
 
     Examples
     --------
     >>> pair_of(3), pair_of(0.5), pair_of(0.1), pair_of("1/3"), pair_of(float("nan"))
     ((3.0, 0.0), (0.5, 0.0), (0.1, -5.551115123125783e-18), None, None)
+    >>> from fractions import Fraction
+    >>> pair_of(Fraction(1, 10)) == pair_of(0.1)
+    True
     """
     kind = type(value)
     if isinstance(value, float):  # NumPy's doubles are
@@ -26,7 +30,24 @@ def pair_of(value: Any) -> Pair | None:
         return (value, 0.0) if -SHORT < value < SHORT and (value * 256.0).is_integer() else _printed(value)
     if kind is int and -WHOLE <= value <= WHOLE:
         return float(value), 0.0
+    if kind is Fraction:
+        return _rational(value.numerator, value.denominator)
     return None
+
+
+def exact_number(value: Any) -> Fraction:
+    """What :func:`pair_of` is a pair of, exactly."""
+    return Fraction(repr(float(value))) if isinstance(value, float) else Fraction(value)
+
+
+def _rational(numerator: int, denominator: int) -> Pair | None:
+    """A quotient of whole numbers; None where it is no double."""
+    try:
+        high = numerator / denominator
+        p, q = high.as_integer_ratio()
+        return high, (numerator * q - p * denominator) / (denominator * q)
+    except OverflowError:
+        return None
 
 
 def _printed(value: float) -> Pair | None:

@@ -80,7 +80,7 @@ def simulate(
     made = launch(system, initial, until, start, rtol, atol, parameters, mode, stop)
     run = Run(made.integrator, made.start, dense=STEPS if dense_output else 0)
     trajectory = made.ended(run.to_horizon())
-    return Solution(made.system, made.start, trajectory, run.steps if dense_output else None)
+    return Solution(made, trajectory, run.steps if dense_output else None)
 
 
 def stream(

@@ -13,12 +13,11 @@ from henon_ref.errors import ArgumentError
 from henon_ref.figures.motion import Motion
 from henon_ref.filippov.modes import Mode
 from henon_ref.henon.records import transition_dtype
-from henon_ref.henon.start import Start
 from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.simulation.dense_output import DenseOutput, checked_times
+from henon_ref.simulation.launch import Launch
 from henon_ref.simulation.outcome import Outcome
 from henon_ref.simulation.plot import plotted
-from henon_ref.simulation.system import System
 from henon_ref.simulation.tables import stick_table, transition_table
 from henon_ref.trajectory import Trajectory
 
@@ -50,23 +49,17 @@ class Solution(Outcome):
 
     def __init__(
         self,
-        system: System,
-        start: Start,
+        made: Launch,
         trajectory: Trajectory,
         steps: NDArray[Any] | None,
     ) -> None:
-        super().__init__(system, trajectory)
-        self._from, self._steps = start, steps
-
-    @property
-    def _start(self) -> float:
-        """Initial time [s]."""
-        return self._from.time[0]
+        super().__init__(made, trajectory)
+        (self._start, _), self._pairs, self._steps = made.start.time, made.start.x, steps
 
     @property
     def _initial(self) -> list[float]:
         """Initial state."""
-        return [high for high, _ in self._from.x]
+        return [high for high, _ in self._pairs]
 
     @cached_property
     def sol(self) -> DenseOutput | None:
@@ -124,19 +117,19 @@ class Solution(Outcome):
         if self.sol is None:
             raise ArgumentError("without dense output no mode is kept: simulate with dense_output=True")
         times = checked_times(t, self._start, self.trajectory.end_time)
-        names = self.system.model.sign_names
+        names = self._base.model.sign_names
         modes = [dict(zip(names, mode, strict=False)) for mode in self._modes(np.atleast_1d(times))]
         return modes if times.ndim else modes[0]
 
     @cached_property
     def transitions(self) -> pd.DataFrame:
         """A row a transition: ``time_s, kind, surface, from_mode, to_mode``, then the states by name."""
-        return transition_table(self.system.model, self.trajectory.transitions)
+        return transition_table(self._base.model, self.trajectory.transitions)
 
     @cached_property
     def sticks(self) -> pd.DataFrame:
         """A row a whole stick: ``start_s, duration_s, surface``; one that the end of the run cuts off is left out."""
-        return stick_table(self.system.model, self.trajectory.transitions, self._start)
+        return stick_table(self._base.model, self.trajectory.transitions, self._start)
 
     def plot(self) -> NDArray[Any]:
         """Phase portrait of the first states (of one state: the state over time), and surfaces over time.

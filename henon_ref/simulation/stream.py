@@ -25,11 +25,11 @@ class TransitionStream(Iterator[Any]):
         self._rows = self._made(made)
 
     def _made(self, made: Launch) -> Iterator[Any]:
-        run, rows = Run(made.integrator, made.start), rows_of(made.system.model)
+        run, rows = Run(made.integrator, made.start), rows_of(made.base.model)
         for block in run.stream():
             yield from rows(block)
         assert run.ended is not None
-        self.outcome = Outcome(made.system, made.ended(run.ended)._replace(transitions=()))
+        self.outcome = Outcome(made, made.ended(run.ended)._replace(transitions=()))
 
     def __next__(self) -> Any:
         return next(self._rows)

@@ -16,13 +16,14 @@ from henon_ref.casefile.expressions import parse_expression, parse_number
 from henon_ref.casefile.problem import written_model
 from henon_ref.casefile.scene import conditions
 from henon_ref.casefile.source import Source
-from henon_ref.casefile.tree import MappingNode, merged
+from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
 from henon_ref.casefile.validation import validated
 from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
-from henon_ref.filippov.exponents import with_rational_exponents
+from henon_ref.filippov.exponents import parameters_in_exponents, with_rational_exponents
 from henon_ref.filippov.latex import latex
-from henon_ref.filippov.work import Work
+from henon_ref.filippov.work import Work, names_in
+from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
@@ -66,12 +67,12 @@ class System:
     Attributes
     ----------
     state : tuple of str
-    parameters : dict
-        Name -> exact number.
     model : FilippovSystem
         What is integrated.
     tree : MappingNode
         What it was read from.
+    prepared : dict
+        What is made of it for runs, by tolerance.
     initial, start, until, mode
         Of the reading of a case (:meth:`from_case`), exact numbers by name; None for a system from Python.
 
@@ -116,7 +117,8 @@ class System:
         Parameters
         ----------
         path : str or Path
-            A case file, with a ``system`` or a ``scene``.
+            A case file, with a ``system`` or a ``scene``; or the name of a case that comes with the package, such as
+            ``fig8``.
         reading : str, optional
             Name of the reading; the first one of the file if left out.
 
@@ -125,6 +127,8 @@ class System:
         HenonRefError
             For a file that is no case (with file, line and column), and a reading that it does not have.
         """
+        if not (reading is None or isinstance(reading, str)):
+            raise ArgumentError(f"reading is {str(reading)[:60]!r}; wanted the name of a reading, or None")
         case = load_case(path)
         chosen = case.readings[0] if reading is None else case.reading(reading)
         self = cls.__new__(cls)
@@ -153,16 +157,25 @@ class System:
         self.tree = mapping({**kept, **{key: tree_of(value, key) for key, value in _REST.items()}})
         try:
             self._form = validated(self.tree, file=None)
-            self._written, self._names = written_model(Source(self.tree), self._form)
-            self.model = with_rational_exponents(self._written)
+            with one_at_a_time():
+                self._written, self._names = written_model(Source(self.tree), self._form)
+                self.model = with_rational_exponents(self._written)
         except HenonRefError as error:
             raise argument_error(error) from None
         self.state: tuple[str, ...] = self.model.state_names
-        self.parameters: dict[str, Number] = {name: plain_number(v) for name, v in self._names.values.items()}
         self.initial: dict[str, Number] | None = None
         self.start: Number | None = None
         self.until: Number | None = None
         self.mode: dict[str, int] | None = None
+        self.prepared: dict[float, Any] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "prepared": {}}
+
+    @property
+    def parameters(self) -> dict[str, Number]:
+        """Name -> exact number (a copy: :meth:`with_parameters` makes a system with others)."""
+        return {name: plain_number(value) for name, value in self._names.values.items()}
 
     def with_parameters(self, parameters: Mapping[Any, Any]) -> System:
         """The system with other values of some parameters; what is an expression in them follows.
@@ -180,9 +193,9 @@ class System:
         given = tree_of(parameters, "'parameters'")
         if not isinstance(given, MappingNode):
             raise ArgumentError("'parameters' must be a mapping, as in {name: value}")
-        known = list(self.parameters)
+        known = list(self._names.values)
         for name in given.entries:
-            if name not in self.parameters:
+            if name not in known:
                 raise ArgumentError(
                     f"'{name[:60]}' is no parameter{did_you_mean(name, known)}; parameters: {listed(known)}"
                 )
@@ -235,6 +248,23 @@ class System:
         return conditions(Source(self.tree), self._form.scene) if self._form.scene else []
 
     @cached_property
+    def independent_parameters(self) -> frozenset[str]:
+        """Parameters that stand in no other one's expression, and in no exponent: other values change nothing else."""
+        tree = child(self.tree, ["system" if self._form.system else "scene", "parameters"])
+        nodes = tree.entries.values() if isinstance(tree, MappingNode) else ()
+        used = {name for node in nodes if isinstance(node, ScalarNode) for name in names_in(node.text)}
+        return frozenset(self._names.values) - used - {symbol.name for symbol in parameters_in_exponents(self._written)}
+
+    @cached_property
+    def has_moving_exponents(self) -> bool:
+        """Whether a surface, or a ``valid`` expression, has an exponent in time or states."""
+        moving, powers = {TIME, *self.model.states}, set[sp.Pow]()
+        return any(
+            p.exp.free_symbols & moving
+            for p in powers.union(*(e.atoms(sp.Pow) for e in (*self.model.surfaces, *self.model.valid)))
+        )
+
+    @cached_property
     def structure(self) -> tuple[object, ...]:
         """What the system says whatever the values of its parameters, in a form that can be compared and hashed."""
         model = self.model
@@ -242,7 +272,7 @@ class System:
             (i, o.field, tuple((r.when, r.direction, r.to) for r in o.release), o.entry)
             for i, o in sorted(model.overrides.items())
         )
-        names = tuple(self.parameters)
+        names = tuple(self._names.values)
         return model.states, model.signs, model.surfaces, model.field, model.valid, overrides, names
 
     @cached_property

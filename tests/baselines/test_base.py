@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,16 +10,18 @@ import pytest
 import sympy as sp
 from numpy.typing import NDArray
 
-from baselines.base import Adapter, CallbackFlow, ConfiguredLibrary
+from baselines import scipy_ivp
+from baselines.base import Adapter, ConfiguredLibrary, ModeSolver, SmoothMode
 from baselines.flow import Stop
-from baselines.mode_functions import ModeFunctions
+from baselines.mode_functions import EPSILON, ModeFunctions
+from baselines.restart import STOPPED
 from baselines.work import Work
-from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.solver import Solver
 
-X, S = sp.symbols("x s", real=True)
+X, S, U = sp.symbols("x s u", real=True)
 STICKS_AT_2 = Problem(FilippovSystem((X,), (S,), (X,), (-S,)), sp.Integer(0), (sp.Integer(2),), sp.Integer(5))
 
 
@@ -40,13 +41,13 @@ class Lines(Adapter):
     def location_error(self, t: float) -> float:
         return 1e-15 * abs(t)
 
-    def flow(self, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float) -> CallbackFlow:
+    def flow(self, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float) -> SmoothMode:
         return _Flow(library, model, work, horizon)
 
 
-class _Flow(CallbackFlow):
-    def solve(self, t: float, x: Sequence[float], until: float, wanted: NDArray[np.float64] | None) -> Stop:
-        begin, rates = np.array(x), np.array(self.model.field(t, *x))
+class _Flow(SmoothMode):
+    def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
+        begin, rates = x, np.array(self.model.field(t, *x.tolist()))
         self.work.steps += 1
         roots = {}
         for k, guard in enumerate([*self.gates.watchers(self.work.count_event), self.last.value]):
@@ -84,3 +85,108 @@ def test_a_library_that_is_not_installed_and_a_step_are_refused() -> None:
         Lines("missing").prepare(STICKS_AT_2, rtol=1e-9)
     with pytest.raises(UnsupportedError, match="chooses its own steps"):
         Lines("lines").prepare(STICKS_AT_2, step=1e-3)
+
+
+class Euler(SmoothMode):
+    """Explicit steps of a thousandth of the horizon; a root is the end of its step."""
+
+    def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
+        before = self.guards(t, x)
+        while t < until:
+            end = min(t + 1e-3 * self.horizon, until)
+            x = x + (end - t) * self.rhs(t, x)
+            now = self.guards(end, x)
+            fallen = np.flatnonzero((before > 0) & (now <= 0))
+            if fallen.size:
+                return self.stopped(end, x, fallen)
+            t, before = end, now
+            self.work.steps += 1
+        return self.stopped(until, x)
+
+
+EULER = ModeSolver("euler", Euler, landing="the end of a step", distribution="numpy")
+
+
+def mode_of(problem: Problem, mode: tuple[int, ...], solver: ModeSolver = EULER) -> SmoothMode:
+    """One mode of a problem at tolerances 1e-6."""
+    return Euler(solver.library(1e-6, 1e-8), ModeFunctions(problem.system, mode), Work(None), 5.0)
+
+
+def test_one_method_is_left_to_fill_in_and_makes_a_solver() -> None:
+    assert SmoothMode.__abstractmethods__ == {"integrate"}
+    assert isinstance(EULER, Solver)
+    assert (EULER.version, EULER.fixed_step) == (np.__version__, False)
+    found = EULER.prepare(STICKS_AT_2, rtol=1e-3)()
+    assert [(event.kind, event.landing) for event in found.transitions] == [("stick", "the end of a step")]
+    assert found.transitions[0].time == pytest.approx(2.0, abs=0.01)
+    assert (found.status, found.end_state, found.end_mode) == ("ok", (0.0,), (0,))
+    assert found.counts.steps == found.counts.rhs_evaluations - 1  # one of them ended at the event
+
+
+def test_every_adapter_that_calls_python_back_is_made_of_the_same_class() -> None:
+    for solver in (scipy_ivp.DOP853, EULER):
+        library = solver.library(1e-6, 1e-6)
+        assert isinstance(library.flow(ModeFunctions(STICKS_AT_2.system, (1,)), Work(None), 5.0), SmoothMode)
+
+
+def test_what_a_mode_offers_has_the_shapes_that_are_documented() -> None:
+    curved = FilippovSystem((X, U), (S,), (X**2 + U,), (U - S, -X * U))
+    mode = mode_of(Problem(curved, sp.Integer(0), (sp.Integer(2), sp.Integer(1)), sp.Integer(5)), (1,))
+    x = mode.model.start(0.0, (2.0, 1.0))
+    assert x.tolist() == [2.0, 1.0, 5.0]  # the guard is not linear: a copy of it is integrated along
+    assert mode.rhs(0.0, x).tolist() == [0.0, -2.0, -2.0]
+    assert mode.guards(0.0, x).tolist() == [5.0, 1e100]
+    assert mode.jacobian(0.0, x).tolist() == [[0.0, 1.0, 0.0], [-1.0, -2.0, 0.0], [-1.0, 2.0, 0.0]]
+    assert (mode.rtol, mode.atol) == (1e-6, 1e-8)
+
+
+def test_a_mode_says_where_it_stopped() -> None:
+    mode = mode_of(STICKS_AT_2, (1,))
+    assert mode.stopped(5.0, np.array([1.0])) == Stop("horizon", 5.0, 0.0, (1.0,))
+    assert mode.stopped(2.0, np.array([0.0]), np.array([0])) == Stop("event", 2.0, 0.0, (0.0,), (0,))
+    assert mode.stopped(2.0, np.array([1e101]), np.array([1])).status == "diverged"
+
+
+def test_steps_that_stand_still_and_a_deadline_end_the_run_as_they_should() -> None:
+    class Still(Euler):
+        def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
+            while True:
+                self.guards(t, x)
+
+    stalled = ModeSolver("still", Still, landing="none", distribution="numpy").prepare(STICKS_AT_2, rtol=1e-3)()
+    assert (stalled.status, stalled.reason) == ("failed", "the steps no longer move the time t = 0")
+    assert EULER.prepare(STICKS_AT_2, rtol=1e-3, deadline=0.0)().status == "timeout"
+
+
+def test_an_implicit_method_is_watched_later_than_an_explicit_one() -> None:
+    implicit = replace(EULER, implicit=True)
+    assert EULER.library(1e-6, 1e-6).errors == (EPSILON, 0.0)
+    assert implicit.library(1e-6, 1e-6).errors == (STOPPED * 1e-6, STOPPED * 1e-6)
+
+
+def test_what_is_no_stop_and_no_index_is_refused() -> None:
+    class Forgets(Euler):
+        def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
+            return None  # type: ignore[return-value]
+
+    with pytest.raises(ContractError, match=r"integrate returned None, wanted what self\.stopped or self\.failed"):
+        ModeSolver("forgets", Forgets, landing="none", distribution="numpy").prepare(STICKS_AT_2, rtol=1e-3)()
+    for fallen in (np.array([True, False]), [-1], [2]):
+        with pytest.raises(ContractError, match="wanted its index, 0 to 1"):
+            mode_of(STICKS_AT_2, (1,)).stopped(2.0, np.array([0.0]), fallen)
+
+
+def test_a_guard_that_starts_at_zero_reads_one_until_it_is_clear_of_zero() -> None:
+    """After a crossing: the state lies on the surface, and its guard rises at speed 1."""
+    seen = []
+
+    class Looks(Euler):
+        def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
+            seen.append((self.guards(t, x)[0], self.guards(t + 1e-3, x + 1e-3)[0]))
+            return self.stopped(until, x + (until - t))
+
+    system = FilippovSystem((X,), (S,), (X,), (2 + S,))  # from x = -1 at speed 1, through 0 at t = 1, then at 3
+    mode = Looks(EULER.library(1e-6, 1e-6), ModeFunctions(system, (1,)), Work(None), 5.0)
+    mode.advance(1.0, 0.0, (0.0,), 5.0, [(0, 4.0, 3.0)], None)
+    mode.advance(1.0, 0.0, (0.0,), 5.0, [], None)
+    assert seen == [(1.0, 1e-3), (0.0, 1e-3)]

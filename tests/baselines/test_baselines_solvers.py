@@ -49,6 +49,7 @@ def kinds(found: Any) -> list[str]:
 @EACH
 def test_each_meets_the_contract(solver: Any, rtol: float, bound: float) -> None:
     assert isinstance(solver, Solver)
+    assert solver.library(rtol, rtol).module
     assert solver.version
     assert not solver.fixed_step
 

@@ -83,3 +83,17 @@ def test_a_number_that_is_not_finite_says_so() -> None:
 def test_what_has_no_program_is_refused() -> None:
     with pytest.raises(ModelError, match="no program"):
         constant_program((A,), (sp.gamma(A),))
+
+
+def test_a_constant_that_cancels_is_evaluated_anew() -> None:
+    program = constant_program((A, B), ((A + B) ** 2 - A**2 - 2 * A * B, A / 3))
+    values = np.array([[3.0**20 + 0.5, 2.0**-40 / 3], [1.0, 1.0]])
+    registers = program.registers(values)
+    before = registers[:, list(program.outputs)].copy()
+    program.made_accurate(registers)
+    found = registers[:, list(program.outputs)]
+    for row, (a, b) in zip(found, values.tolist(), strict=True):
+        exact = sp.Rational(b) ** 2, sp.Rational(a) / 3
+        assert [value for value, _, _ in row.tolist()] == [float(number) for number in exact]
+    assert before[0, 0, 0] != found[0, 0, 0]
+    assert np.array_equal(before[1], found[1])

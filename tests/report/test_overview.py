@@ -163,3 +163,14 @@ def test_a_model_and_a_story_are_told_once():
     for result in comparison.readings:
         result.reading = replace(result.reading, story=told.story)
     assert report_text(comparison, ORIGIN).count("A story.") == 1
+
+
+def test_of_settings_that_are_as_good_the_cheapest_is_shown():
+    comparison = sweep(settings=(1e-9, 0.9e-9))
+    for result in comparison.readings:
+        comparison.of_reading(result.reading.name)[1].run["wall_s"] = 1e-9
+    row = first(comparison)["`henon`"]
+    assert (row["setting"], row["note"]) == ("9e-10", "in as many at 1e-9")
+    for result in comparison.readings:
+        comparison.of_reading(result.reading.name)[0].run["wall_s"] = 1e-10
+    assert first(comparison)["`henon`"]["setting"] == "1e-9"

@@ -64,6 +64,15 @@ def test_what_is_kept_is_bounded(made: list[object], monkeypatch: pytest.MonkeyP
     assert len(made) == 4
 
 
+def test_what_is_refused_is_refused_before_anything_is_compiled(made: list[object]) -> None:
+    for wrong in ({"until": 0}, {"rtol": 0}, {"atol": 0}, {"stop": {"q": "rising"}}, {"parameters": {"q": 1}}):
+        with pytest.raises(hr.HenonRefError):
+            hr.simulate(oscillator(), {"x": 1, "v": 0}, **{"until": 5, **wrong})
+    with pytest.raises(hr.HenonRefError):
+        hr.simulate(oscillator(), {"x": 1}, until=5)
+    assert made == []
+
+
 def test_threads_that_come_at_once_compile_once_and_get_the_same_bits(made: list[object]) -> None:
     barrier = Barrier(6)
 

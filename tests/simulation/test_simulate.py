@@ -182,6 +182,8 @@ REFUSED = {
     "a stop that is text": {"stop": "s"},
     "a giant number": {"until": 10**400},
     "a giant power": {"until": "9^9^9^9"},
+    "a giant tolerance": {"rtol": 10**400},
+    "a giant absolute tolerance": {"atol": -(10**400)},
     "no system": {"system": "belt"},
 }
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import pickle
+from fractions import Fraction
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -139,3 +141,22 @@ def test_it_is_drawn(name: str, panels: int) -> None:
 def test_it_is_shown_in_a_line_and_in_a_notebook(stick_slip: hr.Solution) -> None:
     assert repr(stick_slip).startswith("Solution(ok; t = 0 to 20, 5 transitions, ")
     assert "<table" in stick_slip._repr_html_()
+
+
+def test_many_grazes_in_a_long_run_are_kept_whole() -> None:
+    """x = 1 + cos t touches 0 once a period, each time located in multiprecision."""
+    tide = hr.System(["x", "v"], {}, {"s": "x"}, ["v", "1 - x"])
+    run = hr.simulate(tide, {"x": 2, "v": 0}, until=1000)
+    assert set(run.transitions.kind) <= {"graze", "crossing"}
+    times = np.linspace(0, 1000, 20_001)
+    assert np.abs(run.sol(times)[0] - 1 - np.cos(times)).max() < 1e-7
+    assert (np.diff(run.t) >= 0).all()
+
+
+def test_it_can_be_sent_to_another_process(stick_slip: hr.Solution) -> None:
+    there = hr.simulate(BELT, {"x": 1.5, "v": 0}, until=20, parameters={"vb": 0.3})
+    again = pickle.loads(pickle.dumps(there))
+    assert again.transitions.equals(there.transitions)
+    assert again.sol(7.0).tolist() == there.sol(7.0).tolist()
+    assert again.system == there.system == BELT.with_parameters({"vb": 0.3})
+    assert again.system.parameters["vb"] == Fraction(3, 10)

@@ -154,6 +154,8 @@ def test_an_unknown_keyword_is_a_type_error() -> None:
 def test_a_case_that_is_none_is_told_with_its_place(tmp_path: Path) -> None:
     with pytest.raises(hr.CaseError, match="no such file"):
         hr.System.from_case(tmp_path / "none.yaml")
+    with pytest.raises(hr.HenonRefError, match="wanted the name of a reading"):
+        hr.System.from_case("fig8", 3)
     with pytest.raises(hr.CaseError, match="no reading 'q'"):
         hr.System.from_case(CASES / "fig8.yaml", "q")
 
@@ -163,3 +165,14 @@ def test_expressions_and_numbers_are_read_with_its_names() -> None:
     assert belt().number("vb/3") == sp.Rational(1, 6)
     with pytest.raises(hr.HenonRefError, match="unknown name 'w'"):
         belt().expression("v - w")
+
+
+def test_a_case_that_comes_with_the_package_goes_by_its_name() -> None:
+    assert hr.System.from_case("fig8", "equations") == hr.System.from_case(CASES / "fig8.yaml", "equations")
+    assert hr.System.from_case("hard/grazing").until == hr.System.from_case(CASES / "hard" / "grazing.yaml").until
+
+
+def test_its_parameters_are_a_copy() -> None:
+    system = belt()
+    system.parameters["vb"] = 7
+    assert system == belt()

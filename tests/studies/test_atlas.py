@@ -89,6 +89,7 @@ def test_the_page_and_its_figure_are_made_of_runs(tmp_path: Path) -> None:
 
 def test_restarts_are_compared_on_the_cases_that_are_there(tmp_path: Path) -> None:
     """heyoka restarted at an exact zero, with roots of either direction, never gets away from it."""
+    pytest.importorskip("heyoka")
     case = load_case(CASES / "free_coulomb.yaml")
     page = run_restarts([case], Options(solvers=("heyoka",), processes=1), provenance("x"), tmp_path, Silent())
     assert page is not None

@@ -175,6 +175,7 @@ def test_others_are_said_to_take_so_many_times_as_long() -> None:
 
 
 def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> None:
+    pytest.importorskip("heyoka")
     case = load_case(CASES / "free_coulomb.yaml")
     ladder = [
         {**row(solver, wall, digits, case=case.name), "rtol": rtol, "atol": rtol}

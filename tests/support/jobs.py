@@ -334,10 +334,12 @@ class Collector:
             self.results[what] = result
 
 
-def run(*queues: list[str | Job], collector: Collector | None = None, workers: int = 2) -> Collector:
+def run(
+    *queues: list[str | Job], collector: Collector | None = None, workers: int = 2, main: bool = False
+) -> Collector:
     """Do jobs, each list in a queue of its own."""
     collector = collector or Collector()
-    pool = WorkerPool(workers=workers, memory=memory())
+    pool = WorkerPool(workers=workers, memory=memory(), main=main)
     for number, jobs in enumerate(queues):
         pool.add(str(number), collector.jobs(*jobs))
     pool.run()

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import sympy as sp
 
 from henon_ref.campaign.results import ReadingResult
 from henon_ref.errors import ModelError
+from henon_ref.filippov.formulas import MOST_OPERATIONS, aligned, derivative, few, printable
+from henon_ref.filippov.formulas import general_form as general_form
 from henon_ref.filippov.latex import latex, symbol
 from henon_ref.filippov.modes import Mode, mode_text
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.taylor.size import size, total_size
+from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import markdown
 
 MOST_MODES = 9
 """Modes whose equations are printed."""
-MOST_OPERATIONS, MOST_IN_ALL = 500, 2_500
-"""Operations up to which an expression, and all that stand together, are set as formulas: a printer sorts their terms,
-and asks of each many questions."""
 
 
 @dataclass(frozen=True)
@@ -34,35 +32,15 @@ class ModeText:
     """LaTeX of equivalent signs and of what ends a sliding mode."""
 
 
-def general_form(system: FilippovSystem) -> str:
-    """The field with its sign symbols, and the surfaces, as LaTeX; without those that are too long for it."""
-    lines = [_derivative(x, f) for x, f in zip(system.states, system.field, strict=True) if _printable(f)]
-    for sign, surface in zip(system.signs, system.surfaces, strict=True):
-        if _printable(surface):
-            lines.append(rf"{symbol(sign.name)} &= \operatorname{{sgn}}\left({latex(surface)}\right)")
-    return _aligned(lines) if lines and _few([*system.field, *system.surfaces]) else ""
-
-
 def as_written(system: FilippovSystem) -> list[str]:
     """What :func:`general_form` leaves out, as the case file has it, in markdown."""
     pairs = [(f"{x.name}' = ", x, f) for x, f in zip(system.states, system.field, strict=True)]
     pairs += [(f"{s.name} = sign of ", s, h) for s, h in zip(system.signs, system.surfaces, strict=True)]
-    every = not _few([*system.field, *system.surfaces])
+    every = not few([*system.field, *system.surfaces])
     left_out = [
-        (start, system.written.get(x, "(too long to be printed)"))
-        for start, x, e in pairs
-        if every or not _printable(e)
+        (start, system.written.get(x, "(too long to be printed)")) for start, x, e in pairs if every or not printable(e)
     ]
     return [f"`{start}{' '.join(text.split())}`" for start, text in left_out]
-
-
-def _printable(expression: sp.Expr) -> bool:
-    return size(expression, MOST_OPERATIONS) <= MOST_OPERATIONS
-
-
-def _few(expressions: Sequence[sp.Expr]) -> bool:
-    """Whether expressions have few enough operations, all together, to be printed."""
-    return total_size((e for e in expressions if _printable(e)), MOST_IN_ALL) <= MOST_IN_ALL
 
 
 def modes_of(result: ReadingResult) -> list[Mode]:
@@ -86,9 +64,9 @@ def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
         return ModeText(title, "", [markdown(str(error))])
     shown = [*equations.field, *equations.equivalent_signs.values()]
     shown += [guard.expression for guard in equations.guards if guard.kind == "release"]
-    if not (_few(shown) and all(map(_printable, shown))):
+    if not (few(shown) and all(map(printable, shown))):
         return ModeText(title, "", ["its equations are too long to be printed"])
-    lines = [_derivative(x, f) for x, f in zip(system.states, equations.field, strict=True)]
+    lines = [derivative(x, f) for x, f in zip(system.states, equations.field, strict=True)]
     notes = []
     for index, value in equations.equivalent_signs.items():
         notes.append(f"equivalent sign ${symbol(system.signs[index].name)} = {latex(value)}$")
@@ -99,15 +77,7 @@ def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
     for index, entry in enumerate(mode):
         if entry == 0 and system.held_inside(index):
             notes.append("entered wherever the surface is reached with these positive, whatever the slip fields do")
-    return ModeText(title, _aligned(lines), notes)
-
-
-def _derivative(state: sp.Symbol, rate: sp.Expr) -> str:
-    return rf"\dot{{{symbol(state.name)}}} &= {latex(rate)}"
-
-
-def _aligned(lines: list[str]) -> str:
-    return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
+    return ModeText(title, aligned(lines), notes)
 
 
 def parameters(result: ReadingResult) -> list[str]:

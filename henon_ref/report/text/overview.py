@@ -11,7 +11,7 @@ from henon_ref.columns import Row
 from henon_ref.report.files.figure_jobs import READINGS
 from henon_ref.report.text.formats import digits, setting
 from henon_ref.report.text.matrix import KEY, matrix
-from henon_ref.report.text.ranking import NOT_RUN, by_solver, number, over_all
+from henon_ref.report.text.ranking import AS_GOOD, NOT_RUN, by_solver, number, over_all
 from henon_ref.report.text.summary import HEADINGS, times_as_long
 from henon_ref.report.text.tables import MARK, Table, price_table, timed
 from henon_ref.text import code
@@ -63,7 +63,7 @@ def is_drawn(comparison: Comparison) -> bool:
 def right_in_all_table(whole: Sequence[Row], judged: int) -> Table:
     """A row a solver: the setting with which it is right in most readings, and its cost over all where that is in all.
 
-    Of settings that are right in as many, the most accurate one is shown, and the others are noted.
+    Of settings that are right in as many, one is shown, and the others are noted.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def right_in_all_table(whole: Sequence[Row], judged: int) -> Table:
         Readings with a truth.
     """
     solvers = by_solver(whole)
-    best = {solver: max(rows, key=_merit) for solver, rows in solvers.items()}
+    best = {solver: _best(rows) for solver, rows in solvers.items()}
     walls = {solver: number(row, "wall_s") for solver, row in best.items() if row["verdict"] == "right"}
     lines = []
     for solver in sorted(solvers, key=lambda solver: (-number(best[solver], "right_in"), walls.get(solver, 0.0))):
@@ -94,9 +94,13 @@ def right_in_all_table(whole: Sequence[Row], judged: int) -> Table:
     return Table(HEADINGS, "lrrrrrl", lines)
 
 
-def _merit(row: Row) -> tuple[float, float]:
-    """In how many readings a setting is right, and the fewest digits in any."""
-    return number(row, "right_in"), number(row, "digits") if row["digits"] is not None else 0.0
+def _best(rows: Sequence[Row]) -> Row:
+    """Of the settings that are right in most readings the most accurate one; among those as good, the cheapest."""
+    most = max(number(row, "right_in") for row in rows)
+    able = [row for row in rows if row["right_in"] == most]
+    reached = [number(row, "digits") if row["digits"] is not None else 0.0 for row in able]
+    good = [row for row, own in zip(able, reached, strict=True) if own >= max(reached) - AS_GOOD]
+    return min(good, key=lambda row: number(row, "wall_s"))
 
 
 def _explained(judged: int, readings: int) -> str:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from baselines.functions import Jacobian, compiled, rounded, scalar
 from baselines.heyoka_expressions import to_heyoka
 from baselines.mode_functions import Landing, ModeFunctions
 from henon_ref.errors import ModelError, UnsupportedError
+from henon_ref.filippov.callables import Jacobian, compiled, rounded, scalar
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 

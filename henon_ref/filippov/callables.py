@@ -1,4 +1,4 @@
-"""SymPy expressions as Python callables: what a baseline's library calls back.
+"""SymPy expressions as Python callables: what a numerical library calls back.
 
 Every number in an expression is exact; :func:`rounded` folds each constant once, in one rounding.
 Scalar callables (``math``, one float an argument) are the cheapest plain Python there is for a handful
@@ -152,6 +152,22 @@ def compiled(states: Sequence[sp.Symbol], expressions: Iterable[sp.Expr]) -> Cal
             out[k] = results[k]
 
     return numba.njit(fill, error_model="numpy")
+
+
+def vector(states: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., NDArray[np.float64]]:
+    """``f(t, x)`` of a time and an array of the states -> one value an expression, shape (m,).
+
+    Every value is NaN where one of them has none (a division by zero, a root of a negative number).
+    """
+    function, nowhere = scalar(states, expressions), (math.nan,) * len(expressions)
+
+    def values(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        try:
+            return np.array(function(t, *x.tolist()))
+        except ARITHMETIC:
+            return np.array(nowhere)
+
+    return values
 
 
 class Jacobian:

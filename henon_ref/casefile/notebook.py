@@ -1,0 +1,51 @@
+"""A case as a notebook shows it: its readings in a table, its equations as formulas."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+
+from henon_ref.filippov.formulas import general_form
+from henon_ref.filippov.problem import Problem
+from henon_ref.text import html, listed
+
+MOST_READINGS, MOST_SYSTEMS = 12, 3
+"""Readings, and systems of equations that differ, that are shown."""
+HEADINGS = ("reading", "states", "surfaces", "from t [s]", "to t [s]")
+
+
+def case_html(name: str, title: str, problems: Mapping[str, Problem]) -> str:
+    """A table of readings, then the equations; whoever wrote the case, nothing in it is a tag.
+
+    Parameters
+    ----------
+    name, title : str
+    problems : mapping
+        Reading -> its problem.
+    """
+    rows = [_row(reading, problem) for reading, problem in list(problems.items())[:MOST_READINGS]]
+    head = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
+    body = "".join(f"<tr>{''.join(f'<td>{html(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    more = f"<p>and {len(problems) - len(rows)} more readings</p>" if len(problems) > len(rows) else ""
+    return f"<p><b>{html(name)}</b>: {html(title)}</p>{table}{more}{equations_html(problems)}"
+
+
+def _row(reading: str, problem: Problem) -> tuple[str, ...]:
+    states, signs = problem.system.state_names, problem.system.sign_names
+    return reading, listed(states), listed(signs), f"{float(problem.start):g}", f"{float(problem.until):g}"
+
+
+def equations_html(problems: Mapping[str, Problem]) -> str:
+    """The equations of the readings, once where several have the same, as formulas that a notebook typesets."""
+    systems: dict[str, list[str]] = {}
+    for reading, problem in problems.items():
+        systems.setdefault(general_form(problem.system), []).append(reading)
+    shown = list(systems.items())[:MOST_SYSTEMS]
+    parts = [
+        (f"<p>{html(listed(readings, 6))}:</p>" if len(systems) > 1 else "")
+        + (f"<div>$${escape(formula)}$$</div>" if formula else "<p>its equations are too long to be set</p>")
+        for formula, readings in shown
+    ]
+    more = f"<p>and {len(systems) - len(shown)} more systems of equations</p>" if len(systems) > len(shown) else ""
+    return "".join(parts) + more

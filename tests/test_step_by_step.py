@@ -1,0 +1,68 @@
+"""What the step-by-step pages show does what they say."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+from baselines.base import ModeSolver
+from henon_ref.casefile.case import parse_case
+from henon_ref.cli.new_solver import package_files
+from henon_ref.errors import CaseError
+from henon_ref.henon.solver import HENON_SOLVER
+from henon_ref.trajectory import Trajectory
+
+DOCS = Path(__file__).parent.parent / "docs"
+
+
+def first_case() -> str:
+    page = (DOCS / "first_case.md").read_text(encoding="utf-8")
+    return dedent(page[page.index("    schema: 1\n") : page.index("\n`source` and")])
+
+
+def sticks(run: Trajectory) -> list[float]:
+    """Durations of the sticks that begin after the start."""
+    began = {event.time for event in run.transitions if event.kind == "stick"}
+    ended = [event.time for event in run.transitions if event.kind == "release"]
+    return [min(end for end in ended if end > begin) - begin for begin in sorted(began)]
+
+
+def test_the_first_case_has_the_transitions_that_its_page_tells() -> None:
+    run = HENON_SOLVER.prepare(parse_case(first_case()).readings[0].problem, rtol=1e-12)()
+    assert (run.status, len(run.transitions)) == ("ok", 7)
+    assert run.transitions[0].kind == "release"
+    assert [run.transitions[0].time, *sticks(run)] == pytest.approx([1.694703, 0.091082, 2.532622], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ("M*s", "M*sign(w)"),
+        ("cos(Omega*t)", "cos(Om*t)"),
+        (", w: 0}", "}"),
+        ("{s: w}", "[w]"),
+        ("name: pendulum", "name: My pendulum"),
+        ("schema: 1\n", ""),
+    ],
+)
+def test_mistakes_get_the_messages_of_the_page(right: str, wrong: str) -> None:
+    page = (DOCS / "first_case.md").read_text(encoding="utf-8")
+    with pytest.raises(CaseError) as told:
+        parse_case(first_case().replace(right, wrong), file="pendulum.yaml")
+    assert str(told.value) in page
+
+
+def test_the_method_that_is_filled_in_meets_the_package_s_own_test(capsys: pytest.CaptureFixture[str]) -> None:
+    page = (DOCS / "add_a_solver.md").read_text(encoding="utf-8")
+    (module,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    names: dict[str, object] = {}
+    exec(compile(module, "heun.py", "exec"), names)
+    assert isinstance(names["SOLVER"], ModeSolver)
+    own = package_files("heun")["tests/test_heun.py"].replace("from heun import SOLVER\n", "")
+    exec(compile(own, "test_heun.py", "exec"), names)
+    tests = [value for name, value in names.items() if name.startswith("test_")]
+    assert len(tests) == 1
+    tests[0]()  # type: ignore[operator]
