@@ -35,10 +35,15 @@ KEPT_VALUES = 64
 class Integrator:
     """Runs of one system at one order, from any thread; compiles what it needs and keeps it.
 
+    A run is ``Run(integrator, integrator.start(problem, ...)).to_horizon()``, from exact numbers; with
+    :meth:`start_at` in place of :meth:`start` from doubles, in microseconds. Many runs in one call are
+    :class:`henon_ref.henon.points.PointRuns`. The library keeps one integrator for each system and order.
+
     Parameters
     ----------
     system : FilippovSystem
-        With values of its parameters; without them, problems of the system with any values can be started.
+        With values of its parameters; without them, problems of the system with any values can be started. (Its modes
+        are then derived for all values: surfaces that coincide for some of them are two surfaces all the same.)
     order : int
         Order of the Taylor method.
     """

@@ -36,6 +36,12 @@ class LoopProgram:
     normal_sources: NDArray[np.int64]
     """Registers of the constants of the normal velocities."""
 
+    @property
+    def bytes_a_point(self) -> int:
+        """Memory that :meth:`numbers` takes for each point."""
+        registers = self.program.inputs + len(self.program.numbers) + len(self.program.operations)
+        return 8 * (3 * registers + 2 * self.longest * len(self.compiled.modes) + 2 * len(self.normal_sources) + 1)
+
     def numbers(self, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """At parameter values, shape (points, parameters).
 

@@ -33,7 +33,9 @@ from henon_ref.henon.workspace import CHUNK, Workspace
 from henon_ref.trajectory import Status, Trajectory
 
 AT_ONCE = 4096
-"""Points whose constants are in memory at one time."""
+"""Points whose constants are in memory at one time, at most."""
+MEMORY = 1 << 26
+"""Bytes that these constants take, about: fewer points at one time where a system has many modes."""
 BUFFER = 16 * CHUNK
 """Transitions that are kept before they are handed out, at first."""
 PAUSE_STEPS = 1_000_000
@@ -163,8 +165,12 @@ class PointRuns:
         )
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
-        for first in range(0, len(self.initial), AT_ONCE):
-            yield from _Part(self, first, min(first + AT_ONCE, len(self.initial))).run()
+        first, points = 0, len(self.initial)
+        while first < points:
+            own = self.integrator.programs.loop().bytes_a_point if len(self.values) > 1 else 0
+            last = min(first + max(1, AT_ONCE if not own else min(AT_ONCE, MEMORY // own)), points)
+            yield from _Part(self, first, last).run()
+            first = last
 
 
 class _Part:

@@ -136,19 +136,29 @@ def _finish(run, state, code, ends, states, point):  # type: ignore[no-untyped-d
 @inner()
 def _take_in(at, run, block, code, buffer, waiting, ends, states):  # type: ignore[no-untyped-def]
     """Take in what a point's run has come to; True where it goes on."""
-    going_on = code == ReturnCode.BLOCK_FULL.value or code == ReturnCode.BUDGET_SPENT.value
+    spent = code == ReturnCode.BUDGET_SPENT.value
+    going_on = code == ReturnCode.BLOCK_FULL.value or (spent and run.steps < run.most_steps)
     end = end_of(row_of(ends[at.point]))
-    if not (going_on or code == ReturnCode.HORIZON.value or code == ReturnCode.STOPPED.value):
+    if not (going_on or spent or code == ReturnCode.HORIZON.value or code == ReturnCode.STOPPED.value):
         at.kept, end.code = at.kept_before, SET_ASIDE
         return False
     end.transitions += run.transitions
     records = work_space(row_of(block), run.states, run.guards, run.order)[3]
     keep_transitions(at, records, run.transitions, run.states, buffer, waiting)
     run.transitions = 0
-    going_on = going_on and run.steps < run.most_steps
     if not going_on:
         _finish(run, block, code, ends, states, at.point)
     return going_on
+
+
+@inner()
+def _advance_point(block, tables, numbers, normals, selection, samples):  # type: ignore[no-untyped-def]
+    """Call the loop, with a point's constants of the normal velocities where it selects modes by them."""
+    if selection is None:
+        return _advance_one(block, tables, numbers, None, samples)
+    address, _, signs, rows, decoupled, room, values, systems, places = selection
+    chosen = address, normals, signs, rows, decoupled, room, values, systems, places
+    return _advance_several(block, tables, numbers, chosen, samples)
 
 
 @njit(nogil=True)
@@ -175,20 +185,16 @@ def run_points(  # type: ignore[no-untyped-def]
         Surface on which the point starts, -1 where it is on none; ``rows`` then has the mode below it.
     tables : ndarray of int
         See :func:`henon_ref.henon.loop.advance`.
-    numbers : ndarray, shape (points or 1, M, 2, K)
-        Constants of the compiled modes: for each point, or the same for all.
-    normals : ndarray, shape (points or 1, k)
-        Constants of the normal velocities.
+    numbers, normals : ndarray, shapes (points or 1, M, 2, K) and (points or 1, k)
+        Constants of the compiled modes, and of the normal velocities: for each point, or the same for all.
     selection : tuple or None
         See :func:`henon_ref.henon.loop.advance`; its constants are taken from ``normals``.
     samples : ndarray, shape (0, 2)
         None are taken.
     kept, pending : ndarray
         See :func:`keep_transitions`.
-    ends : ndarray, shape (points, END_PLACES)
-        Filled with :data:`END`.
-    states : ndarray, shape (points, n)
-        Filled with the states at the ends.
+    ends, states : ndarray, shapes (points, END_PLACES) and (points, n)
+        Filled with :data:`END`, and the states there.
 
     Returns
     -------
@@ -201,10 +207,10 @@ def run_points(  # type: ignore[no-untyped-def]
     spent = 0
     while at.point < rows.size:
         point = at.point
+        constants = point if numbers.shape[0] > 1 else 0
         if at.running == 0:
-            own = numbers[point if numbers.shape[0] > 1 else 0]
             if rows[point] < 0 or not _begin(
-                block, template, times, initial, point, rows[point], surfaces[point], tables, own
+                block, template, times, initial, point, rows[point], surfaces[point], tables, numbers[constants]
             ):
                 end_of(row_of(ends[point])).code = SET_ASIDE
                 at.point += 1
@@ -215,14 +221,8 @@ def run_points(  # type: ignore[no-untyped-def]
             at.running, at.kept_before = 1, at.kept
         if at.kept + run.transition_capacity + pending.shape[0] > kept.shape[0]:
             return BUFFER_FULL
-        constants = point if numbers.shape[0] > 1 else 0
         before = run.steps
-        if selection is None:
-            code = _advance_one(block, tables, numbers[constants], None, samples)
-        else:
-            address, _, signs, table, decoupled, room, values, systems, places = selection
-            chosen = address, normals[constants], signs, table, decoupled, room, values, systems, places
-            code = _advance_several(block, tables, numbers[constants], chosen, samples)
+        code = _advance_point(block, tables, numbers[constants], normals[constants], selection, samples)
         spent += run.steps - before
         going_on = _take_in(at, run, block, code, buffer, waiting, ends, states)
         if not going_on:

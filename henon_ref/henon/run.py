@@ -51,6 +51,8 @@ _events_accumulate = in_python(events_accumulate)
 class Run(State):
     """One run: the compiled loop is called until the horizon, and its return codes are answered.
 
+    It has a workspace of its own, some 100 kB, as long as it lives.
+
     :meth:`to_horizon` goes to the horizon; :meth:`next_event` stops after each transition, so that whoever asks may
     read and change :attr:`x` there (saltation of variational equations, say) before going on.
 

@@ -90,7 +90,7 @@ def test_a_run_ends_on_a_surface_in_the_direction_that_is_wanted(stop: dict[str,
         assert end.end_state[0] == pytest.approx(0.0, abs=1e-13)
 
 
-def test_a_stick_ends_a_run_too_and_a_release_or_a_touch_does_not() -> None:
+def test_a_stick_ends_a_run_too_and_neither_a_release_nor_a_graze_does() -> None:
     problem = make_problem("x", ["t - 3*s"], {"s": "x"}, [1], 9)  # sticks from above, released at t = 3
     assert run(problem, stop_falling=1)[0].end_mode == (0,)
     assert run(problem, stop_rising=1)[0].end_time == 9.0

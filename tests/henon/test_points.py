@@ -43,7 +43,7 @@ def values_of(integrator: Integrator, problem: Problem) -> list[float]:
     return [float(problem.system.parameters[symbol]) for symbol in integrator.parameters]
 
 
-def told(runs: PointRuns, blocks: Sequence[NDArray[Any]], point: int) -> tuple[Any, ...]:
+def outcome(runs: PointRuns, blocks: Sequence[NDArray[Any]], point: int) -> tuple[Any, ...]:
     """All that is said of a point, in a form that does not depend on rows of modes."""
     modes = runs.integrator.mode_table.modes
     rows = [row for block in blocks for row in block[block["point"] == point]]
@@ -101,6 +101,7 @@ def test_every_point_has_the_bits_of_its_run_alone(
         assert len(runs.others) < 6, "most are done in compiled code"
     monkeypatch.setattr(points, "AT_ONCE", 5)
     monkeypatch.setattr(points, "BUFFER", points.CHUNK + 10)
+    monkeypatch.setattr(points, "MEMORY", 3 * first.programs.loop().bytes_a_point)
     again = PointRuns(first, values, initial, start=start, until=start + until, tolerance=TOLERANCE, keep=Keep())
     parts = list(again)
     for point in range(len(initial)):
@@ -112,8 +113,8 @@ def test_every_point_has_the_bits_of_its_run_alone(
             ),
         )  # fmt: skip
         expected = alone(run.to_horizon())
-        assert told(runs, blocks, point) == expected
-        assert told(again, parts, point) == expected
+        assert outcome(runs, blocks, point) == expected
+        assert outcome(again, parts, point) == expected
         assert runs.ends["transitions"][point] == len(expected[1])
 
 
@@ -218,7 +219,7 @@ def test_parts_in_several_threads_are_the_same() -> None:
     def part(integrator: Integrator, points: slice) -> list[tuple[Any, ...]]:
         own = PointRuns(integrator, values[points], initial[points], until=20.0, tolerance=TOLERANCE, keep=Keep())
         blocks = list(own)
-        return [told(own, blocks, k) for k in range(len(own.states))]
+        return [outcome(own, blocks, k) for k in range(len(own.states))]
 
     expected = part(other, slice(0, 32))
     with ThreadPoolExecutor(4) as pool:

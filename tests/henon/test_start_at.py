@@ -118,7 +118,7 @@ def test_a_start_that_is_off_by_one_bit_is_on_no_surface() -> None:
     assert [mode(v) for v in (np.nextafter(0.1, 0), 0.1, np.nextafter(0.1, 1))] == [(-1,), (0,), (1,)]
 
 
-def test_an_end_of_the_model_at_the_start_is_told() -> None:
+def test_a_model_that_does_not_hold_at_the_start_is_refused() -> None:
     problem = make_problem("x", ["-1 - s/2"], {"s": "x"}, [1], 3, valid=["1 - x"])
     integrator = Integrator(problem.system, 8)
 
@@ -129,7 +129,7 @@ def test_an_end_of_the_model_at_the_start_is_told() -> None:
     assert [refused(x) for x in (0.5, 1.0, 1.5)] == [None, None, "invalid"]
 
 
-def test_an_integrator_with_values_is_told_of() -> None:
+def test_an_integrator_of_a_system_with_values_refuses_others() -> None:
     problem = load_case(CASES / "stribeck_belt.yaml").readings[0].problem
     with pytest.raises(ModelError, match="values of its parameters"):
         Integrator(problem.system, 8).start_at((1.0,), [1.0, 0.0], until=1.0, tolerance=1e-6, landing=HENON)

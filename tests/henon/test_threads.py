@@ -17,6 +17,8 @@ from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.loop import advance
+from henon_ref.henon.points_kernel import run_points
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
 from henon_ref.henon.start import Start
@@ -80,6 +82,10 @@ def test_runs_at_once_are_those_one_after_the_other(path: str, reading: str | No
     with ThreadPoolExecutor(THREADS) as pool:
         for done in pool.map(work, range(THREADS)):
             assert [found for _, found in done] == [expected[at] for at, _ in done]
+
+
+def test_compiled_calls_let_go_of_the_interpreter_lock() -> None:
+    assert all(call.targetoptions["nogil"] for call in (advance, run_points))
 
 
 def test_runs_that_take_turns_in_one_thread_keep_their_own_memory() -> None:
