@@ -18,6 +18,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSche
 from henon_ref.text import shortened
 
 DEFAULT_TOLERANCES = (1e-6, 1e-9, 1e-12)
+"""A coarse, a usual and a tight one: enough for a work-precision line."""
 DEFAULT_STEPS = (1e-3,)
 MAX_NAME = 64
 """Characters the name of a case or of a reading may have: files are called after both."""
