@@ -75,8 +75,8 @@ class ConstantProgram:
 
         Parameters
         ----------
-        values : ndarray, shape (points, inputs)
-            Doubles, taken as exact.
+        values : ndarray, shape (points, inputs) or (points, inputs, 3)
+            Doubles, taken as exact; or each number as two doubles, and a bound of their error.
 
         Returns
         -------
@@ -85,7 +85,10 @@ class ConstantProgram:
         """
         found = np.empty((len(values), *self._registers.shape))
         found[:] = self._registers
-        found[:, : self.inputs, 0] = values
+        if values.ndim == 2:
+            found[:, : self.inputs, 0] = values
+        else:
+            found[:, : self.inputs] = values
         for other, operations in self._stages:
             if other:
                 for operation in operations.tolist():
@@ -95,7 +98,15 @@ class ConstantProgram:
         return found
 
     def made_accurate(self, registers: NDArray[np.float64]) -> None:
-        """Evaluate outputs in balls at points where they have lost digits, terms having cancelled."""
+        """Evaluate outputs in balls at points where they have lost digits, terms having cancelled.
+
+        Raises
+        ------
+        ModelError
+            Where the inputs are no exact doubles.
+        """
+        if registers[:, : self.inputs, 1:].any():
+            raise ModelError("terms cancel, and their numbers have no more digits than two doubles")
         outputs = list(self.outputs)
         error, size = registers[:, outputs, 2], np.abs(registers[:, outputs, 0])
         for point in np.flatnonzero((np.isfinite(size) & (error > ACCURATE * size)).any(axis=1)).tolist():
@@ -131,7 +142,7 @@ class ConstantProgram:
     def signs(self, values: Sequence[float]) -> list[int]:
         """Signs of the expressions at one point, taken as exact: 0 for zero, and where 60 digits show nothing."""
         with working_precision(BITS):
-            if self._rational:
+            if self.is_rational:
                 exact = [fmpq(*v.as_integer_ratio()) for v in values]
                 try:
                     found = self.over_ring(exact, lambda n: fmpq(int(n.p), int(n.q)), arb.sqrt)
@@ -141,9 +152,10 @@ class ConstantProgram:
             return [int(v > 0) - int(v < 0) for v in self.balls(values)]
 
     @cached_property
-    def _rational(self) -> bool:
-        simple = all(what in (ADD, MULTIPLY, POWER) for what, *_ in self.operations)
-        return simple and all(number.is_Rational for number in self.numbers)
+    def is_rational(self) -> bool:
+        """Whether rational inputs give rational outputs."""
+        plain = all(what in (ADD, MULTIPLY, POWER) for what, *_ in self.operations)
+        return plain and all(number.is_Rational for number in self.numbers)
 
 
 def _ball(number: sp.Expr) -> arb:

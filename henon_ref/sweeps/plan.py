@@ -89,7 +89,7 @@ def planned(
     HenonRefError
         For what cannot be meant.
     """
-    tolerance = tolerance_of(rtol, "rtol")
+    tolerance = tolerance_of(rtol)
     points = points_of(grid)
     if not isinstance(system, System):
         raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
