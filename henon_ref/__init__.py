@@ -12,7 +12,10 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # modules, too, under the names by which they go here
+    import henon_ref.figures.sweeps as plots  # noqa: F401
+    import henon_ref.sweeps.observe as observe  # noqa: F401
+    import henon_ref.sweeps.point_sets as points  # noqa: F401
     from baselines.base import ModeSolver, SmoothMode
     from henon_ref.analysis.lyapunov import lyapunov_exponents
     from henon_ref.analysis.periodic_orbit import periodic_orbit
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
     from henon_ref.simulation.solution import Solution
     from henon_ref.simulation.system import System
     from henon_ref.solver import Solver
+    from henon_ref.sweeps.sweep import sweep
     from henon_ref.trajectory import Counts, Trajectory, Transition
 
 __version__ = "0.1.0"
@@ -57,6 +61,7 @@ _HOME = {
     "System": "simulation.system",
     "simulate": "simulation.simulate",
     "stream": "simulation.simulate",
+    "sweep": "sweeps.sweep",
     "lyapunov_exponents": "analysis.lyapunov",
     "periodic_orbit": "analysis.periodic_orbit",
     "tangent_points": "analysis.tangent",
@@ -66,6 +71,9 @@ _HOME = {
     "Trajectory": "trajectory",
     "Transition": "trajectory",
 }
+
+_MODULES = {"observe": "sweeps.observe", "plots": "figures.sweeps", "points": "sweeps.point_sets"}
+"""What goes with :func:`sweep`: what is observed, where it is run, how it is drawn."""
 
 __all__ = [
     "ArgumentError",
@@ -94,11 +102,14 @@ __all__ = [
     "periodic_orbit",
     "simulate",
     "stream",
+    "sweep",
     "tangent_points",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f"henon_ref.{_MODULES[name]}")
     if name in _HOME:
         home = _HOME[name] if _HOME[name].startswith("baselines") else f"henon_ref.{_HOME[name]}"
         value = getattr(import_module(home), name)
@@ -108,4 +119,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, *_MODULES})

@@ -213,7 +213,7 @@ def _reading(
     name: str, source: Source, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
 ) -> Reading:
     form = validated(source.tree, file=source.file, within=source.within)
-    _check_model(source, form)
+    check_model(source, form)
     expected.check_runs(source, form, solvers)
     problem, names = build_problem(source, form)
     if not problem.system.surfaces:
@@ -243,7 +243,7 @@ def _reading(
     )
 
 
-def _check_model(source: Source, form: CaseForm) -> None:
+def check_model(source: Source, form: CaseForm) -> None:
     """Refuse a case with two models or none."""
     message = "give the model once: either 'system' or 'scene'"
     given = [key for key, model in (("system", form.system), ("scene", form.scene)) if model is not None]

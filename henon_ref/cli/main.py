@@ -39,6 +39,7 @@ SUBCOMMANDS = {
     "solvers": Subcommand("solvers:command", "List solvers: versions, options, and why one cannot be had."),
     "schema": Subcommand("schema:command", "Print the JSON Schema of a case file."),
     "new-solver": Subcommand("new_solver:command", "Write a package with a solver of your own to fill in."),
+    "sweep": Subcommand("sweep:program", "Run one system at many points, and observe each run."),
     "truth": Subcommand("truth:command", "Compute truths, hold them against the stored ones, store them."),
     "check": Subcommand("check:command", "Tell whether stored reports still say what a fresh comparison says."),
     "price": Subcommand("price:command", "Time every solver at every tolerance, and what the parts of a run cost."),

@@ -139,6 +139,19 @@ class System:
         self.mode = {problem.system.sign_names[i]: entry for i, entry in problem.initial_mode.items()}
         return self
 
+    @classmethod
+    def from_tree(cls, tree: MappingNode) -> System:
+        """The system of a case file's tree: its keys ``system`` or ``scene``, and ``sliding``.
+
+        Raises
+        ------
+        HenonRefError
+            For a tree that holds none.
+        """
+        self = cls.__new__(cls)
+        self._read(tree)
+        return self
+
     def _read(self, tree: MappingNode) -> None:
         kept = {key: tree.entries[key] for key in MODEL_KEYS if key in tree.entries}
         self.tree = mapping({**kept, **{key: tree_of(value, key) for key, value in _REST.items()}})
