@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode, merged
+from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode, child, merged
 from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import CaseError
 
-SCENE_SURFACES = 1
-"""A scene has one contact."""
+SURFACES_OF = {"friction": 1, "stop": 1}
+"""Kind of connection -> the surfaces that it makes."""
 NO_STATES = ("t", "mode")
 """Keys of ``initial`` that are no state."""
 
@@ -79,5 +79,13 @@ def _sizes(reading: MappingNode, path: Path) -> tuple[int, int]:
         if isinstance(states, SequenceNode) and isinstance(surfaces, MappingNode):
             return len(states.items), len(surfaces.entries)
     elif isinstance(initial, MappingNode):  # a scene's states stand in its start
-        return sum(key not in NO_STATES for key in initial.entries), SCENE_SURFACES
+        return sum(key not in NO_STATES for key in initial.entries), _contacts(reading)
     raise CaseError("there is no model: give 'system' or 'scene', and 'initial'", file=str(path))
+
+
+def _contacts(reading: MappingNode) -> int:
+    """Surfaces of a scene."""
+    connections = child(reading, ("scene", "connections"))
+    entries = connections.items if isinstance(connections, SequenceNode) else ()
+    kinds = [kind for entry in entries if isinstance(entry, MappingNode) for kind in entry.entries]
+    return sum(SURFACES_OF.get(kind, 0) for kind in kinds)

@@ -189,8 +189,8 @@ def test_rational_parameters_may_use_each_other_in_a_long_chain() -> None:
         (changed("{max_time_error: 1e-11}", "{at: 1e-7, max_time_error: 1}"), "18:20", "not among 'tolerances'"),
         (changed("{max_time_error: 1e-11}", "{max_error: 1e-11}"), "18:16", "did you mean 'max_time_error'"),
         (SLIDE + "until: 4\n", "19:1", "twice"),
-        (SLIDE + "scene: {body: belt_oscillator, effects: {}}\n", "19:1", "either 'system' or 'scene'"),
-        ("scene: {body: belt_oscillator, effects: {}}\n" + SLIDE, "6:1", "either 'system' or 'scene'"),
+        (SLIDE + "scene: {bodies: {a: {mass: 1}}, connections: []}\n", "19:1", "either 'system' or 'scene'"),
+        ("scene: {bodies: {a: {mass: 1}}, connections: []}\n" + SLIDE, "6:1", "either 'system' or 'scene'"),
         (SLIDE[: SLIDE.index("system:")] + SLIDE[SLIDE.index("initial:") :], "1:1", "either 'system' or 'scene'"),
         (SLIDE + "sliding: {q: {field: [0], release: [{when: x, direction: rising, to: 1}]}}", "19:11", "no surface"),
         (SLIDE + "sliding: {s: {field: [0], release: [{when: x, direction: up, to: 1}]}}", "19:58", "'rising'"),
@@ -251,7 +251,7 @@ readings:
         ("readings:\n  A: {}", "20:3", "a-z, 0-9 and _"),
         (f"readings:\n  {'a' * 65}: {{}}", "20:3", "at most 64 characters, not 65"),
         ("readings:\n  a: {measure: {after: 2}, until: 2}", "20:24", "earlier than 'until', 2 [reading 'a']"),
-        ("readings:\n  a: {scene: {body: belt_oscillator, effects: {}}}", "20:7", "either 'system' or 'scene'"),
+        ("readings:\n  a: {scene: {bodies: {a: {mass: 1}}, connections: []}}", "20:7", "either 'system' or 'scene'"),
         ("readings:\n  a: 1", "20:6", "must be a mapping"),
         ("readings:\n  a: {name: b}", "20:7", "cannot change the key 'name'"),
         ("readings:\n  a: {}\n  b: {until: -1}", "21:14", "[reading 'b']"),
@@ -361,10 +361,10 @@ def test_the_texts_at_the_top_are_checked_where_every_reading_has_its_own() -> N
 
 def test_a_scene_without_friction_is_no_case() -> None:
     model = SLIDE[SLIDE.index("system:") : SLIDE.index("initial:")]
-    scene = "scene: {body: belt_oscillator, parameters: {m: 1}, effects: {linear_spring: {stiffness: 1}}}\n"
-    error = refusal(SLIDE.replace(model, scene).replace("x: 0}", "x1: 1, x2: 0}"))
-    assert "name a friction effect" in error.message
-    assert (error.line, error.column) == (5, 52)
+    scene = "scene: {bodies: {a: {mass: 1}}, connections: [force: {on: a, value: 1}]}\n"
+    error = refusal(SLIDE.replace(model, scene).replace("x: 0}", "x_a: 1, v_a: 0}"))
+    assert "without friction or a stop" in error.message
+    assert (error.line, error.column) == (5, 33)
 
 
 def test_parameters_that_double_in_size_are_stopped() -> None:

@@ -1,0 +1,161 @@
+"""What a kind of connection is: keys with units, and the terms it adds to the bodies it acts on.
+
+Each kind is one file in :mod:`henon_ref.casefile.connections`, found by its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import sympy as sp
+
+from henon_ref.casefile.bodies import Body
+from henon_ref.casefile.source import Path, Source
+from henon_ref.errors import CaseError
+from henon_ref.filippov.exact_numbers import exact_sign
+
+Range = Literal["any", "nonnegative", "positive", "fraction"]
+"""``fraction``: from 0 to 1."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of a connection."""
+
+    name: str
+    unit: str
+    """Between masses."""
+    angular: str
+    """Unit between rotors."""
+    meaning: str
+    optional: bool = False
+    """Whether it may be left out, and is then not in the equations."""
+    range: Range = "any"
+    of: Literal["parameters", "time", "states"] = "parameters"
+    """What it is an expression in: parameters; t besides; t and states besides."""
+    words: tuple[str, ...] = ()
+    """It is one of these words, not an expression."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface that a connection makes."""
+
+    sign: sp.Symbol
+    expression: sp.Expr
+    """In t, states and parameters."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A contact that holds more than it slides with."""
+
+    sign: sp.Symbol
+    limit: sp.Expr
+    """Largest force [N] or torque [N m] that it can hold."""
+
+
+@dataclass
+class Link:
+    """One connection under construction: what its kind reads, and what it adds.
+
+    Attributes
+    ----------
+    kind : str
+    ends : tuple of Body
+        The bodies of ``between``, in its order, or that of ``on``.
+    values, words : dict
+        Keys that are given: expressions, and words.
+    """
+
+    kind: str
+    ends: tuple[Body, ...]
+    values: dict[str, sp.Expr]
+    words: dict[str, str]
+    source: Source
+    path: Path
+    """To its keys in the file."""
+    name: str | None
+    """The name that the file gives it."""
+    parameters: Mapping[sp.Symbol, sp.Expr]
+    """Parameter -> exact number."""
+    kinks: dict[sp.Expr, sp.Symbol]
+    """Expression with a kink where it is 0 -> its sign, in the whole scene so far."""
+    pushes: list[tuple[str, sp.Expr]] = field(default_factory=list)
+    """Body and force [N] or torque [N m] on it, by this connection alone."""
+    surfaces: list[Surface] = field(default_factory=list)
+    holds: list[Hold] = field(default_factory=list)
+
+    def error(self, message: str, *, at: str | None = None) -> CaseError:
+        """An error at one of its keys, or at its kind where a key is missing."""
+        return self.source.error(self.path if at is None else (*self.path, at), message, key=True)
+
+    def later(self, names: Collection[str]) -> str:
+        """Of some of its keys the one that stands last in the file."""
+        return [key for key in self.source.keys(self.path) if key in names][-1]
+
+    @property
+    def velocity(self) -> sp.Expr:
+        """v_p - v_q [m/s], or omega_p - omega_q [rad/s]."""
+        p, q = self.ends
+        return p.velocity - q.velocity
+
+    @property
+    def distance(self) -> sp.Expr:
+        """x_p - x_q [m], or phi_p - phi_q [rad].
+
+        Raises
+        ------
+        CaseError
+            Where a body has a velocity alone.
+        """
+        for i, body in enumerate(self.ends):
+            if body.position is None:
+                message = (
+                    f"{self.kind} needs the position of '{body.name}', of which the velocity alone is given; "
+                    "give its 'position' in place of its 'velocity'"
+                )
+                raise self.source.error((*self.path, "between", i), message)
+        p, q = self.ends
+        assert p.position is not None
+        assert q.position is not None
+        return p.position - q.position
+
+    def push(self, force: sp.Expr) -> None:
+        """Add a force [N] or torque [N m] on the first body, and its opposite on the second."""
+        for body, own in zip(self.ends, (force, -force), strict=False):
+            if body.inertia is not None:
+                self.pushes.append((body.name, own))
+
+    def sign(self, letter: str, surface: sp.Expr) -> sp.Symbol:
+        """The sign of an expression, which becomes a surface: the connection's name, or ``letter_p_q``."""
+        name = self.name or "_".join((letter, *(body.name for body in self.ends)))
+        symbol = sp.Symbol(name, real=True)
+        self.surfaces.append(Surface(symbol, surface))
+        return symbol
+
+    def positive_part(self, expression: sp.Expr) -> sp.Expr:
+        """max(0, expression); the sign of one that moves is a surface, the same in the whole scene."""
+        if not expression.free_symbols - set(self.parameters):
+            return expression if exact_sign(expression.xreplace(dict(self.parameters))) > 0 else sp.Integer(0)
+        sign = self.kinks.setdefault(expression, sp.Symbol(f"kink{len(self.kinks) + 1}", real=True))
+        self.surfaces.append(Surface(sign, expression))
+        return expression * (1 + sign) / 2
+
+    def hold(self, sign: sp.Symbol, limit: sp.Expr) -> None:
+        """Hold the two bodies together while the load is at most ``limit`` [N or N m]."""
+        self.holds.append(Hold(sign, limit))
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of connection."""
+
+    meaning: str
+    keys: tuple[Key, ...]
+    add: Callable[[Link], None]
+    """Adds its terms to a connection under construction."""
+    on: Literal["", "mass", "rotor"] = ""
+    """The kind of body that it acts on alone, named by ``on``; empty: it acts between two, named by ``between``."""
