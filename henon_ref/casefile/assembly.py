@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -42,9 +42,9 @@ class Scene:
     parameters: Mapping[sp.Symbol, sp.Expr]
     """Parameter -> exact number."""
 
-    def without(self, number: int) -> Scene:
-        """The scene with one connection left out."""
-        return replace(self, connections=self.connections[:number] + self.connections[number + 1 :])
+    def without(self, numbers: Collection[int]) -> Scene:
+        """The scene with some connections left out."""
+        return replace(self, connections=tuple(c for i, c in enumerate(self.connections) if i not in numbers))
 
     def system(self) -> FilippovSystem:
         """The Filippov system: states body by body, surfaces connection by connection."""

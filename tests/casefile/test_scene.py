@@ -19,6 +19,7 @@ from henon_ref.filippov.system import FilippovSystem, Release
 from henon_ref.taylor.tape import TIME, build_tape
 
 CASES = Path(__file__).parents[2] / "cases"
+DOCS = Path(__file__).parents[2] / "docs"
 PARAMETERS = "{m: 2, M: 3, J: 5, k: 7, c: 11, F: 13, G: 17, d: 19, w: 23, u: 29}"
 BODIES = """\
 {a: {mass: m}, b: {mass: M}, r: {inertia: J}, q: {inertia: m}, wall: fixed, floor: {fixed: 3/2},
@@ -182,35 +183,22 @@ def test_kinds_are_the_files_of_their_folder_and_say_what_they_mean_in_which_uni
         assert all(key.meaning and (key.words or (key.unit and key.angular)) for key in kind.keys)
 
 
-def test_the_issue_s_own_scene() -> None:
-    text = """\
-schema: 1
-name: scene
-title: Scene
-scene:
-  parameters: {k: 1, kc: 1.2, Fs: 1.1, Fk: 1, vb: 0.2}
-  bodies:
-    a: {mass: 1}
-    b: {mass: 1}
-    rotor: {inertia: 0.5}
-    belt: {velocity: vb}
-    wall: fixed
-  connections:
-    - spring: {between: [a, wall], stiffness: k, cubic: 0.1}
-    - spring: {between: [a, b], stiffness: kc}
-    - damper: {between: [a, b], coefficient: 0.05}
-    - friction: {between: [a, belt], law: coulomb, force: Fk, static: Fs}
-    - friction: {between: [b, belt], law: stribeck, force: Fk, slope: 3}
-    - force: {on: b, value: 0.3*cos(2*t)}
-    - stop: {between: [wall, b], gap: -0.5, stiffness: 100}
-initial: {t: 0, x_a: 1, v_a: 0, x_b: 0.2, v_b: 0, phi_rotor: 0, omega_rotor: 1}
-until: 20
-"""
-    system = parse_case(text).readings[0].problem.system
+def test_the_scene_of_the_documentation() -> None:
+    lines = (DOCS / "scenes.md").read_text().splitlines()
+    start = lines.index("    schema: 1")
+    end = next(k for k in range(start, len(lines)) if not lines[k])
+    system = parse_case("\n".join(line[4:] for line in lines[start:end])).readings[0].problem.system
     assert system.state_names == ("x_a", "v_a", "x_b", "v_b", "phi_rotor", "omega_rotor")
     assert system.sign_names == ("s_a_belt", "s_b_belt", "g_wall_b")
     assert set(system.overrides) == {0}
     assert system.effects[3] == "friction (a, belt)"
+
+
+def test_the_kind_of_the_documentation_is_the_file() -> None:
+    text = (DOCS / "scenes.md").read_text().replace("\n    ", "\n")
+    (folder,) = henon_ref.casefile.connections.__path__
+    for part in (Path(folder) / "spring.py").read_text().split("\n\n\n")[1:]:
+        assert part.strip() in text
 
 
 def test_the_paper_s_oscillator_is_eq_18_term_by_term() -> None:
