@@ -220,8 +220,11 @@ def _reading(
     expected.check_runs(source, form, solvers)
     problem, names = build_problem(source, form)
     if not problem.system.surfaces:
-        message = "without friction or a stop there is no surface, so no transition to find; name one"
-        raise source.error(("scene", "connections"), message, key=True)
+        if form.scene is not None:
+            message = "without friction or a stop there is no surface, so no transition to find; name one"
+            raise source.error(("scene", "connections"), message, key=True)
+        message = "without 'surfaces' and without kinks in 'field' there is no transition to find; name a surface"
+        raise source.error(("system",), message, key=True)
     after = source.number(("measure", "after"), names.values) if "after" in form.measure.model_fields_set else 0
     if after != 0 and exact_sign(problem.until - after) <= 0:
         raise source.error(("measure", "after"), f"'after' must be earlier than 'until', {problem.until}")

@@ -5,16 +5,16 @@ Each kind is one file in :mod:`henon_ref.casefile.connections`, found by its nam
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Literal
 
 import sympy as sp
 
 from henon_ref.casefile.bodies import Body
+from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.source import Path, Source
 from henon_ref.errors import CaseError
-from henon_ref.filippov.exact_numbers import exact_sign
 
 Range = Literal["any", "nonnegative", "positive", "fraction"]
 """``fraction``: from 0 to 1."""
@@ -79,10 +79,8 @@ class Link:
     """To its keys in the file."""
     name: str | None
     """The name that the file gives it."""
-    parameters: Mapping[sp.Symbol, sp.Expr]
-    """Parameter -> exact number."""
-    kinks: dict[sp.Expr, sp.Symbol]
-    """Expression with a kink where it is 0 -> its sign, in the whole scene so far."""
+    kinks: Kinks
+    """Of the whole scene so far."""
     pushes: list[tuple[str, sp.Expr]] = field(default_factory=list)
     """Body and force [N] or torque [N m] on it, by this connection alone."""
     surfaces: list[Surface] = field(default_factory=list)
@@ -137,12 +135,13 @@ class Link:
         return symbol
 
     def positive_part(self, expression: sp.Expr) -> sp.Expr:
-        """max(0, expression); the sign of one that moves is a surface, the same in the whole scene."""
-        if not expression.free_symbols - set(self.parameters):
-            return expression if exact_sign(expression.xreplace(dict(self.parameters))) > 0 else sp.Integer(0)
-        sign = self.kinks.setdefault(expression, sp.Symbol(f"kink{len(self.kinks) + 1}", real=True))
-        self.surfaces.append(Surface(sign, expression))
-        return expression * (1 + sign) / 2
+        """max(0, expression), its kink a surface."""
+        return self.kinked(self.kinks.positive_part(expression))
+
+    def kinked(self, expression: sp.Expr) -> sp.Expr:
+        """An expression of which the kinks become surfaces of this connection, too."""
+        self.surfaces += [Surface(sign, surface) for sign, surface in self.kinks.used(expression).items()]
+        return expression
 
     def hold(self, sign: sp.Symbol, limit: sp.Expr) -> None:
         """Hold the two bodies together while the load is at most ``limit`` [N or N m]."""

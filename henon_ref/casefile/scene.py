@@ -14,9 +14,10 @@ from henon_ref.casefile.bodies import Body, read_bodies
 from henon_ref.casefile.connection import Key, Kind, Link
 from henon_ref.casefile.connections import KINDS
 from henon_ref.casefile.grammar import name_problem
+from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.requirements import Requirements
 from henon_ref.casefile.schema import MAX_STATES
-from henon_ref.casefile.source import Names, Path, Source
+from henon_ref.casefile.source import Names, Path, Source, resolved
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
@@ -58,7 +59,7 @@ class _Reader:
         self.requirements = Requirements(source)
         self.bodies: dict[str, Body] = {}
         self.states: dict[str, sp.Symbol] = {}
-        self.kinks: dict[sp.Expr, sp.Symbol] = {}
+        self.kinks = Kinks({self.symbols[name]: value for name, value in self.values.items()})
 
     def scene(self) -> tuple[Scene, Names]:
         self.bodies = read_bodies(self.source, self.values, self.requirements)
@@ -96,7 +97,7 @@ class _Reader:
 
     def _claim(self, link: Link, owners: dict[str, str]) -> None:
         """Take the connection's names, which nothing else may have."""
-        kinks = {sign.name for sign in self.kinks.values()}
+        kinks = {sign.name for sign in self.kinks.surfaces}
         for name in dict.fromkeys([*([link.name] if link.name else []), *(s.sign.name for s in link.surfaces)]):
             if name in kinks and owners.get(name) == _KINK:
                 continue
@@ -125,9 +126,8 @@ class _Reader:
             example = "on: a" if kind.on else "between: [a, wall]"
             raise self.source.error(path, f"'{name}' must be a mapping of its keys, as in {{{example}, ...}}")
         self._check_keys(path, kind, own)
-        parameters = {self.symbols[name]: value for name, value in self.values.items()}
         ends = self._on(path, name, kind) if kind.on else self._between(path, name)
-        link = Link(name, ends, {}, {}, self.source, path, self._name(path, own), parameters, self.kinks)
+        link = Link(name, ends, {}, {}, self.source, path, self._name(path, own), self.kinks)
         turns = any(body.kind == "rotor" for body in ends)
         for key in kind.keys:
             self._read(link, key, turns, key.name in own.entries)
@@ -203,12 +203,16 @@ class _Reader:
                 raise self.source.error(path, message)
             link.words[key.name] = word
             return
-        link.values[key.name] = self._expression(path, key, what)
+        link.values[key.name] = self._kinked(link, path) if key.of == "time" else self._expression(path, key, what)
+
+    def _kinked(self, link: Link, path: Path) -> sp.Expr:
+        """A function of time, whose kinks and jumps become surfaces."""
+        expression, arguments = self.source.field(path, {**self.symbols, "t": TIME})
+        self.source.field(path, {**self.values, "t": TIME}, " (with the values of the parameters)")
+        return link.kinked(resolved(self.source, path, self.kinks, expression, arguments, set()))
 
     def _expression(self, path: Path, key: Key, what: str) -> sp.Expr:
-        moving: dict[str, sp.Expr] = {} if key.of == "parameters" else {"t": TIME}
-        if key.of == "states":
-            moving |= self.states
+        moving: dict[str, sp.Expr] = {"t": TIME, **self.states} if key.of == "states" else {}
         expression = self.source.expression(path, {**self.symbols, **moving})
         if expression.free_symbols & set(moving.values()):
             self.source.expression(path, {**self.values, **moving}, " (with the values of the parameters)")

@@ -168,9 +168,11 @@ class SystemForm(Form):
     state: Annotated[list[Text], Field(min_length=1, max_length=MAX_STATES, description="names of the states")]
     parameters: dict[str, Expression] = Field({}, description="name: number, or expression in other parameters")
     surfaces: dict[str, Expression] = Field(
-        min_length=1, max_length=MAX_STATES, description="sign symbol: the expression whose sign it is"
+        {}, max_length=MAX_STATES, description="sign symbol: the expression whose sign it is"
     )
-    field: list[Expression] = Field(description="x', one expression a state; t is time")
+    field: list[Expression] = Field(
+        description="x', one expression a state; t is time; abs, sign, min, max, piecewise become surfaces kink1, ..."
+    )
     valid: list[Expression] = Field([], description="the model holds while these are > 0")
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from henon_ref.casefile.grammar import name_problem
-from henon_ref.casefile.schema import CaseForm, SlidingForm, SystemForm
+from henon_ref.casefile.kinks import Kinks
+from henon_ref.casefile.schema import MAX_STATES, CaseForm, SlidingForm, SystemForm
 from henon_ref.casefile.source import Names, Path, Source
 from henon_ref.columns import JUDGED_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
@@ -39,21 +40,34 @@ def build_system(source: Source, form: SystemForm) -> tuple[FilippovSystem, Name
         if not surface.free_symbols & {TIME, *names.states.values()}:
             raise source.error(path, f"the surface '{sign}' never changes: it holds no state and no t")
         surfaces.append(surface)
-    field = [names.smooth(source, ("system", "field", i), signs=signs) for i in range(len(states))]
+    kinks = Kinks(names.exact_parameters())
+    field = [names.kinked(source, ("system", "field", i), kinks, signs=signs) for i in range(len(states))]
+    _check_kinks(source, kinks, {*states, *signs, *values})
+    names = Names.of(states, [*signs, *(sign.name for sign in kinks.surfaces)], values)
     valid = [names.smooth(source, ("system", "valid", i)) for i in range(len(form.valid))]
     system = FilippovSystem(
         states=tuple(names.states.values()),
         signs=tuple(names.signs.values()),
-        surfaces=tuple(surfaces),
+        surfaces=(*surfaces, *kinks.surfaces.values()),
         field=tuple(field),
         parameters=names.exact_parameters(),
         valid=tuple(valid),
         written={
             **{x: source.text(("system", "field", i)) for i, x in enumerate(names.states.values())},
-            **{s: source.text(("system", "surfaces", name)) for name, s in names.signs.items()},
+            **{names.signs[name]: source.text(("system", "surfaces", name)) for name in signs},
         },
     )
     return system, names
+
+
+def _check_kinks(source: Source, kinks: Kinks, taken: set[str]) -> None:
+    for sign in kinks.surfaces:
+        if sign.name in taken:
+            message = f"kink1, kink2, ... are the names of what has a kink here; '{sign.name}' is taken: rename it"
+            raise source.error(("system", "field"), message, key=True)
+    if len(kinks.surfaces) > MAX_STATES:
+        message = f"'field' has {len(kinks.surfaces)} kinks; at most {MAX_STATES} are allowed"
+        raise source.error(("system", "field"), message, key=True)
 
 
 def _check_names(source: Source, states: list[str], signs: list[str], parameters: set[str]) -> None:
