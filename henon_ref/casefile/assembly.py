@@ -61,6 +61,7 @@ class Scene:
                 for number, connection in enumerate(self.connections)
                 for hold in connection.holds
             },
+            kinks=frozenset(number for number, surface in enumerate(surfaces) if surface.kink),
             effects=tuple(connection.label for connection in self.connections),
         )
 

@@ -46,6 +46,8 @@ class Surface:
     sign: sp.Symbol
     expression: sp.Expr
     """In t, states and parameters."""
+    kink: bool = False
+    """Whether it stands for a kink of an expression."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,7 @@ class Link:
 
     def kinked(self, expression: sp.Expr) -> sp.Expr:
         """An expression of which the kinks become surfaces of this connection, too."""
-        self.surfaces += [Surface(sign, surface) for sign, surface in self.kinks.used(expression).items()]
+        self.surfaces += [Surface(sign, surface, kink=True) for sign, surface in self.kinks.used(expression).items()]
         return expression
 
     def hold(self, sign: sp.Symbol, limit: sp.Expr) -> None:

@@ -52,6 +52,7 @@ def build_system(source: Source, form: SystemForm) -> tuple[FilippovSystem, Name
         field=tuple(field),
         parameters=names.exact_parameters(),
         valid=tuple(valid),
+        kinks=frozenset(range(len(signs), len(signs) + len(kinks.surfaces))),
         written={
             **{x: source.text(("system", "field", i)) for i, x in enumerate(names.states.values())},
             **{names.signs[name]: source.text(("system", "surfaces", name)) for name in signs},

@@ -68,6 +68,8 @@ class FilippovSystem(SwitchedField):
     """Surface index -> its own sliding."""
     written: Mapping[sp.Symbol, str] = dataclass_field(default_factory=dict)
     """State or sign -> the text of its rate or surface, as the case file has it (empty for a scene)."""
+    kinks: frozenset[int] = frozenset()
+    """Surfaces that stand for a kink or jump written as such in the field (``abs``, ``piecewise`` ...)."""
     effects: tuple[str, ...] = ()
     """Names of the effects a scene was built from (empty for a plain system)."""
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
+from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import BRENT, HENON, LANDINGS, NEWTON
@@ -67,7 +68,12 @@ class HenonSolver:
 def _run(
     integrator: Integrator, start: Start, sample_times: NDArray[np.float64] | None, deadline: float | None
 ) -> Trajectory:
-    return Run(integrator, start, sample_times, deadline).to_horizon()
+    found = Run(integrator, start, sample_times, deadline).to_horizon()
+    return (
+        found
+        if not integrator.system.kinks
+        else found._replace(transitions=visible(integrator.system, found.transitions))
+    )
 
 
 def order_for(tolerance: float) -> int:

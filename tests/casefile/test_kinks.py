@@ -11,9 +11,12 @@ from henon_ref.casefile.case import parse_case
 from henon_ref.casefile.expressions import parse_field
 from henon_ref.casefile.kinks import Kinks
 from henon_ref.errors import ExpressionError
+from henon_ref.filippov.kinks import continuous
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.work import Work
 from henon_ref.registry import solver
+from henon_ref.report.text.model import kink_notes
+from henon_ref.truth.compute import compute
 
 X, V, T, K = sp.symbols("x v t k", real=True)
 K1, K2, K3 = sp.symbols("kink1 kink2 kink3", real=True)
@@ -194,3 +197,65 @@ until: 1
     system = parse_case(text).readings[0].problem.system
     assert system.sign_names == ("s", "kink1")
     assert system.surfaces == (X - 2, X)
+
+
+HIDDEN = "piecewise(2*sign(t - 1), x > 2, 0) - piecewise(0, x > 2, sign(t - 3))"
+"""While x > 2 the jump at 3 is none, and until then that at 1 is none."""
+
+
+@SOLVERS
+def test_a_kink_that_another_branch_hides_is_none(name: str) -> None:
+    """From 0 with speed 1, x'' = 1: x = t + t^2/2 is 2 at sqrt(5) - 1; x'' is 2 from there, and stays so at 3."""
+    run = solver(name).prepare(problem_of(HIDDEN, "x: 0, v: 1", "4"), rtol=1e-12, atol=1e-13)()
+    assert run.status == "ok"
+    assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", 0)]
+    assert float(run.transitions[0].time) == pytest.approx(math.sqrt(5) - 1, abs=1e-11)
+
+
+@SOLVERS
+def test_a_kink_is_there_where_its_branch_is(name: str) -> None:
+    run = solver(name).prepare(problem_of(HIDDEN, "x: -10, v: 1", "4"), rtol=1e-12, atol=1e-13)()
+    assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", 2)]
+    assert float(run.transitions[0].time) == pytest.approx(3, abs=1e-12)
+
+
+def test_what_is_continuous_is_told_from_what_jumps() -> None:
+    text = """\
+schema: 1
+name: all
+title: All
+system:
+  state: [x, v]
+  surfaces: {section: x - 5}
+  field: [v, "abs(x - v) + max(0, sin(t)) + piecewise(x^2, x < 1, 2*x - 1) + piecewise(0, v < 1, 1) + x*sign(v)"]
+initial: {x: 0, v: 0}
+until: 1
+"""
+    system = parse_case(text).readings[0].problem.system
+    assert system.kinks == {1, 2, 3, 4, 5}
+    assert continuous(system) == {1, 2, 3}
+    assert kink_notes(system) == [
+        *(
+            f"`kink{k}`: a kink, the field is continuous there; it is crossed, and nothing slides on it"
+            for k in (1, 2, 3)
+        ),
+        *(f"`kink{k}`: a jump of the field" for k in (4, 5)),
+    ]
+
+
+def test_the_truth_leaves_hidden_kinks_out_too() -> None:
+    text = f"""\
+schema: 1
+name: hidden
+title: Hidden
+system:
+  state: [x, v]
+  field: [v, "{HIDDEN}"]
+initial: {{x: 0, v: 1}}
+until: 4
+"""
+    case = parse_case(text)
+    found = compute(case, case.readings[0])
+    assert found.status == "ok"
+    assert [(t.kind, t.surface) for t in found.transitions] == [("crossing", 0)]
+    assert float(found.transitions[0].time_digits) == pytest.approx(math.sqrt(5) - 1, abs=1e-15)
