@@ -140,6 +140,10 @@ class Link:
         """max(0, expression), its kink a surface."""
         return self.kinked(self.kinks.positive_part(expression))
 
+    def limited(self, expression: sp.Expr, bound: sp.Expr) -> sp.Expr:
+        """An expression kept between -bound and bound, its kinks surfaces."""
+        return self.kinked(self.kinks.limited(expression, bound))
+
     def kinked(self, expression: sp.Expr) -> sp.Expr:
         """An expression of which the kinks become surfaces of this connection, too."""
         self.surfaces += [Surface(sign, surface, kink=True) for sign, surface in self.kinks.used(expression).items()]

@@ -100,6 +100,11 @@ class Kinks:
         """max(0, expression)."""
         return self.resolved(chosen(expression, expression, sp.S.Zero), [expression])
 
+    def limited(self, expression: sp.Expr, bound: sp.Expr) -> sp.Expr:
+        """The expression where it lies between -bound and bound, else the one of these that it is beyond."""
+        above, below = bound + expression, bound - expression
+        return self.resolved((sgn(above) * above - sgn(below) * below) / 2, [above, below])
+
     def used(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
         """The surfaces whose signs an expression holds."""
         return {sign: surface for sign, surface in self.surfaces.items() if expression.has(sign)}

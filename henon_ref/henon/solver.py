@@ -69,11 +69,8 @@ def _run(
     integrator: Integrator, start: Start, sample_times: NDArray[np.float64] | None, deadline: float | None
 ) -> Trajectory:
     found = Run(integrator, start, sample_times, deadline).to_horizon()
-    return (
-        found
-        if not integrator.system.kinks
-        else found._replace(transitions=visible(integrator.system, found.transitions))
-    )
+    system = integrator.system
+    return found._replace(transitions=visible(system, found.transitions)) if system.kinks else found
 
 
 def order_for(tolerance: float) -> int:

@@ -164,6 +164,35 @@ until: 2
     assert [float(t.time) for t in run.transitions] == pytest.approx([down, down + contact], rel=2e-12, abs=0)
 
 
+def test_a_damped_stop_does_not_pull_and_takes_energy() -> None:
+    """The ball comes in with speed sqrt(2); its damping is limited at first, let go of, and limited at the end."""
+    text = """\
+schema: 1
+name: ball
+title: A ball on a damped stop
+scene:
+  bodies: {ball: {mass: 1}, floor: fixed}
+  connections:
+    - force: {on: ball, value: -1}
+    - stop: {between: [ball, floor], gap: 0, stiffness: 100, damping: 4}
+initial: {x_ball: 1, v_ball: 0}
+until: 2
+"""
+    problem = parse_case(text).readings[0].problem
+    assert problem.system.sign_names == ("g_ball_floor", "kink1", "kink2")
+    runs = [solver(name).prepare(problem, rtol=1e-12, atol=1e-13)() for name in ("henon", "scipy-dop853")]
+    for run in runs:
+        assert run.status == "ok"
+        assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", k) for k in (0, 2, 1, 0)]
+        speeds = [abs(float(t.state[1])) for t in run.transitions]
+        assert speeds[0] == pytest.approx(math.sqrt(2), abs=1e-11)
+        assert 0 < speeds[3] < 0.8 * speeds[0]
+        # From where it would pull until it is out of the stop gravity alone acts.
+        (free, out) = run.transitions[2:]
+        assert float(out.time) - float(free.time) == pytest.approx(free.state[1] - out.state[1], abs=1e-10)
+    assert runs[0].transitions[3].time == pytest.approx(float(runs[1].transitions[3].time), abs=1e-10)
+
+
 def test_a_square_wave_may_drive_a_scene() -> None:
     text = """\
 schema: 1

@@ -151,6 +151,12 @@ EVERY = [
         {"g_wall_b": "1/2 - x_b"},
         id="stop, elastic",
     ),
+    pytest.param(
+        "stop: {between: [a, wall], gap: 0, stiffness: k, damping: c}",
+        {"v_a": "(-k*x_a*(1 - g_a_wall)/2 + (kink1*(-k*x_a - c*v_a)/2 - kink2*(c*v_a - k*x_a)/2)*(1 - g_a_wall)/2)/m"},
+        {"g_a_wall": "x_a", "kink1": "-k*x_a - c*v_a", "kink2": "-k*x_a + c*v_a"},
+        id="stop, damped",
+    ),
 ]
 
 

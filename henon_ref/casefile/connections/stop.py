@@ -1,4 +1,7 @@
-"""One-sided stops: they keep x_p - x_q at or above a gap, as Modelica's ``ElastoGap`` does."""
+"""One-sided stops: they keep x_p - x_q at or above a gap, as Modelica's ``ElastoGap`` does.
+
+As there, the damping force is never larger than the spring's, so that a stop does not pull and its force is continuous.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,10 @@ def _add(link: Link) -> None:
         raise link.error(message, at="restitution")
     opening = link.distance - link.values["gap"]
     sign = link.sign("g", opening)
-    link.push(-link.values["stiffness"] * opening * (1 - sign) / 2)
+    spring = -link.values["stiffness"] * opening
+    link.push(spring * (1 - sign) / 2)
+    if "damping" in link.values:
+        link.push(link.limited(-link.values["damping"] * link.velocity, spring) * (1 - sign) / 2)
 
 
 KIND = Kind(
@@ -24,6 +30,7 @@ KIND = Kind(
     keys=(
         Key("gap", "m", "rad", "least value of x_p - x_q"),
         Key("stiffness", "N/m", "N m/rad", "of an elastic stop", optional=True, range="positive"),
+        Key("damping", "N s/m", "N m s/rad", "of an elastic stop, besides", True, "nonnegative"),
         Key("restitution", "1", "1", "of a hard stop: speed after an impact over that before", True, "fraction"),
     ),
     add=_add,
