@@ -28,10 +28,12 @@ MAX_DIGITS = 400
 
 FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
 """Functions allowed in every expression; each takes one argument."""
+MANY = 1_000
+"""Arity of a function that takes two arguments or more."""
 CONSTANT_FUNCTIONS = {"abs": 1, "atan2": 2}
 """Functions allowed where the value is a number (parameters, initial values ...), with their arity."""
-KINK_FUNCTIONS: Mapping[str, int | None] = {"abs": 1, "sign": 1, "min": 2, "max": 2, "piecewise": None}
-"""Functions allowed in fields, whose kinks and jumps become surfaces, with their arity (None: odd, from 3 on)."""
+KINK_FUNCTIONS = {"abs": 1, "sign": 1, "min": MANY, "max": MANY, "piecewise": MANY}
+"""Functions allowed in fields, whose kinks and jumps become surfaces, with their arity."""
 CONSTANTS = ("pi", "e")
 RESERVED = frozenset((*FUNCTIONS, *CONSTANT_FUNCTIONS, *KINK_FUNCTIONS, *CONSTANTS, "t", "mode"))
 """Names that a state, parameter or sign symbol may not have."""
@@ -158,7 +160,7 @@ class _Open:
 class _Scanner:
     """Checks each token against what may come next."""
 
-    def __init__(self, text: str, names: Collection[str], functions: Mapping[str, int | None]) -> None:
+    def __init__(self, text: str, names: Collection[str], functions: Mapping[str, int]) -> None:
         self.text = text
         self.names = names
         self.functions = functions
@@ -270,7 +272,7 @@ class _Scanner:
         function = innermost.function
         arity = self.functions.get(function.text, 1) if function else 1
         if token.text == ",":
-            if arity is not None and innermost.commas + 1 >= arity:
+            if innermost.commas + 1 >= arity:
                 several = f"'{function.text}' takes {arity} argument{'s' if arity > 1 else ''}" if function else ""
                 what = several or "',' stands between arguments only"
                 raise ExpressionError(f"{what}; a decimal point is written '.'", token.offset)
@@ -279,14 +281,15 @@ class _Scanner:
             self.want_operand = True
             return
         self.open.pop()
-        if function is not None and arity is None and (innermost.commas < 2 or innermost.commas % 2):
+        if function is not None and function.text == "piecewise" and (innermost.commas < 2 or innermost.commas % 2):
             raise ExpressionError(
                 f"'{function.text}' takes a value and its condition, more of both, and the value otherwise, "
                 "as in piecewise(1, x < 0, 2)",
                 function.offset,
             )
-        if function is not None and arity is not None and innermost.commas + 1 < arity:
-            raise ExpressionError(f"'{function.text}' takes {arity} arguments", function.offset)
+        if function is not None and innermost.commas + 1 < (2 if arity == MANY else arity):
+            several = "two arguments or more" if arity == MANY else f"{arity} arguments"
+            raise ExpressionError(f"'{function.text}' takes {several}", function.offset)
 
     def _comparison(self, token: Token) -> None:
         """A comparison stands in a condition, once."""

@@ -15,6 +15,9 @@ from henon_ref.errors import ExpressionError
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.switched_field import up_to_a_number
 
+MAX_INNER = 4
+"""Kinks that the argument of another one may have: its branches are twice as many with each."""
+
 
 class Sgn(sp.Function):
     """The sign of an expression, until it has a symbol."""
@@ -24,11 +27,32 @@ class Sgn(sp.Function):
 
 
 def sgn(argument: sp.Expr) -> sp.Expr:
-    """The sign of an expression: a number's own, else -1 or +1 times a :class:`Sgn` of a form without factor."""
+    """The sign of an expression: a number's own, else -1 or +1 times a :class:`Sgn` of a form without factor.
+
+    Of what has a kink of its own it is the sign of either branch, chosen by the kink's.
+    """
     if argument.is_number:
         return sp.sign(argument)
-    form, sign = up_to_a_number(argument)
-    return sign * Sgn(form)
+    inner = _inner(argument)
+    if inner is None:
+        form, sign = up_to_a_number(argument)
+        return sign * Sgn(form)
+    above, below = (sgn(argument.xreplace({inner: sp.Integer(side)})) for side in (1, -1))
+    return above if above == below else above * (1 + inner) / 2 + below * (1 - inner) / 2
+
+
+def _inner(argument: sp.Expr) -> sp.Expr | None:
+    """A sign in an expression that holds no other."""
+    found = [sign for sign in argument.atoms(Sgn) if not sign.args[0].has(Sgn)]
+    return min(found, key=sp.default_sort_key) if found else None
+
+
+def _branches(argument: sp.Expr) -> list[sp.Expr]:
+    """What the sign of an expression is made of: itself, or its branches where it has kinks of its own."""
+    inner = _inner(argument)
+    if inner is None:
+        return [argument]
+    return [part for side in (1, -1) for part in _branches(argument.xreplace({inner: sp.Integer(side)}))]
 
 
 def chosen(first: sp.Expr, difference: sp.Expr, second: sp.Expr) -> sp.Expr:
@@ -44,8 +68,17 @@ def chosen(first: sp.Expr, difference: sp.Expr, second: sp.Expr) -> sp.Expr:
 def compared(name: str, arguments: Sequence[sp.Expr]) -> Sequence[sp.Expr]:
     """What a call has a kink or a jump for where it is 0."""
     if name in ("min", "max"):
-        return [arguments[0] - arguments[1]]
+        return [_largest(arguments[:k], name) - arguments[k] for k in range(1, len(arguments))]
     return arguments[1::2] if name == "piecewise" else arguments
+
+
+def _largest(arguments: Sequence[sp.Expr], name: str) -> sp.Expr:
+    """``max`` of some expressions, or ``min``."""
+    found = arguments[0]
+    for other in arguments[1:]:
+        first, second = (found, other) if name == "max" else (other, found)
+        found = chosen(first, found - other, second)
+    return found
 
 
 def call(name: str, arguments: Sequence[sp.Expr], offset: int) -> sp.Expr:
@@ -54,22 +87,19 @@ def call(name: str, arguments: Sequence[sp.Expr], offset: int) -> sp.Expr:
     Raises
     ------
     ExpressionError
-        Where an argument has a kink of its own.
+        Where an argument has too many kinks of its own.
     """
-    differences = compared(name, arguments)
-    if any(difference.has(Sgn) for difference in differences):
-        message = f"'{name}' of what has a kink of its own is not there yet; name a surface and use its sign"
+    if any(len(difference.atoms(Sgn)) > MAX_INNER for difference in compared(name, arguments)):
+        message = f"'{name}' of what has more than {MAX_INNER} kinks of its own; name surfaces and use their signs"
         raise ExpressionError(message, offset)
     if name == "piecewise":
         value = arguments[-1]
         for k in range(len(arguments) - 3, -1, -2):
             value = chosen(arguments[k], arguments[k + 1], value)
         return value
-    (difference,) = differences
     if name in ("min", "max"):
-        first, second = arguments if name == "max" else reversed(arguments)
-        return chosen(first, difference, second)
-    return sgn(difference) * (difference if name == "abs" else 1)
+        return _largest(arguments, name)
+    return sgn(arguments[0]) * (arguments[0] if name == "abs" else 1)
 
 
 class Kinks:
@@ -90,7 +120,7 @@ class Kinks:
 
     def resolved(self, expression: sp.Expr, arguments: Sequence[sp.Expr]) -> sp.Expr:
         """An expression with symbols for its signs; ``arguments`` are those of its kinks in order of appearance."""
-        for argument in arguments:
+        for argument in (part for whole in arguments for part in _branches(whole)):
             form, way = (argument, 1) if argument.is_number else up_to_a_number(argument)
             if form not in self._signs and expression.has(Sgn(form)):
                 self._signs[form] = way * self._sign(argument)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import pytest
 import sympy as sp
@@ -67,10 +68,21 @@ def test_kinks_are_numbered_as_they_appear_and_an_equal_argument_counts_once() -
     assert sp.expand(two - (V * (1 - K1) / 2 + X * (1 + K1) / 2 + K2 * (1 - T) + K3 * V)) == 0
 
 
+@pytest.mark.parametrize("text", ["abs(abs(x) - 1)", "max(x, v, 1)", "min(x, 2, -v, t)", "sign(max(x, abs(v)) - 1)"])
+def test_kinks_of_kinks_are_branches_whose_values_are_right(text: str) -> None:
+    (found,), made = read(text)
+    plain = {"abs": abs, "max": max, "min": min, "sign": lambda u: (u > 0) - (u < 0)}
+    for x, v, t in product((-2.5, -0.75, 0.25, 1.75), (-1.5, -0.5, 1.25), (-3.25, 0.125)):
+        at = {X: x, V: v, T: t}
+        signs = {sign: sp.sign(surface.xreplace(at)) for sign, surface in made.items()}
+        assert not any(surface.has(*made) for surface in made.values())
+        assert float(found.xreplace(signs).xreplace(at)) == eval(text, plain, {"x": x, "v": v, "t": t})
+
+
 @pytest.mark.parametrize(
     ("text", "offset", "says"),
     [
-        ("abs(abs(x) - 1)", 0, "of what has a kink of its own"),
+        ("sign(abs(x) + abs(v) + abs(t) + abs(x - 1) + abs(x - 2) - 9)", 0, "more than 4 kinks of its own"),
         ("piecewise(1, x, 2)", 14, "a condition has one comparison"),
         ("piecewise(1, 0 < x < 2, 2)", 19, "a condition has one comparison"),
         ("piecewise(1, x < 2)", 0, "the value otherwise"),
@@ -78,8 +90,8 @@ def test_kinks_are_numbered_as_they_appear_and_an_equal_argument_counts_once() -
         ("piecewise(1, < 2, 3)", 13, "missing before '<'"),
         ("x < 1", 2, "in a condition of 'piecewise' only"),
         ("piecewise(x < 1, x < 1, 2)", 12, "in a condition of 'piecewise' only"),
-        ("max(x)", 0, "takes 2 arguments"),
-        ("max(1, x, 2)", 8, "takes 2 arguments"),
+        ("max(x)", 0, "takes two arguments or more"),
+        ("abs(x, 2)", 5, "takes 1 argument"),
         ("floor(x)", 0, "jumps without end"),
         ("mod(x, 2)", 0, "jumps without end"),
         ("heaviside(x)", 0, "write piecewise(1, x > 0, 0)"),
@@ -121,6 +133,11 @@ LANDED = [
         id="max, in and out",
     ),
     pytest.param(problem_of("min(x, 2 - x)", "x: 0, v: 1", "1"), [("crossing", math.asinh(1))], id="min"),
+    pytest.param(
+        problem_of("1 + abs(abs(t - 2) - 1)", "x: 0, v: 0", "4"),
+        [("crossing", 1.0), ("crossing", 2.0), ("crossing", 3.0)],
+        id="of a kink",
+    ),
     pytest.param(
         problem_of("-x + sign(sin(3*t))", until="3"),
         [("crossing", math.pi / 3), ("crossing", 2 * math.pi / 3)],
