@@ -126,6 +126,24 @@ class Kinks:
                 self._signs[form] = way * self._sign(argument)
         return expression.xreplace({Sgn(form): sign for form, sign in self._signs.items()})
 
+    def guard(
+        self, sign: sp.Symbol, expression: sp.Expr, arguments: Sequence[sp.Expr]
+    ) -> tuple[dict[sp.Symbol, sp.Expr], sp.Expr]:
+        """Surfaces of an expression that may have kinks, and its sign by theirs.
+
+        Without kinks that is the sign itself; with them each branch is a surface: ``s``, ``s_2``, ...
+        """
+        surfaces: dict[sp.Symbol, sp.Expr] = {}
+        signs: dict[sp.Expr, sp.Expr] = {}
+        parts = _branches(expression)
+        for part in parts:
+            form, way = (part, 1) if part.is_number else up_to_a_number(part)
+            if Sgn(form) not in signs and not part.free_symbols <= set(self.parameters):
+                own = sp.Symbol(f"{sign.name}_{len(surfaces) + 1}", real=True) if surfaces else sign
+                surfaces[own] = part
+                signs[Sgn(form)] = way * own
+        return surfaces, self.resolved(sgn(expression).xreplace(signs), [*arguments, *parts])
+
     def positive_part(self, expression: sp.Expr) -> sp.Expr:
         """max(0, expression)."""
         return self.resolved(chosen(expression, expression, sp.S.Zero), [expression])

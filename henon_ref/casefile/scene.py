@@ -207,9 +207,9 @@ class _Reader:
 
     def _kinked(self, link: Link, path: Path) -> sp.Expr:
         """A function of time, whose kinks and jumps become surfaces."""
-        expression, arguments = self.source.field(path, {**self.symbols, "t": TIME})
+        written = self.source.field(path, {**self.symbols, "t": TIME})
         self.source.field(path, {**self.values, "t": TIME}, " (with the values of the parameters)")
-        return link.kinked(resolved(self.source, path, self.kinks, expression, arguments, set()))
+        return link.kinked(resolved(self.source, path, self.kinks, written))
 
     def _expression(self, path: Path, key: Key, what: str) -> sp.Expr:
         moving: dict[str, sp.Expr] = {"t": TIME, **self.states} if key.of == "states" else {}

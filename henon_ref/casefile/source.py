@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
@@ -174,22 +174,27 @@ class Names:
         source.check_sides(path, {**moving, **self.values}, own)
         return expression
 
-    def kinked(self, source: Source, path: Path, kinks: Kinks, *, signs: Sequence[str] = ()) -> sp.Expr:
-        """Read a component of a field, whose kinks become surfaces; checked as in :meth:`smooth`."""
+    def written(self, source: Source, path: Path, *, signs: Sequence[str] = ()) -> tuple[sp.Expr, list[sp.Expr]]:
+        """Read an expression that may have kinks, and what they are kinks of; checked as in :meth:`smooth`."""
         moving = {"t": TIME, **self.states}
         own = {name: self.signs[name] for name in signs}
-        expression, arguments = source.field(path, {**moving, **self.parameters, **own})
+        found = source.field(path, {**moving, **self.parameters, **own})
         if self.values:
             source.field(path, {**moving, **self.values, **own}, " (with the values of the parameters)")
         source.check_sides(path, {**moving, **self.values}, own, kinks=True)
-        return resolved(source, path, kinks, expression, arguments, set(own.values()))
+        return found
 
 
 def resolved(
-    source: Source, path: Path, kinks: Kinks, expression: sp.Expr, arguments: Sequence[sp.Expr], signs: set[sp.Symbol]
+    source: Source,
+    path: Path,
+    kinks: Kinks,
+    written: tuple[sp.Expr, list[sp.Expr]],
+    signs: Collection[sp.Symbol] = (),
 ) -> sp.Expr:
     """An expression with symbols for the signs of its kinks, and a value at both sides of each."""
-    if any(argument.free_symbols & signs for argument in arguments):
+    expression, arguments = written
+    if any(argument.has(*signs) for argument in arguments if signs):
         raise source.error(path, "a kink of what holds a sign is not there yet; name a surface and use its sign")
     found = kinks.resolved(expression, arguments)
     for sign in kinks.used(found):

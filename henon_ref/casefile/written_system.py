@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import sympy as sp
+
 from henon_ref.casefile.grammar import name_problem
 from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.schema import MAX_STATES, CaseForm, SlidingForm, SystemForm
-from henon_ref.casefile.source import Names, Path, Source
+from henon_ref.casefile.source import Names, Path, Source, resolved
 from henon_ref.columns import JUDGED_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
 from henon_ref.taylor.tape import TIME
@@ -33,32 +35,67 @@ def build_system(source: Source, form: SystemForm) -> tuple[FilippovSystem, Name
             ("system", "field"),
             f"'field' has {len(form.field)} entries; it needs one for each state ({len(states)}): {listed(states)}",
         )
-    surfaces = []
-    for sign in signs:
-        path = ("system", "surfaces", sign)
-        surface = names.smooth(source, path)
-        if not surface.free_symbols & {TIME, *names.states.values()}:
-            raise source.error(path, f"the surface '{sign}' never changes: it holds no state and no t")
-        surfaces.append(surface)
     kinks = Kinks(names.exact_parameters())
-    field = [names.kinked(source, ("system", "field", i), kinks, signs=signs) for i in range(len(states))]
-    _check_kinks(source, kinks, {*states, *signs, *values})
-    names = Names.of(states, [*signs, *(sign.name for sign in kinks.surfaces)], values)
+    surfaces, values_of = _guards(source, names, signs, kinks)
+    field = []
+    for i in range(len(states)):
+        path: Path = ("system", "field", i)
+        rate = resolved(source, path, kinks, names.written(source, path, signs=signs), names.signs.values())
+        field.append(rate.xreplace(values_of))
+    _check_guards(source, names, signs, surfaces, field)
+    _check_kinks(source, kinks, {*states, *(sign.name for sign in surfaces), *values})
+    made = {**surfaces, **kinks.surfaces}
+    branches = {sign for sign in surfaces if sign.name not in signs or values_of[sign] != sign}
+    names = Names.of(states, [sign.name for sign in made], values)
     valid = [names.smooth(source, ("system", "valid", i)) for i in range(len(form.valid))]
     system = FilippovSystem(
         states=tuple(names.states.values()),
         signs=tuple(names.signs.values()),
-        surfaces=(*surfaces, *kinks.surfaces.values()),
+        surfaces=tuple(made.values()),
         field=tuple(field),
         parameters=names.exact_parameters(),
         valid=tuple(valid),
-        kinks=frozenset(range(len(signs), len(signs) + len(kinks.surfaces))),
+        kinks=frozenset(i for i, sign in enumerate(made) if sign in kinks.surfaces or sign in branches),
         written={
             **{x: source.text(("system", "field", i)) for i, x in enumerate(names.states.values())},
             **{names.signs[name]: source.text(("system", "surfaces", name)) for name in signs},
         },
     )
     return system, names
+
+
+def _guards(
+    source: Source, names: Names, signs: list[str], kinks: Kinks
+) -> tuple[dict[sp.Symbol, sp.Expr], dict[sp.Symbol, sp.Expr]]:
+    """Surfaces by their signs, and what each sign of the file is by them (itself, unless its surface has kinks)."""
+    surfaces: dict[sp.Symbol, sp.Expr] = {}
+    values: dict[sp.Symbol, sp.Expr] = {}
+    for name in signs:
+        path: Path = ("system", "surfaces", name)
+        expression, arguments = names.written(source, path)
+        if not expression.free_symbols & {TIME, *names.states.values()}:
+            raise source.error(path, f"the surface '{name}' never changes: it holds no state and no t")
+        sign = names.signs[name]
+        own, values[sign] = kinks.guard(sign, expression, arguments)
+        surfaces |= own
+    return surfaces, values
+
+
+def _check_guards(
+    source: Source, names: Names, signs: list[str], surfaces: dict[sp.Symbol, sp.Expr], field: list[sp.Expr]
+) -> None:
+    """Refuse what a surface with kinks cannot be yet: a section, or one whose branches' names are taken."""
+    taken = {*names.states, *names.parameters}
+    for sign in surfaces:
+        if sign.name in signs:
+            name = sign.name
+            continue
+        path: Path = ("system", "surfaces", name)
+        if sign.name in taken:
+            raise source.error(path, f"'{sign.name}' is the name of a branch of '{name}'; rename what has it", key=True)
+        if not any(rate.has(sign) for rate in field):
+            message = f"a surface with kinks that no field uses is not there yet; give '{name}' in smooth parts"
+            raise source.error(path, message)
 
 
 def _check_kinks(source: Source, kinks: Kinks, taken: set[str]) -> None:
@@ -97,6 +134,9 @@ def build_overrides(source: Source, form: CaseForm, names: Names) -> dict[int, S
                 f"'{sign}' is no surface{did_you_mean(sign, order)}; surfaces: {listed(order)}",
                 key=True,
             )
+        if form.system is not None and f"{sign}_2" in order and f"{sign}_2" not in form.system.surfaces:
+            message = f"sliding of one's own on '{sign}', whose surface has kinks, is not there yet"
+            raise source.error(("sliding", sign), message, key=True)
         overrides[order.index(sign)] = _override(source, sign, sliding, names)
     return overrides
 

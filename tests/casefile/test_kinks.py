@@ -245,6 +245,34 @@ until: 1
     assert system.surfaces == (X - 2, X)
 
 
+@SOLVERS
+def test_a_guard_may_have_a_kink(name: str) -> None:
+    """Inside abs(x) < 1 nothing acts; beyond it a spring pulls back, on either side."""
+    text = """\
+schema: 1
+name: well
+title: Well
+system:
+  state: [x, v]
+  surfaces: {s: abs(x) - 1}
+  field: [v, -x*(1 + s)/2]
+initial: {x: 0, v: 1/2}
+until: 9
+"""
+    system = parse_case(text).readings[0].problem.system
+    assert [str(h) for h in system.surfaces] == ["x - 1", "-x - 1", "x"]
+    assert system.sign_names == ("s", "s_2", "kink1")
+    run = solver(name).prepare(parse_case(text).readings[0].problem, rtol=1e-12, atol=1e-13)()
+    # Out at x = 1 with v = 1/2 it is on x = cos(t) + sin(t)/2, back at 1 with -1/2 after 2 atan(1/2).
+    out = 2.0
+    back = out + 2 * math.atan(0.5)
+    assert run.status == "ok"
+    assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", k) for k in (0, 0, 1, 1)]
+    assert [float(t.time) for t in run.transitions] == pytest.approx(
+        [out, back, back + 4, back + 4 + 2 * math.atan(0.5)], abs=1e-10
+    )
+
+
 HIDDEN = "piecewise(2*sign(t - 1), x > 2, 0) - piecewise(0, x > 2, sign(t - 3))"
 """While x > 2 the jump at 3 is none, and until then that at 1 is none."""
 
