@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from statistics import median
 from typing import Any
 
@@ -66,9 +67,8 @@ def friction() -> None:
         print(f"friction oscillator, 1e5 points, {jobs} workers: {len(table) / took:,.0f} runs/s; share {cycle:.4f}")
     grid = {"x": np.linspace(-2, 2, 100), "v": np.linspace(0, 2, 100)}
     table = hr.sweep(system, start, grid=grid, **arguments)
-    print(
-        f"100 x 100 grid: share {float((table['stick_count'] > 0).mean()):.4f}; {table['status'].value_counts().to_dict()}"
-    )
+    cycle, ends = float((table["stick_count"] > 0).mean()), table["status"].value_counts().to_dict()
+    print(f"100 x 100 grid: share {cycle:.4f}; {ends}")
 
 
 def belt() -> None:
@@ -78,7 +78,7 @@ def belt() -> None:
     for until in (20, 62):
         arguments: dict[str, Any] = {"until": until, "rtol": 1e-9, "observe": [hr.observe.final_state()]}
         for jobs in (1, 2):
-            act = lambda jobs=jobs: hr.sweep(system, {"x": 1, "v": 0}, grid=points, jobs=jobs, **arguments)  # noqa: E731
+            act = partial(hr.sweep, system, {"x": 1, "v": 0}, grid=points, jobs=jobs, **arguments)
             act()
             took, table = timed(act)
             print(f"stribeck_belt to {until} s, {len(table):,} points, {jobs} workers: {len(table) / took:,.0f} runs/s")
@@ -128,9 +128,7 @@ def tasks() -> None:
     for _ in results:
         pass
     each = (time.perf_counter() - began) / 3900
-    print(
-        f"workers at work after {first:.2f} s; a task {each * 1e3:.3f} ms with 2 workers, {alone / 500 * 1e3:.3f} ms alone"
-    )
+    print(f"workers at work after {first:.2f} s; a task {each * 1e3:.3f} ms with 2 workers, {alone * 2:.3f} ms alone")
     print(f"estimate: {each * 1000 * 20:.1f} s a chunk keep 1,000 workers busy with 5 % of it spent on handing out")
     assert isinstance(work, Work)
 
