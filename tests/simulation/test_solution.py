@@ -138,6 +138,14 @@ def test_it_is_drawn(name: str, panels: int) -> None:
     plt.close(axes[0].figure)
 
 
+def test_a_blow_up_is_drawn_up_to_where_it_leaves_the_rest_behind() -> None:
+    run = hr.simulate(hr.System(["x"], {}, {"s": "x - 2"}, ["x^2"]), {"x": 1}, until=2)
+    axes = run.plot()
+    assert run.status == "diverged"
+    assert all(a.get_ylim()[1] < 1e3 for a in axes)
+    plt.close(axes[0].figure)
+
+
 def test_it_is_shown_in_a_line_and_in_a_notebook(stick_slip: hr.Solution) -> None:
     assert repr(stick_slip).startswith("Solution(ok; t = 0 to 20, 5 transitions, ")
     assert "<table" in stick_slip._repr_html_()
