@@ -16,7 +16,7 @@ from sweep_systems import SWEEP, parquet_files
 from henon_ref.cli.sweep import program
 
 COMMAND = [sys.executable, "-m", "henon_ref.sweep"]
-LONG = SWEEP.replace("until: 50", "until: 4000").replace("count: 5}", "count: 100}").replace("chunk: 4", "chunk: 2")
+LONG = SWEEP.replace("until: 50", "until: 40000").replace("count: 5}", "count: 100}").replace("chunk: 4", "chunk: 2")
 PATIENCE = 120
 """Seconds that anything may take on a busy machine."""
 
