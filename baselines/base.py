@@ -296,7 +296,7 @@ class SmoothMode(ABC):
             return Stop("horizon", t, 0.0, state, samples=samples)
         last = len(self.model.guards)
         for k in fallen:
-            if isinstance(k, bool | np.bool_) or not 0 <= k <= last:
+            if isinstance(k, (bool, np.bool_)) or not 0 <= k <= last:
                 raise ContractError(f"a guard that fell is named by {k!r}, wanted its index, 0 to {last}")
         hits = tuple(int(k) for k in fallen if k < last)
         return Stop("event" if hits else "diverged", t, 0.0, state, hits, samples=samples)

@@ -12,14 +12,31 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # modules, too, under the names by which they go here
+    import henon_ref.figures.sweeps as plots  # noqa: F401
+    import henon_ref.sweeps.observe as observe  # noqa: F401
+    import henon_ref.sweeps.point_sets as points  # noqa: F401
     from baselines.base import ModeSolver, SmoothMode
+    from henon_ref.analysis.lyapunov import lyapunov_exponents
+    from henon_ref.analysis.periodic_orbit import periodic_orbit
+    from henon_ref.analysis.tangent import tangent_points
     from henon_ref.campaign.comparison import Comparison, compare
     from henon_ref.casefile.case import Case, Reading, load_case, parse_case
-    from henon_ref.errors import CaseError, HenonRefError, ModelError, UnavailableError, UnsupportedError
+    from henon_ref.errors import (
+        ArgumentError,
+        CaseError,
+        HenonRefError,
+        ModelError,
+        UnavailableError,
+        UnsupportedError,
+    )
     from henon_ref.filippov.problem import Problem
     from henon_ref.filippov.system import FilippovSystem
+    from henon_ref.simulation.simulate import simulate, stream
+    from henon_ref.simulation.solution import Solution
+    from henon_ref.simulation.system import System
     from henon_ref.solver import Solver
+    from henon_ref.sweeps.sweep import sweep
     from henon_ref.trajectory import Counts, Trajectory, Transition
 
 __version__ = "0.1.0"
@@ -27,6 +44,7 @@ __version__ = "0.1.0"
 _HOME = {
     "Comparison": "campaign.comparison",
     "compare": "campaign.comparison",
+    "ArgumentError": "errors",
     "ModeSolver": "baselines.base",
     "SmoothMode": "baselines.base",
     "CaseError": "errors",
@@ -39,6 +57,14 @@ _HOME = {
     "load_case": "casefile.case",
     "parse_case": "casefile.case",
     "FilippovSystem": "filippov.system",
+    "Solution": "simulation.solution",
+    "System": "simulation.system",
+    "simulate": "simulation.simulate",
+    "stream": "simulation.simulate",
+    "sweep": "sweeps.sweep",
+    "lyapunov_exponents": "analysis.lyapunov",
+    "periodic_orbit": "analysis.periodic_orbit",
+    "tangent_points": "analysis.tangent",
     "Solver": "solver",
     "Counts": "trajectory",
     "Problem": "filippov.problem",
@@ -46,7 +72,11 @@ _HOME = {
     "Transition": "trajectory",
 }
 
+_MODULES = {"observe": "sweeps.observe", "plots": "figures.sweeps", "points": "sweeps.point_sets"}
+"""What goes with :func:`sweep`: what is observed, where it is run, how it is drawn."""
+
 __all__ = [
+    "ArgumentError",
     "Case",
     "CaseError",
     "Comparison",
@@ -58,18 +88,28 @@ __all__ = [
     "Problem",
     "Reading",
     "SmoothMode",
+    "Solution",
     "Solver",
+    "System",
     "Trajectory",
     "Transition",
     "UnavailableError",
     "UnsupportedError",
     "compare",
     "load_case",
+    "lyapunov_exponents",
     "parse_case",
+    "periodic_orbit",
+    "simulate",
+    "stream",
+    "sweep",
+    "tangent_points",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f"henon_ref.{_MODULES[name]}")
     if name in _HOME:
         home = _HOME[name] if _HOME[name].startswith("baselines") else f"henon_ref.{_HOME[name]}"
         value = getattr(import_module(home), name)
@@ -79,4 +119,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, *_MODULES})

@@ -48,6 +48,21 @@ class CaseError(HenonRefError):
         super().__init__(f"{place}: {message}" if place else message)
 
 
+class ArgumentError(HenonRefError, ValueError):
+    """An argument of a function that cannot be meant; the message names it and says what is allowed.
+
+    Parameters
+    ----------
+    message : str
+        What is longer than ``LONGEST`` characters is cut.
+    """
+
+    LONGEST = 390
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message if len(message) <= self.LONGEST else message[: self.LONGEST - 4] + " ...")
+
+
 class ModelError(HenonRefError):
     """A system that is well written but not one this package can simulate."""
 

@@ -48,7 +48,7 @@ def test_the_first_case_has_the_transitions_that_its_page_tells() -> None:
         ("schema: 1\n", ""),
     ],
 )
-def test_mistakes_are_told_as_the_page_has_it(right: str, wrong: str) -> None:
+def test_mistakes_get_the_messages_of_the_page(right: str, wrong: str) -> None:
     page = (DOCS / "first_case.md").read_text(encoding="utf-8")
     with pytest.raises(CaseError) as told:
         parse_case(first_case().replace(right, wrong), file="pendulum.yaml")

@@ -10,14 +10,22 @@ underflow: the vector is dropped and its exponent is -infinity.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
+from typing import Any
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.analysis.variational import Matrix, TangentFlow, TangentTransition, fundamental_matrix
+from henon_ref.errors import ArgumentError
 from henon_ref.filippov.problem import Problem
+from henon_ref.simulation.arguments import problem_of, tolerance_of
+from henon_ref.simulation.compiled import local_error
+from henon_ref.simulation.system import System
+from henon_ref.simulation.written import written
 from henon_ref.trajectory import Status
 
 
@@ -98,6 +106,65 @@ def lyapunov_spectrum(
         stick_fraction=frame.stuck / times[-1] if len(times) else 0.0,
         status=status,
         reason=reason,
+    )
+
+
+def lyapunov_exponents(
+    system: System,
+    initial: Mapping[Any, Any],
+    *,
+    span: float,
+    discard: float = 0.0,
+    start: Any = 0,
+    rtol: float = 1e-10,
+    parameters: Mapping[Any, Any] | None = None,
+    mode: Mapping[Any, int] | None = None,
+) -> Spectrum:
+    """All Lyapunov exponents of a system's motion, its transitions included.
+
+    Tangent vectors are carried along by the variational equations, across transitions by saltation matrices, and made
+    orthonormal again by QR (Benettin et al., *Meccanica* 15, 1980; Mueller, *Chaos, Solitons & Fractals* 5, 1995). A
+    stick takes directions away: their exponents are -infinity.
+
+    Parameters
+    ----------
+    system : System
+    initial : mapping
+        State -> number.
+    span : float
+        Time to average over [s].
+    discard : float
+        Time before that, for the motion to reach its attractor [s].
+    start, rtol, parameters, mode
+        As in :func:`henon_ref.simulate`.
+
+    Returns
+    -------
+    Spectrum
+        ``.exponents`` [1/s], the largest first; ``.history`` shows how far they have converged.
+
+    Raises
+    ------
+    HenonRefError
+        Where something cannot be meant, and where several surfaces change at one instant.
+
+    Examples
+    --------
+    A damped linear oscillator: both exponents are minus half the damping, whatever it crosses.
+
+    >>> import henon_ref as hr
+    >>> oscillator = hr.System(["x", "v"], {"c": 0.2}, {"s": "x"}, ["v", "-x - c*v"])
+    >>> [round(e, 3) for e in hr.lyapunov_exponents(oscillator, {"x": 1, "v": 0}, span=500).exponents]
+    [-0.1, -0.1]
+    """
+    if not (isinstance(span, Real) and 0 < float(span) < math.inf):
+        raise ArgumentError(f"span is {str(span)[:60]}; wanted a time in s, larger than 0")
+    if not (isinstance(discard, Real) and 0 <= float(discard) < math.inf):
+        raise ArgumentError(f"discard is {str(discard)[:60]}; wanted a time in s, 0 or larger")
+    until = f"({written(start, 'start')}) + 1"  # whose run it is decides span
+    _, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
+    return lyapunov_spectrum(
+        problem, discard=float(discard), span=float(span), tolerance=local_error(tolerance_of(rtol))
     )
 
 

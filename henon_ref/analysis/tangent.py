@@ -9,16 +9,18 @@ where the orbit of the field that touches stays on that field's own side (Kuznet
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import sympy as sp
 
-from henon_ref.errors import ModelError
+from henon_ref.errors import ArgumentError, ModelError
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
+from henon_ref.text import listed, shortened
 
 Visibility = Literal["visible", "invisible", "degenerate", "depends on time"]
 
@@ -160,6 +162,68 @@ class TangentAnalysis:
             if below * above < 0:
                 zones.append(StickZone(low, high, bool(below > 0)))
         return zones[::-1]
+
+
+def tangent_points(
+    system: System,
+    *,
+    surface: str | None = None,
+    along: str | sp.Expr | None = None,
+    parameters: Mapping[Any, Any] | None = None,
+) -> list[TangentPoint]:
+    """Where one of the two fields beside a surface is tangent to it: ends of sliding, in closed form.
+
+    A point is visible where the orbit that touches stays on its own side (Kuznetsov, Rinaldi and Gragnani, *Int. J.
+    Bifurcation Chaos* 13 (2003) 2157-2188). Closed forms as in Eqs. (16) and (24) of Olejnik and Awrejcewicz (2013).
+
+    Parameters
+    ----------
+    system : System
+    surface : str, optional
+        Name of its sign; may be left out where there is one surface.
+    along : str or Expr, optional
+        Coordinate along the surface, in states and time; the one state that the surface leaves free if left out.
+    parameters : mapping, optional
+        Values in place of the system's.
+
+    Returns
+    -------
+    list of TangentPoint
+        Highest position first; ``position`` and ``curvature`` are exact SymPy numbers.
+
+    Raises
+    ------
+    HenonRefError
+        For an unknown name, and where the surface and the coordinate do not fix the states, or no closed form is found.
+
+    Examples
+    --------
+    On a belt the block sticks between the two places at which the spring's force is the friction:
+
+    >>> import henon_ref as hr
+    >>> belt = hr.System(["x", "v"], {"F": 1, "d": 3, "vb": 0.5}, {"s": "v - vb"}, ["v", "-x - F*s/(1 + d*s*(v - vb))"])
+    >>> [(point.position, point.side, point.visibility) for point in hr.tangent_points(belt)]
+    [(1, -1, 'visible'), (-1, 1, 'invisible')]
+    """
+    if parameters:
+        system = system.with_parameters(parameters)
+    model, names = system.model, system.model.sign_names
+    if surface is None and len(names) == 1:
+        surface = names[0]
+    if surface not in names:
+        raise ArgumentError(f"{str(surface)[:60]!r} is no surface; surfaces: {listed(names)}")
+    index = names.index(surface)
+    free = [x for x in model.states if not model.surfaces[index].has(x)]
+    if along is None and len(free) != 1:
+        left = f"leaves {len(free)} states free" if free else "leaves no state free"
+        raise ArgumentError(f"the surface '{surface}' {left}: say along which coordinate, as in along='x'")
+    coordinate = SurfaceCoordinate(
+        sp.Dummy("z", real=True), free[0] if along is None else system.expression(along, "along")
+    )
+    try:
+        return TangentAnalysis(model, coordinate, index).tangent_points()
+    except NotImplementedError as error:
+        raise ModelError(f"no closed form of the tangent points is found: {shortened(str(error))}") from None
 
 
 def _visibility(curvature: sp.Expr, side: int) -> Visibility:

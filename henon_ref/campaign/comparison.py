@@ -191,7 +191,7 @@ def compare(
     if progress not in (None, True, False):
         raise CaseError(f"progress is {progress!r}, wanted None, True or False")
     found: list[Comparison] = []
-    shown = is_seen(sys.stderr) if progress is None else progress
+    shown = sys.stderr is not None and (is_seen(sys.stderr) if progress is None else progress)
     with ProgressLine(sys.stderr, case.name) if shown else nullcontext() as line:
         compare_all([case], options, found.append, observer=line)
     return found[0]

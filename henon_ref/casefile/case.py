@@ -160,7 +160,7 @@ def parse_case(
 def _case(
     tree: MappingNode, file: str | None, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
 ) -> Case:
-    readings = tuple(_reading(name, source, solvers, fixed_step) for name, source in _sources(tree, file))
+    readings = tuple(_reading(name, source, solvers, fixed_step) for name, source in reading_sources(tree, file))
     whole = Source(tree, file)
     name, title, source = (_line(whole, key) for key in ("name", "title", "source"))
     if title is None:
@@ -184,7 +184,7 @@ def _checked(whole: Source, path: KeyPath, check: Callable[[object], str], value
         raise whole.error(path, f"'{path[0]}': {error}", key=key) from None
 
 
-def _sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
+def reading_sources(tree: MappingNode, file: str | None) -> list[tuple[str, Source]]:
     """Every reading's name and its tree, overrides laid over."""
     whole = Source(tree, file)
     if "readings" not in tree.entries:
@@ -216,7 +216,7 @@ def _reading(
     name: str, source: Source, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
 ) -> Reading:
     form = validated(source.tree, file=source.file, within=source.within)
-    _check_model(source, form)
+    check_model(source, form)
     expected.check_runs(source, form, solvers)
     problem, names = build_problem(source, form)
     if not problem.system.surfaces:
@@ -250,7 +250,7 @@ def _reading(
     )
 
 
-def _check_model(source: Source, form: CaseForm) -> None:
+def check_model(source: Source, form: CaseForm) -> None:
     """Refuse a case with two models or none."""
     message = "give the model once: either 'system' or 'scene'"
     given = [key for key, model in (("system", form.system), ("scene", form.scene)) if model is not None]

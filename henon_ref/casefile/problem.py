@@ -32,7 +32,7 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
     CaseError
         At the place of the first thing that does not fit.
     """
-    system, names = source.once("system", ("system", "scene", "sliding"), lambda: _system(source, form))
+    system, names = source.once("system", ("system", "scene", "sliding"), lambda: build_model(source, form))
     start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
     until = source.number(("until",), names.values)
     if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
@@ -42,7 +42,14 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
     return replace(problem, initial_mode=_initial_mode(source, form, problem)), names
 
 
-def _system(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
+def build_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
+    """The system that one reading of a case is about, and what its names stand for."""
+    system, names = written_model(source, form)
+    return with_rational_exponents(system), names
+
+
+def written_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
+    """The same with exponents as they are written."""
     if form.scene is not None:
         scene, names = read_scene(source)
         system = scene.system()
@@ -52,7 +59,7 @@ def _system(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
     overrides = build_overrides(source, form, names)
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})
-    return with_rational_exponents(system), names
+    return system, names
 
 
 def read_scene(source: Source) -> tuple[Scene, Names]:

@@ -19,6 +19,7 @@ from henon_ref.casefile.scene_schema import bodies_schema, connections_schema
 from henon_ref.text import shortened
 
 DEFAULT_TOLERANCES = (1e-6, 1e-9, 1e-12)
+"""A coarse, a usual and a tight one: enough for a work-precision line."""
 DEFAULT_STEPS = (1e-3,)
 MAX_NAME = 64
 """Characters the name of a case or of a reading may have: files are called after both."""

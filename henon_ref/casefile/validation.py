@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 
@@ -10,6 +10,8 @@ from henon_ref.casefile.schema import CaseForm, Form
 from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, child, locate, to_python
 from henon_ref.errors import CaseError
 from henon_ref.text import did_you_mean, listed, shortened
+
+AnyForm = TypeVar("AnyForm", bound=Form)
 
 
 def validated(tree: MappingNode, *, file: str | None, within: str = "") -> CaseForm:
@@ -20,22 +22,34 @@ def validated(tree: MappingNode, *, file: str | None, within: str = "") -> CaseF
     CaseError
         At the line and column of the first key or value that does not fit.
     """
+    return validated_as(CaseForm, tree, file=file, within=within)
+
+
+def validated_as(form: type[AnyForm], tree: MappingNode, *, file: str | None, within: str = "") -> AnyForm:
+    """Check the form of any file.
+
+    Raises
+    ------
+    CaseError
+        At the line and column of the first key or value that does not fit.
+    """
     try:
-        return CaseForm.model_validate(to_python(tree))
+        return form.model_validate(to_python(tree))
     except ValidationError as error:
-        found = [(item["type"] == "missing", *_explained(tree, dict(item))) for item in error.errors(include_url=False)]
+        items = [dict(item) for item in error.errors(include_url=False)]
+        found = [(item["type"] == "missing", *_explained(form, tree, item)) for item in items]
     # A misspelt key is unknown and missing at once; only the first is of use.
     _, place, message = min(found, key=lambda item: (item[0], item[1].line, item[1].column))
     raise CaseError(message + within, file=file, line=place.line, column=place.column)
 
 
-def _explained(tree: Node, error: dict[str, Any]) -> tuple[Place, str]:
+def _explained(whole: type[Form], tree: Node, error: dict[str, Any]) -> tuple[Place, str]:
     """Place and message of one pydantic error."""
     path = [part for part in error["loc"] if part != "[key]"]
     kind = error["type"]
     if not path:
         return tree.place, str(error["ctx"]["error"]) if kind == "value_error" else error["msg"]
-    form = _form_at(path[:-1])
+    form = _form_at(whole, path[:-1])
     name = f"'{path[-1]}'" if isinstance(path[-1], str) else "an entry"
     where = f" in '{path[-2]}'" if len(path) > 1 and isinstance(path[-2], str) else ""
     if kind == "extra_forbidden":
@@ -75,9 +89,8 @@ def _given(tree: Node, path: list[str | int], kind: str) -> str:
     return "; here it is a mapping" if isinstance(node, MappingNode) else "; here it is a list"
 
 
-def _form_at(path: list[Any]) -> type[Form]:
+def _form_at(form: type[Form], path: list[Any]) -> type[Form]:
     """The form that a path leads into."""
-    form: type[Form] = CaseForm
     for part in path:
         for key, info in form.model_fields.items():
             if part in (key, info.alias):

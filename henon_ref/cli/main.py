@@ -34,10 +34,12 @@ class Subcommand:
 
 SUBCOMMANDS = {
     "compare": Subcommand("compare:program", "Run every solver on cases, score it against the truth, write a report."),
+    "simulate": Subcommand("simulate:command", "Simulate one case with the reference, and print its transitions."),
     "cases": Subcommand("cases:command", "List cases: names, sizes, titles, tags."),
     "solvers": Subcommand("solvers:command", "List solvers: versions, options, and why one cannot be had."),
     "schema": Subcommand("schema:command", "Print the JSON Schema of a case file."),
     "new-solver": Subcommand("new_solver:command", "Write a package with a solver of your own to fill in."),
+    "sweep": Subcommand("sweep:program", "Run one system at many points, and observe each run."),
     "truth": Subcommand("truth:command", "Compute truths, hold them against the stored ones, store them."),
     "check": Subcommand("check:command", "Tell whether stored reports still say what a fresh comparison says."),
     "price": Subcommand("price:command", "Time every solver at every tolerance, and what the parts of a run cost."),

@@ -121,20 +121,9 @@ def draw_portrait(reading: Reading, motion: Motion) -> Figure | None:
     pair = axes_of_portrait(system)
     if pair is None:
         return None
-    plane = _plane(system, *pair)
     with style.figure(4.3, width=5.6) as figure:
         axes = figure.add_axes((0.13, 0.12, 0.84, 0.74))
-        drawn = _draw_pieces(axes, motion, plane)
-        _draw_arrows(axes, motion, plane)
-        for values, set_limits in (
-            (motion.states[:, plane.x], axes.set_xlim),
-            (motion.states[:, plane.y], axes.set_ylim),
-        ):
-            set_limits(*_limits(values))
-        boundary = _draw_boundary(axes, system, plane)
-        axes.set_xlabel(_symbol(system, plane.x))
-        axes.set_ylabel(_symbol(system, plane.y))
-        _legend(axes, [*drawn, *boundary])
+        plane, boundary = portrait(axes, system, motion, pair)
         title = f"Phase portrait, {motion.times[0]:.10g} s to {motion.times[-1]:.10g} s"
         axes.set_title(title, pad=24)
         labels = [label for label, _ in plane.pieces(motion.modes)]
@@ -146,6 +135,23 @@ def draw_portrait(reading: Reading, motion: Motion) -> Figure | None:
             + (" Surfaces are dashed lines." if boundary else ""),
         )
         return figure
+
+
+def portrait(axes: Axes, system: FilippovSystem, motion: Motion, pair: tuple[int, int]) -> tuple[_Plane, bool]:
+    """Phase portrait in the plane of two states, with a legend above it; how it is drawn, and whether surfaces are."""
+    plane = _plane(system, *pair)
+    drawn = _draw_pieces(axes, motion, plane)
+    _draw_arrows(axes, motion, plane)
+    for values, set_limits in (
+        (motion.states[:, plane.x], axes.set_xlim),
+        (motion.states[:, plane.y], axes.set_ylim),
+    ):
+        set_limits(*_limits(values))
+    boundary = _draw_boundary(axes, system, plane)
+    axes.set_xlabel(_symbol(system, plane.x))
+    axes.set_ylabel(_symbol(system, plane.y))
+    _legend(axes, [*drawn, *boundary])
+    return plane, bool(boundary)
 
 
 def _plane(system: FilippovSystem, x: int, y: int) -> _Plane:
@@ -229,15 +235,19 @@ def draw_modes(reading: Reading, motion: Motion) -> Figure:
         panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
         inch = 1 / (0.85 + 1.55 * count)
         figure.subplots_adjust(left=0.1, right=0.985, bottom=0.48 * inch, top=1 - 0.32 * inch, hspace=0.12)
-        for k, axes in enumerate(panels):
-            _draw_surface(axes, system, motion, k)
-        panels[-1].set_xlabel("time t [s]")
-        panels[-1].set_xlim(motion.times[0], motion.times[-1])
-        present = {_entry(mode, k) for mode in motion.modes for k in range(count)}
-        _mode_legend(panels[0], present)
+        surfaces_over_time(panels, system, motion)
         panels[0].set_title(MODES_TITLE)
         describe(figure, MODES_TITLE, " ".join(_shares(system, motion, k) for k in range(count)))
         return figure
+
+
+def surfaces_over_time(panels: Sequence[Axes] | NDArray[Any], system: FilippovSystem, motion: Motion) -> None:
+    """The first surfaces' h over time, one below the other, with the modes shaded and a legend above them."""
+    for k, axes in enumerate(panels):
+        _draw_surface(axes, system, motion, k)
+    panels[-1].set_xlabel("time t [s]")
+    panels[-1].set_xlim(motion.times[0], motion.times[-1])
+    _mode_legend(panels[0], {_entry(mode, k) for mode in motion.modes for k in range(len(panels))})
 
 
 def _shares(system: FilippovSystem, motion: Motion, k: int) -> str:

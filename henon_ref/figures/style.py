@@ -6,7 +6,7 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -138,6 +138,13 @@ def lines_of(solvers: Iterable[str]) -> dict[str, Line]:
 def line_of(solver: str) -> Line:
     """How a solver is drawn that stands alone, or among solvers that are not third parties'."""
     return lines_of([solver])[solver]
+
+
+def report_style() -> AbstractContextManager[None]:
+    """The style of the reports, for whoever makes a figure in it."""
+    import matplotlib
+
+    return matplotlib.rc_context(_RC)
 
 
 @contextmanager

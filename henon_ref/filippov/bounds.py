@@ -30,6 +30,7 @@ LARGEST = sp.Float("1.7976931348623157e308", 20)
 """Largest absolute value a number may have: a double must be able to hold it."""
 
 _DIGITS = 25
+"""Decimal digits with which a number is held against a bound: beyond a double's 17."""
 _SMOOTH = (sp.sin, sp.cos, sp.tan, sp.asin, sp.acos, sp.atan, sp.sinh, sp.cosh, sp.tanh, sp.exp, sp.log)
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sympy as sp
 
+from henon_ref.errors import ModelError
+
 
 def exact_sign(number: sp.Expr) -> int:
     """Sign of an exact number: of one that is not rational by its digits, 0 where 60 of them show nothing."""
@@ -13,6 +15,21 @@ def exact_sign(number: sp.Expr) -> int:
     if abs(value) < sp.Float("1e-55", 60):
         return 0
     return 1 if value > 0 else -1
+
+
+def double_double(number: sp.Expr) -> tuple[float, float]:
+    """An exact number as the nearest double and what that leaves, rounded again.
+
+    Raises
+    ------
+    ModelError
+        If it is not a finite real number.
+    """
+    rest = sp.N(number, 50)
+    if not rest.is_number or not rest.is_real or not rest.is_finite:
+        raise ModelError(f"not a finite real number: {number}")
+    high = float(rest)
+    return high, float(rest - sp.Float(high, 50))
 
 
 class Rounded:

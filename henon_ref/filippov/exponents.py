@@ -32,6 +32,15 @@ def with_rational_exponents(system: FilippovSystem) -> FilippovSystem:
     )
 
 
+def parameters_in_exponents(system: FilippovSystem) -> set[sp.Symbol]:
+    """Parameters whose values :func:`with_rational_exponents` looks at: with others the system is another one."""
+    expressions = [*system.surfaces, *system.field, *system.valid]
+    for override in system.overrides.values():
+        expressions += [*override.field, *(r.when for r in override.release)]
+    exponents = (power.exp for e in expressions for power in e.atoms(sp.Pow))
+    return {symbol for exponent in exponents for symbol in exponent.free_symbols} & set(system.parameters)
+
+
 def _written(system: FilippovSystem, expression: sp.Expr) -> sp.Expr:
     constant = set(system.parameters)
 

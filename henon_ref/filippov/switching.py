@@ -52,6 +52,18 @@ _NOWHERE = _Point(())
 """Before a run has asked for anything."""
 
 
+ModeWithTape = tuple[ModeEquations, Tape]
+
+
+def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
+    """Equations of a mode, and its field and guards as a tape; None where it has none."""
+    try:
+        equations = system.equations(mode)
+    except ModelError:
+        return None
+    return equations, build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+
+
 class Switching:
     """Decides the modes of one system in double precision (tapes are made once a mode and kept), from any thread.
 
@@ -132,12 +144,27 @@ class Switching:
         given : mapping, optional
             Surface -> entry, for surfaces the start lies on; taken as it is.
         """
-        system, given = self.system, given or {}
-        at = {TIME: start, **dict(zip(system.states, initial, strict=True))}
+        surfaces, valid = self.signs_at(start, initial)
+        return self.mode_by_signs(float(start), [float(v) for v in initial], surfaces, valid, given or {})
+
+    def signs_at(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> tuple[list[int], list[int]]:
+        """Signs of the surfaces, and of the ``valid`` expressions, at a point in exact numbers."""
+        at = {TIME: start, **dict(zip(self.system.states, initial, strict=True))}
+        surfaces, valid = (
+            [exact_sign(self._numeric(e).xreplace(at)) for e in expressions]
+            for expressions in (self.system.surfaces, self.system.valid)
+        )
+        return surfaces, valid
+
+    def mode_by_signs(
+        self, t: float, x: list[float], surfaces: Sequence[int], valid: Sequence[int], given: Mapping[int, int]
+    ) -> Decision:
+        """Mode at a start where the surfaces, and the ``valid`` expressions, have these signs."""
+        system = self.system
         mode: list[int] = []
         active: list[int] = []
-        for i, h in enumerate(system.surfaces):
-            sign = exact_sign(self._numeric(h).xreplace(at))
+        for i, exact in enumerate(surfaces):
+            sign = exact
             if i in given and sign in (0, given[i]):
                 sign = given[i]
             elif i in given:
@@ -148,13 +175,11 @@ class Switching:
                 active.append(i)
             mode.append(sign)
         edges = []
-        for i, expression in enumerate(system.valid):
-            sign = exact_sign(self._numeric(expression).xreplace(at))
+        for i, (expression, sign) in enumerate(zip(system.valid, valid, strict=True)):
             if sign < 0:
                 return Decision("invalid", None, f"the model does not hold at the start: {expression} < 0")
             if sign == 0:
                 edges.append(i)
-        t, x = float(start), [float(v) for v in initial]
         settled = Decision("unique", tuple(mode))
         decision = self._decide(t, x, tuple(mode), tuple(active)) if active else self._attracting(t, x, settled)
         refused = self._rising(t, x, decision.mode, edges) if edges and decision.mode is not None else None
@@ -292,17 +317,18 @@ class Switching:
 
     def _equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]] | None:
         if mode not in self._tapes:
-            system = self.system
             with one_at_a_time():
-                try:
-                    equations = system.equations(mode)
-                except ModelError:
-                    self._tapes[mode] = None
-                else:
-                    tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
-                    numbers = [self._number(self._numeric(c)) for c in tape.constants]
-                    self._tapes[mode] = (equations, tape, numbers)
+                made = self._tape(mode)
+                self._tapes[mode] = None if made is None else (*made, self._constants(made[1]))
         return self._tapes[mode]
+
+    def _tape(self, mode: Mode) -> ModeWithTape | None:
+        """Equations of a mode and their tape; None where it has none."""
+        return mode_with_tape(self.system, mode)
+
+    def _constants(self, tape: Tape) -> list[Any]:
+        """Constants of a tape."""
+        return [self._number(self._numeric(c)) for c in tape.constants]
 
     def _expanded(self, mode: Mode, t: float, x: Sequence[float]) -> tuple[list[list[float]], float]:
         """Series of a mode's guards from a point, and their rate; those of the last point are kept."""

@@ -41,11 +41,16 @@ def compile_unit(function: Any, result: Any, *given: Any) -> Callable[..., Any]:
     symbol = f"henon_ref.{function.__name__}"
     assert symbol not in UNITS, f"two compile units are called {symbol}"
     UNITS[symbol] = function, given
+    return call_symbol(symbol, result, *given)
+
+
+def call_symbol(symbol: str, result: Any, *given: Any) -> Callable[..., Any]:
+    """What calls, in compiled code, the function that :func:`add_symbol` has given a name; see :func:`compile_unit`."""
 
     @intrinsic
     def call(typing, *arguments):  # type: ignore[no-untyped-def]
         if arguments != given:
-            raise TypingError(f"{function.__name__} takes {given}, not {arguments}")
+            raise TypingError(f"{symbol} takes {given}, not {arguments}")
 
         def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
             kind = context.call_conv.get_function_type(result, given)
@@ -62,7 +67,11 @@ def link() -> None:
     """Compile all units, or read them from the disk, and tell the linker where they are."""
     compile_all([made for symbol, made in UNITS.items() if symbol not in _linked])
     for symbol in UNITS.keys() - _linked:
-        function, given = UNITS[symbol]
-        made = function.overloads[given]
-        llvm.add_symbol(symbol, made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
+        add_symbol(symbol, *UNITS[symbol])
         _linked.add(symbol)
+
+
+def add_symbol(symbol: str, function: Any, given: tuple[Any, ...]) -> None:
+    """Tell the linker where a function is that has been compiled for some types."""
+    made = function.overloads[given]
+    llvm.add_symbol(symbol, made.library.get_pointer_to_function(made.fndesc.llvm_func_name))

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property, lru_cache
 
+import numpy as np
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.filippov.exact_numbers import exact_sign
-from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.decision import Decision
+from henon_ref.filippov.exact_numbers import double_double
+from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.compile_units import link
+from henon_ref.henon.double_constants import DoubleConstants
+from henon_ref.henon.double_double import UNCLEAR_SIGN
 from henon_ref.henon.loop import load
-from henon_ref.henon.mode_constants import ModeConstants, double_double
+from henon_ref.henon.mode_constants import ExactConstants, ModeConstants
 from henon_ref.henon.mode_table import ModeTable
+from henon_ref.henon.parameter_programs import ParameterPrograms
 from henon_ref.henon.start import Start
+from henon_ref.henon.surface_start import mode_at_start
 from henon_ref.henon.workspace import WorkspacePool
 from henon_ref.jit.processor_time import compiling
 from henon_ref.precision import one_at_a_time
-from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 
 KEPT_VALUES = 64
@@ -29,10 +35,15 @@ KEPT_VALUES = 64
 class Integrator:
     """Runs of one system at one order, from any thread; compiles what it needs and keeps it.
 
+    A run is ``Run(integrator, integrator.start(problem, ...)).to_horizon()``, from exact numbers; with
+    :meth:`start_at` in place of :meth:`start` from doubles, in microseconds. Many runs in one call are
+    :class:`henon_ref.henon.points.PointRuns`. The library keeps one integrator for each system and order.
+
     Parameters
     ----------
     system : FilippovSystem
-        With values of its parameters; without them, problems of the system with any values can be started.
+        With values of its parameters; without them, problems of the system with any values can be started. (Its modes
+        are then derived for all values: surfaces that coincide for some of them are two surfaces all the same.)
     order : int
         Order of the Taylor method.
     """
@@ -46,7 +57,10 @@ class Integrator:
         self.workspaces = WorkspacePool(states, self.mode_table.most_guards, order, surfaces)
         self.several = self.mode_table.compiled.rows.size > 0
         """Whether the compiled loop decides events of several surfaces."""
+        self.no_zeros = (0,) * self.mode_table.most_guards
+        """Known zeros of the guards where a start is off every surface."""
         self._constants: dict[tuple[sp.Expr, ...], ModeConstants] = {}
+        self.double_constants = lru_cache(maxsize=KEPT_VALUES)(self._double_constants)
 
     def load(self) -> None:
         """Make the compiled loop callable, as the first run does otherwise."""
@@ -67,10 +81,25 @@ class Integrator:
         found = self._constants.get(key)
         if found is None:
             with one_at_a_time(), compiling():
-                found = self._constants.setdefault(key, ModeConstants(self.mode_table, values))
+                found = self._constants.setdefault(key, ExactConstants(self.mode_table, values))
                 if len(self._constants) > KEPT_VALUES:
                     del self._constants[next(iter(self._constants))]
         return found
+
+    @property
+    def parameters(self) -> tuple[sp.Symbol, ...]:
+        """Those that stand in the system's expressions, by name: the order of the values of :meth:`start_at`."""
+        return self.programs.parameters
+
+    @cached_property
+    def programs(self) -> ParameterPrograms:
+        """Programs of constants, for values that are doubles."""
+        if self.system.parameters:
+            raise ModelError("an integrator of a system with values of its parameters runs that system alone")
+        return ParameterPrograms(self.mode_table)
+
+    def _double_constants(self, values: tuple[float, ...]) -> DoubleConstants:
+        return DoubleConstants(self.programs, values)
 
     def start(self, problem: Problem, *, tolerance: float, landing: int) -> Start:
         """What is decided once a problem, in exact numbers: where it starts and in which mode.
@@ -84,25 +113,123 @@ class Integrator:
         landing : int
             HENON, NEWTON or BRENT of :mod:`henon_ref.henon.records`.
         """
-        system, constants = problem.system, self.constants(problem.system)
-        decision = constants.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
-        at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
-        x = [double_double(v) for v in problem.initial]
-        active, edges = (
-            [i for i, e in enumerate(expressions) if exact_sign(system.numeric(e).xreplace(at)) == 0]
-            for expressions in (system.surfaces, system.valid)
-        )
-        time, until, point = double_double(problem.start), double_double(problem.until), tuple(high for high, _ in x)
-        refused, row, zeros = None, 0, (0,) * self.mode_table.most_guards
-        if decision.mode is None:
-            nowhere = (0,) * len(system.surfaces)
-            refused = Trajectory(decision.ending, (), time[0], point, nowhere, decision.reason)
-        elif (found := self.mode_table.row(decision.mode)) is None:
-            refused = Trajectory("failed", (), time[0], point, decision.mode, "the mode at the start has no equations")
-        else:
-            row, own = found, self.known_zeros(constants, time[0], point, decision.mode, active, edges)
-            zeros = own + zeros[len(own) :]
+        constants, x = self.constants(problem.system), [double_double(v) for v in problem.initial]
+        time, point = double_double(problem.start), [high for high, _ in x]
+        surfaces, valid = constants.switching.signs_at(problem.start, problem.initial)
+        decision = constants.switching.mode_by_signs(time[0], point, surfaces, valid, problem.initial_mode)
+        refused, row, zeros = self.entered(constants, time[0], point, decision, surfaces, valid)
+        until = double_double(problem.until)
         return Start(time, until, tuple(x), refused, row, zeros, self.order, tolerance, landing, constants)
+
+    def start_at(
+        self,
+        values: tuple[float, ...],
+        initial: Sequence[float],
+        *,
+        start: float = 0.0,
+        until: float,
+        tolerance: float,
+        landing: int,
+        mode: Mapping[int, int] | None = None,
+        **limits: int,
+    ) -> Start:
+        """The same from doubles, taken as exact: in microseconds where the start is clearly off every surface.
+
+        Parameters
+        ----------
+        values : tuple of float
+            Of :attr:`parameters`, in their order.
+        initial : sequence of float, shape (n,)
+            State at the start.
+        start, until : float
+            Initial time and horizon [s].
+        tolerance, landing
+            See :meth:`start`.
+        mode : mapping, optional
+            Surface -> -1, 0 or +1, for a start on a surface that the fields leave open.
+        **limits
+            ``stop_falling``, ``stop_rising``, ``most_steps`` of :class:`Start`.
+
+        Raises
+        ------
+        ModelError
+            Where the system has values of its parameters, or an expression in them that no program evaluates.
+        """
+        constants = self.double_constants(values)
+        x = tuple((v, 0.0) for v in initial)
+        refused, (row, zeros) = (
+            None,
+            self.clear_start(constants, constants.start_signs(start, initial), start, initial)
+            if not mode
+            else (-1, ()),
+        )
+        if row < 0:
+            surfaces, valid = constants.exact_signs(start, initial)
+            decision = constants.switching.mode_by_signs(start, list(initial), surfaces, valid, mode or {})
+            refused, row, zeros = self.entered(constants, start, initial, decision, surfaces, valid)
+        return Start(
+            (start, 0.0), (until, 0.0), x, refused, row, zeros, self.order, tolerance, landing, constants, **limits
+        )
+
+    def row_at_start(self, signs: Mode) -> tuple[int, int] | None:
+        """Row of a start's mode, and the surface that it is on (-1: none); None where Python has to decide the mode.
+
+        On a surface the row is that of the mode below it; those that may follow are compiled.
+
+        Parameters
+        ----------
+        signs : tuple of int
+            Of the surfaces, then of the ``valid`` expressions.
+        """
+        count = len(self.system.surfaces)
+        mode, on = signs[:count], [i for i, sign in enumerate(signs[:count]) if sign == 0]
+        if UNCLEAR_SIGN in mode or len(on) > 1 or any(sign != 1 for sign in signs[count:]):
+            return None
+        if on and self.system.overrides:
+            return None
+        rows = [self.mode_table.row(replaced(mode, i, entry)) for i in on for entry in (-1, 0, 1)]
+        row = rows[0] if on else self.mode_table.row(mode)
+        return None if row is None else (row, on[0] if on else -1)
+
+    def clear_start(
+        self, constants: DoubleConstants, signs: Mode, t: float, x: Sequence[float]
+    ) -> tuple[int, tuple[int, ...]]:
+        """Row and known zeros of the mode at a start off all surfaces, or on one that is left or slid on clearly.
+
+        Row -1 where it is not clear. ``signs``: see :meth:`row_at_start`.
+        """
+        found = self.row_at_start(signs)
+        if found is None or found[1] < 0:
+            return (-1 if found is None else found[0]), self.no_zeros
+        data = constants.latest if constants.latest.compiled is self.mode_table.compiled else constants.update()
+        point, speeds = np.array(x, dtype=np.float64), np.empty(len(x) + 2 * len(self.no_zeros))
+        row, order = mode_at_start(data.tables, data.numbers, *found, t, point, speeds)
+        if row < 0 or order == 0:
+            return row, self.no_zeros
+        guards = self.mode_table.guards(self.mode_table.modes[row])
+        own = tuple(order if g.kind == "surface" and g.index == found[1] else 0 for g in guards)
+        return row, own + self.no_zeros[len(own) :]
+
+    def entered(
+        self,
+        constants: ModeConstants,
+        t: float,
+        x: Sequence[float],
+        decision: Decision,
+        surfaces: Sequence[int],
+        valid: Sequence[int],
+    ) -> tuple[Trajectory | None, int, tuple[int, ...]]:
+        """What every run comes to that cannot begin, else None; row and known zeros of the mode at the start."""
+        if decision.mode is None:
+            nowhere = (0,) * len(surfaces)
+            return Trajectory(decision.ending, (), t, tuple(x), nowhere, decision.reason), 0, self.no_zeros
+        row = self.mode_table.row(decision.mode)
+        if row is None:
+            reason = "the mode at the start has no equations"
+            return Trajectory("failed", (), t, tuple(x), decision.mode, reason), 0, self.no_zeros
+        active, edges = ([i for i, sign in enumerate(signs) if sign == 0] for signs in (surfaces, valid))
+        own = self.known_zeros(constants, t, x, decision.mode, active, edges)
+        return None, row, own + self.no_zeros[len(own) :]
 
     def known_zeros(
         self,

@@ -15,10 +15,18 @@ from henon_ref.henon.compile_units import NUMBERS, ROW, ROWS, TABLES, compile_un
 from henon_ref.henon.event_detection import at_zero, ends_at_zero, first_event, guards_below_zero, load_equals_friction
 from henon_ref.henon.mode_selection import SELECTION
 from henon_ref.henon.mode_transition import apply_event
-from henon_ref.henon.recorder import fill_samples
+from henon_ref.henon.recorder import _record_step, fill_samples
 from henon_ref.henon.records import BRACKET, RELEASE, guard_of, mode_of
 from henon_ref.henon.state import EVENT, NOWHERE, ON, RUN_RECORD, ReturnCode, run_of, vectors_of
-from henon_ref.henon.step import CHECKED_GROWTH, CUT_WEIGHT, add_to_state, event_free_steps, refine_release, state_grows
+from henon_ref.henon.step import (
+    CHECKED_GROWTH,
+    CUT_WEIGHT,
+    add_to_state,
+    enter_mode,
+    event_free_steps,
+    refine_release,
+    state_grows,
+)
 from henon_ref.henon.step_validation import cancellation_limit, tail_unconverged, validated_step
 from henon_ref.henon.workspace import work_space
 from henon_ref.jit.calls import call_closing
@@ -71,24 +79,27 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
     Returns
     -------
     int
-        HORIZON, SELECT_MODE, BLOCK_FULL, DIVERGED, STALLED, BUDGET_SPENT, LEFT_DOMAIN, EVENTS_ACCUMULATE or
-        MODE_NOT_COMPILED; UNDECIDED_EVENT where an event ahead cannot be decided in double precision.
+        HORIZON, STOPPED, SELECT_MODE, BLOCK_FULL, STEPS_FULL, DIVERGED, STALLED, BUDGET_SPENT, LEFT_DOMAIN,
+        EVENTS_ACCUMULATE or MODE_NOT_COMPILED; UNDECIDED_EVENT where an event ahead cannot be decided in double
+        precision.
     """
     most = tables.shape[1] - 1
     block = row_of(state)
     run = run_of(block)
     n, order = run.states, run.order
     last_steps, x, x_low, known_zeros, hits = vectors_of(block, n, most)
-    band, room, records = work_space(block, n, most, order)
+    band, room, remembered, records = work_space(block, n, most, order)
     rows = n + most + 1
     c, ahead, work = band, rest_of(band, rows), rest_of(band, 2 * rows)
     bounds = rest_of(work, 4 + DEPTH)
     change, lower, point = room, rest_of(room, n), rest_of(room, n + most)
-    stop_at = run.steps + BUDGET
+    stop_at = min(run.steps + BUDGET, run.most_steps)
     code = ON
     while True:
         if code == EVENT:
             code = apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, band, room)
+            if code == ON and run.stopped != 0:
+                return ReturnCode.STOPPED.value
         if code != ON:
             return code
 
@@ -96,18 +107,21 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         mode = run.mode
         layout, constants = rows_in(tables, mode), rows_in(numbers, mode)[0]
         compiled = mode_of(layout)
-        guards, slot = compiled.guards, compiled.remembered
-        if mode != run.stepped_mode and last_steps[slot] > 0.0:
-            run.unit = smaller(last_steps[slot], run.longest_step)
-        run.stepped_mode = mode
+        guards = compiled.guards
+        if mode != run.stepped_mode:
+            enter_mode(run, remembered, last_steps)
         if run.transitions + 1 > run.transition_capacity:
             return ReturnCode.BLOCK_FULL.value
         if remaining(run) <= 0.0:
             return ReturnCode.HORIZON.value
+        if run.dense != 0 and run.dense_steps >= run.dense_capacity:
+            return ReturnCode.STEPS_FULL.value
         sampled = run.next_sample < samples.shape[0]
         theta = event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, sampled, stop_at)
         if theta == 0.0:
             return ReturnCode.BUDGET_SPENT.value
+        if theta < -2.5:
+            return ReturnCode.STEPS_FULL.value
         if theta < 0.0:
             return ReturnCode.STALLED.value if theta > -1.5 else ReturnCode.DIVERGED.value
         unit = run.unit
@@ -164,6 +178,8 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
                 at_once = g == hit or at_zero(c[n + g], known_zeros[g], order, part, guard_of(layout, g).rising_only)
                 hits[g] = 1 if at_once else 0
             call_closing(compiled.step_end, part, c, change)
+        if run.dense != 0 and part > 0.0:
+            _record_step(run, c, part * unit, mode)
         bounded = add_to_state(n, x, x_low, change)
         if not below_time_resolution(run, part * unit):
             run.stalled = 0
@@ -171,7 +187,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         run.steps += 1
         run.longest_step = 1e3 * part * unit if part > 0.0 else unit
         run.unit = smaller(natural, run.longest_step) if part > 0.0 else unit
-        last_steps[slot] = natural
+        last_steps[run.step_place] = natural
         if not bounded:
             return ReturnCode.DIVERGED.value
         if hit >= 0:

@@ -3,40 +3,26 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
+from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.mode_code import ModeTape
 from henon_ref.henon.mode_table import CompiledModes, ModeTable
-from henon_ref.henon.precise_modes import PreciseModes
+from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
 from henon_ref.jit.processor_time import compiling
 from henon_ref.precision import one_at_a_time
 
 Pair = tuple[float, float]
 """A number as its double and what that leaves."""
-
-
-def double_double(number: sp.Expr) -> Pair:
-    """An exact number as the nearest double and what that leaves, rounded again.
-
-    Raises
-    ------
-    ModelError
-        If it is not a finite real number.
-    """
-    rest = sp.N(number, 50)
-    if not rest.is_number or not rest.is_real or not rest.is_finite:
-        raise ModelError(f"not a finite real number: {number}")
-    high = float(rest)
-    return high, float(rest - sp.Float(high, 50))
 
 
 class LoopData(NamedTuple):
@@ -52,15 +38,8 @@ class LoopData(NamedTuple):
     """Begin of the loop's argument ``selection``; empty where there is nothing to select."""
 
 
-class ModeConstants:
+class ModeConstants(ABC):
     """A system's compiled modes at given parameter values.
-
-    Parameters
-    ----------
-    mode_table : ModeTable
-        Of a system, with or without values of its parameters.
-    values : FilippovSystem
-        The system with values of all parameters, exact numbers.
 
     Attributes
     ----------
@@ -68,27 +47,56 @@ class ModeConstants:
         For the modes that were compiled when it was last asked for; replaced as a whole by :meth:`update`.
     """
 
+    latest: LoopData
+
+    @property
+    @abstractmethod
+    def switching(self) -> Switching:
+        """What decides modes in double precision."""
+
+    @property
+    @abstractmethod
+    def precise(self) -> PreciseModes:
+        """The modes in multiprecision."""
+
+    @abstractmethod
+    def update(self) -> LoopData:
+        """Take in modes that have been compiled since."""
+
+
+class ExactConstants(ModeConstants):
+    """From exact numbers, each constant rounded once.
+
+    Parameters
+    ----------
+    mode_table : ModeTable
+        Of a system, with or without values of its parameters.
+    values : FilippovSystem
+        The system with values of all parameters.
+    """
+
     def __init__(self, mode_table: ModeTable, values: FilippovSystem) -> None:
         self._table, self._values = mode_table, values
         self._known: dict[tuple[ModeTape, int, tuple[int, ...]], Pair] = {}
         self.latest = self._extended(mode_table.compiled, np.zeros((0, 2, 1)))
 
-    def update(self) -> LoopData:
-        """Take in modes that have been compiled since."""
-        with one_at_a_time(), compiling():
-            if self.latest.compiled is not self._table.compiled:
-                self.latest = self._extended(self._table.compiled, self.latest.numbers)
-            return self.latest
-
     @cached_property
     def switching(self) -> Switching:
-        """What decides modes in double precision."""
+        """See :class:`ModeConstants`."""
         return Switching(self._table.system, self._values)
 
     @cached_property
     def precise(self) -> PreciseModes:
-        """The modes in multiprecision."""
-        return PreciseModes(self._table.system, self.switching, self._values)
+        """See :class:`ModeConstants`."""
+        system, values = self._table.system, self._values
+        return PreciseModes(system, self.switching, lambda: BallSwitching(system, values))
+
+    def update(self) -> LoopData:
+        """See :class:`ModeConstants`."""
+        with one_at_a_time(), compiling():
+            if self.latest.compiled is not self._table.compiled:
+                self.latest = self._extended(self._table.compiled, self.latest.numbers)
+            return self.latest
 
     def _extended(self, compiled: CompiledModes, numbers: NDArray[np.float64]) -> LoopData:
         rows = [

@@ -25,7 +25,6 @@ from henon_ref.henon.mode_code import (
     switched_mode_code,
 )
 from henon_ref.henon.records import RECORD_PLACES, RELEASE, SURFACE, VALID, mode_dtype
-from henon_ref.henon.state import REMEMBERED_STEPS
 from henon_ref.jit.processor_time import compiling
 from henon_ref.precision import one_at_a_time
 from henon_ref.roots.bernstein import bernstein_code
@@ -153,7 +152,7 @@ class ModeTable:
 
     def _append(self, mode: Mode, code: ModeCode) -> None:
         before, row = self.compiled, len(self.compiled.modes)
-        records = np.concatenate([before.records, self._record(mode, code, row)])
+        records = np.concatenate([before.records, self._record(mode, code)])
         rows = before.rows
         # Where it may not attract, compiled code does not settle on it.
         if rows.size and all(g.kind != "attracts" for g in self.guards(mode)):
@@ -167,7 +166,7 @@ class ModeTable:
         self.compiled = CompiledModes((*before.modes, mode), (*before.codes, code), records, signs, rows)
         self.index = index
 
-    def _record(self, mode: Mode, code: ModeCode, row: int) -> NDArray[Any]:
+    def _record(self, mode: Mode, code: ModeCode) -> NDArray[Any]:
         """A mode's row, which leads to no other mode yet."""
         found = np.zeros(1, dtype=self.compiled.records.dtype)
         system, guards = self.system, self.guards(mode)
@@ -176,12 +175,12 @@ class ModeTable:
         for name, value in code.fields.items():
             own[name] = value
         own["guards"], own["bernstein"] = len(guards), bernstein_code(self.order).address("bernstein")
-        own["remembered"] = min(row, REMEMBERED_STEPS - 1)
         records["mode_across"] = records["mode_stuck"] = -1
         for record, guard in zip(records, guards, strict=False):
             surface = guard.kind == "surface"
             record["kind"], record["index"], record["rising_only"] = _KIND[guard.kind], guard.index, guard.rising_only
             record["hold_zone"] = surface and system.held_inside(guard.index)
+            record["side"] = mode[guard.index] if surface else 0
             record["coupled"] = surface and len(system.together(guard.index, sliding)) > 1
             # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
             tangent = guard.kind == "release" and guard.index not in system.overrides

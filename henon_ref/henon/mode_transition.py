@@ -110,7 +110,7 @@ def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, 
         zeros = zeros_at_release(after, index, rest_of(speeds, n))
         if zeros == 0:
             return ReturnCode.SELECT_MODE.value
-    record_transition(run, x, records, what, index, mode, target, used)
+    record_transition(run, x, records, what, index, guard_of(layout, hit).side, mode, target, used)
     run.mode = target
     set_known_zeros(known_zeros, after, index, zeros)
     return ReturnCode.EVENTS_ACCUMULATE.value if events_accumulate(run) else ON

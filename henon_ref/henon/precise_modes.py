@@ -10,7 +10,7 @@ from typing import Any
 import sympy as sp
 from flint import arb, arb_poly
 
-from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.equations import Guard, ModeEquations
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import ORDER as DERIVATIVES
 from henon_ref.filippov.switching import Switching
@@ -52,19 +52,22 @@ class PreciseModes:
     system : FilippovSystem
     switching : Switching
         What decides modes in double precision.
-    values : FilippovSystem, optional
-        The same with values of its parameters, where ``system`` has none.
+    precise_switching : callable, optional
+        Makes what decides modes in balls, when it is first needed; by default from the system.
     """
 
-    def __init__(self, system: FilippovSystem, switching: Switching, values: FilippovSystem | None = None) -> None:
-        self.system, self.switching, self._values = system, switching, values or system
+    def __init__(
+        self, system: FilippovSystem, switching: Switching, precise_switching: Callable[[], BallSwitching] | None = None
+    ) -> None:
+        self.system, self.switching = system, switching
+        self._make_switching = precise_switching or (lambda: BallSwitching(system))
         self._tapes: dict[Mode, _ModeTape] = {}
 
     @cached_property
     def precise_switching(self) -> BallSwitching:
         """What decides modes in balls."""
         with compiling():
-            return BallSwitching(self.system, self._values)
+            return self._make_switching()
 
     @cached_property
     def _surfaces(self) -> Callable[..., list[Any]]:
@@ -112,17 +115,16 @@ class PreciseModes:
     def _made(self, mode: Mode) -> _ModeTape:
         if mode not in self._tapes:
             with compiling():
-                self._tapes[mode] = _mode_tape(self.system, self._values, mode)
+                equations, tape, numbers = self.precise_switching.equations(mode)
+                self._tapes[mode] = _ModeTape(tape, equations.guards, numbers, _degree(tape))
         return self._tapes[mode]
 
 
-def _mode_tape(system: FilippovSystem, values: FilippovSystem, mode: Mode) -> _ModeTape:
-    equations = system.equations(mode)
-    tape = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+def _degree(tape: Tape) -> int:
+    """Of a motion and its guards, where all of it is a polynomial in time; else 0."""
     nodes = tape.nodes
     degrees = [nodes[row].degree + 1 for row in tape.field] + [nodes[row].degree for row in tape.outputs]
-    degree = max(degrees) if max(degrees) <= MOST_ORDER < INFINITE else 0
-    return _ModeTape(tape, equations.guards, [_number(values.numeric(c)) for c in tape.constants], degree)
+    return max(degrees) if max(degrees) <= MOST_ORDER < INFINITE else 0
 
 
 def _number(constant: sp.Expr) -> arb:
@@ -138,6 +140,12 @@ def _negligible_tail(rows: Sequence[Sequence[arb]]) -> bool:
 class BallSwitching(Switching):
     """Decides modes at a point that is known to a radius: what cannot be told from zero there is zero."""
 
+    def equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]]:
+        """Equations of a mode that has some, their tape, and its constants."""
+        made = self._equations(mode)
+        assert made is not None
+        return made
+
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         """(t, *names) -> values of expressions."""
         return self._function(names, expressions)
@@ -145,9 +153,13 @@ class BallSwitching(Switching):
     def _number(self, expression: sp.Expr) -> Any:
         return _number(expression)
 
+    def _tape_of(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
+        """Expressions in time and these names as a tape."""
+        return build_tape(names, (), expressions)
+
     def _function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        tape = build_tape(tuple(names), (), list(expressions))
-        numbers = [self._number(self._numeric(c)) for c in tape.constants]
+        tape = self._tape_of(tuple(names), tuple(expressions))
+        numbers = self._constants(tape)
 
         def values(t: arb, *x: arb | int) -> list[arb]:
             outputs = expand(tape, numbers, t, [arb(v) for v in x], 0, _RING)[1]

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from numba import boolean, float64, int64
+
+from henon_ref.henon.compile_units import compile_unit
 from henon_ref.henon.records import (
     CROSSING,
     RELEASED,
+    STEP_PLACES,
     STICK,
     SURFACE,
     TRANSITION_PLACES,
     guard_of,
     mode_of,
+    step_of,
     transition_of,
 )
+from henon_ref.henon.state import RUN_RECORD
 from henon_ref.jit.njit import inner
 from henon_ref.jit.primitives import EPS, larger
-from henon_ref.jit.views import rest_of
+from henon_ref.jit.views import GRID, rest_of, row_at
 from henon_ref.roots.double import value
 
 MOST_AT_ONCE = 64
@@ -22,8 +28,11 @@ MOST_AT_ONCE = 64
 
 
 @inner(forceinline=True)
-def record_transition(run, x, records, kind, index, source, target, landing):  # type: ignore[no-untyped-def]
-    """Write a transition down."""
+def record_transition(run, x, records, kind, index, side, source, target, landing):  # type: ignore[no-untyped-def]
+    """Write a transition down; ``side`` of the surface that it came from, 0 for a release.
+
+    Notes whether the run is to end on that surface.
+    """
     made, state = transition_of(records, run.transitions), rest_of(records[run.transitions], TRANSITION_PLACES)
     made.time, made.time_low = run.time, run.time_low
     made.kind, made.surface, made.landing = kind, index, landing
@@ -31,6 +40,9 @@ def record_transition(run, x, records, kind, index, source, target, landing):  #
     for i in range(run.states):
         state[i] = x[i]
     run.transitions += 1
+    ends_here = run.stop_falling if side > 0 else run.stop_rising if side < 0 else 0
+    if ends_here != 0 and ends_here >> index & 1:
+        run.stopped = 1
 
 
 @inner()
@@ -58,6 +70,23 @@ def fill_samples(run, c, order, part, mode, samples):  # type: ignore[no-untyped
 
 
 @inner()
+def record_step(run, c, length, mode):  # type: ignore[no-untyped-def]
+    """Write down the step that is about to be taken; True where there is no room for another one."""
+    columns = run.order + 1
+    row = rest_of(row_at(run.dense), run.dense_steps * (STEP_PLACES + run.states * columns))
+    step, coefficients = step_of(row), rest_of(row, STEP_PLACES)
+    step.time, step.time_low, step.length, step.unit, step.mode = run.time, run.time_low, length, run.unit, mode
+    for i in range(run.states):
+        for k in range(columns):
+            coefficients[i * columns + k] = c[i, k]
+    run.dense_steps += 1
+    return run.dense_steps >= run.dense_capacity
+
+
+_record_step = compile_unit(record_step, boolean, RUN_RECORD, GRID, float64, int64)
+
+
+@inner()
 def change_mode(run, x, records, known_zeros, target, layout, after, hits, signs):  # type: ignore[no-untyped-def]
     """Go over to a mode in which several surfaces may have changed; False where Python has to tell of it."""
     mode, landing = run.mode, run.landing
@@ -70,7 +99,7 @@ def change_mode(run, x, records, known_zeros, target, layout, after, hits, signs
         before, now = signs[mode, i], signs[target, i]
         if before != now:
             kind = STICK if now == 0 else RELEASED if before == 0 else CROSSING
-            record_transition(run, x, records, kind, i, mode, target, landing)
+            record_transition(run, x, records, kind, i, before, mode, target, landing)
     for g in range(mode_of(after).guards):
         known_zeros[g] = 0
         if guard_of(after, g).kind == SURFACE:  # left with a speed: the decision was a clear one

@@ -27,7 +27,7 @@ MODE = np.dtype(
         ("expansion", "i8"), ("step_end", "i8"), ("normal_velocities", "i8"), ("bernstein", "i8"),  # addresses of code
         ("polynomial_degree", "i8"),  # of the motion, if that is a polynomial which the expansion holds whole; else 0
         ("slopes", "i8"),  # where the field has branch points, the code of its first coefficients alone; else 0
-        ("remembered", "i8"),  # place of its last step among those that a run remembers
+        ("unused", "i8", (2,)),  # a mode's record is as long as a guard's
     ],
     align=True,
 )  # fmt: skip
@@ -41,6 +41,7 @@ GUARD = np.dtype(
         ("coupled", "i8"),  # whether its surface and one that the mode slides on act on each other
         ("mode_across", "i8"), ("mode_stuck", "i8"),  # rows of the modes behind it, -1 where not compiled
         ("zeros_at_release", "i8"),  # with which its surface is left; 0: to be measured, or the guard is no release
+        ("side", "i8"),  # of its surface on which the mode is, -1 or +1; 0 for guards that are no surface's
     ],
     align=True,
 )  # fmt: skip
@@ -61,6 +62,20 @@ RECORD_PLACES = MODE.itemsize // 8
 assert MODE.itemsize == GUARD.itemsize
 
 
+STEP = np.dtype(
+    [
+        ("time", "f8"), ("time_low", "f8"),  # s: its start, and what rounding it lost
+        ("length", "f8"),  # s: taken
+        ("unit", "f8"),  # s: of the coefficients
+        ("mode", "i8"),  # row of the compiled modes
+    ],
+    align=True,
+)  # fmt: skip
+"""A step that was taken; behind it in memory stand the states' Taylor coefficients (see :func:`step_dtype`)."""
+STEP_PLACES = STEP.itemsize // 8
+"""Its length in doubles."""
+
+
 def mode_dtype(guards: int) -> np.dtype[Any]:
     """A mode with its guards, as one row of a table; ``guards``: of the largest mode."""
     return np.dtype([("mode", MODE), ("guards", GUARD, (guards,))])
@@ -71,6 +86,13 @@ def transition_dtype(states: int) -> np.dtype[Any]:
     assert TRANSITION.names is not None
     fields = [(name, TRANSITION[name]) for name in TRANSITION.names]
     return np.dtype([*fields, ("state", "f8", (states,))], align=True)
+
+
+def step_dtype(states: int, order: int) -> np.dtype[Any]:
+    """A step with the states' coefficients: x_i(time + tau unit) = sum over k of coefficients[i, k] tau^k."""
+    assert STEP.names is not None
+    fields = [(name, STEP[name]) for name in STEP.names]
+    return np.dtype([*fields, ("coefficients", "f8", (states, order + 1))], align=True)
 
 
 def record_view(record: np.dtype[Any]) -> Any:
@@ -107,6 +129,8 @@ def record_in_rows(record: np.dtype[Any], first: int) -> Any:
     return view
 
 
+step_of = record_view(STEP)
+"""(row) -> the step that begins there."""
 mode_of = record_view(MODE)
 """(layout) -> the mode whose table that is."""
 guard_of = record_in_rows(GUARD, 1)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.mode_constants import double_double
 from henon_ref.jit.calls import call_expand
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import NativeModule

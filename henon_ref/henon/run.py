@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
-from itertools import takewhile
 from struct import Struct
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.filippov.decision import Decision, ended
+from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced, transition_kind
+from henon_ref.henon.endings import ending_of
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.loop import advance
 from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
 from henon_ref.henon.recorder import events_accumulate
-from henon_ref.henon.records import CROSSING, GRAZE, RELEASED, STICK, TRANSITION, TRANSITION_PLACES
+from henon_ref.henon.records import (
+    CROSSING,
+    GRAZE,
+    RELEASED,
+    STEP,
+    STEP_PLACES,
+    STICK,
+    TRANSITION,
+    TRANSITION_PLACES,
+    step_dtype,
+)
 from henon_ref.henon.start import Start
 from henon_ref.henon.state import NOWHERE, RUN, STATE_PLACE, ReturnCode
 from henon_ref.henon.state_view import State
@@ -33,12 +42,16 @@ _counts: Callable[..., tuple[int, ...]] = Struct("5q").unpack_from
 _FIRST_COUNT = 8 * list(RUN.names or ()).index("mode")
 """Where in the block, in bytes, mode, steps, expansions, guard evaluations and transitions stand."""
 _STATE = 8 * STATE_PLACE
+_HORIZON = ReturnCode.HORIZON.value
+"""The member itself would be looked up in a tenth of a microsecond, as its neighbours are where it matters less."""
 _NO_SAMPLES = np.zeros((0, 2))
 _events_accumulate = in_python(events_accumulate)
 
 
 class Run(State):
     """One run: the compiled loop is called until the horizon, and its return codes are answered.
+
+    It has a workspace of its own, some 100 kB, as long as it lives.
 
     :meth:`to_horizon` goes to the horizon; :meth:`next_event` stops after each transition, so that whoever asks may
     read and change :attr:`x` there (saltation of variational equations, say) before going on.
@@ -52,16 +65,20 @@ class Run(State):
         Processor time after which the run stops with status ``timeout`` [s], what is compiled in the run apart.
     block : int
         Transitions kept in one block of memory, CHUNK at most; 1 to stop at each.
+    dense : int
+        Steps kept in one block of memory, for dense output; 0: no step is kept.
 
     Attributes
     ----------
     blocks : list of ndarray
         Transitions that have left the loop's own memory.
+    step_blocks : list of ndarray
+        Full blocks of steps: rows of :func:`henon_ref.henon.records.step_dtype`, as doubles.
     ended : Trajectory or None
         How the run ended, once :meth:`stream` is through.
     """
 
-    __slots__ = ("_workspace", "blocks", "deadline", "ended", "integrator", "samples")
+    __slots__ = ("_steps", "blocks", "deadline", "ended", "samples", "step_blocks")
 
     def __init__(
         self,
@@ -70,11 +87,12 @@ class Run(State):
         sample_times: NDArray[np.float64] | None = None,
         deadline: float | None = None,
         block: int = CHUNK,
+        dense: int = 0,
     ) -> None:
         try:  # a call costs some percent of a short run
-            self._workspace = workspace = integrator.workspaces.free.pop()
+            self.workspace = workspace = integrator.workspaces.free.pop()
         except IndexError:
-            self._workspace = workspace = integrator.workspaces.new()
+            self.workspace = workspace = integrator.workspaces.new()
         self.integrator, self.start, self.deadline = integrator, start, deadline
         self.state = state = workspace.state
         state[...], self._scalars = start.state, None
@@ -85,14 +103,35 @@ class Run(State):
             self.samples = np.full((sample_times.size, len(start.x) + 2), np.nan)
             self.samples[:, 0] = sample_times
         self.blocks: list[NDArray[np.float64]] = []
+        self.step_blocks: list[NDArray[np.float64]] = []
+        self._steps: NDArray[np.float64] | None = None
         self.ended: Trajectory | None = None
+        if dense:
+            self._steps = np.empty((dense, STEP_PLACES + len(start.x) * (start.order + 1)))
+            self.scalars.dense, self.scalars.dense_capacity = self._steps.ctypes.data, dense
 
     def __del__(self) -> None:
-        self.integrator.workspaces.free.append(self._workspace)
+        self.integrator.workspaces.free.append(self.workspace)
 
     def _close_block(self) -> None:
-        self.blocks.append(self._workspace.transitions[: self.scalars.transitions].copy())
+        self.blocks.append(self.workspace.transitions[: self.scalars.transitions].copy())
         self.scalars.transitions = 0
+
+    def _close_steps(self) -> None:
+        assert self._steps is not None
+        self.step_blocks.append(self._steps[: self.scalars.dense_steps])
+        self._steps = np.empty_like(self._steps)
+        self.scalars.dense, self.scalars.dense_steps = self._steps.ctypes.data, 0
+
+    @property
+    def steps(self) -> NDArray[Any]:
+        """Steps taken so far that are kept, shape (k,) of :func:`henon_ref.henon.records.step_dtype`, in order of time.
+
+        A step holds from its time up to its length, where the next one begins; one that ends in an event ends there.
+        """
+        kept = self.step_blocks if self._steps is None else [*self.step_blocks, self._steps[: self.scalars.dense_steps]]
+        kind = step_dtype(len(self.start.x), self.start.order)
+        return np.concatenate(kept).view(kind)[:, 0] if kept else np.zeros(0, dtype=kind)
 
     def to_horizon(self) -> Trajectory:
         """Go to the horizon (or to where the run ends before it)."""
@@ -123,18 +162,8 @@ class Run(State):
         self.scalars.transitions = 0
         while (end := self._advance(stop=True)) is None:
             if self.scalars.transitions:
-                return TransitionArray(self._workspace.transitions[:1], self.integrator.mode_table.modes)[0]
+                return TransitionArray(self.workspace.transitions[:1], self.integrator.mode_table.modes)[0]
         return end
-
-    @property
-    def guards(self) -> tuple[Guard, ...]:
-        """Guards of the present mode, in the order of its row."""
-        return self.integrator.mode_table.guards(self.mode)
-
-    @property
-    def mode(self) -> Mode:
-        """Present mode."""
-        return self.integrator.mode_table.modes[self.scalars.mode]
 
     def _advance(self, *, stop: bool = False) -> Trajectory | None:
         """Let the compiled loop run until it needs something; None if the run goes on."""
@@ -145,9 +174,9 @@ class Run(State):
         compiled, tables, numbers, normals = self.start.constants.latest
         if compiled is not self.integrator.mode_table.compiled:
             _, tables, numbers, normals = self.start.constants.update()
-        selection = (*normals, *self._workspace.selection) if normals and self.integrator.several else None
+        selection = (*normals, *self.workspace.selection) if normals and self.integrator.several else None
         code = advance(self.state, tables, numbers, selection, self.samples)
-        if code == ReturnCode.HORIZON:
+        if code == _HORIZON or code == ReturnCode.STOPPED:
             return self._end("ok", "")
         if code == ReturnCode.BLOCK_FULL and not stop:
             self._close_block()
@@ -159,9 +188,15 @@ class Run(State):
                 why = self._select_mode()
             else:
                 why = self._locate()
+            if why is None and self.scalars.stopped:
+                why = "ok", ""
             return None if why is None else self._end(*why)
+        elif code == ReturnCode.STEPS_FULL:
+            self._close_steps()
+        elif code == ReturnCode.BUDGET_SPENT and self.scalars.steps >= self.start.most_steps:
+            return self._end("timeout", f"stopped after {self.start.most_steps} steps at t = {self.time:.17g}")
         elif code not in (ReturnCode.BLOCK_FULL, ReturnCode.BUDGET_SPENT):
-            return self._end(*_ending_of(self, code))
+            return self._end(*ending_of(self, code))
         return None
 
     def _locate(self) -> tuple[Status, str] | None:
@@ -182,6 +217,8 @@ class Run(State):
                 known_zeros=tuple(zeros.get(g, 0) for g in range(len(integrator.system.equations(mode).guards))),
             ),
         )
+        if self._steps is not None:
+            self._keep_step((found.time[0] - time) + (found.time[1] - low))
         scalars.time, scalars.time_low = found.time
         self.x[:] = [high for high, _ in found.state]
         self.x_low[:] = [lost for _, lost in found.state]
@@ -198,8 +235,19 @@ class Run(State):
             return self._change_mode(found.decision, found.known_zeros, sorted(set(tangential)))
         self._set_known_zeros(mode, found.known_zeros)
         for i in tangential:  # a stick whose own end is touched goes on, and nothing is told
-            self._record(GRAZE, i, row, row)
+            self._record(GRAZE, i, row, row, side=0)
         return None
+
+    def _keep_step(self, length: float) -> None:
+        """Keep the step that leads to an event located in multiprecision: the compiled loop has not taken it."""
+        assert self._steps is not None
+        scalars, columns, n = self.scalars, self.start.order + 1, self.x.size
+        row = self._steps[scalars.dense_steps]
+        row[STEP_PLACES:], step = self.workspace.band[:n, :columns].ravel(), row[:STEP_PLACES].view(STEP)[0]
+        for name in ("time", "time_low", "unit", "mode"):
+            step[name] = scalars[name]
+        step["length"] = length
+        scalars.dense_steps += 1
 
     def _set_known_zeros(self, mode: Mode, zeros: Sequence[int]) -> None:
         """Set the known zeros of the present mode's guards, given in the order of its equations."""
@@ -220,19 +268,27 @@ class Run(State):
         self._set_known_zeros(decision.mode, zeros)
         changed = [i for i, s in enumerate(decision.mode) if s != before[i]]
         for i in changed or tangential:
-            self._record(KINDS.index(transition_kind(before[i], decision.mode[i])), i, source, row)
-        return _ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
+            self._record(
+                KINDS.index(transition_kind(before[i], decision.mode[i])),
+                i,
+                source,
+                row,
+                side=before[i] if changed else 0,
+            )
+        return ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
 
-    def _record(self, kind: int, surface: int, source: int, target: int) -> None:
+    def _record(self, kind: int, surface: int, source: int, target: int, *, side: int) -> None:
         if self.scalars.transitions >= self.scalars.transition_capacity:
             self._close_block()
         scalars = self.scalars
-        row = self._workspace.transitions[scalars.transitions]
+        row = self.workspace.transitions[scalars.transitions]
         row[TRANSITION_PLACES:], made = self.x, row[:TRANSITION_PLACES].view(TRANSITION)[0]
         made["time"], made["time_low"] = scalars.time, scalars.time_low
         made["kind"], made["surface"], made["landing"] = kind, surface, scalars.landing
         made["from_mode"], made["to_mode"] = source, target
         scalars.transitions += 1
+        ends_here = scalars.stop_falling if side > 0 else scalars.stop_rising if side < 0 else 0
+        scalars.stopped |= int(ends_here) >> surface & 1
 
     def _enter_new_mode(self) -> tuple[Status, str] | None:
         """Complete a transition that is decided, into a mode that has no row yet."""
@@ -244,13 +300,13 @@ class Run(State):
         target = mode_table.row(after)
         if target is None or (what == RELEASED and zeros == 0):  # no such mode, or zeros that have to be measured
             return self._select_mode()
-        self._record(what, guard.index, row, target)
+        self._record(what, guard.index, row, target, side=self.mode[guard.index])
         self.scalars.mode = target
         self.known_zeros[:] = 0
         for g, own in enumerate(mode_table.guards(after)):
             if own.kind == "surface" and own.index == guard.index:
                 self.known_zeros[g] = zeros
-        return _ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
+        return ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
 
     def _select_mode(self) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
@@ -275,7 +331,7 @@ class Run(State):
         mode, *counted, count = _counts(state, _FIRST_COUNT)
         transitions: Sequence[Transition] = ()
         if count or self.blocks:
-            records = self._workspace.transitions[:count].copy()
+            records = self.workspace.transitions[:count].copy()
             transitions = TransitionArray(np.concatenate([*self.blocks, records]) if self.blocks else records, modes)
         samples = sample_modes = None
         if self.samples is not _NO_SAMPLES:
@@ -286,56 +342,3 @@ class Run(State):
         end, x = state.item(0), start.unpacked(state, _STATE)
         fields = status, transitions, end, x, modes[mode], reason, counts, 0.0, samples, sample_modes
         return _tuple(Trajectory, fields)
-
-
-def _ending_of(run: Run, code: int) -> tuple[Status, str]:
-    """Status and reason where the loop returned DIVERGED, STALLED, EVENTS_ACCUMULATE or LEFT_DOMAIN."""
-    at = f"t = {run.time:.17g}"
-    largest = max(map(abs, run.x.tolist()))
-    grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
-    if code == ReturnCode.DIVERGED or (code == ReturnCode.STALLED and grown):
-        return "diverged", f"the state leaves every bound at {at}"
-    singular = _vanishing_guard(run) if code == ReturnCode.STALLED else None
-    if singular is not None:
-        return _domain_ending(run, singular)
-    if code == ReturnCode.STALLED:
-        return "failed", f"the step size fell to zero at {at}: {_singular(run)} there"
-    if code == ReturnCode.EVENTS_ACCUMULATE:
-        return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
-    return _domain_ending(run, run.guards[run.scalars.guard])
-
-
-def _domain_ending(run: Run, guard: Guard) -> tuple[Status, str]:
-    """How the run ends here for a guard that ends it."""
-    refused = ended(run.integrator.system, run.mode, [guard], f"{run.time:.17g}")
-    assert refused is not None
-    return refused.ending, refused.reason
-
-
-def _vanishing_guard(run: Run) -> Guard | None:
-    """A guard that ends the run and has shrunk to nothing where it stalled (the field may be singular there)."""
-    next_to_nothing = 1e-14 * max(1.0, abs(run.start.time[0]), abs(run.time))
-    for g, guard in enumerate(run.guards):
-        if guard.ends and abs(run._workspace.band.item(run.x.size + g, 0)) <= next_to_nothing:
-            return guard
-    return None
-
-
-def _singular(run: Run) -> str:
-    """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
-    system, order, states = run.integrator.system, run.integrator.order, run.x.size
-    series = run._workspace.band[: states + len(run.guards), : order + 1].tolist()
-    finite = [sum(1 for _ in takewhile(math.isfinite, row)) for row in series]
-    # What is not finite spreads: to a state one order after the field that it is integrated from.
-    at = finite.index(min(finite))
-    singular = finite[at] > (1 if at < states else 0)
-    if finite[at] > order:
-        steep = [abs(row[order]) / (abs(row[0]) + abs(row[1]) + abs(row[2]) + 1e-300) for row in series]
-        at = steep.index(max(steep))
-    what = "singular" if singular else "not finite"
-    if at < states:
-        return f"the field of {system.state_names[at]} is {what}"
-    guard = run.guards[at - states]
-    of = str(system.valid[guard.index]) if guard.kind == "valid" else system.sign_names[guard.index]
-    words = {"valid": "", "surface": "the surface of ", "attracts": "whether sliding attracts on "}
-    return f"{words.get(guard.kind, 'the release of ')}{of} is {what}"

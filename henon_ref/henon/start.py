@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from struct import Struct
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.henon.mode_constants import ModeConstants
-from henon_ref.henon.state import LAST_STEPS, RUN_VIEW, STATE_PLACE
+from henon_ref.henon.state import LAST_STEPS, RUN, RUN_VIEW, STATE_PLACE, state_places
 from henon_ref.henon.workspace import CHUNK
 from henon_ref.trajectory import Trajectory
+
+NO_LIMIT = 1 << 62
+"""More steps than any run takes."""
+_BEGIN, _HORIZON, _MODE = Struct("3d"), Struct("2d"), Struct("q")
+_NAMES = RUN.names or ()
+_HORIZON_PLACE, _MODE_PLACE = 8 * _NAMES.index("horizon"), 8 * _NAMES.index("mode")
+"""In bytes; time, what rounding it lost, and unit come first."""
+assert _NAMES[:3] == ("time", "time_low", "unit")
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +48,12 @@ class Start:
     """HENON, NEWTON or BRENT of :mod:`henon_ref.henon.records`."""
     constants: ModeConstants
     """The compiled modes' constants at the problem's parameter values."""
+    stop_falling: int = 0
+    """Surfaces, a bit each (1 << index), on which the run ends when they are reached from above, where h > 0."""
+    stop_rising: int = 0
+    """And from below."""
+    most_steps: int = NO_LIMIT
+    """Steps after which the run ends with status ``timeout``."""
 
     @cached_property
     def unpacked(self) -> Callable[..., tuple[float, ...]]:
@@ -49,15 +63,35 @@ class Start:
     @cached_property
     def state(self) -> NDArray[np.float64]:
         """What a run begins with (see :func:`henon_ref.henon.loop.advance`). Each run copies it to its workspace."""
+        n, guards = len(self.x), len(self.zeros)
+        limits = self.stop_falling, self.stop_rising, self.most_steps
+        state = _template(n, guards, self.order, self.landing, self.tolerance, *limits).copy()
+        length = (self.until[0] - self.time[0]) + (self.until[1] - self.time[1])
+        _BEGIN.pack_into(state.data, 0, *self.time, max(length, 1e-280))
+        _HORIZON.pack_into(state.data, _HORIZON_PLACE, *self.until)
+        _MODE.pack_into(state.data, _MODE_PLACE, self.row)
         high, low = zip(*self.x, strict=True)
-        state = np.array([0.0] * STATE_PLACE + [*high, *low])
-        run = state[:LAST_STEPS].view(RUN_VIEW)[0]
-        run.time, run.time_low = self.time
-        run.horizon, run.horizon_low = self.until
-        run.event_time, run.tolerance = -np.inf, self.tolerance
-        run.unit = max((self.until[0] - self.time[0]) + (self.until[1] - self.time[1]), 1e-280)
-        run.mode, run.transition_capacity = self.row, CHUNK
-        run.states, run.guards = len(self.x), len(self.zeros)
-        run.order, run.method = self.order, self.landing
-        zeros = np.array([*self.zeros, *(0 for _ in self.zeros)], dtype=np.int64)
-        return np.concatenate([state, zeros.view(np.float64)])
+        state[STATE_PLACE : STATE_PLACE + 2 * n] = high + low
+        if any(self.zeros):
+            state[STATE_PLACE + 2 * n : STATE_PLACE + 2 * n + guards].view(np.int64)[:] = self.zeros
+        return state
+
+
+@lru_cache(maxsize=64)
+def _template(
+    states: int,
+    guards: int,
+    order: int,
+    method: int,
+    tolerance: float,
+    stop_falling: int,
+    stop_rising: int,
+    most_steps: int,
+) -> NDArray[np.float64]:
+    """What is the same for many starts. (To put each field in its place takes several microseconds.)"""
+    state = np.zeros(state_places(states, guards))
+    run = state[:LAST_STEPS].view(RUN_VIEW)[0]
+    run.event_time, run.tolerance, run.order, run.method = -np.inf, tolerance, order, method
+    run.stepped_mode, run.transition_capacity, run.states, run.guards = -1, CHUNK, states, guards
+    run.stop_falling, run.stop_rising, run.most_steps = stop_falling, stop_rising, most_steps
+    return state

@@ -26,12 +26,14 @@ class ReturnCode(IntEnum):
     EVENTS_ACCUMULATE = 7
     UNDECIDED_EVENT = 8
     MODE_NOT_COMPILED = 9
+    STEPS_FULL = 10
+    STOPPED = 11
 
 
 # Between its own parts: an event is to be gone through, or there is nothing to say.
-EVENT, ON = 10, 11
+EVENT, ON = 20, 21
 REMEMBERED_STEPS = 64
-"""Modes of which the last step is kept: a mode seen before begins with it."""
+"""Modes of which a run keeps the last step, the first that it comes to: one seen before begins with it."""
 RUN = np.dtype(
     [
         ("time", "f8"), ("time_low", "f8"),  # s, and what rounding it lost
@@ -47,12 +49,18 @@ RUN = np.dtype(
         ("stalled", "i8"),  # steps that time cannot tell apart
         ("events_at_once", "i8"),  # events that it cannot tell apart
         ("next_sample", "i8"),
-        ("stepped_mode", "i8"),  # mode of the last step
+        ("stepped_mode", "i8"),  # mode of the last step, -1 before the first
+        ("remembered", "i8"),  # modes of which the last step is kept
+        ("step_place", "i8"),  # of the present one among them
         ("pending_kind", "i8"),  # of the event that leads to a mode without a row
         ("order", "i8"),
         ("method", "i8"),  # of landing
         ("transition_capacity", "i8"),  # of a block of memory
         ("states", "i8"), ("guards", "i8"),  # guards: of the largest mode
+        ("stop_falling", "i8"), ("stop_rising", "i8"),  # surfaces, a bit each, on which the run ends
+        ("stopped", "i8"),  # 1 once it has come to one
+        ("most_steps", "i8"),  # after which the run is to end
+        ("dense", "i8"), ("dense_steps", "i8"), ("dense_capacity", "i8"),  # address of steps (0: none), how many, room
     ],
     align=True,
 )  # fmt: skip

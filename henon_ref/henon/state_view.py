@@ -7,16 +7,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode
+from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.start import Start
 from henon_ref.henon.state import LAST_STEPS, RUN_VIEW, STATE_PLACE
+from henon_ref.henon.workspace import Workspace
 
 
 class State:
     """A run's block, and views of its parts. (A run sets these itself: a call costs a tenth of a short run.)"""
 
-    __slots__ = ("_scalars", "start", "state")
+    __slots__ = ("_scalars", "integrator", "start", "state", "workspace")
 
+    integrator: Integrator
     start: Start
+    workspace: Workspace
+    """The run's own as long as it lives."""
     state: NDArray[np.float64]
     """A copy of the start's, in the run's own workspace."""
     _scalars: Any
@@ -28,6 +35,16 @@ class State:
         if self._scalars is None:
             self._scalars = self.state[:LAST_STEPS].view(RUN_VIEW)[0]
         return self._scalars
+
+    @property
+    def guards(self) -> tuple[Guard, ...]:
+        """Guards of the present mode, in the order of its row."""
+        return self.integrator.mode_table.guards(self.mode)
+
+    @property
+    def mode(self) -> Mode:
+        """Present mode."""
+        return self.integrator.mode_table.modes[self.scalars.mode]
 
     @property
     def _integers(self) -> NDArray[np.int64]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from henon_ref.henon.compensated_time import add_to_time, below_compensated_resolution, below_time_resolution, remaining
+from henon_ref.henon.recorder import _record_step
 from henon_ref.henon.records import mode_of
+from henon_ref.henon.state import REMEMBERED_STEPS
 from henon_ref.henon.step_size import _flat_step_size, infinite_at_low_order, step_size
 from henon_ref.henon.step_validation import tail_unconverged
 from henon_ref.jit.calls import call_closing, call_expand
@@ -47,13 +49,33 @@ def add_to_state(n, x, x_low, change):  # type: ignore[no-untyped-def]
     return bounded
 
 
+@inner()
+def enter_mode(run, remembered, last_steps):  # type: ignore[no-untyped-def]
+    """Begin a mode with its own last step, if the run has been in it.
+
+    Which modes are remembered depends on the run alone, not on what others have had compiled.
+    """
+    place = 0
+    while place < run.remembered and remembered[place] != run.mode:
+        place += 1
+    if place == run.remembered:
+        if place < REMEMBERED_STEPS:
+            remembered[place] = run.mode
+            run.remembered += 1
+        else:  # the last place is for all others
+            place -= 1
+    run.step_place, run.stepped_mode = place, run.mode
+    if last_steps[place] > 0.0:
+        run.unit = smaller(last_steps[place], run.longest_step)
+
+
 @inner(forceinline=True)
 def event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, alone, stop_at):  # type: ignore[no-untyped-def]
     """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
 
     ``alone``: look at the very first one, as where a guard stands at zero or a branch point may come. Returns the step
     proposed in the unit; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where
-    the state blew up.
+    the state blew up, -3 where the block of steps is full.
     """
     n, guards = run.states, mode_of(layout).guards
     expansion, closing = mode_of(layout).expansion, mode_of(layout).step_end
@@ -103,9 +125,12 @@ def event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, a
             return -2.0
         if not below_time_resolution(run, step):
             run.stalled = 0
+        full = run.dense != 0 and _record_step(run, c, step, run.mode)
         add_to_time(run, step)
         run.steps += 1
         run.unit = smaller(step, 1e3 * unit)
+        if full:
+            return -3.0
 
 
 @inner()

@@ -33,6 +33,16 @@ class TransitionArray(Sequence[Transition]):
         self._rows, self._modes = rows, modes
 
     @property
+    def modes(self) -> tuple[Mode, ...]:
+        """Modes by the numbers that the records hold."""
+        return self._modes
+
+    @property
+    def rows(self) -> NDArray[np.float64]:
+        """What it was made of."""
+        return self._rows
+
+    @property
     def records(self) -> NDArray[Any]:
         """Shape (k,) of :func:`henon_ref.henon.records.transition_dtype`: a view."""
         return self._rows.view(transition_dtype(self._rows.shape[1] - TRANSITION_PLACES))[:, 0]

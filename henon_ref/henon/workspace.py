@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from henon_ref.henon.mode_selection import selection_space
 from henon_ref.henon.records import TRANSITION_PLACES
-from henon_ref.henon.state import state_places
+from henon_ref.henon.state import REMEMBERED_STEPS, state_places
 from henon_ref.jit.ir_writer import row_length
 from henon_ref.jit.njit import inner
-from henon_ref.jit.views import rest_of, rows_of
+from henon_ref.jit.views import integers_in, rest_of, rows_of
 from henon_ref.roots.double import DEPTH
 
 CHUNK = 1024
@@ -31,7 +31,7 @@ def work_places(n, most, order):  # type: ignore[no-untyped-def]
     width = row_length(order)
     band = -(-state_places(n, most) // ALIGNMENT) * ALIGNMENT
     room = band + (2 * (n + most + 1) + BANDS) * width
-    return band, room, room + 3 * (n + most), width
+    return band, room, room + 3 * (n + most) + REMEMBERED_STEPS, width
 
 
 @inner()
@@ -52,12 +52,15 @@ def work_space(block, n, most, order):  # type: ignore[no-untyped-def]
         end of a step that is checked; what isolating roots needs.
     room : row of 3 n + 3 G doubles
         Change of the states over a step and bounds of the guards from below; a state; normal velocities.
+    remembered : row of REMEMBERED_STEPS integers
+        Modes whose last step the run keeps.
     records : rows, shape (transitions kept, TRANSITION_PLACES + n)
         Transitions, a row each.
     """
     band, room, records, width = work_places(n, most, order)
     own = rows_of(rest_of(block, records), TRANSITION_PLACES + n)
-    return rows_of(rest_of(block, band), width), rest_of(block, room), own
+    remembered = integers_in(rest_of(block, records - REMEMBERED_STEPS))
+    return rows_of(rest_of(block, band), width), rest_of(block, room), remembered, own
 
 
 @dataclass(frozen=True, eq=False)

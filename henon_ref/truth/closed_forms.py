@@ -15,6 +15,7 @@ from henon_ref.truth.multiprecision.numbers import ball_text
 from henon_ref.truth.reference import ReferenceTransition, TruthError
 
 BITS = 320
+"""More than the truth's 256, so that a closed form adds no rounding of its own to the difference."""
 PLACES = 80
 """Decimal places that a closed form is written with."""
 

@@ -164,7 +164,7 @@ def test_an_implicit_method_is_watched_later_than_an_explicit_one() -> None:
     assert implicit.library(1e-6, 1e-6).errors == (STOPPED * 1e-6, STOPPED * 1e-6)
 
 
-def test_what_is_no_stop_and_no_index_is_told_to_its_author() -> None:
+def test_what_is_no_stop_and_no_index_is_refused() -> None:
     class Forgets(Euler):
         def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
             return None  # type: ignore[return-value]
@@ -176,7 +176,7 @@ def test_what_is_no_stop_and_no_index_is_told_to_its_author() -> None:
             mode_of(STICKS_AT_2, (1,)).stopped(2.0, np.array([0.0]), fallen)
 
 
-def test_a_guard_that_starts_at_zero_reads_one_until_it_can_be_told_from_zero() -> None:
+def test_a_guard_that_starts_at_zero_reads_one_until_it_is_clear_of_zero() -> None:
     """After a crossing: the state lies on the surface, and its guard rises at speed 1."""
     seen = []
 

@@ -11,7 +11,7 @@ from henon_ref.campaign.causes import NAMES, cause_of
 from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.studies import causes as page
 
-MODULES = {"heyoka": "heyoka", "cvode": "sksundae", "ida": "sksundae"}
+MODULES = {"heyoka": "heyoka"} | dict.fromkeys(("cvode", "ida", "sundials", "sundae"), "sksundae")
 """First word of a cause's name -> what it is shown by, where that is not SciPy."""
 
 

@@ -69,7 +69,7 @@ def test_a_solver_that_no_other_process_finds_is_refused_with_the_mend():
     assert done.stderr.splitlines()[-1].endswith("write it into a module and import it from there")
 
 
-def test_progress_is_told_where_it_is_wanted(tmp_path):
+def test_progress_is_shown_where_it_is_wanted(tmp_path):
     done = python(script(tmp_path, COMPARE.replace("repeats=1", "repeats=1, progress=True")))
     *_, last = done.stderr.splitlines()
     assert last.startswith("leaving_slide: 1 of 1 rows, ")

@@ -28,7 +28,17 @@ def test_one_compilation_serves_every_size() -> None:
 
 def test_counts_and_places_are_integers_and_the_rest_doubles() -> None:
     whole = {"mode", "steps", "expansions", "guard_evaluations", "transitions", "guard", "landing", "stalled"}
-    whole |= {"events_at_once", "next_sample", "stepped_mode", "pending_kind", "order", "method"}
+    whole |= {
+        "events_at_once",
+        "next_sample",
+        "stepped_mode",
+        "remembered",
+        "step_place",
+        "pending_kind",
+        "order",
+        "method",
+    }
     whole |= {"transition_capacity", "states", "guards"}
+    whole |= {"stop_falling", "stop_rising", "stopped", "most_steps", "dense", "dense_steps", "dense_capacity"}
     assert RUN.fields is not None
     assert {name for name, (kind, *_) in RUN.fields.items() if kind == np.int64} == whole

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -17,9 +17,12 @@ from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.loop import advance
+from henon_ref.henon.points_kernel import run_points
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
 from henon_ref.henon.start import Start
+from henon_ref.henon.state import REMEMBERED_STEPS
 from henon_ref.trajectory import Trajectory
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -81,6 +84,10 @@ def test_runs_at_once_are_those_one_after_the_other(path: str, reading: str | No
             assert [found for _, found in done] == [expected[at] for at, _ in done]
 
 
+def test_compiled_calls_let_go_of_the_interpreter_lock() -> None:
+    assert all(call.targetoptions["nogil"] for call in (advance, run_points))
+
+
 def test_runs_that_take_turns_in_one_thread_keep_their_own_memory() -> None:
     problem = load_case(CASES / "two_blocks.yaml").reading("default").problem
     integrator = Integrator(problem.system, 18)
@@ -131,3 +138,25 @@ def test_an_integrator_of_a_system_with_values_refuses_others() -> None:
     other = replace(own, parameters={a: sp.Integer(2)})
     with pytest.raises(ModelError, match="values of its parameters"):
         Integrator(own, 8).start(replace(base, system=other), tolerance=1e-6, landing=HENON)
+
+
+def test_what_was_compiled_before_changes_no_bit_of_a_run_through_more_modes_than_are_remembered() -> None:
+    """Seven surfaces crossed at their own rates, so that 128 modes come by; each drives an oscillator another way."""
+    names = [f"s{i}" for i in range(7)]
+    surfaces = {name: f"sin(x*sqrt({k}))" for name, k in zip(names, (2, 3, 5, 7, 11, 13, 17), strict=True)}
+    field = ["1", "v", "-y - y**3 + " + " + ".join(f"{name}/{3 + i}" for i, name in enumerate(names))]
+    problem = make_problem("x y v", field, surfaces, ["1/10", 1, 0], 60)
+
+    def run(order_of: Sequence[tuple[int, ...]]) -> tuple[Trajectory, Integrator]:
+        integrator = Integrator(problem.system, 10)
+        for mode in order_of:
+            integrator.mode_table.row(mode)
+        return Run(integrator, integrator.start(problem, tolerance=1e-7, landing=HENON)).to_horizon(), integrator
+
+    first, integrator = run(())
+    modes = integrator.mode_table.modes
+    assert len(modes) > REMEMBERED_STEPS
+    again, other = run(modes[::-1])
+    assert other.mode_table.modes == modes[::-1]
+    assert text(again) == text(first)
+    assert again.counts == first.counts

@@ -21,6 +21,8 @@ CLOSE = 1e-9
 
 @pytest.fixture(scope="module")
 def runs() -> dict[str, Trajectory]:
+    pytest.importorskip("heyoka")
+    pytest.importorskip("sksundae")
     problem = load_case(FILE).readings[0].problem
     return {
         name: solver(name).prepare(problem, rtol=rtol, atol=rtol, deadline=60)() for name, rtol in TOLERANCES.items()

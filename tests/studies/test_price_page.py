@@ -56,7 +56,7 @@ def test_every_link_of_the_page_leads_to_a_file(tmp_path: Path) -> None:
 def test_the_page_shows_what_was_measured(tmp_path: Path) -> None:
     text = write_page(prices(), provenance("make it again"), tmp_path).read_text(encoding="utf-8")
     assert "## c, late" in text
-    assert "| 0.25 (0.2–0.3) |" in text
+    assert "| 4 (3.3 to 5) |" in text
     assert "Times in the figure: 3; 1 scatter" in text
     assert "1 rest on one or two runs" in text
     assert "| 0.75 |  |\n" in text

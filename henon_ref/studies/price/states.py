@@ -23,6 +23,7 @@ ROUNDS = 20
 AGREED = 1e-9
 """Largest distance of two solvers' transition times [s] and last states at which their times are taken down."""
 GOLDEN = (math.sqrt(5) - 1) / 2
+"""Its multiples modulo 1 spread the blocks' initial positions evenly, no two alike."""
 FITTED = 16
 """Powers are fitted from so many states on."""
 BELT, FAST = 0.2, 5.0

@@ -23,6 +23,7 @@ from henon_ref.truth.reference import NearGraze
 from henon_ref.truth.roots import isolate
 
 MAX_STEPS = 1_000_000
+"""Taylor steps after which a run is given up: the time limit of a truth ends nearly all runs before."""
 
 Progress = Callable[[float], None]
 """Told the part of the run that is done, 0 to 1."""

@@ -34,6 +34,7 @@ HALVINGS = 100
 LOOSE = 1e3
 """A remainder's enclosure may be so much wider than what the solution does on the step."""
 ROUNDINGS = 2.0**8
+"""A remainder this many units in the last place wide is rounding, not a step that is too long."""
 
 
 @dataclass(frozen=True)

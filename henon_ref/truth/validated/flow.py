@@ -22,6 +22,7 @@ TANGENT_ORDER = 16
 TANGENT_BITS = 64
 """Order and precision of the variational equations, where their result only carries a radius along."""
 HORIZON_MARGIN = 1.125
+"""How far beyond the horizon is looked, in the time left, so that an event just there shows as a tie with it."""
 TANGENT_ROOM = 4.0
 """Their disc over their step, to begin with."""
 

@@ -25,10 +25,15 @@ from henon_ref.truth.validated.return_map import Guess, OrbitError, OrbitEvent, 
 from henon_ref.truth.validated.run import certify
 
 NEWTON_STEPS = 12
+"""Digits double at a step: from eight digits five steps reach the precision; the rest is for a poor guess."""
 SPARE_BITS = 56
+"""Bits beyond those of the radius that is asked for: room for what one round of the return map loses."""
 SETTLED_RADIUS = 1e-8
+"""Proven radius of the run towards the orbit: near enough for Newton's method to begin."""
 FIRST_BITS = 80
+"""Precision of the first Newton steps, whose point is not yet better than that."""
 BOXES = 4
+"""Boxes tried by Krawczyk's test, each as wide as the last one's image asks for."""
 INFLATION = 16.0
 """The box that is tested, against the last Newton correction."""
 

@@ -27,6 +27,7 @@ from henon_ref.truth.validated.mode_selection import Entry
 from henon_ref.truth.validated.model import SystemModel
 
 MAX_STEPS = 20_000
+"""Steps of one round: the guess is then taken to be no orbit."""
 FAR = 2**40
 """Horizon where the map ends at an event [s]."""
 

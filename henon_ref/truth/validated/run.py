@@ -24,6 +24,7 @@ from henon_ref.truth.validated.model import SystemModel
 SPARE_BITS = 40
 """Bits beyond the asked radius to begin with: room for the growth of errors along the run."""
 ATTEMPTS = 4
+"""Times that a run is tried with more bits before its radius is taken as the best there is."""
 MAX_TRANSITIONS = 20_000
 MAX_STEPS = 400_000
 SHORTEST = 2.0**-100

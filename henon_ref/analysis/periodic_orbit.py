@@ -1,0 +1,110 @@
+"""The periodic orbit that a motion tends to, with a proof."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from henon_ref.analysis.periodic import measured_period
+from henon_ref.errors import ArgumentError
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.solver import HENON_SOLVER
+from henon_ref.simulation.arguments import problem_of, tolerance_of
+from henon_ref.simulation.system import System
+from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Trajectory
+from henon_ref.truth.validated import Guess, OrbitError, PeriodicOrbit, find_periodic_orbit
+
+LATE = 0.5
+"""Part of the run after which it is taken to be on its orbit."""
+
+
+def periodic_orbit(
+    system: System,
+    initial: Mapping[Any, Any],
+    *,
+    until: Any,
+    start: Any = 0,
+    rtol: float = 1e-12,
+    period: Any = None,
+    parameters: Mapping[Any, Any] | None = None,
+    mode: Mapping[Any, int] | None = None,
+    radius: float = 1e-40,
+) -> PeriodicOrbit:
+    """The periodic orbit that a run tends to, found and proven: every number of it is an enclosure.
+
+    Newton's method on the return map starts from the end of the run; Krawczyk's test then proves that a box holds one
+    fixed point and no other (Krawczyk, *Computing* 4 (1969) 187-201). The flow is enclosed by validated integration
+    (Lohner, 1988), its derivative with saltation matrices.
+
+    Parameters
+    ----------
+    system : System
+    initial : mapping
+        State -> number.
+    until : number
+        Time by which the run has come close to the orbit [s].
+    start, rtol, parameters, mode
+        As in :func:`henon_ref.simulate`.
+    period : number or text, optional
+        Exact period of the forcing, or a multiple of it, where time is in the equations: ``"2*pi/w"`` [s].
+    radius : float
+        Radius that state, period and derivative are wanted to.
+
+    Returns
+    -------
+    PeriodicOrbit
+        ``state``, ``period``, ``multipliers`` and the times of ``events`` in ball arithmetic (python-flint's ``arb``).
+
+    Raises
+    ------
+    HenonRefError
+        Where something cannot be meant, the run does not repeat itself by ``until``, or nothing can be proven: the
+        message says which.
+
+    Examples
+    --------
+    >>> import henon_ref as hr
+    >>> belt = hr.System(["x", "v"], {"F": 1, "d": 3, "vb": 0.2}, {"s": "v - vb"}, ["v", "-x - F*s/(1 + d*s*(v - vb))"])
+    >>> orbit = hr.periodic_orbit(belt, {"x": 1.5, "v": 0}, until=100)
+    >>> print(orbit.period.str(15, radius=False), float(orbit.period.rad()) < 1e-40)
+    12.0010312948306 True
+    """
+    system, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
+    if not (isinstance(radius, float | int) and 0 < radius < 1):
+        raise ArgumentError(f"radius is {str(radius)[:60]}; wanted a number between 0 and 1")
+    run = HENON_SOLVER.prepare(problem, rtol=tolerance_of(rtol))()
+    if run.status != "ok":
+        raise OrbitError(f"the run towards the orbit ended {run.status}: {run.reason}")
+    if period is not None:
+        length = system.number(period, "period")
+        if not length.is_positive:
+            raise ArgumentError(f"period is {str(length)[:60]}; wanted a time in s, larger than 0")
+        guess = Guess(problem.until, run.end_state, run.end_mode, period=length)
+    elif _depends_on_time(system.model):
+        raise ArgumentError("time is in the equations: give the period of the forcing, as in period='2*pi/w'")
+    else:
+        guess = _at_last_event(problem, run)
+    return find_periodic_orbit(system.model, guess, radius=radius)
+
+
+def _at_last_event(problem: Problem, run: Trajectory) -> Guess:
+    """A start just after the last change of mode, to which the orbit returns after one period's changes."""
+    late = float(problem.start) + LATE * (run.end_time - float(problem.start))
+    found = measured_period(run.transitions, after=late)
+    if found is None:
+        raise OrbitError(
+            f"the run does not repeat itself three times between t = {late:.6g} and {run.end_time:.6g}: "
+            "give a later 'until', or it is not periodic"
+        )
+    last = [change for change in run.transitions if change.kind != "graze"][-1]
+    changes = sum(change.kind != "graze" for change in found.pattern)
+    tangent = last.kind == "release" and last.surface not in problem.system.overrides
+    return Guess(problem.start, last.state, last.to_mode, events=changes, surface=last.surface, tangent=tangent)
+
+
+def _depends_on_time(model: FilippovSystem) -> bool:
+    expressions = [*model.field, *model.surfaces, *(f for o in model.overrides.values() for f in o.field)]
+    expressions += [r.when for o in model.overrides.values() for r in o.release]
+    return any(e.has(TIME) for e in expressions)

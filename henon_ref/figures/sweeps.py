@@ -1,0 +1,183 @@
+"""Figures of sweeps: bifurcation diagram, basins, histogram, an observation over a plane.
+
+Each function takes the table of a sweep, and draws on axes that it is given, or on those of a new figure of pyplot's,
+which a notebook shows; it returns the axes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from henon_ref.errors import ArgumentError
+from henon_ref.figures import style
+from henon_ref.text import did_you_mean, listed, one_line
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+HEIGHT = 4.4
+"""Height of a figure [in]."""
+BINS = 60
+"""Bins of a histogram, at most."""
+MOST_BASINS = 12
+"""Colours that basins are told apart by."""
+_COLOURS = (
+    style.BLUE, style.ORANGE, style.GREEN, style.VERMILLION, style.SKY, style.PURPLE,
+    "#F0E442", style.BLACK, style.GREY, "#8C4A2F", "#3B3F9E", "#66CDAA",
+)  # fmt: skip
+
+
+def bifurcation(table: pd.DataFrame, along: str, of: str, frame: str = "section", axes: Axes | None = None) -> Axes:
+    """Section points over a parameter: a bifurcation diagram.
+
+    Parameters
+    ----------
+    table : SweepTable
+    along : str
+        Column of the parameter.
+    of : str
+        Column of the section's table: a state.
+    frame : str
+        Name of that table.
+    axes : Axes, optional
+    """
+    frames = getattr(table, "frames", {})
+    if frame not in frames:
+        raise ArgumentError(f"the sweep has no table '{frame[:60]}'; it has: {listed(list(frames)) or 'none'}")
+    points = frames[frame]
+    _known(table, along)
+    _known(points, of)
+    axes = _axes(axes)
+    with style.report_style():
+        x, y = table[along].to_numpy()[points["point"].to_numpy()], points[of].to_numpy()
+        size = float(np.clip(2e5 / max(len(x), 1), 0.15, 6.0))
+        axes.plot(x, y, ls="", marker=".", ms=2 * size**0.5, mew=0, color=style.BLACK, alpha=0.6, rasterized=True)
+        axes.set(xlabel=one_line(along), ylabel=f"{one_line(of)} at the section")
+        axes.set_title(f"Bifurcation diagram: {len(x):,} section points")
+    return axes
+
+
+def basins(table: pd.DataFrame, x: str, y: str, of: str, axes: Axes | None = None) -> Axes:
+    """A map of what has few values (a mode, a status, a period), a colour each.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Of a grid in two columns, or of points anywhere in the plane.
+    x, y : str
+        Columns across and upward.
+    of : str
+        Column that is drawn.
+    axes : Axes, optional
+    """
+    import pandas as pd
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+    from matplotlib.patches import Patch
+
+    for name in (x, y, of):
+        _known(table, name)
+    codes, values = pd.factorize(table[of], sort=True, use_na_sentinel=True)
+    if len(values) > MOST_BASINS:
+        raise ArgumentError(f"'{of}' has {len(values)} different values; basins are told apart up to {MOST_BASINS}")
+    axes = _axes(axes)
+    with style.report_style():
+        colours = ListedColormap(_COLOURS[: max(len(values), 1)])
+        norm = BoundaryNorm(np.arange(len(values) + 1) - 0.5, max(len(values), 1)) if len(values) > 1 else None
+        _painted(axes, table, x, y, np.where(codes < 0, np.nan, codes), cmap=colours, norm=norm)
+        shares = np.bincount(codes[codes >= 0], minlength=len(values)) / max(len(codes), 1)
+        handles = [
+            Patch(color=_COLOURS[k], label=f"{_value(value)}: {share:.2%}")
+            for k, (value, share) in enumerate(zip(values, shares, strict=True))
+        ]
+        axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+        axes.set_title(f"{one_line(of)}, and its share of {len(table):,} points")
+    return axes
+
+
+def histogram(table: pd.DataFrame, of: str, axes: Axes | None = None) -> Axes:
+    """How often an observation has which values.
+
+    Parameters
+    ----------
+    table : DataFrame
+    of : str
+        Column of numbers; missing ones are left out, and told.
+    axes : Axes, optional
+    """
+    values = _numbers(table, of)
+    there = values[np.isfinite(values)]
+    axes = _axes(axes)
+    with style.report_style():
+        axes.hist(there, bins=min(BINS, max(len(np.unique(there)), 1)), color=style.BLUE, lw=0)
+        left_out = len(values) - len(there)
+        axes.set(xlabel=one_line(of), ylabel="points")
+        missing = f", {left_out:,} without a value left out" if left_out else ""
+        axes.set_title(f"{one_line(of)}: {len(there):,} points{missing}")
+    return axes
+
+
+def plane(table: pd.DataFrame, x: str, y: str, of: str, axes: Axes | None = None) -> Axes:
+    """An observation over a plane of two parameters or initial values, in colour.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Of a grid in two columns, or of points anywhere in the plane.
+    x, y : str
+        Columns across and upward.
+    of : str
+        Column of numbers; where one is missing, nothing is drawn.
+    axes : Axes, optional
+    """
+    for name in (x, y):
+        _known(table, name)
+    values = _numbers(table, of)
+    axes = _axes(axes)
+    with style.report_style():
+        drawn = _painted(axes, table, x, y, values, cmap="viridis", norm=None)
+        bar = axes.figure.colorbar(drawn, ax=axes, pad=0.02)
+        bar.set_label(one_line(of))
+        axes.set_title(f"{one_line(of)} at {len(table):,} points")
+    return axes
+
+
+def _painted(axes: Axes, table: pd.DataFrame, x: str, y: str, values: Any, **how: Any) -> Any:
+    """A grid as cells, other points as dots."""
+    across, column = np.unique(table[x].to_numpy(dtype=float), return_inverse=True)
+    upward, row = np.unique(table[y].to_numpy(dtype=float), return_inverse=True)
+    axes.set(xlabel=one_line(x), ylabel=one_line(y))
+    axes.grid(visible=False)
+    if len(across) * len(upward) == len(table) and min(len(across), len(upward)) > 1:
+        cells = np.full((len(upward), len(across)), np.nan)
+        cells[row.ravel(), column.ravel()] = values
+        return axes.pcolormesh(across, upward, cells, shading="nearest", rasterized=True, **how)
+    return axes.scatter(table[x], table[y], c=values, s=4, lw=0, rasterized=True, **how)
+
+
+def _axes(axes: Axes | None) -> Axes:
+    if axes is not None:
+        return axes
+    import matplotlib.pyplot as plt
+
+    with style.report_style():
+        return plt.subplots(figsize=(style.WIDTH, HEIGHT), layout="constrained")[1]
+
+
+def _known(table: pd.DataFrame, name: str) -> None:
+    names = [str(n) for n in table.columns]
+    if name not in names:
+        raise ArgumentError(f"there is no column '{name[:60]}'{did_you_mean(name, names)}; columns: {listed(names)}")
+
+
+def _numbers(table: pd.DataFrame, name: str) -> Any:
+    _known(table, name)
+    if table[name].dtype.kind not in "iuf":
+        raise ArgumentError(f"the column '{name[:60]}' holds no numbers; basins draws text")
+    return table[name].to_numpy(dtype=float)
+
+
+def _value(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float | np.floating) else one_line(str(value))

@@ -1,0 +1,105 @@
+"""Constants of compiled modes at parameter values that are doubles, made in microseconds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.switching import ModeWithTape, Switching
+from henon_ref.henon.mode_constants import LoopData, ModeConstants
+from henon_ref.henon.parameter_programs import ParameterPrograms
+from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
+from henon_ref.taylor.tape import Tape
+
+
+class DoubleConstants(ModeConstants):
+    """From programs in double-double.
+
+    Parameters
+    ----------
+    programs : ParameterPrograms
+    values : tuple of float
+        Of the programs' parameters, in their order; taken as exact.
+    """
+
+    def __init__(self, programs: ParameterPrograms, values: tuple[float, ...]) -> None:
+        self._programs, self.values = programs, values
+        self.latest = self.update()
+
+    def update(self) -> LoopData:
+        """See :class:`ModeConstants`."""
+        program = self._programs.loop()
+        compiled = program.compiled
+        numbers, constants = program.numbers(np.array([self.values]))
+        normals: tuple[Any, ...] = ()
+        if compiled.rows.size:
+            table = self._programs.table
+            assert table.normals is not None
+            normals = table.normals.address, constants[0], compiled.signs, compiled.rows, table.decoupled
+        self.latest = LoopData(compiled, compiled.tables, numbers[0], normals)
+        return self.latest
+
+    def start_signs(self, t: float, x: Sequence[float]) -> tuple[int, ...]:
+        """See :meth:`ParameterPrograms.start_signs`."""
+        found: list[int] = self._programs.start_signs(np.array([(t, *x, *self.values)]))[0].tolist()
+        return tuple(found)
+
+    def exact_signs(self, t: float, x: Sequence[float]) -> tuple[list[int], list[int]]:
+        """Signs of the surfaces, and of the ``valid`` expressions, at a point taken as exact."""
+        signs, count = self._programs.start.signs((t, *x, *self.values)), len(self._programs.system.surfaces)
+        return signs[:count], signs[count:]
+
+    @cached_property
+    def switching(self) -> Switching:
+        """See :class:`ModeConstants`."""
+        return DoubleSwitching(self._programs, self.values)
+
+    @cached_property
+    def precise(self) -> PreciseModes:
+        """See :class:`ModeConstants`."""
+        return PreciseModes(
+            self._programs.system, self.switching, lambda: _PreciseSwitching(self._programs, self.values)
+        )
+
+
+class DoubleSwitching(Switching):
+    """Decides modes with constants from programs, whose equations and tapes it shares with other values."""
+
+    def __init__(self, programs: ParameterPrograms, values: tuple[float, ...]) -> None:
+        self._programs, self._values = programs, values
+        super().__init__(programs.system)
+
+    def _tape(self, mode: Mode) -> ModeWithTape | None:
+        return self._programs.mode(mode)
+
+    def _constants(self, tape: Tape) -> list[Any]:
+        program = self._programs.constants(tape)
+        registers = program.registers(np.array([self._values]))[0]
+        found: list[float] = registers[list(program.outputs), 0].tolist()
+        return found
+
+    def _function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        function, values = self._programs.function(names, expressions), self._values
+        return lambda *point: function(*point, *values)
+
+
+class _PreciseSwitching(BallSwitching):
+    """The same in balls."""
+
+    def __init__(self, programs: ParameterPrograms, values: tuple[float, ...]) -> None:
+        self._programs, self._values = programs, values
+        super().__init__(programs.system)
+
+    def _tape(self, mode: Mode) -> ModeWithTape | None:
+        return self._programs.mode(mode)
+
+    def _constants(self, tape: Tape) -> list[Any]:
+        return [ball.mid() for ball in self._programs.constants(tape).balls(self._values)]
+
+    def _tape_of(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
+        return self._programs.tape(names, expressions)

@@ -1,0 +1,65 @@
+"""Why a run ends where the compiled loop cannot go on."""
+
+from __future__ import annotations
+
+import math
+from itertools import takewhile
+
+from henon_ref.filippov.decision import ended
+from henon_ref.filippov.equations import Guard
+from henon_ref.henon.state import ReturnCode
+from henon_ref.henon.state_view import State
+from henon_ref.trajectory import Status
+
+
+def ending_of(run: State, code: int) -> tuple[Status, str]:
+    """Status and reason where the loop returned DIVERGED, STALLED, EVENTS_ACCUMULATE or LEFT_DOMAIN."""
+    at = f"t = {run.time:.17g}"
+    largest = max(map(abs, run.x.tolist()))
+    grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
+    if code == ReturnCode.DIVERGED or (code == ReturnCode.STALLED and grown):
+        return "diverged", f"the state leaves every bound at {at}"
+    singular = _vanishing_guard(run) if code == ReturnCode.STALLED else None
+    if singular is not None:
+        return _domain_ending(run, singular)
+    if code == ReturnCode.STALLED:
+        return "failed", f"the step size fell to zero at {at}: {_singular(run)} there"
+    if code == ReturnCode.EVENTS_ACCUMULATE:
+        return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
+    return _domain_ending(run, run.guards[run.scalars.guard])
+
+
+def _domain_ending(run: State, guard: Guard) -> tuple[Status, str]:
+    """How the run ends here for a guard that ends it."""
+    refused = ended(run.integrator.system, run.mode, [guard], f"{run.time:.17g}")
+    assert refused is not None
+    return refused.ending, refused.reason
+
+
+def _vanishing_guard(run: State) -> Guard | None:
+    """A guard that ends the run and has shrunk to nothing where it stalled (the field may be singular there)."""
+    next_to_nothing = 1e-14 * max(1.0, abs(run.start.time[0]), abs(run.time))
+    for g, guard in enumerate(run.guards):
+        if guard.ends and abs(run.workspace.band.item(run.x.size + g, 0)) <= next_to_nothing:
+            return guard
+    return None
+
+
+def _singular(run: State) -> str:
+    """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
+    system, order, states = run.integrator.system, run.integrator.order, run.x.size
+    series = run.workspace.band[: states + len(run.guards), : order + 1].tolist()
+    finite = [sum(1 for _ in takewhile(math.isfinite, row)) for row in series]
+    # What is not finite spreads: to a state one order after the field that it is integrated from.
+    at = finite.index(min(finite))
+    singular = finite[at] > (1 if at < states else 0)
+    if finite[at] > order:
+        steep = [abs(row[order]) / (abs(row[0]) + abs(row[1]) + abs(row[2]) + 1e-300) for row in series]
+        at = steep.index(max(steep))
+    what = "singular" if singular else "not finite"
+    if at < states:
+        return f"the field of {system.state_names[at]} is {what}"
+    guard = run.guards[at - states]
+    of = str(system.valid[guard.index]) if guard.kind == "valid" else system.sign_names[guard.index]
+    words = {"valid": "", "surface": "the surface of ", "attracts": "whether sliding attracts on "}
+    return f"{words.get(guard.kind, 'the release of ')}{of} is {what}"

@@ -1,0 +1,177 @@
+"""Programs of the constants of a system's modes, and of its start, made once for all values of its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.switching import ModeWithTape, mode_with_tape
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.constant_program import ConstantProgram, constant_program
+from henon_ref.henon.double_double import scatter, signs_of
+from henon_ref.henon.mode_table import CompiledModes, ModeTable
+from henon_ref.precision import one_at_a_time
+from henon_ref.taylor.tape import TIME, Tape, build_tape
+
+
+@dataclass(frozen=True, eq=False)
+class LoopProgram:
+    """Constants of all compiled modes, as the compiled loop takes them."""
+
+    compiled: CompiledModes
+    program: ConstantProgram
+    sources: NDArray[np.int64]
+    """Registers of the constants of expansions and probes, shape (k,)."""
+    places: NDArray[np.int64]
+    """Where each one's double, and what its rounding lost, is put, shape (2, k)."""
+    longest: int
+    """Constants of a mode's expansion or probe, with what rounding lost of them: the most there are."""
+    normal_sources: NDArray[np.int64]
+    """Registers of the constants of the normal velocities."""
+
+    @property
+    def bytes_a_point(self) -> int:
+        """Memory that :meth:`numbers` takes for each point."""
+        registers = self.program.inputs + len(self.program.numbers) + len(self.program.operations)
+        return 8 * (3 * registers + 2 * self.longest * len(self.compiled.modes) + 2 * len(self.normal_sources) + 1)
+
+    def numbers(self, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """At parameter values, shape (points, parameters).
+
+        Returns
+        -------
+        numbers : ndarray, shape (points, M, 2, longest)
+            See :attr:`henon_ref.henon.mode_constants.LoopData.numbers`.
+        normals : ndarray, shape (points, 2 k + 1)
+            Constants of the normal velocities.
+        """
+        registers, points, modes = self.program.registers(values), len(values), len(self.compiled.modes)
+        numbers = np.zeros((points, modes * 2 * self.longest))
+        if not scatter(registers, self.sources, *self.places, numbers):
+            self.program.made_accurate(registers)
+            scatter(registers, self.sources, *self.places, numbers)
+        count = len(self.normal_sources)
+        normals = np.zeros((points, 2 * count + 1))
+        if count:
+            places = np.arange(count)
+            scatter(registers, self.normal_sources, places, places + count, normals)
+        return numbers.reshape(points, modes, 2, self.longest), normals
+
+
+class ParameterPrograms:
+    """Programs of one system, whose parameters have no values.
+
+    Parameters
+    ----------
+    mode_table : ModeTable
+
+    Attributes
+    ----------
+    parameters : tuple of Symbol
+        Those that stand in the system's expressions, by name: the order of all values.
+    """
+
+    def __init__(self, mode_table: ModeTable) -> None:
+        self.table = mode_table
+        self.system = mode_table.system
+        self.parameters = parameters_in(self.system)
+        self._loop: LoopProgram | None = None
+        self._modes: dict[Mode, ModeWithTape | None] = {}
+        self._programs: dict[int, tuple[Tape, ConstantProgram]] = {}
+        self._functions: dict[tuple[Any, ...], Callable[..., list[Any]]] = {}
+        self._function_tapes: dict[tuple[Any, ...], Tape] = {}
+
+    def loop(self) -> LoopProgram:
+        """For the modes that are compiled now."""
+        made = self._loop
+        if made is None or made.compiled is not self.table.compiled:
+            with one_at_a_time():
+                made = self._loop = self._loop_program(self.table.compiled)
+        return made
+
+    @cached_property
+    def start(self) -> ConstantProgram:
+        """Surfaces, then ``valid`` expressions, in time, states and parameters."""
+        with one_at_a_time():
+            inputs = (TIME, *self.system.states, *self.parameters)
+            return constant_program(inputs, (*self.system.surfaces, *self.system.valid))
+
+    def start_signs(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Signs of the surfaces, then of the ``valid`` expressions, at some points; UNCLEAR_SIGN where it is not clear.
+
+        Parameters
+        ----------
+        points : ndarray, shape (points, 1 + n + parameters)
+            Time, state, parameter values; taken as exact.
+        """
+        program = self.start
+        signs = np.empty((len(points), len(program.outputs)), dtype=np.int64)
+        signs_of(program.registers(points), program.places, signs)
+        return signs
+
+    def mode(self, mode: Mode) -> ModeWithTape | None:
+        """See :func:`henon_ref.filippov.switching.mode_with_tape`."""
+        if mode not in self._modes:
+            with one_at_a_time():
+                self._modes[mode] = mode_with_tape(self.system, mode)
+        return self._modes[mode]
+
+    def constants(self, tape: Tape) -> ConstantProgram:
+        """Constants of one of the tapes from here."""
+        if id(tape) not in self._programs:
+            with one_at_a_time():
+                self._programs[id(tape)] = tape, constant_program(self.parameters, tape.constants)
+        return self._programs[id(tape)][1]
+
+    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        """(t, *names, *parameters) -> values of expressions, in double precision."""
+        key = tuple(names), tuple(expressions)
+        if key not in self._functions:
+            with one_at_a_time():
+                arguments = [TIME, *names, *self.parameters]
+                self._functions[key] = sp.lambdify(arguments, list(expressions), "math", cse=True)
+        return self._functions[key]
+
+    def tape(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
+        """Expressions in time and these names as a tape."""
+        key = names, expressions
+        if key not in self._function_tapes:
+            with one_at_a_time():
+                self._function_tapes[key] = build_tape(names, (), expressions)
+        return self._function_tapes[key]
+
+    def _loop_program(self, compiled: CompiledModes) -> LoopProgram:
+        expressions: list[sp.Expr] = []
+        places: list[tuple[int, int]] = []
+        tapes = [
+            (mode, tape)
+            for mode, code in zip(compiled.modes, compiled.codes, strict=True)
+            for tape in (code.expansion, code.probe)
+        ]
+        longest = max([1, *(2 * len(tape.tape.constants) for _, tape in tapes)])
+        for row, (mode, tape) in enumerate(tapes):
+            count = len(tape.tape.constants)
+            expressions += [tape.constant(at, mode) for at in range(count)]
+            places += [(row * longest + at, row * longest + count + at) for at in range(count)]
+        normals = self.table.normals
+        velocities = () if normals is None else normals.tape.constants
+        program = constant_program(self.parameters, (*expressions, *velocities))
+        registers, count = np.array(program.outputs, dtype=np.int64), len(expressions)
+        put = np.ascontiguousarray(np.array(places, dtype=np.int64).reshape(-1, 2).T)
+        return LoopProgram(compiled, program, registers[:count], put, longest, registers[count:])
+
+
+def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:
+    """Symbols of a system's expressions that are no states, no signs and not the time, by name."""
+    expressions = [*system.field, *system.surfaces, *system.valid]
+    for override in system.overrides.values():
+        expressions += [*override.field, *(release.when for release in override.release)]
+    symbols = set().union(*(e.free_symbols for e in expressions)) - {TIME, *system.states, *system.signs}
+    return tuple(sorted(symbols, key=lambda symbol: symbol.name))

@@ -1,0 +1,301 @@
+"""Runs of many points of one system: in compiled code, and those that it sets aside in Python, with the same bits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from henon_ref.filippov.modes import Mode
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.points_kernel import (
+    ASIDE,
+    BUFFER_FULL,
+    DONE,
+    END,
+    END_PLACES,
+    NO_SAMPLES,
+    PAUSE,
+    PROGRESS,
+    SET_ASIDE,
+    keep_rows,
+    load_points,
+    run_points,
+)
+from henon_ref.henon.records import HENON, TRANSITION_PLACES, transition_dtype
+from henon_ref.henon.run import Run
+from henon_ref.henon.start import NO_LIMIT, Start
+from henon_ref.henon.state import ReturnCode
+from henon_ref.henon.workspace import CHUNK, Workspace
+from henon_ref.trajectory import Status, Trajectory
+
+AT_ONCE = 4096
+"""Points whose constants are in memory at one time, at most."""
+MEMORY = 1 << 26
+"""Bytes that these constants take, about: fewer points at one time where a system has many modes."""
+BUFFER = 16 * CHUNK
+"""Transitions that are kept before they are handed out, at first."""
+PAUSE_STEPS = 1_000_000
+"""Steps from one look at interrupts to the next: some tenths of a second."""
+TRIES = 16
+"""Points set aside in a row for which no mode was compiled, before the call stops for such points no more."""
+EVERYTHING = -1
+"""All kinds, or surfaces, in a set of bits."""
+
+
+class Keep(NamedTuple):
+    """Which transitions are kept."""
+
+    after: float = -np.inf
+    """None before this time [s]."""
+    kinds: int = EVERYTHING
+    """A bit each (1 << STICK and so on, of :mod:`henon_ref.henon.records`)."""
+    surfaces: int = EVERYTHING
+    """A bit each (1 << index)."""
+    open_sticks: bool = False
+    """Whether of a stick that is open at ``after`` both ends are kept: its begin right before its release."""
+
+
+NOTHING = Keep(kinds=0)
+
+
+class PointRuns:
+    """Runs of many points: iterate once to do them, then read how they ended.
+
+    Iterating gives arrays of the transitions that are kept, of the type :attr:`transition_dtype`; those of one point
+    are in one array, in the order of time. Points come in order, but for those that are set aside. What is computed
+    depends neither on which points are done together nor on what was compiled before.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        Of a system without values of its parameters.
+    values : array_like, shape (points, parameters) or (1, parameters)
+        Of :attr:`Integrator.parameters`, in their order; one row: the same for all points.
+    initial : array_like, shape (points, n)
+    start, until : float or array_like, shape (points,)
+        Initial time and horizon [s].
+    tolerance : float
+        Local error of a step, relative to the size of each state and guard on the step.
+    landing : int
+        HENON, NEWTON or BRENT of :mod:`henon_ref.henon.records`.
+    keep : Keep
+        By default nothing.
+    stop_falling, stop_rising, most_steps : int
+        See :class:`henon_ref.henon.start.Start`.
+
+    Attributes
+    ----------
+    ends : ndarray, shape (points,) of :data:`henon_ref.henon.points_kernel.END`
+        Time, row of the mode, and counts at the end of each run.
+    states : ndarray, shape (points, n)
+        States there.
+    others : dict of int to Trajectory
+        Of points that were set aside, how their runs ended; without transitions.
+    """
+
+    def __init__(
+        self,
+        integrator: Integrator,
+        values: ArrayLike,
+        initial: ArrayLike,
+        *,
+        start: ArrayLike = 0.0,
+        until: ArrayLike,
+        tolerance: float,
+        landing: int = HENON,
+        keep: Keep = NOTHING,
+        stop_falling: int = 0,
+        stop_rising: int = 0,
+        most_steps: int = NO_LIMIT,
+    ) -> None:
+        self.integrator, self.keep = integrator, keep
+        self.values = np.atleast_2d(np.asarray(values, dtype=np.float64))
+        self.initial = np.ascontiguousarray(initial, dtype=np.float64)
+        points, n = self.initial.shape
+        self.times = np.empty((points, 2))
+        self.times[:, 0], self.times[:, 1] = start, until
+        self._tolerance, self._landing = tolerance, landing
+        self._limits: dict[str, Any] = {
+            "stop_falling": stop_falling,
+            "stop_rising": stop_rising,
+            "most_steps": most_steps,
+        }
+        self.ends = np.zeros(points, dtype=END)
+        self.states = np.zeros((points, n))
+        self.others: dict[int, Trajectory] = {}
+        load_points(several=integrator.several)
+
+    @property
+    def transition_dtype(self) -> np.dtype[Any]:
+        """``point``, then the fields of :func:`henon_ref.henon.records.transition_dtype`."""
+        kind = transition_dtype(self.initial.shape[1])
+        assert kind.names is not None
+        return np.dtype([("point", "i8"), *((name, kind[name]) for name in kind.names)], align=True)
+
+    def status(self, point: int) -> tuple[Status, str]:
+        """How the run of a point ended, and why it is not ``ok``."""
+        if point in self.others:
+            return self.others[point].status, self.others[point].reason
+        if self.ends["code"][point] == ReturnCode.BUDGET_SPENT:
+            return "timeout", f"stopped after {self.ends['steps'][point]} steps at t = {self.ends['time'][point]:.17g}"
+        return "ok", ""
+
+    def mode(self, point: int) -> Mode:
+        """The mode in which the run of a point ended."""
+        if point in self.others:
+            return self.others[point].end_mode
+        return self.integrator.mode_table.modes[self.ends["mode"][point]]
+
+    def start(self, point: int) -> Start:
+        """Where the run of a point starts, as :class:`Run` takes it."""
+        values = self.values[point if len(self.values) > 1 else 0]
+        begin, until = self.times[point].tolist()
+        return self.integrator.start_at(
+            tuple(values.tolist()),
+            self.initial[point].tolist(),
+            start=begin,
+            until=until,
+            tolerance=self._tolerance,
+            landing=self._landing,
+            **self._limits,
+        )
+
+    def __iter__(self) -> Iterator[NDArray[Any]]:
+        first, points = 0, len(self.initial)
+        while first < points:
+            own = self.integrator.programs.loop().bytes_a_point if len(self.values) > 1 else 0
+            last = min(first + max(1, AT_ONCE if not own else min(AT_ONCE, MEMORY // own)), points)
+            yield from _Part(self, first, last).run()
+            first = last
+
+
+class _Part:
+    """Some points of all, whose constants are in memory together.
+
+    Parameters
+    ----------
+    runs : PointRuns
+    first, last : int
+        The points from ``first`` up to before ``last``.
+    """
+
+    def __init__(self, runs: PointRuns, first: int, last: int) -> None:
+        self.runs, self.first, self.part = runs, first, slice(first, last)
+        n, surfaces = runs.initial.shape[1], len(runs.integrator.system.surfaces)
+        self.values = runs.values[self.part] if len(runs.values) > 1 else runs.values
+        self.kept = np.empty((BUFFER, 1 + TRANSITION_PLACES + n))
+        self.pending = np.zeros((surfaces, 1 + TRANSITION_PLACES + n))
+        self.memory = np.zeros(1, dtype=PROGRESS)
+        self.progress, keep = self.memory[0], runs.keep
+        self.progress["after"], self.progress["kinds"], self.progress["surfaces"] = keep[:3]
+        self.progress["open_sticks"], self.progress["steps"] = keep.open_sticks, PAUSE_STEPS
+        self.progress["stop_aside"] = True
+
+    def run(self) -> Iterator[NDArray[Any]]:
+        """Do the runs, handing out transitions."""
+        workspaces = self.runs.integrator.workspaces
+        try:
+            workspace = workspaces.free.pop()
+        except IndexError:
+            workspace = workspaces.new()
+        try:
+            yield from self._compiled(workspace)
+        finally:
+            workspaces.free.append(workspace)
+        for point in np.flatnonzero(self.runs.ends["code"][self.part] == SET_ASIDE).tolist():
+            if self.first + point not in self.runs.others:
+                yield from self._in_python(point)
+
+    def _compiled(self, workspace: Workspace) -> Iterator[NDArray[Any]]:
+        runs, progress, table = self.runs, self.progress, self.runs.integrator.mode_table
+        rows, surfaces = self._rows()
+        template = replace(runs.start(self.first), zeros=runs.integrator.no_zeros).state
+        ends, states = runs.ends[self.part].view(np.float64).reshape(-1, END_PLACES), runs.states[self.part]
+        tries, code, constants = TRIES, PAUSE, self._constants(workspace)
+        while code != DONE:
+            code = run_points(
+                self.memory.view(np.float64), workspace.block, template, runs.times[self.part],
+                runs.initial[self.part], rows, surfaces, *constants, NO_SAMPLES, self.kept, self.pending, ends, states,
+            )  # fmt: skip
+            if code == ASIDE:
+                compiled = table.compiled
+                yield from self._in_python(int(progress["point"]) - 1)
+                if table.compiled is not compiled:
+                    tries, constants = TRIES, self._constants(workspace)
+                tries -= 1
+                progress["stop_aside"] = tries > 0
+            elif code == BUFFER_FULL:
+                yield from self._handed_out()
+        yield from self._handed_out()
+
+    def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Row of each point's mode at the start, and the surface that it starts on, -1 for none.
+
+        Where it is on one, the row is that of the mode below it; -1 where the start is not clear.
+        """
+        runs, integrator = self.runs, self.runs.integrator
+        initial, times = runs.initial[self.part], runs.times[self.part, :1]
+        values = np.broadcast_to(self.values, (len(initial), self.values.shape[1]))
+        signs = integrator.programs.start_signs(np.hstack([times, initial, values]))
+        rows, surfaces = np.full(len(initial), -1), np.full(len(initial), -1)
+        modes, places = np.unique(signs, axis=0, return_inverse=True)
+        for k, mode in enumerate(modes.tolist()):
+            found = integrator.row_at_start(tuple(mode))
+            if found is not None:
+                own = places.ravel() == k
+                rows[own], surfaces[own] = found
+        return rows, surfaces
+
+    def _constants(self, workspace: Workspace) -> tuple[Any, ...]:
+        """Tables, constants and what decides events of several surfaces, for the modes that are compiled now."""
+        table = self.runs.integrator.mode_table
+        program = self.runs.integrator.programs.loop()
+        compiled = program.compiled
+        numbers, normals = program.numbers(self.values)
+        selection = None
+        if compiled.rows.size:
+            assert table.normals is not None
+            address = table.normals.address
+            selection = address, normals[0], compiled.signs, compiled.rows, table.decoupled, *workspace.selection
+        return compiled.tables, numbers, normals, selection
+
+    def _handed_out(self) -> Iterator[NDArray[Any]]:
+        """Transitions of the points that are done; those of one that is at work move to the begin of the buffer."""
+        progress = self.progress
+        done = progress["kept_before"] if progress["running"] else progress["kept"]
+        rest = self.kept[done : progress["kept"]].copy()
+        if done:
+            found = self.kept[:done].copy()
+            found.view(np.int64)[:, 0] += self.first
+            yield found.view(self.runs.transition_dtype)[:, 0]
+        elif progress["running"]:  # one point has filled it
+            self.kept = np.empty((2 * len(self.kept), self.kept.shape[1]))
+        self.kept[: len(rest)] = rest
+        progress["kept"], progress["kept_before"] = len(rest), 0
+
+    def _in_python(self, point: int) -> Iterator[NDArray[Any]]:
+        """Do the run of a point that is set aside."""
+        runs, number = self.runs, self.first + point
+        run, memory, ends = Run(runs.integrator, runs.start(number)), self.memory.copy(), runs.ends[number]
+        memory["point"], self.pending[:, 0], ends["transitions"] = number, 0.0, 0
+        kept = [np.empty((0, self.kept.shape[1]))]
+        for block in run.stream():
+            memory["kept"] = 0
+            room = np.empty((len(block) + len(self.pending), self.kept.shape[1]))
+            keep_rows(memory.view(np.float64), np.ascontiguousarray(block.rows), room, self.pending)
+            kept.append(room[: memory["kept"][0]])
+            ends["transitions"] += len(block)
+        end = run.ended
+        assert end is not None
+        runs.others[number], runs.states[number] = end._replace(transitions=()), end.end_state
+        ends["time"], ends["time_low"], ends["code"] = end.end_time, 0.0, SET_ASIDE
+        if run.start.refused is None:
+            ends["time_low"] = run.scalars.time_low
+        ends["mode"] = runs.integrator.mode_table.index.get(end.end_mode, -1)
+        ends["steps"], ends["expansions"], ends["guard_evaluations"] = end.counts
+        if len(found := np.concatenate(kept)):
+            yield found.view(runs.transition_dtype)[:, 0]

@@ -1,0 +1,1 @@
+"""One run from Python: a system, its simulation, and what is asked of the solution."""

@@ -1,0 +1,137 @@
+"""The arguments of a run, read as a case file's ``initial`` and ``until`` are, to an initial-value problem."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from numbers import Real
+from typing import Any
+
+from henon_ref.casefile.problem import build_problem
+from henon_ref.casefile.source import Source
+from henon_ref.casefile.tree import MappingNode, Node
+from henon_ref.casefile.validation import validated
+from henon_ref.errors import ArgumentError, HenonRefError
+from henon_ref.filippov.bounds import put
+from henon_ref.filippov.problem import Problem
+from henon_ref.precision import one_at_a_time
+from henon_ref.simulation.system import System, argument_error
+from henon_ref.simulation.written import mapping, tree_of, written, written_name
+from henon_ref.taylor.tape import TIME
+from henon_ref.text import did_you_mean, listed
+
+DIRECTIONS = ("falling", "rising")
+STOPS = 63
+"""Surfaces, of the first ones, on which a run can be stopped: bits of a positive whole number."""
+SMALLEST, LARGEST = 1e-16, 1.0
+"""Between these lies a tolerance, as in a case file."""
+
+
+def problem_of(
+    system: System,
+    initial: Mapping[Any, Any],
+    *,
+    until: object,
+    start: object = 0,
+    parameters: Mapping[Any, Any] | None = None,
+    mode: Mapping[Any, Any] | None = None,
+) -> tuple[System, Problem]:
+    """The system of a run and its initial-value problem, in exact numbers.
+
+    Parameters
+    ----------
+    system, initial, until, start, parameters, mode
+        As in :func:`henon_ref.simulation.simulate.simulate`.
+
+    Raises
+    ------
+    ArgumentError
+        For a missing or unknown state, a number that is not finite, an unknown parameter, a horizon that is not later
+        than the start, and a mode of an unknown surface, or one that the start contradicts.
+    """
+    if parameters:
+        system = system.with_parameters(parameters)
+    given = _mapping(initial, "'initial'", "state", system.state)
+    entry = _mapping({} if mode is None else mode, "'mode'", "surface", system.model.sign_names)
+    entries: dict[str, Node] = {"t": tree_of(written(start, "'start'"), "'start'"), **given.entries, "mode": entry}
+    read = {"initial": mapping(entries), "until": tree_of(written(until, "'until'"), "'until'")}
+    source = Source(mapping({**system.tree.entries, **read}), work=system.work())
+    try:
+        with one_at_a_time():
+            problem, _ = build_problem(source, validated(source.tree, file=None))
+            _check_surfaces(problem)
+            return system, problem
+    except HenonRefError as error:
+        raise argument_error(error) from None
+
+
+def _check_surfaces(problem: Problem) -> None:
+    """Refuse a start at which a surface, or an expression of ``valid``, has no finite real value."""
+    system = problem.system
+    at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
+    named = [(f"the surface of '{name}'", h) for name, h in zip(system.sign_names, system.surfaces, strict=True)]
+    for what, expression in [*named, *(("an expression of 'valid'", v) for v in system.valid)]:
+        value = put(system.numeric(expression), at)
+        if not (value.is_Rational or (value.is_finite and value.is_extended_real)):
+            raise ArgumentError(f"{what} has no finite real value at the start")
+
+
+def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> MappingNode:
+    """A mapping of known names."""
+    node = tree_of(value, what)
+    if not isinstance(node, MappingNode):
+        raise ArgumentError(f"{what} must be a mapping, as in {{{known[0]!r}: 0}}")
+    for name in node.entries:
+        if name not in known:
+            raise ArgumentError(f"'{name[:60]}' is no {kind}{did_you_mean(name, known)}; {kind}s: {listed(known)}")
+    return node
+
+
+def tolerance_of(value: Any) -> float:
+    """A relative tolerance as a double.
+
+    Raises
+    ------
+    ArgumentError
+        For what is no number between 1e-16 and 1.
+    """
+    if _is_number(value) and SMALLEST <= value < LARGEST:
+        return float(value)
+    raise ArgumentError(f"rtol is {str(value)[:60]}; a tolerance is a number from 1e-16 to below 1")
+
+
+def check_absolute_tolerance(value: Any) -> None:
+    """Check the absolute tolerance, which is not used: steps go by each state's own size.
+
+    Raises
+    ------
+    ArgumentError
+        For what is not a positive number.
+    """
+    if value is not None and not (_is_number(value) and 0 < value < math.inf):
+        raise ArgumentError(f"atol is {str(value)[:60]}; wanted a number larger than 0, or None")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def stop_of(system: System, stop: Mapping[Any, Any]) -> tuple[int, int]:
+    """Surfaces that end a run where they are reached from above, and from below: a bit each, by their index.
+
+    Raises
+    ------
+    ArgumentError
+        For an unknown surface or direction.
+    """
+    names = system.model.sign_names
+    _mapping(stop, "'stop'", "surface", names)
+    bits = dict.fromkeys(DIRECTIONS, 0)
+    for name, direction in stop.items():
+        index = names.index(written_name(name, "'stop'"))
+        if direction not in DIRECTIONS:
+            raise ArgumentError(f"'stop' at '{names[index]}' is {str(direction)[:60]!r}; wanted 'falling' or 'rising'")
+        if index >= STOPS:
+            raise ArgumentError(f"'{names[index]}' is beyond the first {STOPS} surfaces, on which a run can be stopped")
+        bits[direction] |= 1 << index
+    return bits["falling"], bits["rising"]

@@ -1,0 +1,43 @@
+"""Compiled systems, kept by what they say: an equal system made anew compiles nothing, nor do other values."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import replace
+from threading import Lock
+
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.solver import order_for
+from henon_ref.simulation.system import System
+
+KEPT = 64
+"""Systems and orders that are kept compiled; the one not used for the longest time goes first."""
+ROUNDING = 2e-16
+"""Local errors below this are rounding's."""
+
+_kept: OrderedDict[tuple[object, int], Integrator] = OrderedDict()
+_lock = Lock()
+
+
+def local_error(rtol: float) -> float:
+    """Local error of a step for a tolerance, as ``henon`` takes it."""
+    return max(0.1 * rtol, ROUNDING)
+
+
+def integrator_of(system: System, tolerance: float) -> Integrator:
+    """What runs a system, with any values of its parameters, at the order of a local error.
+
+    It is compiled the first time that a system of this structure is asked for. One thread compiles at a time; the
+    others wait for it.
+    """
+    key = system.structure, order_for(tolerance)
+    with _lock:
+        if key in _kept:
+            _kept.move_to_end(key)
+            return _kept[key]
+        made = Integrator(replace(system.model, parameters={}), key[1])
+        made.load()
+        _kept[key] = made
+        while len(_kept) > KEPT:
+            _kept.popitem(last=False)
+        return made

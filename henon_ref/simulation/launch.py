@@ -1,0 +1,101 @@
+"""From the arguments of a run to where the reference starts it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from henon_ref.errors import ArgumentError
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.records import HENON
+from henon_ref.henon.start import Start
+from henon_ref.precision import one_at_a_time
+from henon_ref.simulation.arguments import check_absolute_tolerance, problem_of, stop_of, tolerance_of
+from henon_ref.simulation.compiled import integrator_of, local_error
+from henon_ref.simulation.quick_start import QuickStart
+from henon_ref.simulation.system import System
+from henon_ref.trajectory import Trajectory
+
+MOST_PREPARED = 32
+"""Tolerances of one system that are kept."""
+
+
+class Prepared(NamedTuple):
+    """What is made once a system and tolerance."""
+
+    integrator: Integrator
+    quick: QuickStart | None
+
+
+class Launch(NamedTuple):
+    """A run that is ready to go."""
+
+    base: System
+    parameters: Mapping[Any, Any] | None
+    """In place of the base's."""
+    integrator: Integrator
+    start: Start
+
+    def ended(self, trajectory: Trajectory) -> Trajectory:
+        """What the run returned, with the words for a run that was to stop, and no mode where there was none."""
+        if self.start.refused is not None:
+            return trajectory._replace(end_mode=())
+        if (self.start.stop_falling or self.start.stop_rising) and trajectory.status == "ok":
+            last = trajectory.transitions[-1] if len(trajectory.transitions) else None
+            if last is not None and (last.time, last.time_low) != self.start.until and last.time == trajectory.end_time:
+                name = self.base.model.sign_names[last.surface]
+                return trajectory._replace(reason=f"the run stopped on the surface of {name}, as it was to")
+        return trajectory
+
+
+def launch(
+    system: System,
+    initial: Mapping[Any, Any],
+    until: Any,
+    start: Any,
+    rtol: float,
+    atol: float | None,
+    parameters: Mapping[Any, Any] | None,
+    mode: Mapping[Any, int] | None,
+    stop: Mapping[Any, str] | None,
+) -> Launch:
+    """Read the arguments of :func:`henon_ref.simulation.simulate.simulate`.
+
+    Raises
+    ------
+    ArgumentError
+        For what cannot be meant.
+    """
+    if not isinstance(system, System):
+        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
+    tolerance = rtol if type(rtol) is float else tolerance_of(rtol)
+    ready: Prepared | None = system.prepared.get(tolerance)
+    begin = None
+    if ready is not None and ready.quick is not None:
+        begin = ready.quick(initial, until, start, parameters, mode)
+    if atol is not None:
+        check_absolute_tolerance(atol)
+    falling, rising = stop_of(system, stop) if stop else (0, 0)
+    if begin is not None and ready is not None:
+        integrator = ready.integrator
+    else:  # what is wrong is said before anything is compiled
+        error = local_error(tolerance_of(tolerance))
+        own, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
+        integrator = integrator_of(own, error)
+        with one_at_a_time():
+            begin = integrator.start(problem, tolerance=error, landing=HENON)
+        if ready is None:
+            _prepare(system, tolerance)
+    if falling or rising:
+        begin = replace(begin, stop_falling=falling, stop_rising=rising)
+    return Launch(system, parameters, integrator, begin)
+
+
+def _prepare(system: System, tolerance: float) -> None:
+    """Make what later runs at a tolerance begin with."""
+    if len(system.prepared) >= MOST_PREPARED:
+        system.prepared.clear()
+    error = local_error(tolerance)
+    integrator = integrator_of(system, error)
+    system.prepared[tolerance] = Prepared(integrator, QuickStart.of(system, integrator, error))

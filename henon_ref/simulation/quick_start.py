@@ -1,0 +1,253 @@
+"""A start from numbers that need no reading: microseconds, where the exact way takes a millisecond.
+
+What it cannot decide by itself is left to the exact way, which also says what is wrong: other values than int and
+float, names that are not the system's, a start on a surface, constants that are not finite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from fractions import Fraction
+from functools import cached_property, lru_cache
+from typing import Any, cast
+
+import numpy as np
+import sympy as sp
+from flint import arb, fmpq
+
+from henon_ref.errors import ModelError
+from henon_ref.filippov.exact_numbers import double_double
+from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.double_constants import DoubleConstants, DoubleSwitching
+from henon_ref.henon.double_double import ROUNDING, UNCLEAR_SIGN
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.mode_constants import ExactConstants, LoopData
+from henon_ref.henon.parameter_programs import ParameterPrograms
+from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
+from henon_ref.henon.records import HENON
+from henon_ref.henon.start import Start
+from henon_ref.simulation.clear_signs import sign_function
+from henon_ref.simulation.pairs import Pair, exact_number, pair_of
+from henon_ref.simulation.system import System
+from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Trajectory
+
+KEPT = 64
+"""Parameter values of which the constants are kept."""
+CLEARLY = 1e-9
+"""What a condition on the parameters is above where rounding cannot have made it so."""
+Three = tuple[float, float, float]
+"""A number as its double, what that leaves, and a bound of their error."""
+Values = tuple[Three, ...]
+"""Of the parameters that stand in the equations."""
+
+
+class PairConstants(DoubleConstants):
+    """Constants of compiled modes at values that are pairs of doubles.
+
+    Parameters
+    ----------
+    programs : ParameterPrograms
+    values : tuple of Three
+        Of the programs' parameters, in their order.
+    exact : callable
+        Gives the system with the exact values, for what double-double does not decide.
+    """
+
+    def __init__(self, programs: ParameterPrograms, values: Values, exact: Callable[[], FilippovSystem]) -> None:
+        self.doubles, self._exact = [high for high, _, _ in values], exact
+        super().__init__(programs, cast(Any, values))  # what the programs take in place of a double
+
+    def update(self) -> LoopData:
+        """See :class:`henon_ref.henon.mode_constants.ModeConstants`."""
+        try:
+            return super().update()
+        except ModelError:  # terms cancel by more digits than there are
+            self.latest = ExactConstants(self._programs.table, self._exact()).latest
+            return self.latest
+
+    @cached_property
+    def switching(self) -> Switching:
+        """See :class:`henon_ref.henon.mode_constants.ModeConstants`."""
+        return DoubleSwitching(self._programs, tuple(self.doubles))
+
+    @cached_property
+    def precise(self) -> PreciseModes:
+        """See :class:`henon_ref.henon.mode_constants.ModeConstants`."""
+        system, values = self._programs.system, self._exact()
+        return PreciseModes(system, self.switching, lambda: BallSwitching(system, values))
+
+
+def _three(pair: Pair) -> Three:
+    return (*pair, ROUNDING * abs(pair[0]) if pair[1] else 0.0)
+
+
+class QuickStart:
+    """Starts of one system at one tolerance.
+
+    Parameters
+    ----------
+    system : System
+    integrator : Integrator
+        Of its structure.
+    tolerance : float
+        Local error of a step.
+    """
+
+    def __init__(self, system: System, integrator: Integrator, tolerance: float) -> None:
+        self._system, self._integrator, self._tolerance = system, integrator, tolerance
+        programs, self._own = integrator.programs, system.model.parameters
+        self._values: Values = tuple(_three(double_double(self._own[symbol])) for symbol in programs.parameters)
+        self._places = {symbol.name: at for at, symbol in enumerate(programs.parameters)}
+        self._movable = system.independent_parameters
+        self._conditions = sp.lambdify(list(self._own), system.conditions, "math") if system.conditions else None
+        self._floats = {symbol.name: float(value) for symbol, value in self._own.items()}
+        self._constants = lru_cache(maxsize=KEPT)(self._made)
+        exact = {symbol.name: self._own[symbol] for symbol in programs.parameters}
+        rational = all(value.is_Rational for value in exact.values())
+        self._rational = {name: Fraction(int(v.p), int(v.q)) for name, v in exact.items()} if rational else None
+        model = integrator.system
+        inputs = (TIME, *model.states, *programs.parameters)
+        self._signs = sign_function(inputs, [*model.surfaces, *model.valid])
+
+    @classmethod
+    def of(cls, system: System, integrator: Integrator, tolerance: float) -> QuickStart | None:
+        """None for a system with expressions that no program evaluates, and one with exponents in time or states."""
+        try:
+            return None if system.has_moving_exponents else cls(system, integrator, tolerance)
+        except ModelError:
+            return None
+
+    def __call__(
+        self,
+        initial: Mapping[Any, Any],
+        until: Any,
+        start: Any,
+        parameters: Mapping[Any, Any] | None,
+        mode: Mapping[Any, Any] | None,
+    ) -> Start | None:
+        """Where a run starts; None where that is to be found in the exact way."""
+        if type(initial) is not dict or not all(given is None or type(given) is dict for given in (parameters, mode)):
+            return None
+        values = self._values if not parameters else self._changed(parameters)
+        time, end = pair_of(start), pair_of(until)
+        names = self._system.state
+        if values is None or time is None or end is None or len(initial) != len(names):
+            return None
+        x = []
+        for name in names:
+            pair = pair_of(initial.get(name))
+            if pair is None:
+                return None
+            x.append(pair)
+        constants = self._constants(values)
+        if constants is None or not (end[0] - time[0]) + (end[1] - time[1]) > 0.0:
+            return None
+        integrator, refused, zeros = self._integrator, None, self._integrator.no_zeros
+        row = None if mode else self._row_off_surfaces(constants, time, x)
+        if row is None:
+            signs = self._exact_signs(start, initial, parameters or {})
+            found = signs and self._decided(constants, signs, time[0], [high for high, _ in x], mode)
+            if not found:
+                return None
+            refused, row, zeros = found
+        return Start(time, end, tuple(x), refused, row, zeros, integrator.order, self._tolerance, HENON, constants)
+
+    def _row_off_surfaces(self, constants: PairConstants, time: Pair, x: list[Pair]) -> int | None:
+        """Row of the mode at the start; None where that may be on a surface, and where the model may not hold."""
+        count = len(self._integrator.system.surfaces)
+        if self._signs is None:
+            point: list[Any] = [_three(pair) for pair in (time, *x)]
+            signs: tuple[int, ...] | None = constants.start_signs(point[0], point[1:])
+        else:
+            signs = self._signs(time[0], *(high for high, _ in x), *constants.doubles)
+        if signs is None or UNCLEAR_SIGN in signs or 0 in signs or -1 in signs[count:]:
+            return None
+        return self._integrator.mode_table.index.get(signs[:count])
+
+    def _exact_signs(
+        self, start: Any, initial: Mapping[str, Any], parameters: Mapping[str, Any]
+    ) -> tuple[int, ...] | None:
+        """Signs of the surfaces, then of the ``valid`` expressions; None where fractions do not give them."""
+        program = self._integrator.programs.start
+        if not program.is_rational or self._rational is None:
+            return None
+        values = [exact_number(parameters[name]) if name in parameters else own for name, own in self._rational.items()]
+        point = (exact_number(start), *(exact_number(initial[name]) for name in self._system.state), *values)
+        rational = [fmpq(number.numerator, number.denominator) for number in point]
+        try:
+            found = program.over_ring(rational, lambda number: fmpq(int(number.p), int(number.q)), arb.sqrt)
+        except ZeroDivisionError:
+            return None
+        return tuple((value > 0) - (value < 0) for value in found)
+
+    def _decided(
+        self,
+        constants: PairConstants,
+        signs: tuple[int, ...],
+        t: float,
+        x: list[float],
+        mode: Mapping[Any, Any] | None,
+    ) -> tuple[Trajectory | None, int, tuple[int, ...]] | None:
+        """What every run comes to that cannot begin, else None; row and known zeros of the mode at the start.
+
+        None where a mode that is given is not one of the system's, or is contradicted by a sign.
+        """
+        integrator, names = self._integrator, self._system.model.sign_names
+        given: dict[int, int] = {}
+        for name, entry in (mode or {}).items():
+            index = names.index(name) if name in names else -1
+            if index < 0 or type(entry) is not int or entry not in (-1, 0, 1) or signs[index] not in (0, entry):
+                return None
+            given[index] = entry
+        if not given:
+            row, zeros = integrator.clear_start(constants, signs, t, x)
+            if row >= 0:
+                return None, row, zeros
+        surfaces, valid = signs[: len(names)], signs[len(names) :]
+        decision = constants.switching.mode_by_signs(t, x, surfaces, valid, given)
+        if 0 in given.values() and decision.mode is not None and integrator.mode_table.row(decision.mode) is None:
+            return None
+        return integrator.entered(constants, t, x, decision, surfaces, valid)
+
+    def _changed(self, parameters: Mapping[Any, Any]) -> Values | None:
+        """Values of the parameters, some of them others; None where they are not to be had like that.
+
+        (A fraction could not be told from its pair afterwards, a decimal number can.)
+        """
+        values = list(self._values)
+        for name, value in parameters.items():
+            pair = pair_of(value)
+            if pair is None or name not in self._movable or type(value) is Fraction:
+                return None
+            place = self._places.get(name)
+            if place is not None:  # else nothing depends on it
+                values[place] = _three(pair)
+        if self._conditions is not None and not self._clearly_allowed(parameters):
+            return None
+        return tuple(values)
+
+    def _clearly_allowed(self, parameters: Mapping[str, float]) -> bool:
+        """Whether a scene allows these values beyond what rounding could change."""
+        assert self._conditions is not None
+        try:
+            found = self._conditions(**{**self._floats, **parameters})
+        except (ArithmeticError, ValueError):
+            return False
+        return all(condition > CLEARLY for condition in found)
+
+    def _made(self, values: Values) -> PairConstants | None:
+        """Constants at some values; None where some of them are not finite."""
+        programs = self._integrator.programs
+        made = PairConstants(programs, values, lambda: self._exact(values))
+        return made if bool(np.isfinite(made.latest.numbers).all()) else None
+
+    def _exact(self, values: Values) -> FilippovSystem:
+        """The system with exact values: its own, or the decimal numbers that others are printed as."""
+        model, given = self._system.model, dict(self._own)
+        for symbol, value, own in zip(self._integrator.programs.parameters, values, self._values, strict=True):
+            if value != own:
+                given[symbol] = sp.Rational(repr(value[0]))
+        return replace(model, parameters=given)

@@ -1,0 +1,125 @@
+"""One run of a system: all of it at once, or its transitions as they come."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from henon_ref.henon.run import Run
+from henon_ref.simulation.dense_output import STEPS
+from henon_ref.simulation.launch import launch
+from henon_ref.simulation.solution import Solution
+from henon_ref.simulation.stream import TransitionStream
+from henon_ref.simulation.system import System
+
+
+def simulate(
+    system: System,
+    initial: Mapping[Any, Any],
+    *,
+    until: Any,
+    start: Any = 0,
+    rtol: float = 1e-10,
+    atol: float | None = None,
+    parameters: Mapping[Any, Any] | None = None,
+    mode: Mapping[Any, int] | None = None,
+    dense_output: bool = True,
+    stop: Mapping[Any, str] | None = None,
+) -> Solution:
+    """Simulate one run of a piecewise-smooth system, every transition located.
+
+    Parameters
+    ----------
+    system : System
+    initial : mapping
+        State -> number (int, float, Fraction, or text in parameters); every state has its value.
+    until : number
+        Horizon: the run ends here [s].
+    start : number
+        Initial time [s].
+    rtol : float
+        Tolerance, from 1e-16 to below 1: a tenth of it is the local error of a step relative to each state's (and
+        guard's) own size on the step. Order and step follow from it.
+    atol : float, optional
+        Not used (units of a model do not matter); there for those who come from SciPy.
+    parameters : mapping, optional
+        Values in place of the system's; parameters that are expressions in them follow.
+    mode : mapping, optional
+        Sign -> -1, 0 or +1, for a start on a surface that the fields leave open.
+    dense_output : bool
+        Keep the steps' polynomials: memory grows with the number of steps.
+    stop : mapping, optional
+        Sign -> ``"falling"`` or ``"rising"``: the run ends where that surface's expression falls (rises) to zero.
+
+    Returns
+    -------
+    Solution
+        A run that ends otherwise than at its horizon (or where it was to stop) is no exception: its ``success`` is
+        False and its ``message`` says why.
+
+    Raises
+    ------
+    HenonRefError
+        Also a ValueError, before anything runs, for what cannot be meant.
+
+    Notes
+    -----
+    The method is a Taylor series method (Jorba and Zou, *Exp. Math.* 14 (2005) 99-117) with Hénon's landing on the
+    surfaces (Hénon, *Physica D* 5 (1982) 412-413) and Filippov's sliding (Filippov, 1988). A system is compiled once an
+    order; it may be simulated from several threads at once.
+
+    Examples
+    --------
+    A block that slides to rest: x'' = -F sgn(x') from x' = 1 stops after 1/F.
+
+    >>> block = System(["x", "v"], {"F": 0.5}, {"s": "v"}, ["v", "-F*s"])
+    >>> run = simulate(block, {"x": 0, "v": 1}, until=3)
+    >>> run.transitions[["time_s", "kind", "x"]].values.tolist()
+    [[2.0, 'stick', 1.0]]
+    """
+    made = launch(system, initial, until, start, rtol, atol, parameters, mode, stop)
+    run = Run(made.integrator, made.start, dense=STEPS if dense_output else 0)
+    trajectory = made.ended(run.to_horizon())
+    return Solution(made, trajectory, run.steps if dense_output else None)
+
+
+def stream(
+    system: System,
+    initial: Mapping[Any, Any],
+    *,
+    until: Any,
+    start: Any = 0,
+    rtol: float = 1e-10,
+    atol: float | None = None,
+    parameters: Mapping[Any, Any] | None = None,
+    mode: Mapping[Any, int] | None = None,
+    dense_output: bool = False,
+    stop: Mapping[Any, str] | None = None,
+) -> TransitionStream:
+    """The transitions of a run as they come; nothing is kept, so that memory does not grow with the horizon.
+
+    Parameters
+    ----------
+    system, initial, until, start, rtol, atol, parameters, mode, stop
+        As in :func:`simulate`.
+    dense_output : bool
+        Not used: there is none.
+
+    Returns
+    -------
+    TransitionStream
+        An iterator over named tuples ``time_s, kind, surface, from_mode, to_mode``, then the states by name. How the
+        run ended is its ``outcome`` once it is through.
+
+    Raises
+    ------
+    HenonRefError
+        Also a ValueError, at once, for what cannot be meant.
+
+    Examples
+    --------
+    >>> oscillator = System(["x", "v"], {}, {"s": "x"}, ["v", "-x"])
+    >>> [round(row.time_s, 9) for row in stream(oscillator, {"x": 1, "v": 0}, until=5)]
+    [1.570796327, 4.71238898]
+    """
+    return TransitionStream(launch(system, initial, until, start, rtol, atol, parameters, mode, stop))

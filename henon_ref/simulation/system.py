@@ -1,0 +1,327 @@
+"""A piecewise-smooth system from Python, or from a case file."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import sympy as sp
+
+from henon_ref.casefile.case import load_case, reading_sources
+from henon_ref.casefile.expressions import parse_expression, parse_number
+from henon_ref.casefile.problem import written_model
+from henon_ref.casefile.scene import conditions
+from henon_ref.casefile.source import Source
+from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
+from henon_ref.casefile.validation import validated
+from henon_ref.casefile.yaml_file import read_yaml
+from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
+from henon_ref.filippov.exponents import parameters_in_exponents, with_rational_exponents
+from henon_ref.filippov.latex import latex
+from henon_ref.filippov.work import Work, names_in
+from henon_ref.precision import one_at_a_time
+from henon_ref.simulation.written import mapping, tree_of, written, written_name
+from henon_ref.taylor.size import size
+from henon_ref.taylor.tape import TIME
+from henon_ref.text import did_you_mean, listed
+
+Number = int | Fraction | Any
+"""An exact number: whole, rational, or one of SymPy's (``sqrt(3)/9``)."""
+MODEL_KEYS = ("system", "scene", "sliding")
+"""Keys of a case file that make its system."""
+LONGEST_SHOWN = 200
+"""Operations of an expression that is shown as a formula."""
+_REST: Mapping[str, object] = {"schema": 1, "name": "system", "title": "system", "initial": {}, "until": 1}
+"""What the form of a case file wants besides the system."""
+
+
+class System:
+    """x' = f(t, x, s) with surfaces h_i(t, x) = 0 and their signs s_i, in the words of a case file's ``system``.
+
+    Parameters
+    ----------
+    state : sequence of str
+        Names of the n states.
+    parameters : mapping
+        Name -> number, or an expression in other parameters.
+    surfaces : mapping
+        Sign symbol -> the expression whose sign it is.
+    field : sequence
+        x', one expression a state, in time ``t``, states, parameters and signs; smooth for each sign at -1 and +1.
+    valid : sequence, optional
+        The model holds while these expressions are > 0.
+    sliding : mapping, optional
+        Sign symbol -> ``{"field": [...], "release": [{"when": EXPR, "direction": "rising", "to": -1}]}``, sliding in a
+        way of one's own (static friction, with ``"entry": "inside"``) in place of Filippov's.
+
+    Notes
+    -----
+    Expressions are text or SymPy, whose symbols go by their names; numbers are int, float, Fraction or text. Numbers
+    are exact, and a float is the decimal that it is printed as: 0.1 is 1/10, as in a case file. Two systems are equal
+    that say the same; an equal one compiles nothing anew.
+
+    Attributes
+    ----------
+    state : tuple of str
+    model : FilippovSystem
+        What is integrated.
+    tree : MappingNode
+        What it was read from.
+    prepared : dict
+        What is made of it for runs, by tolerance.
+    initial, start, until, mode
+        Of the reading of a case (:meth:`from_case`), exact numbers by name; None for a system from Python.
+
+    Raises
+    ------
+    HenonRefError
+        Also a ValueError, where something cannot be meant: what, and what is allowed.
+
+    Examples
+    --------
+    >>> belt = System(
+    ...     state=["x", "v"],
+    ...     parameters={"F": 1, "d": 3, "vb": 0.5},
+    ...     surfaces={"s": "v - vb"},
+    ...     field=["v", "-x - F*s/(1 + d*s*(v - vb))"],
+    ... )
+    >>> belt
+    System(x, v; s: v - vb; F = 1, d = 3, vb = 1/2)
+    """
+
+    def __init__(
+        self,
+        state: Sequence[str | sp.Symbol],
+        parameters: Mapping[Any, Any],
+        surfaces: Mapping[Any, Any],
+        field: Sequence[Any],
+        valid: Sequence[Any] | None = None,
+        sliding: Mapping[Any, Any] | None = None,
+    ) -> None:
+        names = [written_name(x, "'state'") for x in state] if isinstance(state, list | tuple) else state
+        given = {"state": names, "parameters": parameters, "surfaces": surfaces, "field": field, "valid": valid}
+        written = {
+            "system": mapping({key: tree_of(value, f"'{key}'") for key, value in given.items() if value is not None}),
+            **({} if sliding is None else {"sliding": tree_of(sliding, "'sliding'")}),
+        }
+        self._read(mapping(written))
+
+    @classmethod
+    def from_case(cls, path: str | Path, reading: str | None = None) -> System:
+        """The system of a case file, with where and how long its reading runs.
+
+        Parameters
+        ----------
+        path : str or Path
+            A case file, with a ``system`` or a ``scene``; or the name of a case that comes with the package, such as
+            ``fig8``.
+        reading : str, optional
+            Name of the reading; the first one of the file if left out.
+
+        Raises
+        ------
+        HenonRefError
+            For a file that is no case (with file, line and column), and a reading that it does not have.
+        """
+        if not (reading is None or isinstance(reading, str)):
+            raise ArgumentError(f"reading is {str(reading)[:60]!r}; wanted the name of a reading, or None")
+        case = load_case(path)
+        chosen = case.readings[0] if reading is None else case.reading(reading)
+        self = cls.__new__(cls)
+        self._read(dict(reading_sources(read_yaml(case.path or path), None))[chosen.name].tree)
+        problem = chosen.problem
+        self.initial = dict(zip(self.state, map(python_number, problem.initial), strict=True))
+        self.start, self.until = python_number(problem.start), python_number(problem.until)
+        self.mode = {problem.system.sign_names[i]: entry for i, entry in problem.initial_mode.items()}
+        return self
+
+    @classmethod
+    def from_tree(cls, tree: MappingNode) -> System:
+        """The system of a case file's tree: its keys ``system`` or ``scene``, and ``sliding``.
+
+        Raises
+        ------
+        HenonRefError
+            For a tree that holds none.
+        """
+        self = cls.__new__(cls)
+        self._read(tree)
+        return self
+
+    def _read(self, tree: MappingNode) -> None:
+        kept = {key: tree.entries[key] for key in MODEL_KEYS if key in tree.entries}
+        self.tree = mapping({**kept, **{key: tree_of(value, key) for key, value in _REST.items()}})
+        try:
+            self._form = validated(self.tree, file=None)
+            with one_at_a_time():
+                self._written, self._names = written_model(Source(self.tree), self._form)
+                self.model = with_rational_exponents(self._written)
+        except HenonRefError as error:
+            raise argument_error(error) from None
+        self.state: tuple[str, ...] = self.model.state_names
+        self.initial: dict[str, Number] | None = None
+        self.start: Number | None = None
+        self.until: Number | None = None
+        self.mode: dict[str, int] | None = None
+        self.prepared: dict[float, Any] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "prepared": {}}
+
+    @property
+    def parameters(self) -> dict[str, Number]:
+        """Name -> exact number (a copy: :meth:`with_parameters` makes a system with others)."""
+        return {name: python_number(value) for name, value in self._names.values.items()}
+
+    def with_parameters(self, parameters: Mapping[Any, Any]) -> System:
+        """The system with other values of some parameters; what is an expression in them follows.
+
+        Parameters
+        ----------
+        parameters : mapping
+            Name -> number, or an expression in other parameters.
+
+        Raises
+        ------
+        HenonRefError
+            For a name that is no parameter, and values that the system does not allow.
+        """
+        given = tree_of(parameters, "'parameters'")
+        if not isinstance(given, MappingNode):
+            raise ArgumentError("'parameters' must be a mapping, as in {name: value}")
+        known = list(self._names.values)
+        for name in given.entries:
+            if name not in known:
+                raise ArgumentError(
+                    f"'{name[:60]}' is no parameter{did_you_mean(name, known)}; parameters: {listed(known)}"
+                )
+        key = "system" if "system" in self.tree.entries else "scene"
+        other = System.__new__(System)
+        other._read(merged(self.tree, mapping({key: mapping({"parameters": given})})))
+        return other
+
+    def expression(self, value: object, what: str = "the expression") -> sp.Expr:
+        """An expression in time, states and parameters, read with the care of a case file.
+
+        Parameters
+        ----------
+        value : str, number or Expr
+        what : str
+            What it is, for the message.
+
+        Raises
+        ------
+        HenonRefError
+            For names and functions that are not the system's.
+        """
+        names = {"t": TIME, **self._names.states, **self._names.parameters}
+        return self._parsed(parse_expression, value, names, what)
+
+    def number(self, value: object, what: str = "the number") -> sp.Expr:
+        """An exact number: one of Python's or SymPy's, or text in parameters.
+
+        Raises
+        ------
+        HenonRefError
+            For what is no finite real number.
+        """
+        return self._parsed(parse_number, value, self._names.values, what)
+
+    def _parsed(self, parse: Callable[..., sp.Expr], value: object, names: Mapping[str, sp.Expr], what: str) -> sp.Expr:
+        try:
+            return parse(written(value, what), names)
+        except ExpressionError as error:
+            raise ArgumentError(f"{what}: {error.message}") from None
+
+    def work(self) -> Work:
+        """What is known to whoever reads more of the system's tree: the system itself."""
+        nodes = tuple(self.tree.entries.get(key) for key in MODEL_KEYS)
+        return Work(built={("system", *map(id, nodes)): (nodes, (self.model, self._names))})
+
+    @cached_property
+    def conditions(self) -> list[sp.Expr]:
+        """What a scene wants of its parameters (see :func:`henon_ref.casefile.scene.conditions`)."""
+        return conditions(Source(self.tree)) if self._form.scene else []
+
+    @cached_property
+    def independent_parameters(self) -> frozenset[str]:
+        """Parameters that stand in no other one's expression, and in no exponent: other values change nothing else."""
+        tree = child(self.tree, ["system" if self._form.system else "scene", "parameters"])
+        nodes = tree.entries.values() if isinstance(tree, MappingNode) else ()
+        used = {name for node in nodes if isinstance(node, ScalarNode) for name in names_in(node.text)}
+        return frozenset(self._names.values) - used - {symbol.name for symbol in parameters_in_exponents(self._written)}
+
+    @cached_property
+    def has_moving_exponents(self) -> bool:
+        """Whether a surface, or a ``valid`` expression, has an exponent in time or states."""
+        moving, powers = {TIME, *self.model.states}, set[sp.Pow]()
+        return any(
+            p.exp.free_symbols & moving
+            for p in powers.union(*(e.atoms(sp.Pow) for e in (*self.model.surfaces, *self.model.valid)))
+        )
+
+    @cached_property
+    def structure(self) -> tuple[object, ...]:
+        """What the system says whatever the values of its parameters, in a form that can be compared and hashed."""
+        model = self.model
+        overrides = tuple(
+            (i, o.field, tuple((r.when, r.direction, r.to) for r in o.release), o.entry)
+            for i, o in sorted(model.overrides.items())
+        )
+        names = tuple(self._names.values)
+        return model.states, model.signs, model.surfaces, model.field, model.valid, overrides, names
+
+    @cached_property
+    def content(self) -> tuple[object, ...]:
+        """Everything that it says, likewise."""
+        return self.structure, tuple(self._names.values.values())
+
+    def __eq__(self, other: object) -> bool:
+        return self.content == other.content if isinstance(other, System) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.content)
+
+    def __repr__(self) -> str:
+        model = self.model
+        surfaces = ", ".join(f"{s}: {_short(h)}" for s, h in zip(model.sign_names[:4], model.surfaces, strict=False))
+        more = ", ..." if len(model.signs) > 4 else ""
+        values = listed([f"{name} = {value}" for name, value in self.parameters.items()], 8)
+        return f"System({'; '.join(part for part in (listed(self.state, 8), surfaces + more, values) if part)})"
+
+    def _repr_html_(self) -> str:
+        model = self.model
+        rows = [(rf"\dot{{{latex(x)}}}", _formula(f)) for x, f in zip(model.states, model.field, strict=True)]
+        rows += [
+            (rf"{latex(s)} = \mathrm{{sign}}", _formula(h)) for s, h in zip(model.signs, model.surfaces, strict=True)
+        ]
+        rows += [(latex(p), _formula(v)) for p, v in model.parameters.items()]
+        body = "".join(f"<tr><td>${left}$</td><td>{right}</td></tr>" for left, right in rows)
+        return f"<table><caption>Filippov system</caption><tbody>{body}</tbody></table>"
+
+
+def python_number(number: sp.Expr) -> Number:
+    """An exact number as int or Fraction where it is rational."""
+    if number.is_Integer:
+        return int(number)
+    return Fraction(int(number.p), int(number.q)) if number.is_Rational else number
+
+
+def argument_error(error: HenonRefError) -> ArgumentError:
+    """An error of reading as one of an argument: what comes from Python has no line and column."""
+    return ArgumentError(str(getattr(error, "message", error)))
+
+
+def _short(expression: sp.Expr) -> str:
+    text = str(expression) if size(expression, LONGEST_SHOWN) <= LONGEST_SHOWN else "..."
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _formula(expression: sp.Expr) -> str:
+    if size(expression, LONGEST_SHOWN) <= LONGEST_SHOWN:
+        return f"${html.escape(latex(expression))}$"
+    return "<code>...</code>"

@@ -1,0 +1,71 @@
+"""Transitions and sticks of a run as data frames, and as named tuples one at a time."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.filippov.modes import mode_text
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.transition_array import KINDS, TransitionArray
+from henon_ref.score.sticks import sticks
+from henon_ref.trajectory import Transition
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COLUMNS = ("time_s", "kind", "surface", "from_mode", "to_mode")
+"""Columns of a table of transitions, which the states follow by name."""
+STICK_COLUMNS = ("start_s", "duration_s", "surface")
+_named_tuple: Any = namedtuple
+"""Whose fields no type checker can know."""
+
+
+def columns_of(system: FilippovSystem, transitions: Sequence[Transition]) -> dict[str, NDArray[Any]]:
+    """By name, the columns of a table of transitions: COLUMNS, then the states."""
+    if not isinstance(transitions, TransitionArray):  # there are none
+        return {name: np.zeros(0, dtype=object) for name in COLUMNS} | dict.fromkeys(system.state_names, np.zeros(0))
+    records = transitions.records
+    texts = np.array([mode_text(mode, system.sign_names) for mode in transitions.modes], dtype=object)
+    return {
+        "time_s": records["time"],
+        "kind": np.array(KINDS, dtype=object)[records["kind"]],
+        "surface": np.array(system.sign_names, dtype=object)[records["surface"]],
+        "from_mode": texts[records["from_mode"]],
+        "to_mode": texts[records["to_mode"]],
+        **dict(zip(system.state_names, records["state"].T, strict=True)),
+    }
+
+
+def rows_of(system: FilippovSystem) -> Callable[[Sequence[Transition]], Iterator[Any]]:
+    """What makes rows of transitions: named tuples of COLUMNS and the states.
+
+    Every name that a state may have is fit for a field: a letter first, no word of Python, none of the columns.
+    """
+    make = _named_tuple("TransitionRow", (*COLUMNS, *system.state_names))._make
+
+    def rows(transitions: Sequence[Transition]) -> Iterator[Any]:
+        return map(make, zip(*(c.tolist() for c in columns_of(system, transitions).values()), strict=True))
+
+    return rows
+
+
+def transition_table(system: FilippovSystem, transitions: Sequence[Transition]) -> pd.DataFrame:
+    """A row a transition: COLUMNS, then the states by name."""
+    import pandas as pd
+
+    return pd.DataFrame(columns_of(system, transitions)).astype({"time_s": float})
+
+
+def stick_table(system: FilippovSystem, transitions: Sequence[Transition], start: float) -> pd.DataFrame:
+    """A row a whole stick, in order of their ends: one that the end of the run cuts off is left out."""
+    import pandas as pd
+
+    names = system.sign_names
+    rows = [(s.start, s.duration, names[s.surface]) for s in sticks(transitions, start=start, after=start)]
+    table = pd.DataFrame(rows, columns=list(STICK_COLUMNS))
+    return table if rows else table.astype({"start_s": float, "duration_s": float})

@@ -1,0 +1,159 @@
+"""Values from Python as the words of a case file: names, numbers, expressions, and a tree of them.
+
+What a case file may hold is decided in one place (:mod:`henon_ref.casefile`), so that a system from Python is read with
+the same care as one from a file.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from decimal import Decimal
+from numbers import Integral, Rational, Real
+
+import sympy as sp
+from sympy.printing.str import StrPrinter
+
+from henon_ref.casefile.grammar import MAX_DIGITS, MAX_LENGTH, NAME
+from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, SequenceNode
+from henon_ref.errors import ArgumentError
+from henon_ref.taylor.size import size
+from henon_ref.text import shortened
+
+NOWHERE = Place(0, 0)
+"""What comes from Python stands in no file."""
+MOST_ENTRIES = 10_000
+"""Entries that one list or mapping may have."""
+DEEPEST = 8
+"""How deep lists and mappings may stand in each other."""
+LONGEST_WHOLE = 4 * MAX_DIGITS
+"""Bits of a whole number that may be written out."""
+_OTHER = "wanted a number (int, float, Fraction), text or a SymPy expression"
+
+
+def written_name(value: object, what: str) -> str:
+    """The name of a state, a parameter or a surface.
+
+    Parameters
+    ----------
+    value : str or Symbol
+    what : str
+        What it is a name of, for the message.
+
+    Raises
+    ------
+    ArgumentError
+        For what is neither.
+    """
+    if isinstance(value, str):
+        return str(value)
+    if isinstance(value, sp.Symbol):
+        return str(value.name)
+    raise ArgumentError(f"{what}: {_shown(value)} is no name; wanted text, as in 'x'")
+
+
+def written(value: object, what: str) -> str:
+    """A number or an expression as the text that a case file would have.
+
+    A float is the decimal number that it is printed as: 0.1 is 1/10, as in a case file.
+
+    Parameters
+    ----------
+    value : int, float, Fraction, Decimal, str or Expr
+    what : str
+        What it is, for the message.
+
+    Raises
+    ------
+    ArgumentError
+        For what is not finite, too long, or none of these.
+    """
+    if isinstance(value, str):
+        return str(value)
+    if isinstance(value, sp.Expr):
+        return _printed(value, what)
+    if isinstance(value, bool):
+        raise ArgumentError(f"{what} is {value}; {_OTHER}")
+    if isinstance(value, Rational):
+        if max(int(value.numerator).bit_length(), int(value.denominator).bit_length()) > LONGEST_WHOLE:
+            raise ArgumentError(f"{what} is a number of more than {MAX_DIGITS} digits")
+        return str(int(value)) if isinstance(value, Integral) else f"{value.numerator}/{value.denominator}"
+    if isinstance(value, Real | Decimal):
+        if not math.isfinite(value):
+            raise ArgumentError(f"{what} is {value}; a number must be finite")
+        return str(value) if isinstance(value, Decimal) else float.__repr__(float(value))
+    raise ArgumentError(f"{what} is {_shown(value)}; {_OTHER}")
+
+
+def tree_of(value: object, what: str, depth: int = 0) -> Node:
+    """A value as the node of a case file's tree: mapping, list, or scalar.
+
+    Parameters
+    ----------
+    value : mapping, list, tuple, None, or what :func:`written` takes
+    what : str
+        What it is, for the message.
+
+    Raises
+    ------
+    ArgumentError
+        For what cannot stand in a case file.
+    """
+    if isinstance(value, Mapping | Sequence) and not isinstance(value, str):
+        if len(value) > MOST_ENTRIES or depth > DEEPEST:
+            raise ArgumentError(f"{what} has more than {MOST_ENTRIES} entries, or nests deeper than {DEEPEST}")
+        if isinstance(value, Mapping):
+            names = [written_name(key, what) for key in value]
+            return mapping(
+                {
+                    name: tree_of(entry, f"'{name[:60]}' of {what}", depth + 1)
+                    for name, entry in zip(names, value.values(), strict=True)
+                }
+            )
+        items = tuple(tree_of(entry, f"entry {k + 1} of {what}", depth + 1) for k, entry in enumerate(value))
+        return SequenceNode(NOWHERE, items, 1 + sum(item.size for item in items))
+    if value is None:
+        return ScalarNode(NOWHERE, None, "", None)
+    text = written(value, what)
+    return ScalarNode(NOWHERE, int(value) if isinstance(value, int) else text, text, None)
+
+
+def mapping(entries: Mapping[str, Node]) -> MappingNode:
+    """A mapping of nodes."""
+    return MappingNode(NOWHERE, entries, dict.fromkeys(entries, NOWHERE), 1 + sum(e.size for e in entries.values()))
+
+
+def _shown(value: object) -> str:
+    """A piece of a value of any type."""
+    try:
+        return shortened(repr(value))[1:-1]
+    except Exception:  # noqa: BLE001 - somebody's repr may raise anything, and the message is about the value
+        return f"a {type(value).__name__}"
+
+
+def _printed(expression: sp.Expr, what: str) -> str:
+    if size(expression, MAX_LENGTH) > MAX_LENGTH:
+        raise ArgumentError(f"{what} has more than {MAX_LENGTH} operations")
+    if any(max(n.p.bit_length(), n.q.bit_length()) > LONGEST_WHOLE for n in expression.atoms(sp.Rational)):
+        raise ArgumentError(f"{what} holds a number of more than {MAX_DIGITS} digits")
+    try:
+        return str(_CasePrinter().doprint(expression))
+    except RecursionError:
+        raise ArgumentError(f"{what} is nested too deeply") from None
+
+
+class _CasePrinter(StrPrinter):
+    """SymPy in the words of a case file; symbols go by their names, whatever is assumed of them."""
+
+    def _print_Symbol(self, expr: sp.Symbol) -> str:  # noqa: N802 - SymPy's name
+        if not NAME.fullmatch(expr.name):
+            raise ArgumentError(f"the symbol {shortened(expr.name)} is no name: letters, digits and underscores only")
+        return str(expr.name)
+
+    _print_Dummy = _print_Symbol  # noqa: N815
+
+    def _print_Exp1(self, expr: sp.Expr) -> str:  # noqa: N802
+        return "e"
+
+    def _print_Float(self, expr: sp.Float) -> str:  # noqa: N802
+        return repr(float(expr)) if expr._prec == 53 else str(super()._print_Float(expr))

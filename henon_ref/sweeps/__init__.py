@@ -1,0 +1,1 @@
+"""Many runs of one system: points, chunks of them, executors, observations, results on disk."""

@@ -1,0 +1,136 @@
+"""One chunk of points: a pure function of the sweep's content and the points, so that a task may be done again."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from henon_ref.henon.integrator import Integrator
+from henon_ref.simulation.compiled import integrator_of, local_error
+from henon_ref.sweeps.kernel import Ended, run_points, together
+from henon_ref.sweeps.observations import Observation
+from henon_ref.sweeps.parameter_values import parameter_values
+from henon_ref.sweeps.points import Vector
+from henon_ref.sweeps.runs import Columns, Runs, Settings
+from henon_ref.sweeps.sections import Section, with_sections
+
+KEPT_SWEEPS = 8
+"""Sweeps of which a worker keeps what it has read."""
+
+
+@dataclass(frozen=True)
+class Tables:
+    """What is observed of a chunk."""
+
+    points: Columns
+    """``status``, then the observations, an entry a point."""
+    ragged: Mapping[str, Columns]
+    """Tables of their own, by name; their first column is ``point``, counted from the sweep's first one."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """What every task of a sweep needs to know."""
+
+    settings: Settings
+    observations: tuple[Observation, ...]
+    names: tuple[str, ...]
+    """Of the points' values."""
+    chain: int
+
+    def pickled(self) -> bytes:
+        """As bytes; functions of one's own go along by value, wherever they are defined."""
+        import cloudpickle
+
+        return bytes(cloudpickle.dumps(self))
+
+    def prepared(self) -> tuple[Integrator, dict[sp.Expr, Section]]:
+        """The compiled system, sections included, and where each section stands; compiled at the first call."""
+        system = self.settings.system
+        wanted = [e for o in self.observations for e in o.sections(system)]
+        whole, sections = with_sections(system, wanted)
+        return integrator_of(whole, local_error(self.settings.rtol)), sections
+
+
+@lru_cache(maxsize=KEPT_SWEEPS)
+def _unpickled(work: bytes) -> tuple[Work, Integrator, dict[sp.Expr, Section]]:
+    made = pickle.loads(work)
+    return made, *made.prepared()
+
+
+def execute(work: bytes, first: int, values: Vector) -> Tables:
+    """Do a chunk.
+
+    Parameters
+    ----------
+    work : bytes
+        :meth:`Work.pickled`.
+    first : int
+        Number of the chunk's first point in the sweep.
+    values : ndarray, shape (K, k)
+        The chunk's points.
+    """
+    made, integrator, sections = _unpickled(work)
+    columns = {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(made.names)}
+    runs = run_chunk(made, integrator, sections, columns, len(values))
+    points: Columns = {"status": runs.status}
+    ragged: dict[str, Columns] = {}
+    for observation in made.observations:
+        points |= observation.columns(runs)
+        for name, table in observation.tables(runs).items():
+            ragged[name] = {**table, "point": table["point"] + first}
+    return Tables(points, ragged)
+
+
+def run_chunk(
+    work: Work, integrator: Integrator, sections: Mapping[sp.Expr, Section], columns: Mapping[str, Vector], count: int
+) -> Runs:
+    """Run a chunk's points; those of a chain one after another, all chains at once."""
+    settings = work.settings
+    names, system = settings.system.state, settings.system
+    swept = {name: values for name, values in columns.items() if name not in names}
+    parameters = parameter_values(system, swept, count)
+    states = [
+        columns[name] if name in columns else np.full(count, float(sp.N(system.number(settings.initial[name]))))
+        for name in names
+    ]
+    initial = np.column_stack(states)
+    keep = together([o.kept(system) for o in work.observations])
+    parts: list[tuple[Any, Ended]] = []
+    for step in range(work.chain):
+        own = np.arange(step, count, work.chain)
+        if step:
+            _, ended = parts[-1]
+            carried = ended.status == "ok"
+            initial[own[carried]] = ended.end_state[carried]
+        run = run_points(integrator, settings, {name: v[own] for name, v in parameters.items()}, initial[own], keep)
+        parts.append((own, run))
+    return Runs(
+        settings=settings,
+        sections=sections,
+        values=columns,
+        parameters=parameters,
+        start=float(sp.N(system.number(settings.start))),
+        start_state=initial,
+        modes=integrator.mode_table.modes,
+        **_joined(parts, count),
+    )
+
+
+def _joined(parts: list[tuple[Any, Ended]], count: int) -> dict[str, Any]:
+    """The steps of all chains in the order of the points."""
+    order = np.argsort(np.concatenate([own for own, _ in parts]), kind="stable")
+    found = {
+        name: np.concatenate([getattr(ended, name) for _, ended in parts])[order]
+        for name in ("status", "message", "end_time", "end_state", "end_mode", "counts")
+    }
+    run = np.concatenate([own[ended.run] for own, ended in parts])
+    records = np.concatenate([ended.records for _, ended in parts])
+    by_run = np.argsort(run, kind="stable")
+    return {**found, "run": run[by_run], "records": records[by_run]}

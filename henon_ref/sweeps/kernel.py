@@ -1,0 +1,128 @@
+"""The reference on many points of one system: one compiled call for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.points import NOTHING, Keep, PointRuns
+from henon_ref.henon.records import HENON, transition_dtype
+from henon_ref.henon.run import Run
+from henon_ref.henon.transition_array import TransitionArray
+from henon_ref.simulation.compiled import local_error
+from henon_ref.sweeps.runs import Settings, Vector
+
+OK = "the run reached its horizon"
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How K runs ended, and the transitions that are kept (see :class:`henon_ref.sweeps.runs.Runs`)."""
+
+    status: NDArray[Any]
+    message: NDArray[Any]
+    end_time: Vector
+    end_state: Vector
+    end_mode: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    run: NDArray[np.int64]
+    records: NDArray[Any]
+
+
+def together(wanted: Sequence[Keep]) -> Keep:
+    """What is kept for several observations, of which each finds its own in it."""
+    some = [keep for keep in wanted if keep != NOTHING]
+    if not some:
+        return NOTHING
+    return Keep(after=min(keep.after for keep in some), open_sticks=any(keep.open_sticks for keep in some))
+
+
+def run_points(
+    integrator: Integrator, settings: Settings, parameters: Mapping[str, Vector], initial: Vector, keep: Keep
+) -> Ended:
+    """Run K points.
+
+    Parameters
+    ----------
+    integrator : Integrator
+    settings : Settings
+    parameters : mapping
+        Every parameter -> its values, shape (K,).
+    initial : ndarray, shape (K, n)
+    keep : Keep
+    """
+    count, number = len(initial), settings.system.number
+    values = np.empty((count, len(integrator.parameters)))
+    for k, symbol in enumerate(integrator.parameters):
+        values[:, k] = parameters[symbol.name]
+    begin, until = float(sp.N(number(settings.start))), float(sp.N(number(settings.until)))
+    if settings.mode:
+        mode = {settings.system.model.sign_names.index(sign): side for sign, side in settings.mode.items()}
+        return _one_by_one(integrator, values, initial, begin, until, local_error(settings.rtol), mode)
+    runs = PointRuns(
+        integrator,
+        values,
+        initial,
+        start=begin,
+        until=until,
+        tolerance=local_error(settings.rtol),
+        landing=HENON,
+        keep=keep,
+    )
+    blocks = [block for block in runs if len(block)] if count else []
+    records = np.concatenate([np.zeros(0, dtype=runs.transition_dtype), *blocks])
+    order = np.argsort(records["point"], kind="stable")  # points that were set aside come behind others
+    status, message = np.full(count, "ok", dtype=object), np.full(count, OK, dtype=object)
+    end_mode = runs.ends["mode"].astype(np.int64)
+    for point, end in runs.others.items():
+        status[point], message[point] = end.status, end.reason or OK
+        if runs.start(point).refused is not None:  # there is no mode to begin with
+            end_mode[point] = -1
+    return Ended(
+        status=status,
+        message=message,
+        end_time=runs.ends["time"].copy(),
+        end_state=runs.states,
+        end_mode=end_mode,
+        counts=np.column_stack([runs.ends[name] for name in ("steps", "expansions", "guard_evaluations")]),
+        run=records["point"][order].astype(np.int64),
+        records=records[order],
+    )
+
+
+def _one_by_one(
+    integrator: Integrator,
+    values: Vector,
+    initial: Vector,
+    begin: float,
+    until: float,
+    tolerance: float,
+    mode: Mapping[int, int],
+) -> Ended:
+    """The same where all runs start in a mode that is given: each is started by itself."""
+    ends, records, nowhere = [], [np.zeros(0, dtype=transition_dtype(initial.shape[1]))], []
+    for own, x in zip(values.tolist(), initial.tolist(), strict=True):
+        start = integrator.start_at(
+            tuple(own), x, start=begin, until=until, tolerance=tolerance, landing=HENON, mode=mode
+        )
+        end = Run(integrator, start).to_horizon()
+        ends.append(end)
+        nowhere.append(start.refused is not None)
+        records.append(end.transitions.records if isinstance(end.transitions, TransitionArray) else records[0])
+    rows = integrator.mode_table.index
+    return Ended(
+        status=np.array([end.status for end in ends], dtype=object),
+        message=np.array([end.reason or OK for end in ends], dtype=object),
+        end_time=np.array([end.end_time for end in ends]),
+        end_state=np.array([end.end_state for end in ends]).reshape(initial.shape),
+        end_mode=np.array([-1 if no else rows[end.end_mode] for end, no in zip(ends, nowhere, strict=True)]),
+        counts=np.array([tuple(end.counts) for end in ends]).reshape(-1, 3),
+        run=np.repeat(np.arange(len(ends)), [len(r) for r in records[1:]]),
+        records=np.concatenate(records),
+    )

@@ -1,0 +1,281 @@
+"""What is observed of runs: a class a kind, computed over all runs of a chunk at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from henon_ref.errors import ArgumentError
+from henon_ref.henon.points import NOTHING, Keep
+from henon_ref.simulation.system import System
+from henon_ref.sweeps.runs import Columns, Runs
+from henon_ref.taylor.tape import TIME
+from henon_ref.text import did_you_mean, listed
+
+DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
+"""Direction in which a surface is reached -> sign of the side that is come to; 0: any."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Base class: what every observation is asked.
+
+    An observation adds columns to the table of points, or is a table of its own, which belongs to points by its column
+    ``point``.
+    """
+
+    kind: ClassVar[str]
+    """Its name in a sweep file."""
+
+    def check(self, system: System) -> None:
+        """Check that it can be made of a system, before anything runs.
+
+        Raises
+        ------
+        ArgumentError
+            For what it cannot mean.
+        """
+
+    def sections(self, system: System) -> Sequence[sp.Expr]:
+        """Expressions whose zeros have to be located."""
+        return ()
+
+    def names(self, system: System) -> tuple[list[str], list[str]]:
+        """Names of its columns, and of its tables, as far as they are known before anything runs."""
+        return [], []
+
+    def kept(self, system: System) -> Keep:
+        """Transitions that it is computed from, of whatever surface."""
+        return NOTHING
+
+    def columns(self, runs: Runs) -> Columns:
+        """Columns of the table of points, an entry a run; NaN (of text: None) where there is nothing to tell."""
+        return {}
+
+    def tables(self, runs: Runs) -> dict[str, Columns]:
+        """Tables of its own, by name; their column ``point`` is the number of a run within the chunk."""
+        return {}
+
+
+@dataclass(frozen=True)
+class Sticks(Observation):
+    """See :func:`henon_ref.sweeps.observe.sticks`."""
+
+    after: float = 0.0
+    surface: str | None = None
+    each: bool = False
+    kind: ClassVar[str] = "sticks"
+
+    def check(self, system: System) -> None:
+        if self.surface is not None:
+            _surface(system, self.surface)
+
+    def names(self, system: System) -> tuple[list[str], list[str]]:
+        return ["stick_count", "last_stick_duration"], ["sticks"] if self.each else []
+
+    def kept(self, system: System) -> Keep:
+        return Keep(after=self.after, open_sticks=True)
+
+    def columns(self, runs: Runs) -> Columns:
+        run, duration, _, _ = self._whole(runs)
+        last = np.full(len(runs), np.nan)
+        last[run] = duration  # in order of their ends: the last one of each run stays
+        return {"stick_count": np.bincount(run, minlength=len(runs)).astype(np.int64), "last_stick_duration": last}
+
+    def tables(self, runs: Runs) -> dict[str, Columns]:
+        if not self.each:
+            return {}
+        run, duration, begin, surface = self._whole(runs)
+        names = np.array(runs.system.model.sign_names, dtype=object)[surface]
+        return {"sticks": {"point": run, "start_s": begin, "duration_s": duration, "surface": names}}
+
+    def _whole(self, runs: Runs) -> tuple[NDArray[Any], ...]:
+        """Run, duration, start and surface of each whole stick that does not end before ``after``."""
+        names = runs.system.model.sign_names
+        wanted = range(len(names)) if self.surface is None else [names.index(self.surface)]
+        parts = [self._on_surface(runs, i) for i in wanted]
+        end = np.concatenate([p[0] for p in parts])
+        order = np.argsort(end, kind="stable")
+        begin, low = (np.concatenate([p[k] for p in parts])[order] for k in (1, 2))
+        surface = np.repeat(np.array(wanted), [len(p[0]) for p in parts])[order]
+        end = end[order]
+        last = runs.records[end]
+        duration = (last["time"] - begin) + (last["time_low"] - low)
+        return runs.run[end], duration, begin, surface
+
+    def _on_surface(self, runs: Runs, surface: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """Places of the transitions that end sticks; when the sticks began, and what rounding that lost."""
+        at, before, after = runs.changes(surface)
+        if not at.size:
+            return at, np.zeros(0), np.zeros(0)
+        at = at[(before == 0) != (after == 0)]
+        leaves = runs.entries[runs.records["to_mode"][at], surface] != 0
+        first = np.append(True, runs.run[at[1:]] != runs.run[at[:-1]]) if at.size else np.zeros(0, dtype=bool)
+        entered = np.roll(at, 1)  # what changed before: it began the stick, if it is of the same run
+        begin = np.where(first, runs.start, runs.records["time"][entered])
+        low = np.where(first, 0.0, runs.records["time_low"][entered])
+        kept = leaves & (runs.records["time"][at] >= self.after)
+        return at[kept], begin[kept], low[kept]
+
+
+@dataclass(frozen=True)
+class FinalState(Observation):
+    """See :func:`henon_ref.sweeps.observe.final_state`."""
+
+    kind: ClassVar[str] = "final_state"
+
+    def names(self, system: System) -> tuple[list[str], list[str]]:
+        return [*(f"final_{name}" for name in system.state), "final_mode"], []
+
+    def columns(self, runs: Runs) -> Columns:
+        states = {f"final_{name}": runs.end_state[:, i].copy() for i, name in enumerate(runs.system.state)}
+        return {**states, "final_mode": runs.mode_names[runs.end_mode]}
+
+
+@dataclass(frozen=True)
+class Ending(Observation):
+    """See :func:`henon_ref.sweeps.observe.status`."""
+
+    kind: ClassVar[str] = "status"
+
+    def names(self, system: System) -> tuple[list[str], list[str]]:
+        return ["end_time", "message", "steps", "rhs_evaluations", "event_evaluations"], []
+
+    def columns(self, runs: Runs) -> Columns:
+        steps, expansions, evaluations = runs.counts.T
+        return {
+            "end_time": runs.end_time,
+            "message": runs.message,
+            "steps": steps.copy(),
+            "rhs_evaluations": expansions.copy(),
+            "event_evaluations": evaluations.copy(),
+        }
+
+
+@dataclass(frozen=True)
+class SectionPoints(Observation):
+    """See :func:`henon_ref.sweeps.observe.section`."""
+
+    of: str
+    after: float = 0.0
+    direction: str = "both"
+    most: int | None = None
+    name: str = "section"
+    kind: ClassVar[str] = "section"
+
+    def names(self, system: System) -> tuple[list[str], list[str]]:
+        return [], [self.name]
+
+    def check(self, system: System) -> None:
+        self.expression(system)
+
+    def expression(self, system: System) -> sp.Expr:
+        """The surface of that name, or the expression."""
+        return section_expression(system, self.of)
+
+    def sections(self, system: System) -> Sequence[sp.Expr]:
+        return (self.expression(system),)
+
+    def kept(self, system: System) -> Keep:
+        return Keep(after=self.after)
+
+    def places(self, runs: Runs) -> NDArray[np.int64]:
+        """Places of the transitions that are section points."""
+        section = runs.sections[self.expression(runs.system)]
+        at, before, after = runs.changes(section.surface)
+        came = -section.orientation * before  # the side that lies ahead
+        wanted = DIRECTIONS[self.direction]
+        reached = (before != 0) & (before != after) & ((came == wanted) | (wanted == 0))
+        at = at[reached & (runs.records["time"][at] >= self.after)]
+        return at if self.most is None else at[rank_in_run(runs.run[at]) < self.most]
+
+    def tables(self, runs: Runs) -> dict[str, Columns]:
+        return {self.name: runs.rows(self.places(runs))}
+
+
+@dataclass(frozen=True)
+class Period(Observation):
+    """See :func:`henon_ref.sweeps.observe.period`."""
+
+    of: str
+    after: float = 0.0
+    direction: str = "rising"
+    tolerance: float = 1e-6
+    most: int = 16
+    kind: ClassVar[str] = "period"
+
+    def names(self, system: System) -> tuple[list[str], list[str]]:
+        return ["period", "period_returns"], []
+
+    def _section(self) -> SectionPoints:
+        return SectionPoints(self.of, self.after, self.direction)
+
+    def check(self, system: System) -> None:
+        self._section().check(system)
+
+    def sections(self, system: System) -> Sequence[sp.Expr]:
+        return self._section().sections(system)
+
+    def kept(self, system: System) -> Keep:
+        return self._section().kept(system)
+
+    def columns(self, runs: Runs) -> Columns:
+        at = self._section().places(runs)
+        returns, seconds = np.full(len(runs), np.nan), np.full(len(runs), np.nan)
+        # The last points of each run, the last one first: what a run does not have is NaN, which nothing is close to.
+        length, back = 2 * self.most, rank_in_run(runs.run[at][::-1])[::-1]
+        at, back = at[back < length], back[back < length]
+        states = np.full((len(runs), length, len(runs.system.state)), np.nan)
+        times = np.full((len(runs), length), np.nan)
+        states[runs.run[at], back], times[runs.run[at], back] = runs.records["state"][at], runs.records["time"][at]
+        size = np.max(np.abs(np.nan_to_num(states)), axis=(1, 2))
+        for p in range(self.most, 0, -1):
+            apart = np.max(np.abs(states[:, :p] - states[:, p : 2 * p]), axis=(1, 2))
+            closed = apart <= self.tolerance * size
+            returns[closed] = p
+            seconds[closed] = (times[:, 0] - times[:, p])[closed]
+        return {"period": seconds, "period_returns": returns}
+
+
+def section_expression(system: System, of: str) -> sp.Expr:
+    """The expression of a section: a surface by its name, or text.
+
+    Raises
+    ------
+    ArgumentError
+        For one that holds neither a state nor time, and names that are not the system's.
+    """
+    model = system.model
+    if of in model.sign_names:
+        return model.surfaces[model.sign_names.index(of)]
+    expression = system.expression(of, f"the section {of[:60]!r}")
+    if not expression.free_symbols & {TIME, *model.states}:
+        raise ArgumentError(f"the section {of[:60]!r} never changes: it holds no state and no t")
+    return expression
+
+
+def _surface(system: System, name: str) -> int:
+    names = system.model.sign_names
+    if name not in names:
+        raise ArgumentError(f"'{name[:60]}' is no surface{did_you_mean(name, names)}; surfaces: {listed(names)}")
+    return names.index(name)
+
+
+def rank_in_run(run: NDArray[np.int64]) -> NDArray[np.int64]:
+    """How many entries of the same run stand before each one; entries of a run stand together.
+
+    Examples
+    --------
+    >>> rank_in_run(np.array([0, 0, 2, 2, 2])).tolist()
+    [0, 1, 0, 1, 2]
+    """
+    if not run.size:
+        return np.zeros(0, dtype=np.int64)
+    begins = np.append(True, run[1:] != run[:-1])
+    first = np.maximum.accumulate(np.where(begins, np.arange(run.size), 0))
+    return np.arange(run.size) - first

@@ -1,0 +1,63 @@
+"""The progress of a sweep on a terminal or in a notebook: points done, runs a second, time left."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+Told = Callable[[int, bool], None]
+"""Takes a number of points, and whether they are kept from before."""
+
+
+@contextmanager
+def shown(total: int, *, quiet: bool = False) -> Iterator[Told]:
+    """Show a bar on standard error, where that is a terminal, or in a notebook; elsewhere nothing.
+
+    Parameters
+    ----------
+    total : int
+        Points of the sweep.
+    quiet : bool
+        Show nothing there, either.
+    """
+    if quiet or not (in_notebook() or (sys.stderr is not None and sys.stderr.isatty())):
+        yield lambda points, kept: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        MofNCompleteColumn(),
+        TextColumn("points"),
+        BarColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("points", total=total, rate="")
+        began, run = time.monotonic(), 0
+
+        def told(points: int, kept: bool) -> None:
+            nonlocal run
+            run += 0 if kept else points
+            bar.update(task, advance=points, rate=f"{run / max(time.monotonic() - began, 1e-9):,.0f} runs/s")
+
+        yield told
+
+
+def in_notebook() -> bool:
+    """Whether this is a notebook's kernel."""
+    shell = sys.modules.get("IPython")
+    instance = shell.get_ipython() if shell is not None and hasattr(shell, "get_ipython") else None
+    return type(instance).__name__ == "ZMQInteractiveShell"

@@ -1,0 +1,128 @@
+"""What the runs of a chunk leave behind, as arrays over all of them: observations are computed from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.filippov.modes import Mode, mode_text
+from henon_ref.simulation.system import System
+from henon_ref.sweeps.sections import Section
+
+Vector = NDArray[np.float64]
+Columns = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What all runs of a sweep have in common.
+
+    Numbers are int, float, Fraction or text, as :func:`henon_ref.simulation.simulate.simulate` takes them.
+    """
+
+    system: System
+    initial: Mapping[str, Any]
+    start: Any
+    until: Any
+    rtol: float
+    mode: Mapping[str, int] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """K runs of one system, and their R transitions.
+
+    Parameters
+    ----------
+    settings : Settings
+    sections : mapping
+        Expression, as an observation has it -> surface of the system that was integrated.
+    values : mapping
+        Parameter or state -> its value in each run, shape (K,); what is not there is as in the settings.
+    parameters : mapping
+        Every parameter of the system -> its value in each run, shape (K,).
+    start : float
+        Initial time [s].
+    start_state : ndarray, shape (K, n)
+    status, message : ndarray of str, shape (K,)
+    end_time : ndarray, shape (K,)
+        Where each run ended [s].
+    end_state : ndarray, shape (K, n)
+    end_mode : ndarray of int, shape (K,)
+        Row of ``modes``; -1 where there was none.
+    counts : ndarray of int, shape (K, 3)
+        Steps, expansions, evaluations of guards.
+    run : ndarray of int, shape (R,)
+        Which run each transition belongs to; they stand in order of runs, and of time in each.
+    records : ndarray, shape (R,)
+        See :func:`henon_ref.henon.records.transition_dtype`.
+    modes : sequence of tuple
+        Modes by the numbers that the records hold: an entry a surface, those of sections last.
+    """
+
+    settings: Settings
+    sections: Mapping[Any, Section]
+    values: Mapping[str, Vector]
+    parameters: Mapping[str, Vector]
+    start: float
+    start_state: Vector
+    status: NDArray[Any]
+    message: NDArray[Any]
+    end_time: Vector
+    end_state: Vector
+    end_mode: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    run: NDArray[np.int64]
+    records: NDArray[Any]
+    modes: tuple[Mode, ...]
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def system(self) -> System:
+        """The system as it was given."""
+        return self.settings.system
+
+    @cached_property
+    def entries(self) -> NDArray[np.int64]:
+        """Modes as an array, shape (modes, surfaces)."""
+        return np.array(self.modes, dtype=np.int64).reshape(len(self.modes), -1)
+
+    @cached_property
+    def mode_names(self) -> NDArray[Any]:
+        """Text of each mode, without the sections; None behind the last one, where row -1 finds it."""
+        names = self.system.model.sign_names
+        texts = [mode_text(mode[: len(names)], names) for mode in self.modes]
+        return np.array([*texts, None], dtype=object)
+
+    def changes(self, surface: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """Transitions of one surface: their places, and the surface's entry of the mode before and after each."""
+        at = np.nonzero(self.records["surface"] == surface)[0]
+        column = self.entries[:, surface] if len(self.entries) else np.zeros(0, dtype=np.int64)
+        return at, column[self.records["from_mode"][at]], column[self.records["to_mode"][at]]
+
+    def rows(self, at: NDArray[np.int64]) -> Columns:
+        """Transitions as columns: ``point`` (number within the chunk), ``time_s``, then the states by name."""
+        kept = self.records[at]
+        states = dict(zip(self.system.state, kept["state"].T, strict=True))
+        return {"point": self.run[at], "time_s": kept["time"], **states}
+
+    def arguments(self) -> Iterator[dict[str, Any]]:
+        """For each run, the arguments of ``simulate`` that repeat it."""
+        given, names = self.settings, self.system.state
+        for k in range(len(self)):
+            point = {name: float(values[k]) for name, values in self.values.items() if name not in names}
+            yield {
+                "initial": dict(zip(names, self.start_state[k].tolist(), strict=True)),
+                "parameters": point,
+                "start": given.start,
+                "until": given.until,
+                "rtol": given.rtol,
+                "mode": given.mode,
+            }

@@ -1,0 +1,197 @@
+"""A sweep file to a plan; what is wrong in it is told with its line and column."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from henon_ref.casefile.case import check_model
+from henon_ref.casefile.problem import build_problem
+from henon_ref.casefile.source import Path as KeyPath
+from henon_ref.casefile.source import Source
+from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode, child
+from henon_ref.casefile.validation import validated, validated_as
+from henon_ref.casefile.yaml_file import read_yaml
+from henon_ref.errors import ArgumentError, CaseError
+from henon_ref.simulation.system import System
+from henon_ref.sweeps.draws import random
+from henon_ref.sweeps.observations import Observation
+from henon_ref.sweeps.observe import KINDS
+from henon_ref.sweeps.plan import Plan, planned
+from henon_ref.sweeps.points import Points, check_names, continuation, grid, numbers, table
+from henon_ref.sweeps.sweep_form import SweepForm
+from henon_ref.text import did_you_mean, listed
+
+T = TypeVar("T")
+CASE_KEYS = ("schema", "name", "title", "source", "system", "scene", "sliding", "initial", "until")
+"""Keys that a sweep file has in common with a case file."""
+POINT_KINDS = ("grid", "table", "random", "continuation")
+
+
+@dataclass(frozen=True)
+class SweepFile:
+    """A sweep, read from a file."""
+
+    name: str
+    title: str
+    source: str | None
+    plan: Plan
+
+
+def load_sweep(path: str | Path) -> SweepFile:
+    """Read a sweep file.
+
+    Raises
+    ------
+    CaseError
+        With file, line and column, what is wrong and what is allowed.
+    """
+    tree = read_yaml(path)
+    form = validated_as(SweepForm, tree, file=str(path))
+    common = {key: tree.entries[key] for key in CASE_KEYS if key in tree.entries}
+    source = Source(MappingNode(tree.place, common, tree.keys, tree.size), str(path))
+    case = validated(source.tree, file=str(path))
+    check_model(source, case)
+    problem, _ = build_problem(source, case)
+    if not problem.system.surfaces:
+        raise source.error(("scene",), "without friction there is no surface; name a friction effect", key=True)
+    whole = Source(tree, str(path))
+    system = System.from_tree(source.tree)
+    points = _points(whole, system, Path(path).parent)
+    observations = [_observation(whole, system, k) for k in range(len(form.observe))]
+    initial = {name: source.text(("initial", name)) for name in system.state}
+    plan = _placed(
+        whole,
+        ("points",),
+        lambda: planned(
+            system,
+            initial,
+            until=source.text(("until",)),
+            grid=points,
+            observe=observations,
+            rtol=form.rtol,
+            chunk=form.chunk,
+            start=source.text(("initial", "t")) if "t" in form.initial.model_fields_set else 0,
+            mode=form.initial.mode or None,
+        ),
+    )
+    return SweepFile(form.name, form.title, form.source, plan)
+
+
+def _placed(source: Source, path: KeyPath, make: Callable[[], T], *, key: bool = False) -> T:
+    """What a function returns; its error is one of the file, at what the path leads to."""
+    try:
+        return make()
+    except ArgumentError as error:
+        raise source.error(path, str(error), key=key) from None
+
+
+def _points(source: Source, system: System, folder: Path) -> Points:
+    (kind,) = source.keys(("points",))
+    path: tuple[str, ...] = ("points", kind)
+    if kind not in POINT_KINDS:
+        raise source.error(
+            path, f"unknown kind '{kind}'{did_you_mean(kind, POINT_KINDS)}; {listed(POINT_KINDS)}", key=True
+        )
+    node = child(source.tree, path)
+    if kind == "table":
+        if not isinstance(node, ScalarNode) or not isinstance(node.value, str):
+            raise source.error(path, "'table' must be the path of a CSV or Parquet file")
+        file = folder / node.value
+        found = _placed(source, path, lambda: table(file))
+        _placed(source, path, lambda: check_names(found, list(system.parameters), system.state))
+        return found
+    if not isinstance(node, MappingNode):
+        raise source.error(path, f"'{kind}' must be a mapping, as in {{name: value}}")
+    if kind == "grid":
+        return _placed(source, path, lambda: grid(_axes(source, system, path)))
+    if kind == "continuation":
+        _known(source, path, ("along", "grid", "directions"))
+        along = _axes(source, system, (*path, "along"))
+        axes = _axes(source, system, (*path, "grid")) if "grid" in node.entries else None
+        directions = _plain(source, system, (*path, "directions")) if "directions" in node.entries else ("up", "down")
+        return _placed(source, path, lambda: continuation(along, axes, directions))
+    _known(source, path, ("draws", "count", "seed", "method"))
+    _named(source, system, (*path, "draws"))
+    arguments = {key: _plain(source, system, (*path, key)) for key in node.entries}
+    return _placed(source, path, lambda: _called(random, arguments))
+
+
+def _axes(source: Source, system: System, path: KeyPath) -> dict[str, Any]:
+    """Values of a grid, each checked by itself, so that an error has its place."""
+    found = {name: _plain(source, system, (*path, name)) for name in _named(source, system, path)}
+    for name, given in found.items():
+        _placed(source, (*path, name), partial(grid, {name: given}))
+    return found
+
+
+def _named(source: Source, system: System, path: KeyPath) -> list[str]:
+    """The keys of a mapping, all of them parameters or states."""
+    names = source.keys(path)
+    if not names:
+        raise source.error(path, f"'{path[-1]}' must be a mapping of parameters and states, as in {{vb: [0.1, 0.2]}}")
+    for name in names:
+        lone = Points((name,), numbers([0], name)[:, None])
+        _placed(source, (*path, name), partial(check_names, lone, list(system.parameters), system.state), key=True)
+    return names
+
+
+def _known(source: Source, path: KeyPath, allowed: tuple[str, ...]) -> None:
+    for name in source.keys(path):
+        if name not in allowed:
+            message = f"unknown key '{name}' in '{path[-1]}'{did_you_mean(name, allowed)}; allowed: {listed(allowed)}"
+            raise source.error((*path, name), message, key=True)
+
+
+def _observation(source: Source, system: System, k: int) -> Observation:
+    (kind,) = source.keys(("observe", k))
+    path: KeyPath = ("observe", k, kind)
+    if kind not in KINDS:
+        message = f"unknown observation '{kind}'{did_you_mean(kind, KINDS)}; allowed: {listed(KINDS)}"
+        raise source.error(path, message, key=True)
+    node = child(source.tree, path)
+    if isinstance(node, ScalarNode) and node.value is None:
+        arguments: Mapping[str, Any] = {}
+    elif isinstance(node, MappingNode):
+        _known(source, path, tuple(inspect.signature(KINDS[kind]).parameters))
+        arguments = {name: _plain(source, system, (*path, name)) for name in node.entries}
+    else:
+        raise source.error(path, f"'{kind}' must be a mapping of its arguments, {{}} for none")
+    made = _placed(source, path, lambda: _called(KINDS[kind], arguments), key=True)
+    _placed(source, path, lambda: made.check(system), key=True)
+    return made
+
+
+def _called(function: Callable[..., T], arguments: Mapping[str, Any]) -> T:
+    try:
+        inspect.signature(function).bind(**arguments)
+    except TypeError as error:  # a missing argument: unknown ones have been found
+        raise ArgumentError(f"'{function.__name__}': {error}") from None
+    return function(**arguments)
+
+
+def _plain(source: Source, system: System, path: KeyPath) -> Any:
+    """A value as Python has it: numbers as int and float."""
+    node = child(source.tree, path)
+    assert node is not None
+    return _value(source, node)
+
+
+def _value(source: Source, node: Node) -> Any:
+    if isinstance(node, MappingNode):
+        return {key: _value(source, entry) for key, entry in node.entries.items()}
+    if isinstance(node, SequenceNode):
+        return [_value(source, item) for item in node.items]
+    if isinstance(node.value, Decimal):
+        number = float(node.value)
+        if number - number != 0:
+            raise CaseError(
+                f"{node.text} is no finite number", file=source.file, line=node.place.line, column=node.place.column
+            )
+        return number
+    return node.value

@@ -1,0 +1,135 @@
+"""Starts from doubles: the same as from the exact numbers that these doubles are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+from problems import make_problem
+
+from henon_ref.casefile.case import load_case
+from henon_ref.casefile.catalogue import case_files
+from henon_ref.errors import ModelError
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.switching import Switching
+from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.records import HENON
+from henon_ref.henon.run import Run
+from henon_ref.henon.start import Start
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+def both(problem: Problem) -> tuple[Start, Start, Integrator]:
+    """From doubles and from the exact numbers that they are; the system comes without values."""
+    integrator = Integrator(replace(problem.system, parameters={}), 12)
+    values = {symbol: sp.Rational(float(value)) for symbol, value in problem.system.parameters.items()}
+    start, until, *initial = (float(v) for v in (problem.start, problem.until, *problem.initial))
+    exact = replace(
+        problem,
+        system=replace(problem.system, parameters=values),
+        start=sp.Rational(start),
+        until=sp.Rational(until),
+        initial=tuple(sp.Rational(v) for v in initial),
+    )
+    own = tuple(float(values[symbol]) for symbol in integrator.parameters)
+    settings = {"tolerance": 1e-9, "landing": HENON}
+    fast = integrator.start_at(own, initial, start=start, until=until, mode=problem.initial_mode, **settings)
+    return fast, integrator.start(exact, **settings), integrator
+
+
+@pytest.mark.parametrize("path", case_files(CASES), ids=lambda path: path.stem)
+def test_every_case_starts_as_from_exact_numbers(path: Path) -> None:
+    """In the same mode, with the same known zeros and, but for the last bits of what rounding lost, constants."""
+    problem = load_case(path).readings[0].problem
+    fast, exact, integrator = both(problem)
+    assert (fast.row, fast.zeros, fast.x, fast.time, fast.until) == (
+        exact.row, exact.zeros, exact.x, exact.time, exact.until,
+    )  # fmt: skip
+    assert (fast.refused is None) == (exact.refused is None)
+    if fast.refused is not None and exact.refused is not None:
+        assert fast.refused.status == exact.refused.status
+        return
+    one, other = fast.constants.update().numbers, exact.constants.update().numbers
+    assert one == pytest.approx(other, rel=2e-16, abs=1e-29 * np.nanmax(np.abs(other)), nan_ok=True)
+    found, expected = Run(integrator, fast).to_horizon(), Run(integrator, exact).to_horizon()
+    assert found.status == expected.status
+    assert [(t.kind, t.to_mode) for t in found.transitions][:50] == [(t.kind, t.to_mode) for t in expected.transitions][
+        :50
+    ]
+
+
+def surfaces_start(field: Sequence[str], initial: Sequence[float]) -> tuple[Start, Integrator]:
+    problem = make_problem("x y", field, {"s": "x", "u": "y"}, initial, 3)
+    integrator = Integrator(problem.system, 8)
+    return integrator.start_at((), initial, until=3.0, tolerance=1e-6, landing=HENON), integrator
+
+
+@pytest.mark.parametrize(
+    ("rate", "mode", "zeros"), [("1/2 - s", 0, 0), ("2 - s", 1, 1), ("-2 - s", -1, 1)], ids=["slides", "up", "down"]
+)
+def test_a_start_on_one_surface_is_decided_without_sympy(
+    rate: str, mode: int, zeros: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, integrator = surfaces_start([rate, "1 - u/2"], [0.0, 1.0])
+    monkeypatch.setattr(Switching, "mode_by_signs", None)
+    for y in (1.0, -1.0):
+        start = integrator.start_at((), [0.0, y], until=3.0, tolerance=1e-6, landing=HENON)
+        assert integrator.mode_table.modes[start.row] == (mode, int(np.sign(y)))
+        guards = integrator.mode_table.guards(integrator.mode_table.modes[start.row])
+        assert [z for z, g in zip(start.zeros, guards, strict=False) if g.index == 0 and g.kind == "surface"] == (
+            [zeros] if mode else []
+        )
+        assert sum(start.zeros) == zeros
+    assert first.zeros == integrator.start_at((), [0.0, 1.0], until=3.0, tolerance=1e-6, landing=HENON).zeros
+
+
+@pytest.mark.parametrize(
+    ("field", "initial", "status"),
+    [
+        (["s", "1"], [0.0, 1.0], "nonunique"),  # both slips lead away
+        (["1 - s", "1"], [0.0, 1.0], None),  # above, the field is along the surface
+        (["1/2 - s", "1/2 - u"], [0.0, 0.0], None),  # two surfaces
+    ],
+)
+def test_what_is_not_clear_is_decided_as_exact_numbers_are(
+    field: Sequence[str], initial: Sequence[float], status: str | None
+) -> None:
+    start, integrator = surfaces_start(field, initial)
+    exact = make_problem("x y", field, {"s": "x", "u": "y"}, [int(v) for v in initial], 3)
+    expected = integrator.start(exact, tolerance=1e-6, landing=HENON)
+    assert (start.row, start.zeros) == (expected.row, expected.zeros)
+    assert (start.refused.status if start.refused else None) == status
+
+
+def test_a_start_that_is_off_by_one_bit_is_on_no_surface() -> None:
+    problem = make_problem("x", ["1/2 - s"], {"s": "x - a"}, [0], 3)
+    x, a = problem.system.states[0], sp.Symbol("a", real=True)
+    integrator = Integrator(replace(problem.system, surfaces=(x - a,)), 8)
+
+    def mode(value: float) -> tuple[int, ...]:
+        start = integrator.start_at((0.1,), [value], until=3.0, tolerance=1e-6, landing=HENON)
+        return integrator.mode_table.modes[start.row]
+
+    assert [mode(v) for v in (np.nextafter(0.1, 0), 0.1, np.nextafter(0.1, 1))] == [(-1,), (0,), (1,)]
+
+
+def test_a_model_that_does_not_hold_at_the_start_is_refused() -> None:
+    problem = make_problem("x", ["-1 - s/2"], {"s": "x"}, [1], 3, valid=["1 - x"])
+    integrator = Integrator(problem.system, 8)
+
+    def refused(x: float) -> str | None:
+        start = integrator.start_at((), [x], until=3.0, tolerance=1e-6, landing=HENON)
+        return start.refused.status if start.refused else None
+
+    assert [refused(x) for x in (0.5, 1.0, 1.5)] == [None, None, "invalid"]
+
+
+def test_an_integrator_of_a_system_with_values_refuses_others() -> None:
+    problem = load_case(CASES / "stribeck_belt.yaml").readings[0].problem
+    with pytest.raises(ModelError, match="values of its parameters"):
+        Integrator(problem.system, 8).start_at((1.0,), [1.0, 0.0], until=1.0, tolerance=1e-6, landing=HENON)

@@ -1,0 +1,214 @@
+"""Runs from Python against closed forms, and how they end where they do not reach their horizon."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import henon_ref as hr
+from henon_ref.henon.solver import HENON_SOLVER
+
+CASES = Path(__file__).parents[2] / "cases"
+OSCILLATOR = hr.System(["x", "v"], {"w": 1}, {"s": "x"}, ["v", "-w^2*x"])
+"""x = cos(w t) from (1, 0): crosses 0 at (k + 1/2) pi / w."""
+BLOCK = hr.System(["x", "v"], {"F": 0.5}, {"s": "v"}, ["v", "-F*s"])
+"""A block under Coulomb friction F: from v0 it slides v0^2 / (2 F) in v0 / F, and rests."""
+BELT = hr.System(["x", "v"], {"F": 1, "P": 0.25, "vb": 2}, {"s": "v - vb"}, ["v", "P - F*s"])
+"""A block on a belt, pulled by P < F: from v0 < vb it has the belt's speed after (vb - v0) / (P + F), and keeps it."""
+
+
+@pytest.mark.parametrize(("speed", "friction"), [(1, 0.5), (Fraction(1, 3), "2/7"), (2.5, 0.1)])
+def test_a_block_slides_to_rest(speed: float, friction: float) -> None:
+    run = hr.simulate(BLOCK, {"x": 0, "v": speed}, until=40, parameters={"F": friction})
+    v, f = float(Fraction(speed)), float(Fraction(friction))
+    assert run.transitions[["kind", "from_mode", "to_mode"]].values.tolist() == [["stick", "s=+1", "s=0"]]
+    assert run.transitions.time_s[0] == pytest.approx(v / f, rel=1e-12)
+    assert run.y[:, -1] == pytest.approx([v * v / (2 * f), 0], abs=1e-12)
+    assert (run.status, run.success, run.final_mode, len(run.sticks)) == ("ok", True, "s=0", 0)
+
+
+def test_a_block_is_carried_away_by_the_belt() -> None:
+    run = hr.simulate(BELT, {"x": 0, "v": -1}, until=10)
+    assert run.transitions.time_s.tolist() == pytest.approx([3 / 1.25], rel=1e-12)
+    gone = -2.4 + 1.25 * 2.4**2 / 2
+    assert run.y[:, -1] == pytest.approx([gone + 2 * (10 - 2.4), 2], rel=1e-12)
+
+
+def test_a_linear_oscillator_crosses_at_half_periods() -> None:
+    run = hr.simulate(OSCILLATOR, {"x": 1, "v": 0}, until=30, parameters={"w": 2})
+    assert run.transitions.time_s.to_numpy() == pytest.approx((np.arange(len(run.transitions)) + 0.5) * math.pi / 2)
+    assert len(run.transitions) == int(60 / math.pi + 0.5)
+    assert set(run.transitions.kind) == {"crossing"}
+
+
+def test_it_is_the_reference_to_the_last_bit() -> None:
+    for name in ("stribeck_belt", "free_coulomb", "two_blocks"):
+        system = hr.System.from_case(CASES / f"{name}.yaml")
+        run = hr.simulate(system, system.initial, until=system.until, start=system.start, mode=system.mode, rtol=1e-9)
+        truth = HENON_SOLVER.prepare(hr.load_case(CASES / f"{name}.yaml").readings[0].problem, rtol=1e-9)()
+        assert run.transitions.time_s.tolist() == [event.time for event in truth.transitions]
+        assert run.y[:, -1].tolist() == list(truth.end_state)
+        assert run.counts == truth.counts
+
+
+def test_numbers_may_be_text_in_parameters() -> None:
+    run = hr.simulate(BLOCK, {"x": 0, "v": "2*F"}, start="F - 1/2", until="4*F", parameters={"F": "3/4"})
+    assert (run.t[0], run.t[-1]) == (0.25, 3.0)
+    assert run.transitions.time_s.tolist() == [2.25]
+
+
+def test_parameters_of_a_run_do_not_stay() -> None:
+    before = hr.simulate(BLOCK, {"x": 0, "v": 1}, until=3)
+    hr.simulate(BLOCK, {"x": 0, "v": 1}, until=3, parameters={"F": 7})
+    assert hr.simulate(BLOCK, {"x": 0, "v": 1}, until=3).transitions.equals(before.transitions)
+    assert BLOCK.parameters == {"F": Fraction(1, 2)}
+
+
+def test_a_start_on_a_surface_sticks_where_the_fields_hold_it() -> None:
+    run = hr.simulate(BELT, {"x": 0, "v": 2}, until=1)
+    assert (len(run.transitions), run.final_mode, run.y[0, -1]) == (0, "s=0", 2.0)
+    pulled = hr.simulate(BELT, {"x": 0, "v": 2}, until=1, parameters={"P": 3})
+    assert (len(pulled.transitions), pulled.final_mode) == (0, "s=+1")
+    assert pulled.y[1, -1] == pytest.approx(4)
+
+
+def test_a_decimal_start_lies_on_a_decimal_surface() -> None:
+    """0.1 is 1/10, not the double next to it: the start is on the surface."""
+    run = hr.simulate(BELT, {"x": 0, "v": 0.1}, until=1, parameters={"vb": "1/10"})
+    assert (len(run.transitions), run.final_mode) == (0, "s=0")
+
+
+REPELLING = hr.System(["x"], {}, {"s": "x"}, ["s"])
+"""Both fields point away from x = 0."""
+
+
+def test_a_start_that_the_fields_leave_open_is_no_exception() -> None:
+    run = hr.simulate(REPELLING, {"x": 0}, until=1)
+    assert (run.status, run.success, run.final_mode) == ("nonunique", False, "")
+    assert "not unique" in run.message
+    assert (run.t.tolist(), run.y.tolist(), len(run.transitions)) == ([0.0], [[0.0]], 0)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_mode_settles_it(side: int) -> None:
+    run = hr.simulate(REPELLING, {"x": 0}, until=1, mode={"s": side})
+    assert (run.success, run.y[0, -1]) == (True, side)
+
+
+def test_a_blow_up_is_no_exception() -> None:
+    run = hr.simulate(hr.System(["x"], {}, {"s": "x"}, ["x^2"]), {"x": 1}, until=2)
+    assert (run.status, run.success) == ("diverged", False)
+    assert run.t[-1] == pytest.approx(1)
+    assert "leaves every bound" in run.message
+
+
+def test_the_end_of_the_model_is_no_exception() -> None:
+    fall = hr.System(["x"], {}, {"s": "x - 5"}, ["-1"], valid=["x"])
+    run = hr.simulate(fall, {"x": 1}, until=2)
+    assert (run.status, run.t[-1]) == ("invalid", pytest.approx(1))
+    outside = hr.simulate(fall, {"x": -1}, until=2)
+    assert (outside.status, outside.t.tolist()) == ("invalid", [0.0])
+
+
+def test_two_events_in_one_step_are_both_found() -> None:
+    """A parabola that dips below zero for 2e-3 s."""
+    dip = hr.System(["x", "v"], {}, {"s": "x"}, ["v", "2"])
+    run = hr.simulate(dip, {"x": "1 - 1e-6", "v": -2}, until=2)
+    assert run.transitions.time_s.tolist() == pytest.approx([1 - 1e-3, 1 + 1e-3], rel=1e-12)
+
+
+def test_a_graze_changes_no_mode() -> None:
+    run = hr.simulate(hr.System(["x", "v"], {}, {"s": "x"}, ["v", "2"]), {"x": 1, "v": -2}, until=2)
+    assert run.transitions[["kind", "from_mode", "to_mode"]].values.tolist() == [["graze", "s=+1", "s=+1"]]
+    assert run.transitions.time_s.tolist() == [1.0]
+    assert run.y[:, -1] == pytest.approx([1, 2])
+
+
+def test_an_event_at_the_horizon_counts() -> None:
+    run = hr.simulate(BELT, {"x": 0, "v": 0.75}, until=1)
+    assert run.transitions.time_s.tolist() == [1.0]
+    assert (run.t[-1], run.final_mode) == (1.0, "s=0")
+
+
+def test_sliding_of_ones_own_is_kept() -> None:
+    ends = [
+        {"when": "x - Fs", "direction": "rising", "to": -1},
+        {"when": "x + Fs", "direction": "falling", "to": 1},
+    ]
+    hold = {"s": {"field": ["vb", 0], "release": ends}}
+    rule = {"Fs": 1.5, "Fk": 1, "vb": 0.5}
+    belt = hr.System(["x", "v"], rule, {"s": "v - vb"}, ["v", "-x - Fk*s"], sliding=hold)
+    run = hr.simulate(belt, {"x": 1.5, "v": 0.5}, until=20, mode={"s": -1})
+    assert run.sticks.duration_s.tolist() == pytest.approx([2.0, 2.0], rel=1e-11)  # 2 (Fs - Fk) / vb
+
+
+REFUSED = {
+    "nan": {"initial": {"x": math.nan, "v": 0}},
+    "infinity": {"initial": {"x": 0, "v": np.inf}},
+    "nan as text": {"initial": {"x": "nan", "v": 0}},
+    "a missing state": {"initial": {"x": 0}},
+    "an unknown state": {"initial": {"x": 0, "v": 0, "q": 1}},
+    "a time among the states": {"initial": {"x": 0, "v": 0, "t": 1}},
+    "states that are a list": {"initial": [0, 1]},
+    "a state that is None": {"initial": {"x": None, "v": 0}},
+    "a truth value": {"initial": {"x": True, "v": 0}},
+    "a name that is no parameter": {"initial": {"x": "q", "v": 0}},
+    "an unknown parameter": {"parameters": {"G": 1}},
+    "a parameter that is nan": {"parameters": {"F": math.nan}},
+    "parameters that are a number": {"parameters": 3},
+    "a mode of an unknown surface": {"mode": {"q": 1}},
+    "a mode that is none": {"mode": {"s": 2}},
+    "a mode on the other side": {"mode": {"s": -1}},
+    "a horizon at the start": {"until": 0},
+    "a horizon before the start": {"until": 1, "start": 2},
+    "a horizon that is nan": {"until": math.nan},
+    "a horizon at infinity": {"until": math.inf},
+    "a horizon that is None": {"until": None},
+    "a start that is infinite": {"start": -math.inf},
+    "a tolerance of 0": {"rtol": 0},
+    "a negative tolerance": {"rtol": -1e-6},
+    "a tolerance of 1": {"rtol": 1},
+    "a tolerance that is nan": {"rtol": math.nan},
+    "a tolerance that is text": {"rtol": "1e-6"},
+    "an absolute tolerance of 0": {"atol": 0},
+    "an absolute tolerance that is nan": {"atol": math.nan},
+    "a stop on an unknown surface": {"stop": {"q": "falling"}},
+    "a stop in no direction": {"stop": {"s": "sideways"}},
+    "a stop that is text": {"stop": "s"},
+    "a giant number": {"until": 10**400},
+    "a giant power": {"until": "9^9^9^9"},
+    "a giant tolerance": {"rtol": 10**400},
+    "a giant absolute tolerance": {"atol": -(10**400)},
+    "no system": {"system": "belt"},
+}
+
+
+@pytest.mark.parametrize("front", [hr.simulate, hr.stream])
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_cannot_be_meant_is_refused_at_once(what: str, front: object) -> None:
+    given = {"system": BLOCK, "initial": {"x": 0, "v": 1}, "until": 3, **REFUSED[what]}
+    with pytest.raises(hr.HenonRefError) as refused:
+        front(given.pop("system"), given.pop("initial"), **given)
+    assert isinstance(refused.value, ValueError)
+    assert 0 < len(str(refused.value)) < 400
+
+
+def test_an_unknown_keyword_is_a_type_error() -> None:
+    with pytest.raises(TypeError):
+        hr.simulate(BLOCK, {"x": 0, "v": 1}, until=3, reltol=1e-3)
+
+
+def test_names_may_be_symbols() -> None:
+    x, v = sp.symbols("x v")
+    assert hr.simulate(BLOCK, {x: 0, v: 1}, until=3).transitions.time_s.tolist() == [2.0]
+
+
+@pytest.mark.parametrize(("surface", "x"), [("1/x - 2", 0), ("log(x)", 0), ("sqrt(x) - 1", -1), ("tan(pi*x)", "1/2")])
+def test_a_surface_without_a_value_at_the_start_is_refused(surface: str, x: object) -> None:
+    with pytest.raises(hr.HenonRefError, match="the surface of 's' has no finite real value at the start"):
+        hr.simulate(hr.System(["x"], {}, {"s": surface}, ["1"]), {"x": x}, until=1)

@@ -1,0 +1,171 @@
+"""What a solution holds: times and states, dense output, modes, tables, a figure."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from fractions import Fraction
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import henon_ref as hr
+
+CASES = Path(__file__).parents[2] / "cases"
+OSCILLATOR = hr.System(["x", "v"], {}, {"s": "x"}, ["v", "-x"])
+BELT = hr.System(["x", "v"], {"F": 1, "d": 3, "vb": 0.5}, {"s": "v - vb"}, ["v", "-x - F*s/(1 + d*s*(v - vb))"])
+COLUMNS = ["time_s", "kind", "surface", "from_mode", "to_mode"]
+
+
+@pytest.fixture(scope="module")
+def wave() -> hr.Solution:
+    return hr.simulate(OSCILLATOR, {"x": 1, "v": 0}, until=30)
+
+
+@pytest.fixture(scope="module")
+def stick_slip() -> hr.Solution:
+    return hr.simulate(BELT, {"x": 1.5, "v": 0}, until=20)
+
+
+def test_dense_output_is_the_solution(wave: hr.Solution) -> None:
+    times = np.linspace(0, 30, 10_001)
+    assert wave.sol(times).shape == (2, 10_001)
+    assert np.abs(wave.sol(times) - [np.cos(times), -np.sin(times)]).max() < 1e-10
+    assert wave.sol(7.5).shape == (2,)
+    assert wave.sol(7.5).tolist() == wave.sol([7.5])[:, 0].tolist()
+    assert wave.sol([]).shape == (2, 0)
+
+
+@pytest.mark.parametrize("name", ["stribeck_belt", "two_blocks", "free_coulomb", "hard/grazing", "hard/roots_at_once"])
+def test_times_and_states_have_the_steps_and_both_sides_of_every_transition(name: str) -> None:
+    case = hr.System.from_case(CASES / f"{name}.yaml")
+    given = {"until": case.until, "start": case.start, "mode": case.mode}
+    run, few = (hr.simulate(case, case.initial, dense_output=dense, **given) for dense in (True, False))
+    for solution in (run, few):
+        t, y, table = solution.t, solution.y, solution.transitions
+        assert y.shape == (len(case.state), len(t))
+        assert (t[0], t[-1]) == (float(case.start), float(case.until))
+        assert y[:, 0].tolist() == [float(x) for x in case.initial.values()]
+        assert (np.diff(t) >= 0).all()
+        assert min(np.count_nonzero(t == time) for time in table.time_s) >= 2
+        for time, state in zip(table.time_s, table[list(case.state)].to_numpy(), strict=True):
+            assert state.tolist() in y[:, t == time].T.tolist()
+    assert len(few.t) == 2 + 2 * len(few.transitions)
+    assert len(run.t) >= len(few.t) + run.counts.steps - len(run.transitions) - 1
+    assert few.transitions.equals(run.transitions)
+    assert few.sticks.equals(run.sticks)
+    assert few.counts == run.counts
+    assert np.abs(run.sol(run.t) - run.y).max() < 1e-8 * np.abs(run.y).max()
+
+
+def test_it_is_as_exact_between_the_steps_as_at_their_ends(stick_slip: hr.Solution) -> None:
+    middle = (stick_slip.t[1:] + stick_slip.t[:-1]) / 2
+    for time, state in zip(middle.tolist(), stick_slip.sol(middle).T, strict=True):
+        there = hr.simulate(BELT, {"x": 1.5, "v": 0}, until=time, dense_output=False)
+        assert state == pytest.approx(there.y[:, -1], abs=1e-9)
+
+
+@pytest.mark.parametrize("t", [-1e-9, 30.000001, math.nan, math.inf, [1, 31], "one", [[1.0]], None])
+def test_a_time_that_is_none_of_the_run_is_refused(wave: hr.Solution, t: object) -> None:
+    for function in (wave.sol, wave.mode):
+        with pytest.raises(ValueError, match="t ") as refused:
+            function(t)
+        assert len(str(refused.value)) < 400
+
+
+def test_the_mode_is_that_after_a_transition(stick_slip: hr.Solution) -> None:
+    begin = stick_slip.sticks.start_s[0]
+    assert stick_slip.mode(begin) == {"s": 0}
+    assert stick_slip.mode(np.nextafter(begin, 0)) == {"s": 1}
+    assert stick_slip.mode([0, begin, 20]) == [{"s": -1}, {"s": 0}, {"s": -1}]
+    assert stick_slip.final_mode == "s=-1"
+
+
+def test_modes_of_several_surfaces_are_text_as_in_the_reports() -> None:
+    case = hr.System.from_case(CASES / "two_blocks.yaml")
+    run = hr.simulate(case, case.initial, until=case.until)
+    names = case.model.sign_names
+    assert list(run.mode(1.0)) == list(names)
+    assert run.final_mode == " ".join(f"{n}={m:+d}" if m else f"{n}=0" for n, m in run.mode(float(case.until)).items())
+
+
+def test_without_dense_output_there_is_neither_solution_nor_mode() -> None:
+    run = hr.simulate(BELT, {"x": 1.5, "v": 0}, until=20, dense_output=False)
+    assert run.sol is None
+    with pytest.raises(hr.HenonRefError, match="dense_output=True"):
+        run.mode(1.0)
+    with pytest.raises(hr.HenonRefError, match="dense output"):
+        run.plot()
+
+
+def test_tables_have_the_columns_of_the_reports(stick_slip: hr.Solution, wave: hr.Solution) -> None:
+    assert list(stick_slip.transitions.columns) == [*COLUMNS, "x", "v"]
+    assert list(stick_slip.sticks.columns) == ["start_s", "duration_s", "surface"]
+    assert len(wave.sticks) == 0
+    nothing = hr.simulate(OSCILLATOR, {"x": 1, "v": 0}, until=1)
+    assert list(nothing.transitions.columns) == [*COLUMNS, "x", "v"]
+    assert nothing.transitions.time_s.dtype == nothing.sticks.duration_s.dtype == float
+
+
+def test_a_stick_that_the_horizon_cuts_off_is_left_out(stick_slip: hr.Solution) -> None:
+    ends = stick_slip.transitions.query("kind == 'release'").time_s
+    assert (stick_slip.sticks.start_s + stick_slip.sticks.duration_s).tolist() == pytest.approx(ends.tolist())
+    cut = hr.simulate(BELT, {"x": 1.5, "v": 0}, until=stick_slip.sticks.start_s[1] + 1)
+    assert (len(cut.sticks), cut.final_mode) == (1, "s=0")
+
+
+def test_a_stick_that_the_run_starts_in_is_whole() -> None:
+    run = hr.simulate(BELT, {"x": 0, "v": 0.5}, until=4)
+    assert run.sticks.values.tolist() == [[0.0, pytest.approx(2.0), "s"]]
+
+
+def test_a_refused_start_has_no_solution_but_its_own(stick_slip: hr.Solution) -> None:
+    run = hr.simulate(hr.System(["x"], {}, {"s": "x"}, ["s"]), {"x": 0}, until=1)
+    assert run.sol(0).tolist() == [0.0]
+    assert run.mode(0) == {}
+    with pytest.raises(ValueError, match="between"):
+        run.sol(0.1)
+
+
+@pytest.mark.parametrize(("name", "panels"), [("stribeck_belt", 1), ("leaving_slide", 1), ("two_blocks", 2)])
+def test_it_is_drawn(name: str, panels: int) -> None:
+    case = hr.System.from_case(CASES / f"{name}.yaml")
+    axes = hr.simulate(case, case.initial, until=case.until).plot()
+    assert len(axes) == 1 + panels
+    assert all(a.lines for a in axes)
+    plt.close(axes[0].figure)
+
+
+def test_it_is_shown_in_a_line_and_in_a_notebook(stick_slip: hr.Solution) -> None:
+    assert repr(stick_slip).startswith("Solution(ok; t = 0 to 20, 5 transitions, ")
+    assert "<table" in stick_slip._repr_html_()
+
+
+def test_many_grazes_in_a_long_run_are_kept_whole() -> None:
+    """x = 1 + cos t touches 0 once a period, each time located in multiprecision."""
+    tide = hr.System(["x", "v"], {}, {"s": "x"}, ["v", "1 - x"])
+    run = hr.simulate(tide, {"x": 2, "v": 0}, until=1000)
+    assert set(run.transitions.kind) <= {"graze", "crossing"}
+    times = np.linspace(0, 1000, 20_001)
+    assert np.abs(run.sol(times)[0] - 1 - np.cos(times)).max() < 1e-7
+    assert (np.diff(run.t) >= 0).all()
+
+
+def test_it_can_be_sent_to_another_process(stick_slip: hr.Solution) -> None:
+    there = hr.simulate(BELT, {"x": 1.5, "v": 0}, until=20, parameters={"vb": 0.3})
+    again = pickle.loads(pickle.dumps(there))
+    assert again.transitions.equals(there.transitions)
+    assert again.sol(7.0).tolist() == there.sol(7.0).tolist()
+    assert again.system == there.system == BELT.with_parameters({"vb": 0.3})
+    assert again.system.parameters["vb"] == Fraction(3, 10)
+
+
+def test_the_start_comes_before_what_happens_there() -> None:
+    """The crossing is half a unit in the last place after the start."""
+    case = hr.System.from_case(CASES / "hard" / "horizon_one_ulp.yaml", "event")
+    run = hr.simulate(case, case.initial, start=case.start, until=case.until)
+    assert len(run.transitions) == 1
+    assert run.t[:3].tolist() == [1.0, 1.0, 1.0]
+    assert run.y[0, 0] == float(case.initial["x"]) < 0 <= run.y[0, 1]

@@ -1,0 +1,176 @@
+"""Whoever does the chunks, and however they are cut: the same numbers to the last bit."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from textwrap import dedent
+from typing import Any
+
+import numpy as np
+import pytest
+from sweep_systems import belt, parquet_files, same
+
+from henon_ref.errors import ArgumentError, HenonRefError
+from henon_ref.sweeps import executors, observe
+from henon_ref.sweeps.executors import Task, finished
+from henon_ref.sweeps.points import continuation
+from henon_ref.sweeps.sweep import sweep
+from henon_ref.sweeps.table import SweepTable
+
+WANTED = [
+    observe.sticks(after=20, each=True),
+    observe.final_state(),
+    observe.section("x", after=20),
+    observe.period("x", after=10),
+    observe.extremes("x", after=20),
+    observe.status(),
+]
+
+
+def swept(**how: Any) -> SweepTable:
+    grid = {"vb": np.linspace(0.05, 1, 6), "x": [-1.0, 0.0, 1.5, 2.0]}
+    return sweep(belt(), {"x": 0, "v": 0}, until=60, grid=grid, observe=WANTED, rtol=1e-9, **how)
+
+
+@pytest.fixture(scope="module")
+def whole() -> SweepTable:
+    """All in one chunk, in this process."""
+    return swept(jobs=1, chunk=24)
+
+
+@pytest.mark.parametrize("how", [{"jobs": 1, "chunk": 1}, {"jobs": 1, "chunk": 7}, {"jobs": 2, "chunk": 5}])
+def test_chunks_and_processes_change_no_bit(whole: SweepTable, how: dict[str, int]) -> None:
+    same(swept(**how), whole)
+
+
+def test_threads_change_no_bit(whole: SweepTable) -> None:
+    with ThreadPoolExecutor(3) as pool:
+        same(swept(executor=pool, chunk=2), whole)
+
+
+def test_processes_of_somebody_elses_change_no_bit(whole: SweepTable) -> None:
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        same(swept(executor=pool, chunk=9), whole)
+
+
+def test_a_dask_cluster_changes_no_bit(whole: SweepTable) -> None:
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        same(swept(executor=client, chunk=5), whole)
+
+
+def test_chains_are_cut_nowhere() -> None:
+    points = continuation({"vb": np.linspace(0.1, 1, 5)}, {"x": [-1.0, 0.0, 1.5]})
+    arguments: dict[str, Any] = {"until": 30, "grid": points, "observe": [observe.final_state()], "rtol": 1e-9}
+    one = sweep(belt(), {"x": 0, "v": 0}, jobs=1, chunk=30, **arguments)
+    same(sweep(belt(), {"x": 0, "v": 0}, jobs=2, chunk=1, **arguments), one)
+
+
+@pytest.mark.parametrize("executor", [3, "processes", object()])
+def test_what_is_no_executor_is_refused(executor: object) -> None:
+    with pytest.raises(ArgumentError, match="executor"):
+        swept(executor=executor)
+
+
+@pytest.mark.parametrize("how", [{"jobs": 0}, {"jobs": 1.5}, {"chunk": 0}, {"chunk": True}])
+def test_what_is_no_number_of_things_is_refused(how: dict[str, Any]) -> None:
+    with pytest.raises(ArgumentError, match="whole number"):
+        swept(**how)
+
+
+def _dies_once(mark: str, number: int) -> int:
+    path = Path(mark)
+    if number == 3 and not path.exists():
+        path.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number * number
+
+
+def _dies(number: int) -> int:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def test_a_task_whose_worker_is_killed_is_done_again(tmp_path: Path) -> None:
+    tasks = (Task(k, (str(tmp_path / "mark"), k)) for k in range(60))
+    assert dict(finished(_dies_once, tasks, jobs=2)) == {k: k * k for k in range(60)}
+
+
+def test_a_task_that_kills_every_worker_is_an_error() -> None:
+    with pytest.raises(HenonRefError, match=f"{executors.TRIES} workers have ended"):
+        dict(finished(_dies, (Task(k, (k,)) for k in range(3)), jobs=2))
+
+
+def test_a_script_needs_no_guard(tmp_path: Path) -> None:
+    """Nor does a function that it defines have to be found by the workers."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        dedent(
+            """
+            import henon_ref as hr
+            block = hr.System(["x", "v"], {"F": 1}, {"s": "v"}, ["v", "-F*s"])
+            def last(run):
+                return run.t[-1]
+            table = hr.sweep(
+                block, {"x": 0, "v": 1}, until=3, grid={"F": [1, 2]}, observe=[hr.observe.function(last)], jobs=2
+            )
+            print(table["value"].tolist())
+            """
+        )
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True, timeout=300)
+    assert done.stdout.strip() == "[3.0, 3.0]"
+
+
+def test_workers_that_are_killed_leave_the_same_files(tmp_path: Path) -> None:
+    """From outside, while it is at work."""
+    code = dedent(
+        f"""
+        import numpy as np, henon_ref as hr
+        field = ["v", "-x - F*s/(1 + d*s*(v - vb))"]
+        block = hr.System(["x", "v"], {{"F": 1, "d": 3, "vb": 0.5}}, {{"s": "v - vb"}}, field)
+        hr.sweep(block, {{"x": 0, "v": 0}}, until=3000, grid={{"vb": np.linspace(0.1, 1, 300)}}, rtol=1e-9,
+                 observe=[hr.observe.final_state()], jobs=2, chunk=5, out={str(tmp_path / "killed")!r})
+        """
+    )
+    process = subprocess.Popen([sys.executable, "-c", code])
+    killed = 0
+    ends = time.monotonic() + 300
+    while process.poll() is None and time.monotonic() < ends:
+        if (tmp_path / "killed" / "points").is_dir() and killed < 2:
+            for pid in _workers_of(process.pid)[:1]:
+                os.kill(pid, signal.SIGKILL)
+                killed += 1
+            time.sleep(0.2)
+        time.sleep(0.005)
+    assert process.wait(timeout=300) == 0
+    assert killed
+    arguments: dict[str, Any] = {"until": 3000, "grid": {"vb": np.linspace(0.1, 1, 300)}, "rtol": 1e-9}
+    sweep(
+        belt(), {"x": 0, "v": 0}, observe=[observe.final_state()], jobs=1, chunk=5, out=tmp_path / "whole", **arguments
+    )
+    assert parquet_files(tmp_path / "killed") == parquet_files(tmp_path / "whole")
+
+
+def _workers_of(pid: int) -> list[int]:
+    """Processes of loky that a process has begun."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rsplit(")", 1)[1].split()
+            words = (path.parent / "cmdline").read_bytes()
+        except OSError:
+            continue
+        if int(fields[1]) == pid and b"popen_loky" in words:
+            found.append(int(path.parent.name))
+    return found

@@ -1,0 +1,247 @@
+"""Observations against closed forms, and against one run at a time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from sweep_systems import belt, oscillator, sliding_block
+
+from henon_ref.errors import ArgumentError
+from henon_ref.simulation.simulate import simulate
+from henon_ref.simulation.system import System
+from henon_ref.sweeps import observe
+from henon_ref.sweeps.points import continuation, grid
+from henon_ref.sweeps.sweep import sweep
+
+SPEEDS = np.linspace(0.1, 1, 7)
+
+
+def test_a_block_stops_where_its_energy_is_spent() -> None:
+    table = sweep(
+        sliding_block(),
+        {"x": 0, "v": 1},
+        until=10,
+        grid={"F": [0.5, 2], "v": [1, -2]},
+        observe=[observe.final_state(), observe.extremes("x"), observe.extremes("v", name="speed")],
+        jobs=1,
+    )
+    force, speed = table["F"], table["v"]
+    way = speed * abs(speed) / (2 * force)
+    assert table["final_x"].to_numpy() == pytest.approx(way.to_numpy(), rel=1e-12)
+    assert table["final_mode"].tolist() == ["s=0"] * 4
+    assert table["max_x"].to_numpy() == pytest.approx(np.maximum(way, 0), abs=1e-12)
+    assert table["min_x"].to_numpy() == pytest.approx(np.minimum(way, 0), abs=1e-12)
+    assert table["max_speed"].to_numpy() == pytest.approx(np.maximum(speed, 0), abs=1e-12)
+
+
+def test_sticks_are_counted_as_a_run_has_them() -> None:
+    """``measure: {after: T}``: whole sticks that do not end before T; one that the horizon cuts off is none."""
+    after = 31.0
+    table = sweep(
+        belt(),
+        {"x": 1.5, "v": 0},
+        until=60,
+        grid={"vb": SPEEDS},
+        observe=[observe.sticks(after=after, each=True)],
+        rtol=1e-9,
+        jobs=1,
+    )
+    frame = table.frames["sticks"]
+    for k, speed in enumerate(SPEEDS):
+        run = simulate(belt(), {"x": 1.5, "v": 0}, until=60, rtol=1e-9, parameters={"vb": float(speed)})
+        whole = run.sticks[run.sticks["start_s"] + run.sticks["duration_s"] >= after]
+        assert table["stick_count"][k] == len(whole)
+        assert table["last_stick_duration"][k] == pytest.approx(whole["duration_s"].iloc[-1], abs=1e-7)
+        assert frame[frame["point"] == k]["start_s"].to_numpy() == pytest.approx(whole["start_s"].to_numpy(), abs=1e-6)
+
+
+def test_a_run_without_sticks_has_none_and_no_duration() -> None:
+    table = sweep(oscillator(), {"x": 1, "v": 0}, until=5, grid={"w": [1, 2]}, observe=[observe.sticks()], jobs=1)
+    assert table["stick_count"].tolist() == [0, 0]
+    assert table["last_stick_duration"].isna().all()
+
+
+def test_a_stick_that_the_run_starts_in_begins_with_it() -> None:
+    """x' = t - F s from x = 0: sliding until t = F."""
+    slide = System(["x"], {"F": 1}, {"s": "x"}, ["t - F*s"])
+    table = sweep(slide, {"x": 0}, until=5, grid={"F": [1, 2, 7]}, observe=[observe.sticks()], jobs=1)
+    assert table["stick_count"].tolist() == [1, 1, 0]
+    assert table["last_stick_duration"].to_numpy()[:2] == pytest.approx([1, 2], abs=1e-12)
+    late = sweep(slide, {"x": 0}, until=5, grid={"F": [1, 2]}, observe=[observe.sticks(after=1.5)], jobs=1)
+    assert late["stick_count"].tolist() == [0, 1]
+
+
+def test_section_points_lie_where_the_solution_is_known() -> None:
+    table = sweep(
+        oscillator(),
+        {"x": 1, "v": 0},
+        until=20,
+        grid={"w": [1, 2]},
+        observe=[
+            observe.section("x", direction="rising"),
+            observe.section("v - 1/2", after=4, most=2, name="other"),
+        ],
+        jobs=1,
+    )
+    frame = table.frames["section"]
+    for k, w in enumerate((1, 2)):
+        own = frame[frame["point"] == k]
+        expected = np.arange(1.5 * math.pi / w, 20, 2 * math.pi / w)
+        assert own["time_s"].to_numpy() == pytest.approx(expected, rel=1e-9)
+        assert own["v"].to_numpy() == pytest.approx(w, rel=1e-9)
+    other = table.frames["other"]
+    assert other.groupby("point").size().tolist() == [2, 2]
+    assert (other["time_s"] >= 4).all()
+    assert other["v"].to_numpy() == pytest.approx(0.5, rel=1e-9)
+
+
+def test_a_section_may_be_a_surface_and_is_oriented() -> None:
+    """-2 (v - vb) is the surface of s, seen from the other side: nothing is added to the system."""
+    arguments = {"until": 40, "grid": {"vb": SPEEDS}, "rtol": 1e-9, "jobs": 1}
+    rising = observe.section("s", direction="rising")
+    falling = observe.section("-2*(v - vb)", direction="falling", name="mirrored")
+    frames = sweep(belt(), {"x": 1.5, "v": 0}, observe=[rising, falling], **arguments).frames
+    assert len(frames["section"]) > 20
+    assert frames["section"].equals(frames["mirrored"])
+
+
+def test_the_period_of_an_oscillator_is_known() -> None:
+    table = sweep(oscillator(), {"x": 1, "v": 0}, until=60, grid={"w": [1, 2]}, observe=[observe.period("x")], jobs=1)
+    assert table["period"].to_numpy() == pytest.approx([2 * math.pi, math.pi], rel=1e-8)
+    assert table["period_returns"].tolist() == [1, 1]
+
+
+def test_both_directions_make_two_returns_a_period() -> None:
+    table = sweep(
+        oscillator(),
+        {"x": 1, "v": 0},
+        until=60,
+        grid={"w": [1, 2]},
+        observe=[observe.period("x", direction="both")],
+        jobs=1,
+    )
+    assert table["period"].to_numpy() == pytest.approx([2 * math.pi, math.pi], rel=1e-8)
+    assert table["period_returns"].tolist() == [2, 2]
+
+
+def test_what_never_returns_has_no_period() -> None:
+    table = sweep(sliding_block(), {"x": 0, "v": 1}, until=3, grid={"F": [1]}, observe=[observe.period("x")], jobs=1)
+    assert table["period"].isna().all()
+
+
+def test_extremes_of_an_expression_after_a_time() -> None:
+    """x = cos(w t): of x + v/2 the largest value is sqrt(1 + w^2/4)."""
+    table = sweep(
+        oscillator(),
+        {"x": 1, "v": 0},
+        until=20,
+        grid={"w": [1, 2]},
+        observe=[observe.extremes("x + v/2", name="sum"), observe.extremes("x", after=19.9, name="late")],
+        jobs=1,
+    )
+    largest = [math.sqrt(1.25), math.sqrt(2)]
+    assert table["max_sum"].to_numpy() == pytest.approx(largest, rel=1e-9)
+    assert table["min_sum"].to_numpy() == pytest.approx([-m for m in largest], rel=1e-9)
+    ends = [sorted((math.cos(19.9 * w), math.cos(20 * w))) for w in (1, 2)]
+    assert table["min_late"].to_numpy() == pytest.approx([e[0] for e in ends], abs=1e-9)
+    assert table["max_late"].to_numpy() == pytest.approx([e[1] for e in ends], abs=1e-9)
+
+
+def test_the_largest_exponent_of_a_damped_oscillator() -> None:
+    damped = System(["x", "v"], {"c": 0.2}, {"s": "x"}, ["v", "-x - c*v"])
+    table = sweep(
+        damped, {"x": 1, "v": 0}, until=1, grid={"c": [0.2, 0.4]}, observe=[observe.lyapunov(span=300)], jobs=1
+    )
+    assert table["lyapunov"].to_numpy() == pytest.approx([-0.1, -0.2], abs=2e-3)
+
+
+def test_a_function_of_ones_own_sees_each_run() -> None:
+    threshold = 0.25
+
+    def late_times(run):
+        return {
+            "last": run.transitions["time_s"].iloc[-1],
+            "beyond": threshold < abs(run.y[0, -1]),
+            "mode": run.final_mode,
+        }
+
+    grid_ = {"F": [0.5, 1, 4]}
+    table = sweep(
+        sliding_block(), {"x": 0, "v": 1}, until=9, grid=grid_, observe=[observe.function(late_times)], jobs=2
+    )
+    assert table["last"].to_numpy() == pytest.approx([2, 1, 0.25], rel=1e-12)
+    assert table["beyond"].tolist() == [1, 1, 0]
+    assert table["mode"].tolist() == ["s=0"] * 3
+
+
+def test_runs_that_do_not_end_at_the_horizon_are_rows_that_say_so() -> None:
+    """x' = c x^2 from x = 1 blows up at t = 1/c."""
+    growth = System(["x"], {"c": 1}, {"s": "x + 5"}, ["c*x**2"])
+    table = sweep(
+        growth, {"x": 1}, until=0.5, grid={"c": [1, 4]}, observe=[observe.status(), observe.final_state()], jobs=1
+    )
+    assert table["status"].tolist() == ["ok", "diverged"]
+    assert table["end_time"][1] == pytest.approx(0.25, rel=1e-6)
+    assert "leaves every bound" in table["message"][1]
+    assert table["final_x"][0] == pytest.approx(2, rel=1e-9)
+
+
+def test_a_start_that_the_fields_leave_open_is_a_row_and_has_no_mode() -> None:
+    apart = System(["x"], {"F": 1}, {"s": "x"}, ["F*s"])
+    table = sweep(apart, {"x": 0}, until=1, grid={"x": [0, 1]}, observe=[observe.final_state()], jobs=1)
+    assert table["status"].tolist() == ["nonunique", "ok"]
+    assert table["final_mode"].isna().tolist() == [True, False]
+    settled = sweep(
+        apart, {"x": 0}, until=1, grid={"F": [1, 2]}, observe=[observe.final_state()], mode={"s": 1}, jobs=1
+    )
+    assert settled["final_x"].to_numpy() == pytest.approx([1, 2], rel=1e-12)
+
+
+def test_a_chain_starts_where_its_neighbour_ended() -> None:
+    """A block with friction 1/2 that a spring of stiffness 1 pulls: it rests up to 1/2 from the spring's end p."""
+    pulled = System(["x", "v"], {"p": 0}, {"s": "v"}, ["v", "p - x - 2*v - s/2"])
+    points = continuation({"p": [0, 1, 2, 3]})
+    table = sweep(pulled, {"x": 0, "v": 0}, until=60, grid=points, observe=[observe.final_state()], jobs=1)
+    assert table["direction"].tolist() == ["up"] * 4 + ["down"] * 4
+    up, down = table["final_x"][:4].to_numpy(), table["final_x"][4:].to_numpy()[::-1]
+    assert up == pytest.approx([0, 0.5, 1.5, 2.5], abs=1e-6)  # it follows half behind
+    assert down[:3] == pytest.approx([0.5, 1.5, 2.5], abs=1e-6)
+    assert (down - up)[:3] == pytest.approx([0.5, 1, 1], abs=1e-6)
+
+
+def test_parameters_that_are_expressions_in_swept_ones_follow() -> None:
+    system = System(["x", "v"], {"a": 1, "F": "2*a", "G": "F/2 + a"}, {"s": "v"}, ["v", "-F*s + 0*G"])
+    table = sweep(system, {"x": 0, "v": 1}, until=5, grid={"a": [1, 2]}, observe=[observe.final_state()], jobs=1)
+    assert table["final_x"].to_numpy() == pytest.approx([0.25, 0.125], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: observe.sticks(after="late"),
+        lambda: observe.sticks(surface="nothing"),
+        lambda: observe.section("y"),
+        lambda: observe.section("vb"),
+        lambda: observe.section("x", direction="up"),
+        lambda: observe.section("x", most=0),
+        lambda: observe.section("x", name="a b"),
+        lambda: observe.section("abs(x)"),
+        lambda: observe.period("x", tolerance=0),
+        lambda: observe.extremes("vb"),
+        lambda: observe.lyapunov(span=0),
+        lambda: observe.function(3),
+        lambda: observe.sticks(after=1000),
+    ],
+)
+def test_what_cannot_be_observed_is_refused(make, tmp_path) -> None:
+    with pytest.raises(ArgumentError):
+        sweep(belt(), {"x": 1.5, "v": 0}, until=5, grid={"vb": [0.5]}, observe=[make()], jobs=1, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_two_results_of_one_name_are_refused() -> None:
+    for pair in ([observe.sticks(), observe.sticks(after=1)], [observe.section("x"), observe.section("v")]):
+        with pytest.raises(ArgumentError, match="two results"):
+            sweep(belt(), {"x": 1.5, "v": 0}, until=5, grid=grid({"vb": [0.5]}), observe=pair, jobs=1)

@@ -1,0 +1,123 @@
+"""The function: its table, and what it refuses before anything is written."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from sweep_systems import belt, sliding_block
+
+import henon_ref as hr
+from henon_ref.errors import HenonRefError
+from henon_ref.simulation.simulate import simulate
+from henon_ref.simulation.system import System
+from henon_ref.sweeps.sweep import sweep
+
+
+def test_sweep_is_a_function_whatever_is_imported() -> None:
+    """``python -m henon_ref.sweep`` is a file that nobody imports: it would take the function's place."""
+    code = (
+        "import henon_ref.cli.sweep, henon_ref.cli.main, henon_ref.sweeps.sweep, henon_ref, inspect; "
+        "from henon_ref.sweeps import pictures; "
+        "print(inspect.isfunction(henon_ref.sweep), inspect.isfunction(henon_ref.simulate), henon_ref.observe.__name__)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "True", "henon_ref.sweeps.observe"]
+    assert inspect.isfunction(hr.sweep)
+
+
+def test_the_table_has_a_row_a_point_in_the_grids_order() -> None:
+    grid = {"vb": np.linspace(0.05, 1, 4), "x": [0, 1, 2]}
+    observed = [hr.observe.sticks(after=30), hr.observe.final_state()]
+    table = hr.sweep(belt(), {"x": 1.5, "v": 0}, until=50, grid=grid, observe=observed, rtol=1e-9, jobs=1)
+    assert list(table.columns) == [
+        "vb", "x", "status", "stick_count", "last_stick_duration", "final_x", "final_v", "final_mode",
+    ]  # fmt: skip
+    assert isinstance(table, pd.DataFrame)
+    assert table[["vb", "x"]].to_numpy().tolist() == [[vb, x] for vb in grid["vb"] for x in grid["x"]]
+    assert type(table[["vb"]]) is pd.DataFrame
+
+
+def test_a_row_is_what_simulate_says() -> None:
+    grid = {"vb": [0.3, 0.7], "x": [0.25, 1.5]}
+    table = hr.sweep(
+        belt(), {"x": 9, "v": 0}, until=30, grid=grid, observe=[hr.observe.final_state()], rtol=1e-9, jobs=1
+    )
+    for row in table.itertuples():
+        run = simulate(belt(), {"x": row.x, "v": 0}, until=30, rtol=1e-9, parameters={"vb": row.vb})
+        assert run.y[:, -1] == pytest.approx([row.final_x, row.final_v], abs=1e-7)
+        assert run.final_mode == row.final_mode
+        assert run.status == row.status
+
+
+def test_numbers_may_be_fractions_and_text() -> None:
+    table = hr.sweep(
+        sliding_block(),
+        {"x": Fraction(1, 3), "v": "1/2"},
+        start="1/4",
+        until="9 + 1/4",
+        grid={"F": [Fraction(1, 2), 1]},
+        observe=[hr.observe.final_state(), hr.observe.status()],
+        jobs=1,
+    )
+    assert table["final_x"].to_numpy() == pytest.approx([1 / 3 + 0.25, 1 / 3 + 0.125], rel=1e-12)
+    assert table["end_time"].tolist() == [9.25, 9.25]
+
+
+def test_without_observations_there_is_the_status() -> None:
+    table = hr.sweep(sliding_block(), {"x": 0, "v": 1}, until=2, grid={"F": [1, 2]}, jobs=1)
+    assert table["status"].tolist() == ["ok", "ok"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"grid": {"speed": [1]}},
+        {"grid": {"vb": [0.5, float("nan")]}},
+        {"grid": {"vb": []}},
+        {"grid": 3},
+        {"grid": {"t": [0]}},
+        {"initial": {"x": 1}},
+        {"initial": {"x": 1, "v": 0, "w": 0}},
+        {"initial": {"x": 1, "v": float("inf")}},
+        {"initial": 3},
+        {"until": 0},
+        {"until": -1},
+        {"until": float("nan")},
+        {"until": "soon"},
+        {"start": 5},
+        {"rtol": 0},
+        {"rtol": float("nan")},
+        {"rtol": 2},
+        {"observe": ["sticks"]},
+        {"observe": "sticks"},
+        {"mode": {"q": 1}},
+        {"system": 3},
+    ],
+)
+def test_what_cannot_be_meant_is_refused_before_anything_is_written(change: dict[str, Any], tmp_path) -> None:
+    given = {
+        "system": belt(), "initial": {"x": 1.5, "v": 0}, "until": 5, "grid": {"vb": [0.5]},
+        "observe": [hr.observe.final_state()], "rtol": 1e-9, "jobs": 1, "out": tmp_path / "out", **change,
+    }  # fmt: skip
+    with pytest.raises(HenonRefError) as caught:
+        sweep(given.pop("system"), given.pop("initial"), **given)
+    assert len(str(caught.value)) < 400
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_unknown_keyword_is_a_type_error() -> None:
+    with pytest.raises(TypeError):
+        hr.sweep(belt(), {"x": 1.5, "v": 0}, until=5, grid={"vb": [1]}, tolerance=1e-9)
+
+
+def test_a_state_called_as_a_column_of_the_result_is_refused() -> None:
+    odd = System(["status"], {"F": 1}, {"s": "status"}, ["-F*s"])
+    with pytest.raises(HenonRefError, match="status"):
+        sweep(odd, {"status": 1}, until=5, grid={"status": [1]}, jobs=1)
