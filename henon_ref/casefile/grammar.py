@@ -38,6 +38,7 @@ CONSTANTS = ("pi", "e")
 RESERVED = frozenset((*FUNCTIONS, *CONSTANT_FUNCTIONS, *KINK_FUNCTIONS, *CONSTANTS, "t", "mode"))
 """Names that a state, parameter or sign symbol may not have."""
 
+_KINK = re.compile(rf"\b({'|'.join(KINK_FUNCTIONS)})\s*\(")
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 
 _TOKEN = re.compile(
@@ -97,6 +98,11 @@ def name_problem(name: str) -> str:
     if keyword.iskeyword(name):
         return f"'{name}' is a word of Python that expressions cannot hold; choose another name, such as '{name}_'"
     return ""
+
+
+def may_have_kinks(text: str) -> bool:
+    """Whether an expression calls a function that has kinks or jumps."""
+    return _KINK.search(text) is not None
 
 
 def scan(text: str, names: Collection[str], *, constant: bool = False, kinks: bool = False) -> Scanned:

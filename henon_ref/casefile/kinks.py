@@ -115,6 +115,8 @@ class Kinks:
         self.parameters = dict(parameters)
         self.surfaces: dict[sp.Symbol, sp.Expr] = {}
         """Sign -> what it is the sign of, as it was written first."""
+        self.conditions: list[sp.Expr] = []
+        """What has been taken as positive for the values of the parameters."""
         self._signs: dict[sp.Expr, sp.Expr] = {}
         """Form -> its sign: a symbol, minus one, or a number."""
 
@@ -159,7 +161,9 @@ class Kinks:
 
     def _sign(self, argument: sp.Expr) -> sp.Expr:
         if argument.free_symbols <= set(self.parameters):
-            return sp.Integer(exact_sign(argument.xreplace(self.parameters)))
+            value = exact_sign(argument.xreplace(self.parameters))
+            self.conditions.append(-argument if value < 0 else argument)
+            return sp.Integer(value)
         sign = sp.Symbol(f"kink{len(self.surfaces) + 1}", real=True)
         self.surfaces[sign] = argument
         return sign

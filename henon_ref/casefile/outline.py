@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from henon_ref.casefile.grammar import KINK_FUNCTIONS
+from henon_ref.casefile.grammar import may_have_kinks
 from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode, child, merged
 from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import CaseError
 
 SURFACES_OF = {"friction": 1, "stop": 1}
 """Kind of connection -> the surfaces that it makes."""
-_KINK = re.compile(rf"\b({'|'.join(KINK_FUNCTIONS)})\s*\(")
 NO_STATES = ("t", "mode")
 """Keys of ``initial`` that are no state."""
 
@@ -96,7 +94,7 @@ def _holds_kink(node: Node) -> bool:
         return "normal" in node.entries or any(_holds_kink(child) for child in node.entries.values())
     if isinstance(node, SequenceNode):
         return any(_holds_kink(child) for child in node.items)
-    return _KINK.search(node.text) is not None
+    return may_have_kinks(node.text)
 
 
 def _read_sizes(path: Path) -> list[tuple[int, int]]:

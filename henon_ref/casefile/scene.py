@@ -46,7 +46,7 @@ def conditions(source: Source) -> list[sp.Expr]:
     """
     reader = _Reader(source)
     reader.scene()
-    return reader.requirements.expressions
+    return [*reader.requirements.expressions, *reader.kinks.conditions]
 
 
 class _Reader:

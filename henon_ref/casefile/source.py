@@ -196,6 +196,10 @@ def resolved(
     expression, arguments = written
     if any(argument.has(*signs) for argument in arguments if signs):
         raise source.error(path, "a kink of what holds a sign is not there yet; name a surface and use its sign")
+    still = [a for a in arguments if a.free_symbols and a.free_symbols <= set(kinks.parameters)]
+    if still:  # what it is may change with the values of the parameters, when the equations are made
+        message = f"{still[0]} holds neither t nor a state, and no kink: make what is written of it a parameter"
+        raise source.error(path, f"{message} (where abs(...) is allowed)")
     found = kinks.resolved(expression, arguments)
     for sign in kinks.used(found):
         for side in (-1, 1):
