@@ -355,7 +355,7 @@ def refusal(connection: str, body: str = "{mass: 1}", initial: str = "x_a: 0") -
         (
             "friction: {between: [a, belt], law: stribeck, force: 1}",
             "",
-            "lacks its 'slope' [s/m, between rotors s/rad]",
+            "lacks its 'slope' [s/m, between",
         ),
         ("friction: {between: [b, belt], law: coulomb, force: 1}", "", "give the friction another 'name'"),
         (FRICTION + ", name: s_b_belt}", "name", "'s_b_belt' is already the name of a connection"),
