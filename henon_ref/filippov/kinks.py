@@ -32,6 +32,11 @@ def visible(system: FilippovSystem, transitions: Sequence[TransitionT]) -> Seque
     """Transitions without those on kinks that another branch hides on both sides of them."""
     if not system.kinks:
         return transitions
+    return tuple(t for t, seen in zip(transitions, visibility(system, transitions), strict=True) if seen)
+
+
+def visibility(system: FilippovSystem, transitions: Sequence[TransitionT]) -> list[bool]:
+    """Of each transition whether it is none on a kink that another branch hides on both sides of it."""
     known: dict[tuple[int, Mode], bool] = {}
 
     def hidden(index: int, mode: Mode) -> bool:
@@ -40,11 +45,10 @@ def visible(system: FilippovSystem, transitions: Sequence[TransitionT]) -> Seque
             known[key] = is_hidden(system, index, mode)
         return known[key]
 
-    return tuple(
-        t
+    return [
+        t.surface not in system.kinks or not (hidden(t.surface, t.from_mode) and hidden(t.surface, t.to_mode))
         for t in transitions
-        if t.surface not in system.kinks or not (hidden(t.surface, t.from_mode) and hidden(t.surface, t.to_mode))
-    )
+    ]
 
 
 def is_hidden(system: FilippovSystem, index: int, mode: Mode) -> bool:

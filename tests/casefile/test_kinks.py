@@ -8,6 +8,7 @@ from itertools import product
 import pytest
 import sympy as sp
 
+import henon_ref as hr
 from henon_ref.casefile.case import parse_case
 from henon_ref.casefile.expressions import parse_field
 from henon_ref.casefile.kinks import Kinks
@@ -284,6 +285,18 @@ def test_a_kink_that_another_branch_hides_is_none(name: str) -> None:
     assert run.status == "ok"
     assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", 0)]
     assert float(run.transitions[0].time) == pytest.approx(math.sqrt(5) - 1, abs=1e-11)
+
+
+def test_a_method_of_fixed_steps_leaves_it_out_too() -> None:
+    run = solver("henon-rk4").prepare(problem_of(HIDDEN, "x: 0, v: 1", "4"), step=1e-2)()
+    assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", 0)]
+
+
+def test_simulate_leaves_it_out_too() -> None:
+    system = hr.System(["x", "v"], {}, {}, ["v", HIDDEN])
+    run = hr.simulate(system, {"x": 0, "v": 1}, until=4)
+    assert run.transitions["surface"].tolist() == ["kink1"]
+    assert run.transitions["time_s"].tolist() == pytest.approx([math.sqrt(5) - 1], abs=1e-9)
 
 
 @SOLVERS

@@ -352,7 +352,11 @@ def refusal(connection: str, body: str = "{mass: 1}", initial: str = "x_a: 0") -
         ("friction: {between: [a, belt], law: coulomb, force: n}", "n", "0 or larger"),
         ("friction: {between: [a, belt], law: coulom, force: 1}", "coulom", "did you mean 'coulomb'"),
         ("friction: {between: [a, belt], force: 1}", "", "lacks its key 'law'"),
-        ("friction: {between: [a, belt], law: stribeck, force: 1}", "", "lacks its 'slope'"),
+        (
+            "friction: {between: [a, belt], law: stribeck, force: 1}",
+            "",
+            "lacks its 'slope' [s/m, between",
+        ),
         ("friction: {between: [b, belt], law: coulomb, force: 1}", "", "give the friction another 'name'"),
         (FRICTION + ", name: s_b_belt}", "name", "'s_b_belt' is already the name of a connection"),
         (FRICTION + ", name: x_b}", "name", "'x_b' is already the name of a state"),

@@ -12,6 +12,7 @@ from henon_ref.casefile.connection import Key, Kind, Link
 
 LAWS = {"coulomb": None, "stribeck": "slope", "stribeck_exp": "velocity"}
 """Law -> the key that it alone needs."""
+UNITS = {"slope": "s/m, between rotors s/rad", "velocity": "m/s, between rotors rad/s"}
 
 
 def _add(link: Link) -> None:
@@ -41,7 +42,7 @@ def _checked_law(link: Link) -> str:
     for name, own in LAWS.items():
         if own is not None and (own in link.values) != (name == law):
             if name == law:
-                raise link.error(f"friction lacks its '{own}', which the law '{law}' needs")
+                raise link.error(f"friction lacks its '{own}' [{UNITS[own]}], which the law '{law}' needs")
             raise link.error(f"the law '{law}' has no '{own}'; the law '{name}' has", at=own)
     return law
 

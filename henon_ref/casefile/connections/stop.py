@@ -11,7 +11,8 @@ from henon_ref.casefile.connection import Key, Kind, Link
 def _add(link: Link) -> None:
     ways = [name for name in ("restitution", "stiffness") if name in link.values]
     if not ways:
-        raise link.error("a stop is hard, with 'restitution', or elastic, with 'stiffness'; give one of the two")
+        elastic = "'stiffness' [N/m, between rotors N m/rad]"
+        raise link.error(f"a stop is hard, with 'restitution' [1], or elastic, with {elastic}; give one of the two")
     if len(ways) == 2:
         raise link.error("a stop has 'restitution' (hard) or 'stiffness' (elastic), not both", at=link.later(ways))
     if ways == ["restitution"]:
