@@ -42,7 +42,7 @@ def outline(path: Path) -> Outline:
     tree = read_yaml(path)
     readings = list(_readings(tree))
     name, title = (_text(tree, key, path) for key in ("name", "title"))
-    tags = dict.fromkeys(tag for reading in readings for tag in _words(reading.entries.get("tags")))
+    tags = dict.fromkeys(tag for reading in readings for tag in _items(reading.entries.get("tags")))
     sizes = _read_sizes(path) if any(map(_has_kinks, readings)) else [_sizes(reading, path) for reading in readings]
     return Outline(
         name, title, tuple(tags), len(readings), tuple(states for states, _ in sizes), tuple(s for _, s in sizes)
@@ -66,7 +66,7 @@ def _text(tree: MappingNode, key: str, path: Path) -> str:
     return " ".join(node.text.split())
 
 
-def _words(node: Node | None) -> Iterator[str]:
+def _items(node: Node | None) -> Iterator[str]:
     for item in node.items if isinstance(node, SequenceNode) else ():
         if isinstance(item, ScalarNode):
             yield item.text

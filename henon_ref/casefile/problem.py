@@ -130,7 +130,7 @@ def _check_start(source: Source, problem: Problem) -> None:
 
 
 def _delicate(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
-    """Surfaces, and expressions of ``valid``, with what may have no value: powers that are no polynomials, functions."""
+    """Surfaces, and expressions of ``valid``, that may have no value at a point."""
     named = [(f"the surface of '{s}'", h) for s, h in zip(system.sign_names, system.surfaces, strict=True)]
     named += [("an expression of 'valid'", v) for v in system.valid]
     return [(what, e) for what, e in named if e.has(sp.tan, sp.log) or any(_may_fail(p) for p in e.atoms(sp.Pow))]

@@ -91,7 +91,7 @@ def report_text(comparison: Comparison, provenance: Provenance) -> str:
             sub="##" if single else "###",
             overview=overview(comparison),
             explained=EXPLAINED if len({name(record.run) for record in comparison.records}) > 1 else "",
-            readings=_told_once([_reading(comparison, result) for result in comparison.readings]),
+            readings=_without_repeats([_reading(comparison, result) for result in comparison.readings]),
             gate=_markdown(gate_table(comparison)),
             notes=Table(
                 ("column", "meaning"), "ll", [(c, w.format(unit=_unit(comparison))) for c, w in NOTES]
@@ -145,7 +145,7 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
     }
 
 
-def _told_once(readings: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _without_repeats(readings: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Readings with the name of an earlier one of the same model, and with no story that an earlier one has told."""
     stories: set[str] = set()
     models: list[tuple[str, dict[str, Any]]] = []
