@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+PERIOD = 0.2
+"""Seconds between two pictures."""
 Told = Callable[[int, bool], None]
 """Takes a number of points, and whether they are kept from before."""
 
@@ -44,14 +46,19 @@ def shown(total: int, *, quiet: bool = False) -> Iterator[Told]:
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    # It starts no thread, so that workers can be forked.
+    with Progress(*columns, console=Console(stderr=True), transient=True, auto_refresh=False) as bar:
         task = bar.add_task("points", total=total, rate="")
-        began, run = time.monotonic(), 0
+        began, run, drawn = time.monotonic(), 0, [0.0]
+        bar.refresh()
 
         def told(points: int, kept: bool) -> None:
             nonlocal run
             run += 0 if kept else points
             bar.update(task, advance=points, rate=f"{run / max(time.monotonic() - began, 1e-9):,.0f} runs/s")
+            if time.monotonic() - drawn[0] > PERIOD:
+                drawn[0] = time.monotonic()
+                bar.refresh()
 
         yield told
 
