@@ -154,6 +154,13 @@ def portrait(axes: Axes, system: FilippovSystem, motion: Motion, pair: tuple[int
     return plane, bool(boundary)
 
 
+def state_over_time(axes: Axes, system: FilippovSystem, motion: Motion) -> None:
+    """The first state over time, for a system that has no plane."""
+    axes.plot(motion.times, motion.states[:, 0], color=style.BLUE)
+    axes.set(xlabel="time t [s]", ylabel=_symbol(system, 0), xlim=motion.times[[0, -1]])
+    axes.set_ylim(*_limits(motion.states[:, 0]))
+
+
 def _plane(system: FilippovSystem, x: int, y: int) -> _Plane:
     inside = {system.states[x], system.states[y]}
     every = [(k, sign.name) for k, sign in enumerate(system.signs)]

@@ -140,7 +140,7 @@ def line_of(solver: str) -> Line:
     return lines_of([solver])[solver]
 
 
-def look() -> AbstractContextManager[None]:
+def report_style() -> AbstractContextManager[None]:
     """The style of the reports, for whoever makes a figure in it."""
     import matplotlib
 

@@ -51,7 +51,7 @@ def bifurcation(table: pd.DataFrame, along: str, of: str, frame: str = "section"
     _known(table, along)
     _known(points, of)
     axes = _axes(axes)
-    with style.look():
+    with style.report_style():
         x, y = table[along].to_numpy()[points["point"].to_numpy()], points[of].to_numpy()
         size = float(np.clip(2e5 / max(len(x), 1), 0.15, 6.0))
         axes.plot(x, y, ls="", marker=".", ms=2 * size**0.5, mew=0, color=style.BLACK, alpha=0.6, rasterized=True)
@@ -83,7 +83,7 @@ def basins(table: pd.DataFrame, x: str, y: str, of: str, axes: Axes | None = Non
     if len(values) > MOST_BASINS:
         raise ArgumentError(f"'{of}' has {len(values)} different values; basins are told apart up to {MOST_BASINS}")
     axes = _axes(axes)
-    with style.look():
+    with style.report_style():
         colours = ListedColormap(_COLOURS[: max(len(values), 1)])
         norm = BoundaryNorm(np.arange(len(values) + 1) - 0.5, max(len(values), 1)) if len(values) > 1 else None
         _painted(axes, table, x, y, np.where(codes < 0, np.nan, codes), cmap=colours, norm=norm)
@@ -110,7 +110,7 @@ def histogram(table: pd.DataFrame, of: str, axes: Axes | None = None) -> Axes:
     values = _numbers(table, of)
     there = values[np.isfinite(values)]
     axes = _axes(axes)
-    with style.look():
+    with style.report_style():
         axes.hist(there, bins=min(BINS, max(len(np.unique(there)), 1)), color=style.BLUE, lw=0)
         left_out = len(values) - len(there)
         axes.set(xlabel=one_line(of), ylabel="points")
@@ -136,7 +136,7 @@ def plane(table: pd.DataFrame, x: str, y: str, of: str, axes: Axes | None = None
         _known(table, name)
     values = _numbers(table, of)
     axes = _axes(axes)
-    with style.look():
+    with style.report_style():
         drawn = _painted(axes, table, x, y, values, cmap="viridis", norm=None)
         bar = axes.figure.colorbar(drawn, ax=axes, pad=0.02)
         bar.set_label(one_line(of))
@@ -162,7 +162,7 @@ def _axes(axes: Axes | None) -> Axes:
         return axes
     import matplotlib.pyplot as plt
 
-    with style.look():
+    with style.report_style():
         return plt.subplots(figsize=(style.WIDTH, HEIGHT), layout="constrained")[1]
 
 

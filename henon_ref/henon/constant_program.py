@@ -154,8 +154,8 @@ class ConstantProgram:
     @cached_property
     def is_rational(self) -> bool:
         """Whether rational inputs give rational outputs."""
-        plain = all(what in (ADD, MULTIPLY, POWER) for what, *_ in self.operations)
-        return plain and all(number.is_Rational for number in self.numbers)
+        simple = all(what in (ADD, MULTIPLY, POWER) for what, *_ in self.operations)
+        return simple and all(number.is_Rational for number in self.numbers)
 
 
 def _ball(number: sp.Expr) -> arb:

@@ -12,10 +12,12 @@ from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node
 from henon_ref.casefile.validation import validated
 from henon_ref.errors import ArgumentError, HenonRefError
+from henon_ref.filippov.bounds import put
 from henon_ref.filippov.problem import Problem
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System, argument_error
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
+from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
 DIRECTIONS = ("falling", "rising")
@@ -56,9 +58,22 @@ def problem_of(
     source = Source(mapping({**system.tree.entries, **read}), work=system.work())
     try:
         with one_at_a_time():
-            return system, build_problem(source, validated(source.tree, file=None))[0]
+            problem, _ = build_problem(source, validated(source.tree, file=None))
+            _check_surfaces(problem)
+            return system, problem
     except HenonRefError as error:
         raise argument_error(error) from None
+
+
+def _check_surfaces(problem: Problem) -> None:
+    """Refuse a start at which a surface, or an expression of ``valid``, has no finite real value."""
+    system = problem.system
+    at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
+    named = [(f"the surface of '{name}'", h) for name, h in zip(system.sign_names, system.surfaces, strict=True)]
+    for what, expression in [*named, *(("an expression of 'valid'", v) for v in system.valid)]:
+        value = put(system.numeric(expression), at)
+        if not (value.is_Rational or (value.is_finite and value.is_extended_real)):
+            raise ArgumentError(f"{what} has no finite real value at the start")
 
 
 def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> MappingNode:

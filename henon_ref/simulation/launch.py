@@ -72,8 +72,8 @@ def launch(
     tolerance = rtol if type(rtol) is float else tolerance_of(rtol)
     ready: Prepared | None = system.prepared.get(tolerance)
     begin = None
-    if ready is not None and ready.quick is not None and not mode:
-        begin = ready.quick(initial, until, start, parameters)
+    if ready is not None and ready.quick is not None:
+        begin = ready.quick(initial, until, start, parameters, mode)
     if atol is not None:
         check_absolute_tolerance(atol)
     falling, rising = stop_of(system, stop) if stop else (0, 0)
@@ -86,16 +86,19 @@ def launch(
         with one_at_a_time():
             begin = integrator.start(problem, tolerance=error, landing=HENON)
         if ready is None:
-            _prepare(system, tolerance)
+            quick = _prepared(system, tolerance).quick
+            if quick is not None:  # its compiled functions are loaded now, not by the second run
+                quick(initial, until, start, parameters, mode)
     if falling or rising:
         begin = replace(begin, stop_falling=falling, stop_rising=rising)
     return Launch(system, parameters, integrator, begin)
 
 
-def _prepare(system: System, tolerance: float) -> None:
-    """Make what later runs at a tolerance begin with."""
+def _prepared(system: System, tolerance: float) -> Prepared:
+    """What later runs at a tolerance begin with."""
     if len(system.prepared) >= MOST_PREPARED:
         system.prepared.clear()
     error = local_error(tolerance)
     integrator = integrator_of(system, error)
-    system.prepared[tolerance] = Prepared(integrator, QuickStart.of(system, integrator, error))
+    made = system.prepared[tolerance] = Prepared(integrator, QuickStart.of(system, integrator, error))
+    return made

@@ -8,8 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.figures import style
-from henon_ref.figures.motion import MOST_SURFACES, Motion, axes_of_portrait, portrait, surfaces_over_time
-from henon_ref.filippov.latex import latex
+from henon_ref.figures.motion import (
+    MOST_SURFACES,
+    Motion,
+    axes_of_portrait,
+    portrait,
+    state_over_time,
+    surfaces_over_time,
+)
 from henon_ref.filippov.system import FilippovSystem
 
 PORTRAIT, PANEL, GAP = 3.6, 1.3, 0.55
@@ -25,7 +31,7 @@ def plotted(system: FilippovSystem, motion: Motion) -> NDArray[Any]:
 
     count = min(len(system.surfaces), MOST_SURFACES)
     height = 2 * GAP + PORTRAIT + count * PANEL + GAP
-    with style.look():
+    with style.report_style():
         figure = plt.figure(figsize=(style.WIDTH, height))
         bottom = GAP + count * PANEL
         top = figure.add_axes((0.11, (bottom + 1.3 * GAP) / height, 0.86, (PORTRAIT - 0.3 * GAP) / height))
@@ -37,7 +43,6 @@ def plotted(system: FilippovSystem, motion: Motion) -> NDArray[Any]:
         if pair is not None:
             portrait(top, system, motion, pair)
         else:
-            top.plot(motion.times, motion.states[:, 0], color=style.BLUE)
-            top.set(xlabel="time t [s]", ylabel=f"${latex(system.states[0])}$", xlim=motion.times[[0, -1]])
+            state_over_time(top, system, motion)
         surfaces_over_time(panels, system, motion)
     return np.array([top, *panels])

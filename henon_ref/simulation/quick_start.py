@@ -14,6 +14,7 @@ from typing import Any, cast
 
 import numpy as np
 import sympy as sp
+from flint import arb, fmpq
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
@@ -120,10 +121,15 @@ class QuickStart:
             return None
 
     def __call__(
-        self, initial: Mapping[Any, Any], until: Any, start: Any, parameters: Mapping[Any, Any] | None
+        self,
+        initial: Mapping[Any, Any],
+        until: Any,
+        start: Any,
+        parameters: Mapping[Any, Any] | None,
+        mode: Mapping[Any, Any] | None,
     ) -> Start | None:
         """Where a run starts; None where that is to be found in the exact way."""
-        if type(initial) is not dict or not (parameters is None or type(parameters) is dict):
+        if type(initial) is not dict or not all(given is None or type(given) is dict for given in (parameters, mode)):
             return None
         values = self._values if not parameters else self._changed(parameters)
         time, end = pair_of(start), pair_of(until)
@@ -140,10 +146,11 @@ class QuickStart:
         if constants is None or not (end[0] - time[0]) + (end[1] - time[1]) > 0.0:
             return None
         integrator, refused, zeros = self._integrator, None, self._integrator.no_zeros
-        row = self._row_off_surfaces(constants, time, x)
+        row = None if mode else self._row_off_surfaces(constants, time, x)
         if row is None:
-            found = self._on_surfaces(constants, start, initial, parameters or {}, time[0], [high for high, _ in x])
-            if found is None:
+            signs = self._exact_signs(start, initial, parameters or {})
+            found = signs and self._decided(constants, signs, time[0], [high for high, _ in x], mode)
+            if not found:
                 return None
             refused, row, zeros = found
         return Start(time, end, tuple(x), refused, row, zeros, integrator.order, self._tolerance, HENON, constants)
@@ -160,31 +167,49 @@ class QuickStart:
             return None
         return self._integrator.mode_table.index.get(signs[:count])
 
-    def _on_surfaces(
-        self,
-        constants: PairConstants,
-        start: Any,
-        initial: Mapping[str, Any],
-        parameters: Mapping[str, Any],
-        t: float,
-        x: list[float],
-    ) -> tuple[Trajectory | None, int, tuple[int, ...]] | None:
-        """What every run comes to that cannot begin, else None; row and known zeros of the mode at the start.
-
-        None where signs are not to be had from rational numbers.
-        """
-        integrator, program = self._integrator, self._integrator.programs.start
+    def _exact_signs(
+        self, start: Any, initial: Mapping[str, Any], parameters: Mapping[str, Any]
+    ) -> tuple[int, ...] | None:
+        """Signs of the surfaces, then of the ``valid`` expressions; None where fractions do not give them."""
+        program = self._integrator.programs.start
         if not program.is_rational or self._rational is None:
             return None
         values = [exact_number(parameters[name]) if name in parameters else own for name, own in self._rational.items()]
         point = (exact_number(start), *(exact_number(initial[name]) for name in self._system.state), *values)
-        signs = tuple(program.signs(cast(Any, point)))
-        row, zeros = integrator.clear_start(constants, signs, t, x)
-        if row >= 0:
-            return None, row, zeros
-        count = len(integrator.system.surfaces)
-        surfaces, valid = signs[:count], signs[count:]
-        decision = constants.switching.mode_by_signs(t, x, surfaces, valid, {})
+        rational = [fmpq(number.numerator, number.denominator) for number in point]
+        try:
+            found = program.over_ring(rational, lambda number: fmpq(int(number.p), int(number.q)), arb.sqrt)
+        except ZeroDivisionError:
+            return None
+        return tuple((value > 0) - (value < 0) for value in found)
+
+    def _decided(
+        self,
+        constants: PairConstants,
+        signs: tuple[int, ...],
+        t: float,
+        x: list[float],
+        mode: Mapping[Any, Any] | None,
+    ) -> tuple[Trajectory | None, int, tuple[int, ...]] | None:
+        """What every run comes to that cannot begin, else None; row and known zeros of the mode at the start.
+
+        None where a mode that is given is not one of the system's, or is contradicted by a sign.
+        """
+        integrator, names = self._integrator, self._system.model.sign_names
+        given: dict[int, int] = {}
+        for name, entry in (mode or {}).items():
+            index = names.index(name) if name in names else -1
+            if index < 0 or type(entry) is not int or entry not in (-1, 0, 1) or signs[index] not in (0, entry):
+                return None
+            given[index] = entry
+        if not given:
+            row, zeros = integrator.clear_start(constants, signs, t, x)
+            if row >= 0:
+                return None, row, zeros
+        surfaces, valid = signs[: len(names)], signs[len(names) :]
+        decision = constants.switching.mode_by_signs(t, x, surfaces, valid, given)
+        if 0 in given.values() and decision.mode is not None and integrator.mode_table.row(decision.mode) is None:
+            return None
         return integrator.entered(constants, t, x, decision, surfaces, valid)
 
     def _changed(self, parameters: Mapping[Any, Any]) -> Values | None:

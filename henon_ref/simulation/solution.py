@@ -80,7 +80,7 @@ class Solution(Outcome):
         times, states = changes["time"], changes["state"]
         if self.sol is not None:
             begin, values = self.sol.begin, self.sol.coefficients[:, :, 0]
-            at = np.searchsorted(begin, times)
+            at = np.maximum(np.searchsorted(begin, times), 1)  # the start comes before what happens there
             return np.insert(begin, at, times), np.ascontiguousarray(np.insert(values, at, states, axis=0).T)
         moved = end.end_time > self._start or len(changes) > 0
         last = ([end.end_time], [end.end_state]) if moved else ([], np.zeros((0, len(self._initial))))

@@ -134,8 +134,8 @@ class System:
         self = cls.__new__(cls)
         self._read(dict(reading_sources(read_yaml(case.path or path), None))[chosen.name].tree)
         problem = chosen.problem
-        self.initial = dict(zip(self.state, map(plain_number, problem.initial), strict=True))
-        self.start, self.until = plain_number(problem.start), plain_number(problem.until)
+        self.initial = dict(zip(self.state, map(python_number, problem.initial), strict=True))
+        self.start, self.until = python_number(problem.start), python_number(problem.until)
         self.mode = {problem.system.sign_names[i]: entry for i, entry in problem.initial_mode.items()}
         return self
 
@@ -175,7 +175,7 @@ class System:
     @property
     def parameters(self) -> dict[str, Number]:
         """Name -> exact number (a copy: :meth:`with_parameters` makes a system with others)."""
-        return {name: plain_number(value) for name, value in self._names.values.items()}
+        return {name: python_number(value) for name, value in self._names.values.items()}
 
     def with_parameters(self, parameters: Mapping[Any, Any]) -> System:
         """The system with other values of some parameters; what is an expression in them follows.
@@ -253,7 +253,12 @@ class System:
         tree = child(self.tree, ["system" if self._form.system else "scene", "parameters"])
         nodes = tree.entries.values() if isinstance(tree, MappingNode) else ()
         used = {name for node in nodes if isinstance(node, ScalarNode) for name in names_in(node.text)}
-        return frozenset(self._names.values) - used - {symbol.name for symbol in parameters_in_exponents(self._written)}
+        return frozenset(self._names.values) - used - self.exponent_parameters
+
+    @cached_property
+    def exponent_parameters(self) -> frozenset[str]:
+        """Parameters in exponents: with other values of them the system is another one."""
+        return frozenset(symbol.name for symbol in parameters_in_exponents(self._written))
 
     @cached_property
     def has_moving_exponents(self) -> bool:
@@ -304,7 +309,7 @@ class System:
         return f"<table><caption>Filippov system</caption><tbody>{body}</tbody></table>"
 
 
-def plain_number(number: sp.Expr) -> Number:
+def python_number(number: sp.Expr) -> Number:
     """An exact number as int or Fraction where it is rational."""
     if number.is_Integer:
         return int(number)

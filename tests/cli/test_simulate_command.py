@@ -31,7 +31,7 @@ def test_it_prints_a_table_of_the_reading_that_is_named(capsys: pytest.CaptureFi
     assert "Solution(ok; t = 0 to " in shown.err
 
 
-def test_a_run_that_ends_early_is_told_and_is_no_failure(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_that_ends_early_says_so_and_is_no_failure(capsys: pytest.CaptureFixture[str]) -> None:
     assert command([str(CASES / "hard" / "repelling.yaml"), "--csv"]) == 0
     assert "not unique" in capsys.readouterr().err
 
@@ -46,9 +46,7 @@ def test_a_run_that_ends_early_is_told_and_is_no_failure(capsys: pytest.CaptureF
         ([], "Missing argument"),
     ],
 )
-def test_what_cannot_be_meant_is_told_in_a_line(
-    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_meant_is_one_line(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert command(words) == 2
     shown = capsys.readouterr()
     assert said in shown.err

@@ -101,3 +101,17 @@ def test_threads_with_other_starts_do_not_disturb_each_other(name: str) -> None:
     with ThreadPoolExecutor(6) as pool:
         for _ in range(3):
             assert list(pool.map(run, starts)) == alone
+
+
+def test_quick_starts_from_many_threads_are_those_of_one() -> None:
+    system = oscillator()
+    points = [{"x": 3 + k / 7, "w": 1 + k / 31} for k in range(240)]
+
+    def run(point: dict[str, float]) -> list[object]:
+        given = {"until": 30, "parameters": {"w": point["w"]}, "dense_output": False}
+        solution = hr.simulate(system, {"x": point["x"], "v": 0.1}, **given)
+        return [solution.t.tolist(), solution.y.tolist(), solution.final_mode, solution.counts]
+
+    alone = [run(point) for point in points]
+    with ThreadPoolExecutor(6) as pool:
+        assert list(pool.map(run, points)) == alone

@@ -122,13 +122,13 @@ def test_parameters_that_decide_more_than_a_constant_are_left_to_the_exact_way(e
 
 
 @pytest.mark.parametrize("changed", [{"q": 1}, {"F": float("nan")}, {"F": True}, {"F": None}])
-def test_what_cannot_be_meant_is_told_by_the_exact_way(changed: dict[str, object]) -> None:
+def test_what_cannot_be_meant_is_refused_by_the_exact_way(changed: dict[str, object]) -> None:
     hr.simulate(BELT, {"x": 1, "v": 0}, until=1)
     with pytest.raises(hr.HenonRefError):
         hr.simulate(BELT, {"x": 1, "v": 0}, until=1, parameters=changed)
 
 
-def test_surfaces_that_are_no_polynomials_are_told_by_the_programs(exact: list[object]) -> None:
+def test_surfaces_that_are_no_polynomials_have_their_signs_from_programs(exact: list[object]) -> None:
     moving = hr.System(["x", "v"], {"A": 0.3, "w": 2}, {"s": "v - A*sin(w*t)"}, ["v", "-x - s"], valid=["2 + cos(x)"])
     warm(moving)
     exact.clear()
@@ -176,7 +176,7 @@ def test_a_start_on_two_surfaces_is_decided_as_in_the_exact_way(exact: list[obje
     assert len(exact) == 1
 
 
-def test_a_start_that_the_fields_leave_open_is_told_as_in_the_exact_way(exact: list[object]) -> None:
+def test_a_start_that_the_fields_leave_open_is_refused_as_in_the_exact_way(exact: list[object]) -> None:
     open_start = warm(hr.System(["x"], {"a": 1}, {"s": "x - a"}, ["s"], valid=["4 - x"]))
     exact.clear()
     for x, status in ((0.3, "nonunique"), (5.0, "invalid")):
@@ -200,3 +200,63 @@ def test_terms_that_cancel_are_worked_out_in_exact_numbers(exact: list[object]) 
     assert everything(quick) == everything(slow)
     assert quick.y[1, -1] == pytest.approx(0.5 * 2.718281828459045 ** (-0.2 * 3), rel=1e-13)
     assert len(exact) == 1
+
+
+def test_constants_have_all_digits_where_terms_cancel() -> None:
+    """Of a + b, 1e-14 of a, pairs of doubles have 18 digits, the exact numbers all."""
+    decay = warm(hr.System(["x", "v"], {"a": 2, "b": 1}, {"s": "v - 9"}, ["(a + b)*x", "0"]))
+    ready, given = decay.prepared[1e-10], {"a": 0.30000000000000457, "b": -0.3}
+    quick = ready.quick({"x": 1, "v": 0}, 1, 0, given, None)
+    _, problem = launching.problem_of(decay, {"x": 1, "v": 0}, until=1, parameters=given)
+    exact = ready.integrator.start(problem, tolerance=1e-11, landing=quick.landing)
+    assert (quick.constants.latest.numbers == exact.constants.latest.numbers).all()
+    assert not (
+        quick.constants.latest.numbers
+        == decay.prepared[1e-10].quick({"x": 1, "v": 0}, 1, 0, None, None).constants.latest.numbers
+    ).all()
+
+
+HELD = {
+    "state": ["x", "v"],
+    "parameters": {"Fs": 1.5, "Fk": 1, "vb": 0.5},
+    "surfaces": {"s": "v - vb"},
+    "field": ["v", "-x - Fk*s"],
+    "sliding": {
+        "s": {
+            "field": ["vb", 0],
+            "release": [
+                {"when": "x - Fs", "direction": "rising", "to": -1},
+                {"when": "x + Fs", "direction": "falling", "to": 1},
+            ],
+        }
+    },
+}
+
+
+@pytest.mark.parametrize("entry", [-1, 0])
+def test_a_mode_that_is_given_is_taken_as_in_the_exact_way(entry: int, exact: list[object]) -> None:
+    held = warm(hr.System(**HELD))
+    exact.clear()
+    quick, slow = (
+        hr.simulate(held, {"x": kind(1.5), "v": 0.3}, until=9, parameters={"vb": kind(0.3)}, mode={"s": entry})
+        for kind in (float, str)
+    )
+    assert everything(quick) == everything(slow)
+    assert quick.mode(0) == {"s": entry}
+    assert len(exact) == 1
+
+
+@pytest.mark.parametrize("mode", [{"s": 1}, {"q": 0}, {"s": 2}, {"s": True}, {"s": "0"}, {"s": None}, {0: 1}, 3])
+def test_a_mode_that_cannot_be_is_refused(mode: object) -> None:
+    held = warm(hr.System(**HELD))
+    with pytest.raises(hr.HenonRefError):
+        hr.simulate(held, {"x": 1.5, "v": 0.2}, until=9, mode=mode)
+
+
+def test_a_surface_with_a_pole_at_the_start_is_left_to_the_exact_way(exact: list[object]) -> None:
+    pole = warm(hr.System(["x"], {"a": 2}, {"s": "1/x - a"}, ["1 + 0*s"]))
+    exact.clear()
+    for kind in (float, str):
+        with pytest.raises(hr.HenonRefError, match="no finite real value at the start"):
+            hr.simulate(pole, {"x": kind(0)}, until=1, parameters={"a": 3.0})
+    assert len(exact) == 2

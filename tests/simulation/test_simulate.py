@@ -206,3 +206,9 @@ def test_an_unknown_keyword_is_a_type_error() -> None:
 def test_names_may_be_symbols() -> None:
     x, v = sp.symbols("x v")
     assert hr.simulate(BLOCK, {x: 0, v: 1}, until=3).transitions.time_s.tolist() == [2.0]
+
+
+@pytest.mark.parametrize(("surface", "x"), [("1/x - 2", 0), ("log(x)", 0), ("sqrt(x) - 1", -1), ("tan(pi*x)", "1/2")])
+def test_a_surface_without_a_value_at_the_start_is_refused(surface: str, x: object) -> None:
+    with pytest.raises(hr.HenonRefError, match="the surface of 's' has no finite real value at the start"):
+        hr.simulate(hr.System(["x"], {}, {"s": surface}, ["1"]), {"x": x}, until=1)

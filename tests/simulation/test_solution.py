@@ -138,6 +138,14 @@ def test_it_is_drawn(name: str, panels: int) -> None:
     plt.close(axes[0].figure)
 
 
+def test_a_blow_up_is_drawn_up_to_where_it_leaves_the_rest_behind() -> None:
+    run = hr.simulate(hr.System(["x"], {}, {"s": "x - 2"}, ["x^2"]), {"x": 1}, until=2)
+    axes = run.plot()
+    assert run.status == "diverged"
+    assert all(a.get_ylim()[1] < 1e3 for a in axes)
+    plt.close(axes[0].figure)
+
+
 def test_it_is_shown_in_a_line_and_in_a_notebook(stick_slip: hr.Solution) -> None:
     assert repr(stick_slip).startswith("Solution(ok; t = 0 to 20, 5 transitions, ")
     assert "<table" in stick_slip._repr_html_()
@@ -160,3 +168,12 @@ def test_it_can_be_sent_to_another_process(stick_slip: hr.Solution) -> None:
     assert again.sol(7.0).tolist() == there.sol(7.0).tolist()
     assert again.system == there.system == BELT.with_parameters({"vb": 0.3})
     assert again.system.parameters["vb"] == Fraction(3, 10)
+
+
+def test_the_start_comes_before_what_happens_there() -> None:
+    """The crossing is half a unit in the last place after the start."""
+    case = hr.System.from_case(CASES / "hard" / "horizon_one_ulp.yaml", "event")
+    run = hr.simulate(case, case.initial, start=case.start, until=case.until)
+    assert len(run.transitions) == 1
+    assert run.t[:3].tolist() == [1.0, 1.0, 1.0]
+    assert run.y[0, 0] == float(case.initial["x"]) < 0 <= run.y[0, 1]

@@ -23,7 +23,7 @@ def test_it_is_the_table_of_the_run() -> None:
     assert rows == list(table.itertuples(index=False, name=None))
 
 
-def test_it_goes_on_only_when_it_is_asked_for() -> None:
+def test_it_goes_no_further_than_it_must() -> None:
     events = hr.stream(OSCILLATOR, {"x": 1, "v": 0}, until=10**12)
     assert [next(events).to_mode for _ in range(3)] == ["s=-1", "s=+1", "s=-1"]
     assert events.outcome is None

@@ -151,7 +151,7 @@ def test_an_unknown_keyword_is_a_type_error() -> None:
         belt(resets={})
 
 
-def test_a_case_that_is_none_is_told_with_its_place(tmp_path: Path) -> None:
+def test_a_case_that_is_none_is_an_error_with_its_place(tmp_path: Path) -> None:
     with pytest.raises(hr.CaseError, match="no such file"):
         hr.System.from_case(tmp_path / "none.yaml")
     with pytest.raises(hr.HenonRefError, match="wanted the name of a reading"):
