@@ -9,12 +9,12 @@ from contextlib import contextmanager
 
 PERIOD = 0.2
 """Seconds between two pictures."""
-Told = Callable[[int, bool], None]
+Advance = Callable[[int, bool], None]
 """Takes a number of points, and whether they are kept from before."""
 
 
 @contextmanager
-def shown(total: int, *, quiet: bool = False) -> Iterator[Told]:
+def shown(total: int, *, quiet: bool = False) -> Iterator[Advance]:
     """Show a bar on standard error, where that is a terminal, or in a notebook; elsewhere nothing.
 
     Parameters
@@ -52,7 +52,7 @@ def shown(total: int, *, quiet: bool = False) -> Iterator[Told]:
         began, run, drawn = time.monotonic(), 0, [0.0]
         bar.refresh()
 
-        def told(points: int, kept: bool) -> None:
+        def advance(points: int, kept: bool) -> None:
             nonlocal run
             run += 0 if kept else points
             bar.update(task, advance=points, rate=f"{run / max(time.monotonic() - began, 1e-9):,.0f} runs/s")
@@ -60,7 +60,7 @@ def shown(total: int, *, quiet: bool = False) -> Iterator[Told]:
                 drawn[0] = time.monotonic()
                 bar.refresh()
 
-        yield told
+        yield advance
 
 
 def in_notebook() -> bool:
