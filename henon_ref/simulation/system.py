@@ -253,7 +253,12 @@ class System:
         tree = child(self.tree, ["system" if self._form.system else "scene", "parameters"])
         nodes = tree.entries.values() if isinstance(tree, MappingNode) else ()
         used = {name for node in nodes if isinstance(node, ScalarNode) for name in names_in(node.text)}
-        return frozenset(self._names.values) - used - {symbol.name for symbol in parameters_in_exponents(self._written)}
+        return frozenset(self._names.values) - used - self.exponent_parameters
+
+    @cached_property
+    def exponent_parameters(self) -> frozenset[str]:
+        """Parameters in exponents: with other values of them the system is another one."""
+        return frozenset(symbol.name for symbol in parameters_in_exponents(self._written))
 
     @cached_property
     def has_moving_exponents(self) -> bool:

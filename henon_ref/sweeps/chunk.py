@@ -13,9 +13,9 @@ import sympy as sp
 
 from henon_ref.henon.integrator import Integrator
 from henon_ref.simulation.compiled import integrator_of, local_error
-from henon_ref.sweeps.kernel import Ended, run_points, together
+from henon_ref.sweeps.kernel import Ended, joined, run_points, together
 from henon_ref.sweeps.observations import Observation
-from henon_ref.sweeps.parameter_values import parameter_values
+from henon_ref.sweeps.parameter_values import following, parameter_values
 from henon_ref.sweeps.points import Vector
 from henon_ref.sweeps.runs import Columns, Runs, Settings
 from henon_ref.sweeps.sections import Section, with_sections
@@ -50,18 +50,24 @@ class Work:
 
         return bytes(cloudpickle.dumps(self))
 
-    def prepared(self) -> tuple[Integrator, dict[sp.Expr, Section]]:
-        """The compiled system, sections included, and where each section stands; compiled at the first call."""
+    def prepared(self, exponents: Mapping[str, float] | None = None) -> tuple[Integrator, dict[sp.Expr, Section]]:
+        """The compiled system, sections included, and where each section stands; compiled at the first call.
+
+        Parameters
+        ----------
+        exponents : mapping, optional
+            Values of parameters that stand in exponents: with others it is another system.
+        """
         system = self.settings.system
         wanted = [e for o in self.observations for e in o.sections(system)]
-        whole, sections = with_sections(system, wanted)
+        whole, sections = with_sections(system.with_parameters(exponents) if exponents else system, wanted)
         return integrator_of(whole, local_error(self.settings.rtol)), sections
 
 
 @lru_cache(maxsize=KEPT_SWEEPS)
-def _unpickled(work: bytes) -> tuple[Work, Integrator, dict[sp.Expr, Section]]:
-    made = pickle.loads(work)
-    return made, *made.prepared()
+def _unpickled(work: bytes) -> Work:
+    made: Work = pickle.loads(work)
+    return made
 
 
 def execute(work: bytes, first: int, values: Vector) -> Tables:
@@ -76,9 +82,9 @@ def execute(work: bytes, first: int, values: Vector) -> Tables:
     values : ndarray, shape (K, k)
         The chunk's points.
     """
-    made, integrator, sections = _unpickled(work)
+    made = _unpickled(work)
     columns = {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(made.names)}
-    runs = run_chunk(made, integrator, sections, columns, len(values))
+    runs = run_chunk(made, columns, len(values))
     points: Columns = {"status": runs.status}
     ragged: dict[str, Columns] = {}
     for observation in made.observations:
@@ -88,9 +94,7 @@ def execute(work: bytes, first: int, values: Vector) -> Tables:
     return Tables(points, ragged)
 
 
-def run_chunk(
-    work: Work, integrator: Integrator, sections: Mapping[sp.Expr, Section], columns: Mapping[str, Vector], count: int
-) -> Runs:
+def run_chunk(work: Work, columns: Mapping[str, Vector], count: int) -> Runs:
     """Run a chunk's points; those of a chain one after another, all chains at once."""
     settings = work.settings
     names, system = settings.system.state, settings.system
@@ -101,7 +105,6 @@ def run_chunk(
         for name in names
     ]
     initial = np.column_stack(states)
-    keep = together([o.kept(system) for o in work.observations])
     parts: list[tuple[Any, Ended]] = []
     for step in range(work.chain):
         own = np.arange(step, count, work.chain)
@@ -109,28 +112,31 @@ def run_chunk(
             _, ended = parts[-1]
             carried = ended.status == "ok"
             initial[own[carried]] = ended.end_state[carried]
-        run = run_points(integrator, settings, {name: v[own] for name, v in parameters.items()}, initial[own], keep)
-        parts.append((own, run))
+        at_step = {name: v[own] for name, v in parameters.items()}
+        parts.append((own, _run_step(work, frozenset(swept), at_step, initial[own])))
     return Runs(
         settings=settings,
-        sections=sections,
+        sections=work.prepared()[1],
         values=columns,
         parameters=parameters,
         start=float(sp.N(system.number(settings.start))),
         start_state=initial,
-        modes=integrator.mode_table.modes,
-        **_joined(parts, count),
+        **vars(joined(parts)),
     )
 
 
-def _joined(parts: list[tuple[Any, Ended]], count: int) -> dict[str, Any]:
-    """The steps of all chains in the order of the points."""
-    order = np.argsort(np.concatenate([own for own, _ in parts]), kind="stable")
-    found = {
-        name: np.concatenate([getattr(ended, name) for _, ended in parts])[order]
-        for name in ("status", "message", "end_time", "end_state", "end_mode", "counts")
-    }
-    run = np.concatenate([own[ended.run] for own, ended in parts])
-    records = np.concatenate([ended.records for _, ended in parts])
-    by_run = np.argsort(run, kind="stable")
-    return {**found, "run": run[by_run], "records": records[by_run]}
+def _run_step(work: Work, swept: frozenset[str], parameters: Mapping[str, Vector], initial: Vector) -> Ended:
+    """Runs that do not wait for each other; one compiled system for each set of exponents."""
+    settings = work.settings
+    keep = together([o.kept(settings.system) for o in work.observations])
+    moved = sorted(settings.system.exponent_parameters & (swept | set(following(settings.system, swept))))
+    if not moved:
+        return run_points(work.prepared()[0], settings, parameters, initial, keep)
+    values, which = np.unique(np.column_stack([parameters[name] for name in moved]), axis=0, return_inverse=True)
+    parts: list[tuple[Any, Ended]] = []
+    for k, exponents in enumerate(values.tolist()):
+        own = np.nonzero(which.ravel() == k)[0]
+        integrator, _ = work.prepared(dict(zip(moved, exponents, strict=True)))
+        at_own = {name: v[own] for name, v in parameters.items()}
+        parts.append((own, run_points(integrator, settings, at_own, initial[own], keep)))
+    return joined(parts)

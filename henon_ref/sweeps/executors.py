@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
+import threading
+import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 from henon_ref.errors import ArgumentError, HenonRefError
@@ -97,14 +101,12 @@ def _on_executor(function: Callable[..., Any], tasks: Iterator[Task], executor: 
 
 
 def _in_processes(function: Callable[..., Any], tasks: Iterator[Task], jobs: int) -> Iterator[tuple[int, Any]]:
-    """Processes that begin afresh, whatever the caller's main module is: neither script nor notebook needs a guard."""
-    from loky import ProcessPoolExecutor
-
+    """Processes of our own; where one of them ends, all begin anew, and do what had not been finished."""
     tries: dict[int, int] = {}
     again: list[Task] = []
     while True:
         running: dict[Future[Any], Task] = {}
-        executor = ProcessPoolExecutor(jobs, timeout=None, initializer=_begin_worker, env=ONE_THREAD)
+        executor = _pool(jobs)
         whole = False
         try:
             yield from _flow(function, _first(again, tasks), executor, running, AHEAD * jobs)
@@ -121,7 +123,36 @@ def _in_processes(function: Callable[..., Any], tasks: Iterator[Task], jobs: int
                     ) from None
             again[:] = [*lost, *again]
         finally:
-            executor.shutdown(wait=True, kill_workers=not whole)
+            _end(executor, whole=whole)
+
+
+def _pool(jobs: int) -> Any:
+    """Processes that have what this one has, on Linux while it has a single thread; else ones that begin afresh.
+
+    Those begin in some seconds, whatever the caller's main module is: neither script nor notebook needs a guard.
+    """
+    if may_fork():
+        return ProcessPoolExecutor(jobs, mp_context=get_context("fork"), initializer=_begin_worker)
+    from loky import ProcessPoolExecutor as FreshProcesses
+
+    return FreshProcesses(jobs, timeout=None, initializer=_begin_worker, env=ONE_THREAD)
+
+
+def may_fork() -> bool:
+    """Whether a copy of this process holds no lock of a thread that it does not have."""
+    return sys.platform == "linux" and threading.active_count() == 1
+
+
+def _end(executor: Any, *, whole: bool) -> None:
+    """End the processes; where not all is done, in the middle of what they do."""
+    if not isinstance(executor, ProcessPoolExecutor):
+        executor.shutdown(wait=True, kill_workers=not whole)
+        return
+    if not whole:  # from Python 3.14 on there is a method for it
+        for process in list((executor._processes or {}).values()):
+            with suppress(ProcessLookupError):
+                process.kill()
+    executor.shutdown(wait=True, cancel_futures=True)
 
 
 def _first(again: list[Task], tasks: Iterator[Task]) -> Iterator[Task]:
@@ -151,7 +182,10 @@ def _handed_in(
     function: Callable[..., Any], task: Task, executor: Executor, running: dict[Future[Any], Task]
 ) -> Future[Any]:
     try:
-        return executor.submit(function, *task.arguments)
+        with warnings.catch_warnings():
+            # The first one forks; the threads that linear algebra has of its own survive that by handlers of theirs.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            return executor.submit(function, *task.arguments)
     except BrokenProcessPool:  # this one has not been begun, but is no less lost
         running[Future()] = task
         raise
@@ -168,4 +202,5 @@ def _begin_worker() -> None:
     from henon_ref.campaign.procfs import signal_with_parent
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal_with_parent(signal.SIGKILL)

@@ -10,6 +10,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.filippov.modes import Mode
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.points import NOTHING, Keep, PointRuns
 from henon_ref.henon.records import HENON, transition_dtype
@@ -33,6 +34,7 @@ class Ended:
     counts: NDArray[np.int64]
     run: NDArray[np.int64]
     records: NDArray[Any]
+    modes: tuple[Mode, ...]
 
 
 def together(wanted: Sequence[Keep]) -> Keep:
@@ -93,6 +95,7 @@ def run_points(
         counts=np.column_stack([runs.ends[name] for name in ("steps", "expansions", "guard_evaluations")]),
         run=records["point"][order].astype(np.int64),
         records=records[order],
+        modes=integrator.mode_table.modes,
     )
 
 
@@ -125,4 +128,37 @@ def _one_by_one(
         counts=np.array([tuple(end.counts) for end in ends]).reshape(-1, 3),
         run=np.repeat(np.arange(len(ends)), [len(r) for r in records[1:]]),
         records=np.concatenate(records),
+        modes=integrator.mode_table.modes,
+    )
+
+
+def joined(parts: Sequence[tuple[NDArray[np.int64], Ended]]) -> Ended:
+    """Some parts of all runs as one.
+
+    Parameters
+    ----------
+    parts : sequence of (ndarray, Ended)
+        Numbers of the runs of each part, and how they ended.
+    """
+    order = np.argsort(np.concatenate([own for own, _ in parts]), kind="stable")
+    found = {
+        name: np.concatenate([getattr(ended, name) for _, ended in parts])[order]
+        for name in ("status", "message", "end_time", "end_state", "counts")
+    }
+    numbers: dict[Mode, int] = {}
+    end_mode, records = [], []
+    for _, ended in parts:
+        rows = np.array([*(numbers.setdefault(mode, len(numbers)) for mode in ended.modes), -1])
+        end_mode.append(rows[ended.end_mode])
+        own = ended.records.copy()
+        own["from_mode"], own["to_mode"] = rows[own["from_mode"]], rows[own["to_mode"]]
+        records.append(own)
+    run = np.concatenate([own[ended.run] for own, ended in parts])
+    by_run = np.argsort(run, kind="stable")
+    return Ended(
+        **found,
+        end_mode=np.concatenate(end_mode)[order],
+        run=run[by_run],
+        records=np.concatenate(records)[by_run],
+        modes=tuple(numbers),
     )

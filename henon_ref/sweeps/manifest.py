@@ -55,7 +55,7 @@ def manifest_of(plan: Plan) -> dict[str, Any]:
 def _written(plan: Plan, name: str, title: str, source: str | None) -> dict[str, Any]:
     settings = plan.work.settings
     model = {
-        key: _plain(settings.system.tree.entries[key]) for key in MODEL_KEYS if key in settings.system.tree.entries
+        key: _yaml_value(settings.system.tree.entries[key]) for key in MODEL_KEYS if key in settings.system.tree.entries
     }
     initial = {state: written(settings.initial[state], state) for state in settings.system.state}
     mode = {"mode": {str(sign): int(side) for sign, side in settings.mode.items()}} if settings.mode else {}
@@ -80,9 +80,9 @@ def _observation(observation: Observation) -> Mapping[str, Any]:
     return {observation.kind: {name: value for name, value in given.items() if value is not None}}
 
 
-def _plain(node: Node) -> Any:
+def _yaml_value(node: Node) -> Any:
     if isinstance(node, MappingNode):
-        return {key: _plain(entry) for key, entry in node.entries.items()}
+        return {key: _yaml_value(entry) for key, entry in node.entries.items()}
     if isinstance(node, SequenceNode):
-        return [_plain(item) for item in node.items]
+        return [_yaml_value(item) for item in node.items]
     return node.value if node.value is None or isinstance(node.value, bool | int) else node.text

@@ -7,12 +7,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-Told = Callable[[int, bool], None]
+PERIOD = 0.2
+"""Seconds between two pictures."""
+Advance = Callable[[int, bool], None]
 """Takes a number of points, and whether they are kept from before."""
 
 
 @contextmanager
-def shown(total: int, *, quiet: bool = False) -> Iterator[Told]:
+def shown(total: int, *, quiet: bool = False) -> Iterator[Advance]:
     """Show a bar on standard error, where that is a terminal, or in a notebook; elsewhere nothing.
 
     Parameters
@@ -44,16 +46,21 @@ def shown(total: int, *, quiet: bool = False) -> Iterator[Told]:
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    # It starts no thread, so that workers can be forked.
+    with Progress(*columns, console=Console(stderr=True), transient=True, auto_refresh=False) as bar:
         task = bar.add_task("points", total=total, rate="")
-        began, run = time.monotonic(), 0
+        began, run, drawn = time.monotonic(), 0, [0.0]
+        bar.refresh()
 
-        def told(points: int, kept: bool) -> None:
+        def advance(points: int, kept: bool) -> None:
             nonlocal run
             run += 0 if kept else points
             bar.update(task, advance=points, rate=f"{run / max(time.monotonic() - began, 1e-9):,.0f} runs/s")
+            if time.monotonic() - drawn[0] > PERIOD:
+                drawn[0] = time.monotonic()
+                bar.refresh()
 
-        yield told
+        yield advance
 
 
 def in_notebook() -> bool:

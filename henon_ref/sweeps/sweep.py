@@ -43,37 +43,33 @@ def sweep(
     system : System
     initial : mapping
         Every state -> number; a state of the grid has the grid's values instead.
-    until : number
-        Horizon of each run [s].
+    until, start : number
+        Horizon and initial time of each run [s].
     grid : mapping, DataFrame, str, Path or Points
-        Parameter or state -> numbers, or ``{"from": a, "to": b, "count": n}``: every combination of them is a point,
-        the last name changes fastest. A data frame (or a CSV or Parquet file) has a point a row. Random draws and
-        continuation: :mod:`henon_ref.points`.
+        Parameter or state -> numbers, or ``{"from": a, "to": b, "count": n}``: every combination is a point, the last
+        name changes fastest. A data frame, CSV or Parquet file has a point a row; others: :mod:`henon_ref.points`.
     observe : sequence
         Of :mod:`henon_ref.observe`.
-    rtol : float
-        Tolerance, as in :func:`henon_ref.simulate`.
+    rtol, mode
+        As in :func:`henon_ref.simulate`.
     jobs : int, optional
         Worker processes; as many as there are processors if left out. With 1 everything is done in this process.
     chunk : int, optional
         Points that are run in one go, and stand in one file; up to 2000 if left out.
     executor : concurrent.futures.Executor or dask.distributed.Client, optional
-        In place of processes of our own (threads do as well: the compiled loop lets go of the interpreter lock).
+        In place of processes of our own; threads do as well.
     out : str or Path, optional
         A folder for the results, as Parquet files; nothing is written without it.
     resume : bool
         Chunks that an earlier sweep of the same content has finished in ``out`` are not run again.
-    start : number
-        Initial time of each run [s].
-    mode : mapping, optional
-        As in :func:`henon_ref.simulate`.
 
     Returns
     -------
     SweepTable
         A data frame with a row a point, in the points' order: their columns, ``status``, and what was observed. A run
-        that ends otherwise than at its horizon is a row that says so. Ragged observations are data frames of their own,
-        by name in its attribute ``frames``; their column ``point`` is the row's number.
+        that ends before its horizon is a row that says so. Ragged observations are data frames by name in its
+        attribute ``frames``; their column ``point`` is the row's number. Every number is the same to the last bit,
+        however the points are cut into chunks and whoever runs them.
 
     Raises
     ------
@@ -81,23 +77,16 @@ def sweep(
         Also a ValueError, before anything is run or written, for what cannot be meant. A CaseError where the folder
         cannot be written.
 
-    Notes
-    -----
-    Every number is the same to the last bit, however the points are cut into chunks and whoever runs them.
-
     Examples
     --------
     A block that slides to rest in v / F:
 
     >>> from henon_ref import observe
     >>> block = System(["x", "v"], {"F": 0.5}, {"s": "v"}, ["v", "-F*s"])
-    >>> table = sweep(
-    ...     block, {"x": 0, "v": 1}, until=9, grid={"F": [0.5, 1], "v": [1, 2]}, observe=[observe.final_state()], jobs=1
-    ... )
-    >>> table[["F", "v", "final_x"]].values.tolist()
-    [[0.5, 1.0, 1.0], [0.5, 2.0, 4.0], [1.0, 1.0, 0.5], [1.0, 2.0, 2.0]]
-    >>> set(table["status"]), set(table["final_mode"])
-    ({'ok'}, {'s=0'})
+    >>> last = observe.final_state()
+    >>> table = sweep(block, {"x": 0, "v": 1}, until=9, grid={"F": [0.5, 1]}, observe=[last], jobs=1)
+    >>> table[["F", "status", "final_x", "final_mode"]].values.tolist()
+    [[0.5, 'ok', 1.0, 's=0'], [1.0, 'ok', 0.5, 's=0']]
     """
     plan = planned(
         system, initial, until=until, grid=grid, observe=observe, rtol=rtol, chunk=chunk, start=start, mode=mode

@@ -114,17 +114,19 @@ def _points(source: Source, system: System, folder: Path) -> Points:
         _known(source, path, ("along", "grid", "directions"))
         along = _axes(source, system, (*path, "along"))
         axes = _axes(source, system, (*path, "grid")) if "grid" in node.entries else None
-        directions = _plain(source, system, (*path, "directions")) if "directions" in node.entries else ("up", "down")
+        directions = (
+            _python_value(source, system, (*path, "directions")) if "directions" in node.entries else ("up", "down")
+        )
         return _placed(source, path, lambda: continuation(along, axes, directions))
     _known(source, path, ("draws", "count", "seed", "method"))
     _named(source, system, (*path, "draws"))
-    arguments = {key: _plain(source, system, (*path, key)) for key in node.entries}
+    arguments = {key: _python_value(source, system, (*path, key)) for key in node.entries}
     return _placed(source, path, lambda: _called(random, arguments))
 
 
 def _axes(source: Source, system: System, path: KeyPath) -> dict[str, Any]:
     """Values of a grid, each checked by itself, so that an error has its place."""
-    found = {name: _plain(source, system, (*path, name)) for name in _named(source, system, path)}
+    found = {name: _python_value(source, system, (*path, name)) for name in _named(source, system, path)}
     for name, given in found.items():
         _placed(source, (*path, name), partial(grid, {name: given}))
     return found
@@ -159,7 +161,7 @@ def _observation(source: Source, system: System, k: int) -> Observation:
         arguments: Mapping[str, Any] = {}
     elif isinstance(node, MappingNode):
         _known(source, path, tuple(inspect.signature(KINDS[kind]).parameters))
-        arguments = {name: _plain(source, system, (*path, name)) for name in node.entries}
+        arguments = {name: _python_value(source, system, (*path, name)) for name in node.entries}
     else:
         raise source.error(path, f"'{kind}' must be a mapping of its arguments, {{}} for none")
     made = _placed(source, path, lambda: _called(KINDS[kind], arguments), key=True)
@@ -175,7 +177,7 @@ def _called(function: Callable[..., T], arguments: Mapping[str, Any]) -> T:
     return function(**arguments)
 
 
-def _plain(source: Source, system: System, path: KeyPath) -> Any:
+def _python_value(source: Source, system: System, path: KeyPath) -> Any:
     """A value as Python has it: numbers as int and float."""
     node = child(source.tree, path)
     assert node is not None

@@ -32,7 +32,7 @@ def belts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     signal.signal(signal.SIGTERM, handler)
 
 
-def test_a_sweep_is_written_and_told(belts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sweep_is_written_and_summed_up(belts: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert program([str(belts), "--jobs", "1"]) == 0
     assert capsys.readouterr().out == "out/belts: 15 points, 15 ok\n"
     points = pd.read_parquet("out/belts/points")
@@ -59,7 +59,7 @@ def test_pictures_are_drawn(belts: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "place"), [(("vb: {from", "speed: {from"), "14:5"), (("[-1, 0, 1.5]", "[.nan]"), "15:9")]
 )
-def test_a_bad_file_is_told_with_its_place_and_writes_nothing(
+def test_an_error_in_the_file_has_its_place_and_nothing_is_written(
     belts: Path, change: tuple[str, str], place: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     belts.write_text(SWEEP.replace(*change))

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
@@ -45,9 +46,34 @@ def whole() -> SweepTable:
     return swept(jobs=1, chunk=24)
 
 
-@pytest.mark.parametrize("how", [{"jobs": 1, "chunk": 1}, {"jobs": 1, "chunk": 7}, {"jobs": 2, "chunk": 5}])
-def test_chunks_and_processes_change_no_bit(whole: SweepTable, how: dict[str, int]) -> None:
-    same(swept(**how), whole)
+@pytest.fixture(params=["forked", "fresh"])
+def processes(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """How worker processes begin: as copies of this one, or afresh."""
+    if request.param == "forked" and sys.platform != "linux":
+        pytest.skip("only Linux forks")
+    monkeypatch.setattr(executors, "may_fork", lambda: request.param == "forked")
+    return str(request.param)
+
+
+@pytest.mark.parametrize("chunk", [1, 7])
+def test_chunks_change_no_bit(whole: SweepTable, chunk: int) -> None:
+    same(swept(jobs=1, chunk=chunk), whole)
+
+
+def test_processes_change_no_bit(whole: SweepTable, processes: str) -> None:
+    same(swept(jobs=2, chunk=5), whole)
+
+
+def test_beside_another_thread_nothing_is_forked() -> None:
+    began, ends = threading.Event(), threading.Event()
+    other = threading.Thread(target=lambda: (began.set(), ends.wait()))
+    other.start()
+    began.wait()
+    try:
+        assert not executors.may_fork()
+    finally:
+        ends.set()
+        other.join()
 
 
 def test_threads_change_no_bit(whole: SweepTable) -> None:
@@ -101,12 +127,12 @@ def _dies(number: int) -> int:
     return number
 
 
-def test_a_task_whose_worker_is_killed_is_done_again(tmp_path: Path) -> None:
+def test_a_task_whose_worker_is_killed_is_done_again(processes: str, tmp_path: Path) -> None:
     tasks = (Task(k, (str(tmp_path / "mark"), k)) for k in range(60))
     assert dict(finished(_dies_once, tasks, jobs=2)) == {k: k * k for k in range(60)}
 
 
-def test_a_task_that_kills_every_worker_is_an_error() -> None:
+def test_a_task_that_kills_every_worker_is_an_error(processes: str) -> None:
     with pytest.raises(HenonRefError, match=f"{executors.TRIES} workers have ended"):
         dict(finished(_dies, (Task(k, (k,)) for k in range(3)), jobs=2))
 
@@ -163,7 +189,7 @@ def test_workers_that_are_killed_leave_the_same_files(tmp_path: Path) -> None:
 
 
 def _workers_of(pid: int) -> list[int]:
-    """Processes of loky that a process has begun."""
+    """Workers that a process has begun."""
     found = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -171,6 +197,6 @@ def _workers_of(pid: int) -> list[int]:
             words = (path.parent / "cmdline").read_bytes()
         except OSError:
             continue
-        if int(fields[1]) == pid and b"popen_loky" in words:
+        if int(fields[1]) == pid and b"resource_tracker" not in words:
             found.append(int(path.parent.name))
     return found

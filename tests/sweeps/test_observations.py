@@ -217,6 +217,20 @@ def test_parameters_that_are_expressions_in_swept_ones_follow() -> None:
     assert table["final_x"].to_numpy() == pytest.approx([0.25, 0.125], rel=1e-12)
 
 
+def test_a_parameter_in_an_exponent_makes_another_system() -> None:
+    """x' = x^a from x = 1: (1 + t/2)^2 for a = 1/2, exp(t), and 1/(1 - t) for a = 2."""
+    power = System(["x"], {"a": 1, "b": "2*a"}, {"s": "x - 100"}, ["x**(b/2)"])
+    points = {"a": [2, 0.5, 1], "x": [1, 4]}
+    table = sweep(
+        power, {"x": 1}, until=0.2, grid=points, observe=[observe.final_state(), observe.section("x - 1.1")], jobs=1
+    )
+    exact = [1 / 0.8, 4 / 0.2, 1.1**2, 2.1**2, math.exp(0.2), 4 * math.exp(0.2)]
+    assert table["final_x"].to_numpy() == pytest.approx(exact, rel=1e-8)
+    reached = table.frames["section"]
+    assert reached["point"].tolist() == [0, 2, 4]
+    assert reached["time_s"].to_numpy() == pytest.approx([1 - 1 / 1.1, 2 * (1.1**0.5 - 1), math.log(1.1)], rel=1e-8)
+
+
 @pytest.mark.parametrize(
     "make",
     [

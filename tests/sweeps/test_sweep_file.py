@@ -19,7 +19,7 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_a_file_says_what_the_function_is_told(tmp_path: Path) -> None:
+def test_a_file_says_what_arguments_say(tmp_path: Path) -> None:
     read = load_sweep(written(tmp_path, SWEEP))
     assert (read.name, read.source) == ("belts", "my notebook")
     assert read.plan.chunk == 4
@@ -90,9 +90,7 @@ def test_a_scene_may_stand_in_place_of_a_system(tmp_path: Path) -> None:
         ("v - vb", "v - v0", 8, 22, "v0"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_place(
-    tmp_path: Path, old: str, new: str, line: int, column: int, words: str
-) -> None:
+def test_an_error_has_its_place(tmp_path: Path, old: str, new: str, line: int, column: int, words: str) -> None:
     shift = 1 if line == 20 or (line, column) == (19, 7) else 0  # the section's line comes before
     path = written(tmp_path, SWEEP.replace(old, new, 1))
     with pytest.raises(CaseError) as caught:
