@@ -6,6 +6,7 @@ import signal
 from collections.abc import Generator
 from importlib.util import find_spec
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 from commands import SOLVERS, Drawing
@@ -16,6 +17,7 @@ from henon_ref import registry
 from henon_ref.campaign import truth_job
 from henon_ref.cli import compare_cases
 from henon_ref.errors import UnavailableError
+from henon_ref.truth import store
 
 LIBRARIES = {"heyoka": "heyoka", "scikit-sundae": "sksundae"}
 """Packages that a machine may be without, and their modules."""
@@ -32,6 +34,13 @@ def pytest_pyfunc_call() -> Generator[None, object, object]:
         if str(error) in ABSENT:
             pytest.skip(str(error))
         raise
+
+
+@pytest.fixture(autouse=True)
+def _own_truths(monkeypatch, tmp_path_factory):
+    """Truths that a test computes are found by no other test, nor by the user."""
+    folder = tmp_path_factory.getbasetemp() / "truths" / uuid4().hex
+    monkeypatch.setattr(store, "user_folder", lambda: folder)
 
 
 @pytest.fixture

@@ -233,7 +233,7 @@ def test_a_truth_of_what_the_case_said_before_is_told_and_stays(
 @pytest.fixture
 def computed(file: Path, monkeypatch: pytest.MonkeyPatch) -> Truth:
     """The truth, in place of whatever would be computed; the user's cache is in the same folder."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(file.parent.parent / "cache"))
+    monkeypatch.setattr(store, "user_folder", lambda: file.parent.parent / "cache" / "henon_ref" / "truth")
     case = load_case(file)
     truth = compute.compute(case, case.readings[0])
     monkeypatch.setattr(compute, "compute", lambda *a, **k: truth)
