@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 from textwrap import dedent
+from typing import Any
 
 import pytest
 
@@ -69,3 +70,13 @@ def test_the_case_that_readme_shows_runs_and_sticks() -> None:
     run = HENON_SOLVER.prepare(case.readings[0].problem, rtol=1e-12)()
     assert run.status == "ok"
     assert {"stick", "release"} <= {t.kind for t in run.transitions}
+
+
+def test_the_run_and_the_sweep_that_readme_shows_run() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    section = text[text.index("## One run, or a million") : text.index("A system is compiled once")]
+    found: dict[str, Any] = {}
+    exec(dedent(section.partition("\n")[2]), found)
+    assert found["run"].status == "ok"
+    assert len(found["run"].sticks) > 0
+    assert list(found["table"]["status"]) == ["ok"] * 1000

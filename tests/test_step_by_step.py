@@ -40,7 +40,7 @@ def test_the_first_case_has_the_transitions_that_its_page_tells() -> None:
 @pytest.mark.parametrize(
     ("right", "wrong"),
     [
-        ("M*s", "M*sign(w)"),
+        ("M*s", "M*sgn(w)"),
         ("cos(Omega*t)", "cos(Om*t)"),
         (", w: 0}", "}"),
         ("{s: w}", "[w]"),

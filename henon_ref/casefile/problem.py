@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy as sp
 
+from henon_ref.casefile.assembly import Scene
 from henon_ref.casefile.scene import build_scene
 from henon_ref.casefile.schema import CaseForm
 from henon_ref.casefile.source import Names, Source
@@ -21,6 +22,8 @@ from henon_ref.filippov.system import FilippovSystem, SlidingOverride
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
+
+NO_VALUE = (sp.nan, sp.zoo, sp.oo, -sp.oo)
 
 
 def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
@@ -50,7 +53,8 @@ def build_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
 def written_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
     """The same with exponents as they are written."""
     if form.scene is not None:
-        system, names = build_scene(source, form.scene)
+        scene, names = read_scene(source)
+        system = scene.system()
     else:
         assert form.system is not None
         system, names = build_system(source, form.system)
@@ -58,6 +62,11 @@ def written_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})
     return system, names
+
+
+def read_scene(source: Source) -> tuple[Scene, Names]:
+    """The scene of a case that has one, read once for all readings that share it."""
+    return source.once("scene", ("scene",), lambda: build_scene(source))
 
 
 def mathematics(problem: Problem) -> dict[str, Any]:
@@ -108,21 +117,27 @@ def _initial(source: Source, form: CaseForm, names: Names) -> tuple[sp.Expr, ...
 
 
 def _check_start(source: Source, problem: Problem) -> None:
-    """Refuse a start at which a surface, or an expression of ``valid``, would become a giant number."""
-    delicate = source.once("exponents", ("system", "scene", "sliding"), lambda: _with_moving_exponents(problem.system))
+    """Refuse a start at which a surface, or an expression of ``valid``, has no value or would be a giant number."""
+    delicate = source.once("exponents", ("system", "scene", "sliding"), lambda: _delicate(problem.system))
     for what, expression in delicate:
         source.charge(("initial",), size(expression, MAX_SIZE))
         try:
-            put(problem.system.numeric(expression), _start(problem))
+            value = put(problem.system.numeric(expression), _start(problem))
         except ModelError as error:
             raise source.error(("initial",), f"{what} has no value at the start: {error}", key=True) from error
+        if value.has(*NO_VALUE):
+            raise source.error(("initial",), f"{what} has no value at the start", key=True)
 
 
-def _with_moving_exponents(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
+def _delicate(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
+    """Surfaces, and expressions of ``valid``, that may have no value at a point."""
     named = [(f"the surface of '{s}'", h) for s, h in zip(system.sign_names, system.surfaces, strict=True)]
     named += [("an expression of 'valid'", v) for v in system.valid]
-    moving = {TIME, *system.states}
-    return [(what, e) for what, e in named if any(p.exp.free_symbols & moving for p in e.atoms(sp.Pow))]
+    return [(what, e) for what, e in named if e.has(sp.tan, sp.log) or any(_may_fail(p) for p in e.atoms(sp.Pow))]
+
+
+def _may_fail(power: sp.Pow) -> bool:
+    return not (power.exp.is_Integer and power.exp.is_positive)
 
 
 def _start(problem: Problem) -> dict[sp.Symbol, sp.Expr]:
@@ -152,4 +167,4 @@ def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int,
 
 def _side_at_start(problem: Problem, system: FilippovSystem, index: int) -> int:
     value = put(system.numeric(system.surfaces[index]), _start(problem))
-    return 0 if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo) else exact_sign(value)
+    return 0 if value.has(*NO_VALUE) else exact_sign(value)

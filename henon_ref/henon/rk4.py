@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.modes import Mode, replaced, transition_kind
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
@@ -94,7 +95,12 @@ class HenonRK4:
         wanted = np.empty(0) if sample_times is None else np.asarray(sample_times, dtype=float)
         plan = _Plan(problem, step)
         _Integration(plan, wanted, deadline).run()
-        return lambda: _Integration(plan, wanted, deadline).run()
+
+        def run() -> Trajectory:
+            found = _Integration(plan, wanted, deadline).run()
+            return found._replace(transitions=visible(problem.system, found.transitions))
+
+        return run
 
 
 RK4 = HenonRK4()

@@ -42,6 +42,10 @@ class TransitionArray(Sequence[Transition]):
         """What it was made of."""
         return self._rows
 
+    def kept(self, keep: Sequence[bool]) -> TransitionArray:
+        """Those of which ``keep`` says so."""
+        return TransitionArray(self._rows[np.asarray(keep, dtype=bool)], self._modes)
+
     @property
     def records(self) -> NDArray[Any]:
         """Shape (k,) of :func:`henon_ref.henon.records.transition_dtype`: a view."""

@@ -7,9 +7,11 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from henon_ref.errors import ArgumentError
+from henon_ref.filippov.kinks import visibility
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.start import Start
+from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.arguments import check_absolute_tolerance, problem_of, stop_of, tolerance_of
 from henon_ref.simulation.compiled import integrator_of, local_error
@@ -41,6 +43,9 @@ class Launch(NamedTuple):
         """What the run returned, with the words for a run that was to stop, and no mode where there was none."""
         if self.start.refused is not None:
             return trajectory._replace(end_mode=())
+        found = trajectory.transitions
+        if self.base.model.kinks and isinstance(found, TransitionArray):
+            trajectory = trajectory._replace(transitions=found.kept(visibility(self.base.model, found)))
         if (self.start.stop_falling or self.start.stop_rising) and trajectory.status == "ok":
             last = trajectory.transitions[-1] if len(trajectory.transitions) else None
             if last is not None and (last.time, last.time_low) != self.start.until and last.time == trajectory.end_time:

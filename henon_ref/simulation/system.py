@@ -245,7 +245,7 @@ class System:
     @cached_property
     def conditions(self) -> list[sp.Expr]:
         """What a scene wants of its parameters (see :func:`henon_ref.casefile.scene.conditions`)."""
-        return conditions(Source(self.tree), self._form.scene) if self._form.scene else []
+        return conditions(Source(self.tree)) if self._form.scene else []
 
     @cached_property
     def independent_parameters(self) -> frozenset[str]:

@@ -35,13 +35,14 @@ def test_static_friction_is_not_smaller_than_kinetic_friction(tmp_path: Path) ->
     path = tmp_path / "held.yaml"
     path.write_text(
         "schema: 1\nname: held\ntitle: held\n"
-        "scene:\n  body: belt_oscillator\n  parameters: {m: 1, k: 1, Fk: 1, Fs: 3/2}\n"
-        "  effects: {linear_spring: {stiffness: k}, moving_belt: {velocity: 1}, coulomb_friction: {force: Fk}, "
-        "static_friction: {force: Fs}}\n"
-        "initial: {x1: 0, x2: 0}\nuntil: 5\n"
+        "scene:\n  parameters: {m: 1, k: 1, Fk: 1, Fs: 3/2}\n"
+        "  bodies: {a: {mass: m}, belt: {velocity: 1}, wall: fixed}\n"
+        "  connections:\n    - spring: {between: [a, wall], stiffness: k}\n"
+        "    - friction: {between: [a, belt], law: coulomb, force: Fk, static: Fs}\n"
+        "initial: {x_a: 0, v_a: 0}\nuntil: 5\n"
     )
     scene = hr.System.from_case(path)
     assert negative(scene) == []
     assert negative(scene, Fk=2) == ["-Fk + Fs"]
-    with pytest.raises(hr.HenonRefError, match="static friction"):
+    with pytest.raises(hr.HenonRefError, match="'static' must not be smaller"):
         scene.with_parameters({"Fk": 2})
