@@ -219,12 +219,7 @@ def _reading(
     check_model(source, form)
     expected.check_runs(source, form, solvers)
     problem, names = build_problem(source, form)
-    if not problem.system.surfaces:
-        if form.scene is not None:
-            message = "without friction or a stop there is no surface, so no transition to find; name one"
-            raise source.error(("scene", "connections"), message, key=True)
-        message = "without 'surfaces' and without kinks in 'field' there is no transition to find; name a surface"
-        raise source.error(("system",), message, key=True)
+    check_surfaces(source, form, problem)
     after = source.number(("measure", "after"), names.values) if "after" in form.measure.model_fields_set else 0
     if after != 0 and exact_sign(problem.until - after) <= 0:
         raise source.error(("measure", "after"), f"'after' must be earlier than 'until', {problem.until}")
@@ -250,8 +245,19 @@ def _reading(
     )
 
 
+def check_surfaces(source: Source, form: CaseForm, problem: Problem) -> None:
+    """Refuse a case without a surface."""
+    if problem.system.surfaces:
+        return
+    if form.scene is not None:
+        message = "without friction or a stop there is no surface, so no transition to find; name one"
+        raise source.error(("scene", "connections"), message, key=True)
+    message = "without 'surfaces' and without kinks in 'field' there is no transition to find; name a surface"
+    raise source.error(("system",), message, key=True)
+
+
 def check_model(source: Source, form: CaseForm) -> None:
-    """Refuse a case with two models or none."""
+    """Refuse a file with two models or none."""
     message = "give the model once: either 'system' or 'scene'"
     given = [key for key, model in (("system", form.system), ("scene", form.scene)) if model is not None]
     if not given:

@@ -15,7 +15,7 @@ from henon_ref.henon.integrator import Integrator
 from henon_ref.simulation.compiled import integrator_of, local_error
 from henon_ref.sweeps.kernel import Ended, joined, run_points, together
 from henon_ref.sweeps.observations import Observation
-from henon_ref.sweeps.parameter_values import following, parameter_values
+from henon_ref.sweeps.parameter_values import following, number_values, parameter_values
 from henon_ref.sweeps.points import Vector
 from henon_ref.sweeps.runs import Columns, Runs, Settings
 from henon_ref.sweeps.sections import Section, with_sections
@@ -100,11 +100,13 @@ def run_chunk(work: Work, columns: Mapping[str, Vector], count: int) -> Runs:
     names, system = settings.system.state, settings.system
     swept = {name: values for name, values in columns.items() if name not in names}
     parameters = parameter_values(system, swept, count)
-    states = [
-        columns[name] if name in columns else np.full(count, float(sp.N(system.number(settings.initial[name]))))
-        for name in names
-    ]
-    initial = np.column_stack(states)
+    moved = frozenset(swept) | set(following(system, frozenset(swept)))
+
+    def numbers(value: Any) -> Vector:
+        return np.broadcast_to(number_values(system, value, parameters, moved), (count,))
+
+    initial = np.column_stack([columns.get(name, numbers(settings.initial[name])) for name in names])
+    start, until = numbers(settings.start), numbers(settings.until)
     parts: list[tuple[Any, Ended]] = []
     for step in range(work.chain):
         own = np.arange(step, count, work.chain)
@@ -113,30 +115,33 @@ def run_chunk(work: Work, columns: Mapping[str, Vector], count: int) -> Runs:
             carried = ended.status == "ok"
             initial[own[carried]] = ended.end_state[carried]
         at_step = {name: v[own] for name, v in parameters.items()}
-        parts.append((own, _run_step(work, frozenset(swept), at_step, initial[own])))
+        times = np.column_stack([start[own], until[own]])
+        parts.append((own, _run_step(work, moved, at_step, initial[own], times)))
     return Runs(
         settings=settings,
         sections=work.prepared()[1],
         values=columns,
         parameters=parameters,
-        start=float(sp.N(system.number(settings.start))),
+        start=start,
         start_state=initial,
         **vars(joined(parts)),
     )
 
 
-def _run_step(work: Work, swept: frozenset[str], parameters: Mapping[str, Vector], initial: Vector) -> Ended:
+def _run_step(
+    work: Work, moved: frozenset[str], parameters: Mapping[str, Vector], initial: Vector, times: Vector
+) -> Ended:
     """Runs that do not wait for each other; one compiled system for each set of exponents."""
     settings = work.settings
     keep = together([o.kept(settings.system) for o in work.observations])
-    moved = sorted(settings.system.exponent_parameters & (swept | set(following(settings.system, swept))))
-    if not moved:
-        return run_points(work.prepared()[0], settings, parameters, initial, keep)
-    values, which = np.unique(np.column_stack([parameters[name] for name in moved]), axis=0, return_inverse=True)
+    names = sorted(settings.system.exponent_parameters & moved)
+    if not names:
+        return run_points(work.prepared()[0], settings, parameters, initial, times, keep)
+    values, which = np.unique(np.column_stack([parameters[name] for name in names]), axis=0, return_inverse=True)
     parts: list[tuple[Any, Ended]] = []
     for k, exponents in enumerate(values.tolist()):
         own = np.nonzero(which.ravel() == k)[0]
-        integrator, _ = work.prepared(dict(zip(moved, exponents, strict=True)))
+        integrator, _ = work.prepared(dict(zip(names, exponents, strict=True)))
         at_own = {name: v[own] for name, v in parameters.items()}
-        parts.append((own, run_points(integrator, settings, at_own, initial[own], keep)))
+        parts.append((own, run_points(integrator, settings, at_own, initial[own], times[own], keep)))
     return joined(parts)

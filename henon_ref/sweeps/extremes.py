@@ -72,10 +72,10 @@ class Extremes(Observation):
         run = np.concatenate([runs.run[later], everyone[ends]])
         times = np.concatenate([runs.records["time"][later], runs.end_time[ends]])
         states = np.concatenate([runs.records["state"][later], runs.end_state[ends]])
-        if after <= runs.start:
-            run = np.concatenate([run, everyone])
-            times = np.concatenate([times, np.full(len(runs), runs.start)])
-            states = np.concatenate([states, runs.start_state])
+        begins = np.nonzero(runs.start >= after)[0]
+        run = np.concatenate([run, begins])
+        times = np.concatenate([times, runs.start[begins]])
+        states = np.concatenate([states, runs.start_state[begins]])
         values = evaluated(runs, self._expression(runs.system), run, times, states)
         name = self.name or self.of
         least, largest = np.full(len(runs), np.inf), np.full(len(runs), -np.inf)

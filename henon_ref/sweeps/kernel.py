@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.filippov.modes import Mode
@@ -46,7 +45,12 @@ def together(wanted: Sequence[Keep]) -> Keep:
 
 
 def run_points(
-    integrator: Integrator, settings: Settings, parameters: Mapping[str, Vector], initial: Vector, keep: Keep
+    integrator: Integrator,
+    settings: Settings,
+    parameters: Mapping[str, Vector],
+    initial: Vector,
+    times: Vector,
+    keep: Keep,
 ) -> Ended:
     """Run K points.
 
@@ -57,22 +61,23 @@ def run_points(
     parameters : mapping
         Every parameter -> its values, shape (K,).
     initial : ndarray, shape (K, n)
+    times : ndarray, shape (K, 2)
+        Initial time and horizon [s].
     keep : Keep
     """
-    count, number = len(initial), settings.system.number
+    count = len(initial)
     values = np.empty((count, len(integrator.parameters)))
     for k, symbol in enumerate(integrator.parameters):
         values[:, k] = parameters[symbol.name]
-    begin, until = float(sp.N(number(settings.start))), float(sp.N(number(settings.until)))
     if settings.mode:
         mode = {settings.system.model.sign_names.index(sign): side for sign, side in settings.mode.items()}
-        return _one_by_one(integrator, values, initial, begin, until, local_error(settings.rtol), mode)
+        return _one_by_one(integrator, values, initial, times, local_error(settings.rtol), mode)
     runs = PointRuns(
         integrator,
         values,
         initial,
-        start=begin,
-        until=until,
+        start=times[:, 0],
+        until=times[:, 1],
         tolerance=local_error(settings.rtol),
         landing=HENON,
         keep=keep,
@@ -103,14 +108,13 @@ def _one_by_one(
     integrator: Integrator,
     values: Vector,
     initial: Vector,
-    begin: float,
-    until: float,
+    times: Vector,
     tolerance: float,
     mode: Mapping[int, int],
 ) -> Ended:
     """The same where all runs start in a mode that is given: each is started by itself."""
     ends, records, nowhere = [], [np.zeros(0, dtype=transition_dtype(initial.shape[1]))], []
-    for own, x in zip(values.tolist(), initial.tolist(), strict=True):
+    for own, x, (begin, until) in zip(values.tolist(), initial.tolist(), times.tolist(), strict=True):
         start = integrator.start_at(
             tuple(own), x, start=begin, until=until, tolerance=tolerance, landing=HENON, mode=mode
         )

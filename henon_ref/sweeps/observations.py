@@ -117,7 +117,7 @@ class Sticks(Observation):
         leaves = runs.entries[runs.records["to_mode"][at], surface] != 0
         first = np.append(True, runs.run[at[1:]] != runs.run[at[:-1]]) if at.size else np.zeros(0, dtype=bool)
         entered = np.roll(at, 1)  # what changed before: it began the stick, if it is of the same run
-        begin = np.where(first, runs.start, runs.records["time"][entered])
+        begin = np.where(first, runs.start[runs.run[at]], runs.records["time"][entered])
         low = np.where(first, 0.0, runs.records["time_low"][entered])
         kept = leaves & (runs.records["time"][at] >= self.after)
         return at[kept], begin[kept], low[kept]

@@ -11,6 +11,7 @@ import sympy as sp
 from henon_ref.casefile.expressions import parse_expression
 from henon_ref.casefile.tree import ScalarNode, child
 from henon_ref.simulation.system import System
+from henon_ref.simulation.written import written
 from henon_ref.sweeps.runs import Vector
 
 
@@ -31,6 +32,28 @@ def parameter_values(system: System, swept: Mapping[str, Vector], count: int) ->
             value = sp.lambdify(symbols, expression, "numpy")(*(found[s.name] for s in symbols))
         found[name] = np.broadcast_to(np.asarray(value, dtype=np.float64), (count,)).copy()
     return found
+
+
+def number_values(system: System, value: object, parameters: Mapping[str, Vector], moved: frozenset[str]) -> Vector:
+    """A number at each point: one that is text in parameters follows those that are swept.
+
+    Parameters
+    ----------
+    system : System
+    value : number or str
+    parameters : mapping
+        Every parameter -> its values, shape (K,).
+    moved : frozenset of str
+        Parameters that are swept, and those that follow them.
+    """
+    count = len(next(iter(parameters.values()))) if parameters else 1
+    expression = parse_expression(written(value, "a number"), {name: sp.Symbol(name, real=True) for name in parameters})
+    symbols = sorted(expression.free_symbols, key=lambda s: s.name)
+    if not moved & {s.name for s in symbols}:
+        return np.full(count, float(sp.N(system.number(value))))
+    with np.errstate(all="ignore"):
+        found = sp.lambdify(symbols, expression, "numpy")(*(parameters[s.name] for s in symbols))
+    return np.broadcast_to(np.asarray(found, dtype=np.float64), (count,)).copy()
 
 
 def following(system: System, swept: frozenset[str]) -> dict[str, sp.Expr]:

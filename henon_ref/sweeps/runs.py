@@ -46,7 +46,7 @@ class Runs:
         Parameter or state -> its value in each run, shape (K,); what is not there is as in the settings.
     parameters : mapping
         Every parameter of the system -> its value in each run, shape (K,).
-    start : float
+    start : ndarray, shape (K,)
         Initial time [s].
     start_state : ndarray, shape (K, n)
     status, message : ndarray of str, shape (K,)
@@ -69,7 +69,7 @@ class Runs:
     sections: Mapping[Any, Section]
     values: Mapping[str, Vector]
     parameters: Mapping[str, Vector]
-    start: float
+    start: Vector
     start_state: Vector
     status: NDArray[Any]
     message: NDArray[Any]

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from henon_ref.casefile.case import check_model
+from henon_ref.casefile.case import check_model, check_surfaces
 from henon_ref.casefile.problem import build_problem
 from henon_ref.casefile.source import Path as KeyPath
 from henon_ref.casefile.source import Source
@@ -58,8 +58,7 @@ def load_sweep(path: str | Path) -> SweepFile:
     case = validated(source.tree, file=str(path))
     check_model(source, case)
     problem, _ = build_problem(source, case)
-    if not problem.system.surfaces:
-        raise source.error(("scene",), "without friction there is no surface; name a friction effect", key=True)
+    check_surfaces(source, case, problem)
     whole = Source(tree, str(path))
     system = System.from_tree(source.tree)
     points = _points(whole, system, Path(path).parent)

@@ -86,9 +86,12 @@ def test_a_folder_that_cannot_be_written_is_status_2(belts: Path, capsys: pytest
 
 def test_an_interrupt_leaves_whole_files_and_no_workers_and_can_be_resumed(belts: Path) -> None:
     belts.write_text(LONG)
-    environment = {**os.environ, "PYTHONPATH": os.environ.get("PYTHONPATH", "")}
     process = subprocess.Popen(
-        [*COMMAND, "belts.yaml", "--jobs", "2"], stderr=subprocess.PIPE, text=True, env=environment, process_group=0
+        [*COMMAND, "belts.yaml", "--jobs", "2"],
+        stderr=subprocess.PIPE,
+        text=True,
+        process_group=0,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's jobs in the background ignore it
     )
     ends = time.monotonic() + PATIENCE
     while len(list(Path("out").rglob("points/*.parquet"))) < 3 and time.monotonic() < ends:

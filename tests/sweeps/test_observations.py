@@ -231,6 +231,22 @@ def test_a_parameter_in_an_exponent_makes_another_system() -> None:
     assert reached["time_s"].to_numpy() == pytest.approx([1 - 1 / 1.1, 2 * (1.1**0.5 - 1), math.log(1.1)], rel=1e-8)
 
 
+def test_times_and_initial_values_in_parameters_follow_swept_ones() -> None:
+    """One period of x = a cos(w t), whatever w is."""
+    table = sweep(
+        oscillator(),
+        {"x": "2*w", "v": 0},
+        start="-pi/w",
+        until="pi/w",
+        grid={"w": [1, 2]},
+        observe=[observe.final_state(), observe.status(), observe.extremes("x")],
+        jobs=1,
+    )
+    assert table["end_time"].to_numpy() == pytest.approx([math.pi, math.pi / 2], rel=1e-15)
+    assert table["final_x"].to_numpy() == pytest.approx([2, 4], rel=1e-9)
+    assert table["min_x"].to_numpy() == pytest.approx([-2, -4], rel=1e-9)
+
+
 @pytest.mark.parametrize(
     "make",
     [
