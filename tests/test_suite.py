@@ -46,7 +46,7 @@ def _run(reading: Reading) -> Trajectory:
     return HENON_SOLVER.prepare(reading.problem, rtol=min(reading.tolerances), deadline=DEADLINE)()
 
 
-@pytest.mark.parametrize(("case", "reading"), _readings("classic", "hard"))
+@pytest.mark.parametrize(("case", "reading"), _readings("classic", "scenes", "hard"))
 def test_reference_passes(case: Case, reading: Reading) -> None:
     run = _run(reading)
     expected = reading.expect.status if reading.expect else "ok"
@@ -68,7 +68,7 @@ def test_reference_passes(case: Case, reading: Reading) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("case", "reading"), _readings(".", "classic", "hard"))
+@pytest.mark.parametrize(("case", "reading"), _readings(".", "classic", "scenes", "hard"))
 def test_every_tolerance_ends_with_the_right_word(case: Case, reading: Reading) -> None:
     """From 1e-3 to less than a double can tell: no run stalls, hangs or ends with another word."""
     if reading.solvers and HENON_SOLVER.name not in reading.solvers:

@@ -15,6 +15,7 @@ from henon_ref.text import link, markdown
 GROUPS = {
     "": "The paper and its neighbours",
     "classic": "Classic systems with known answers",
+    "scenes": "A gallery of scenes",
     "hard": "Hard cases",
 }
 """Folder under ``cases/`` -> heading."""

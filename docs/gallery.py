@@ -1,0 +1,116 @@
+"""The page of the gallery, ``docs/gallery.md``, and its pictures, made from the case files and their stored truths.
+
+Run ``python docs/gallery.py`` after a scene or its truth has changed.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from henon_ref.campaign.truth_job import stored_statement
+from henon_ref.casefile.case import Case, Reading, load_case
+from henon_ref.figures.description import description_of, with_description
+from henon_ref.figures.motion import Motion, draw_portrait
+from henon_ref.simulation.simulate import simulate
+from henon_ref.simulation.system import System
+from henon_ref.text import markdown
+
+DOCS = Path(__file__).resolve().parent
+SCENES = DOCS.parent / "cases" / "scenes"
+SHOWN = 6
+"""Transitions of a reading that the page shows."""
+POINTS = 400
+"""Points of a curve in a picture."""
+HEADER = """\
+# A gallery of scenes
+
+<!-- Made by `python docs/gallery.py`; edit the case files in cases/scenes, not this page. -->
+
+Machines with friction and stops that many people have simulated, each with its equations, where they and their numbers
+come from, and the times of its first transitions as proven (`henon-ref truth`). Where a source prints a time, the text
+of the scene puts it beside the proven one and says why they differ. *Source not at hand* is said of a text that was not
+open when the scene was written: nothing is quoted from it. Run one with `henon-ref compare scenes/drill_string`, all of
+them with `henon-ref compare scenes`.
+"""
+
+
+def cases() -> list[Case]:
+    """The scenes, in the order of the page."""
+    return [load_case(path) for path in sorted(SCENES.glob("*.yaml"))]
+
+
+def page() -> str:
+    """The page as Markdown."""
+    return HEADER + "".join("".join(_section(case)) for case in cases())
+
+
+def _section(case: Case) -> Iterator[str]:
+    first = case.readings[0]
+    yield f"\n## {markdown(case.title)}\n\n![Phase portrait of {case.name}](gallery/{case.name}.svg)\n\n"
+    yield f"[`scenes/{case.name}`](../cases/scenes/{case.name}.yaml). {_text(first.story)}\n\n"
+    yield f"    {_text(first.equations)}\n\n*Source.* {markdown(_text(first.source))}\n"
+    for reading in case.readings:
+        if len(case.readings) > 1:
+            own = _text(reading.story) if reading.story != first.story else ""
+            yield f"\n### {markdown(reading.title)}\n" + (f"\n{own}\n" if own else "")
+        yield from _table(case, reading)
+
+
+def _table(case: Case, reading: Reading) -> Iterator[str]:
+    statement = stored_statement(case, reading)
+    if statement is None or statement.expected is None:
+        raise SystemExit(f"{case.name}, {reading.name}: no truth is stored; run python -m henon_ref.truth {case.path}")
+    found = statement.expected.transitions
+    if not found:
+        yield "\nNo transition happens.\n"
+        return
+    names = [sign.name for sign in reading.problem.system.signs]
+    yield "\n| time [s] | what | surface |\n| ---: | --- | --- |\n"
+    for event in found[:SHOWN]:
+        yield f"| {event.time:.12f} | {event.kind} | `{names[event.surface]}` |\n"
+    if len(found) > SHOWN:
+        yield f"\nand {len(found) - SHOWN} more.\n"
+
+
+def _text(value: str | None) -> str:
+    return " ".join((value or "").split())
+
+
+def picture(case: Case) -> str:
+    """The phase portrait of a case's first reading as SVG, with letters as text and short numbers."""
+    reading = case.readings[0]
+    system = System.from_case(case.path or "", reading.name)
+    run = simulate(system, system.initial, until=system.until, start=system.start, mode=system.mode)
+    assert run.sol is not None  # dense output was asked for
+    times = np.union1d(np.linspace(run.sol.start, run.sol.end, POINTS), run.transitions["time_s"])
+    modes = tuple(tuple(mode.values()) for mode in run.mode(times))
+    figure = draw_portrait(reading, Motion(times, run.sol(times).T, modes))
+    assert figure is not None  # a scene has two states and more
+    return _svg(figure)
+
+
+def _svg(figure: Figure) -> str:
+    buffer = io.BytesIO()
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "henon-ref", "path.simplify": True}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    content = with_description(buffer.getvalue().decode(), *description_of(figure))
+    return re.sub(r'(?<= d=")[^"]+', lambda path: re.sub(r"(\d+\.\d\d)\d+", r"\1", path[0]), content)
+
+
+def main() -> None:
+    """Write the page and its pictures."""
+    (DOCS / "gallery").mkdir(exist_ok=True)
+    for case in cases():
+        (DOCS / "gallery" / f"{case.name}.svg").write_text(picture(case), encoding="utf-8")
+    (DOCS / "gallery.md").write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
