@@ -67,7 +67,8 @@ def held_field(
     for i, own in held.items():
         stuck = [put(rate, on_surface) for rate in own.field]
         rows = [k for k, rate in enumerate(slipping) if rate.has(system.signs[i]) or rate != stuck[k]]
-        if taken.intersection(rows) or any(stuck[k].has(*signs) for k in rows):
+        others = signs - {system.signs[i]}
+        if taken.intersection(rows) or any(stuck[k].has(*signs) or slipping[k].has(*others) for k in rows):
             raise _coupled(system, sliding)
         taken.update(rows)
         for k in rows:
@@ -80,5 +81,5 @@ def held_field(
 def _coupled(system: SwitchedField, sliding: Collection[int]) -> ModelError:
     names = listed([system.sign_names[i] for i in sorted(sliding)])
     return ModelError(
-        f"contacts that act on each other at once cannot be held together, or held while the other slides: {names}"
+        f"surfaces that act on each other at once, some with a 'sliding' override, cannot slide together: {names}"
     )
