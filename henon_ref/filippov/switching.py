@@ -366,6 +366,8 @@ class Switching:
                 sticks = self._sticks(t, x, mode, guard.index, zero)
                 # Where entry is decided by the hold zone, no slip starts inside it.
                 refused = not sticks if guard.kind == "release" else sticks and self.system.held_inside(guard.index)
+                if refused and guard.kind == "release" and len(active) > EXHAUSTIVE:  # a search goes where it leads
+                    refused = self._sign(series, 0, rate, self._size(t, x, mode, guard.index), zero) < 0
                 if refused:
                     broken.append(guard)
                 if refused or guard.kind == "release":

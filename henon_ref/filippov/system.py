@@ -18,6 +18,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.equations import Guard, ModeEquations, along
+from henon_ref.filippov.held_contacts import held_field
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.sliding import filippov_sliding
 from henon_ref.filippov.switched_field import SwitchedField
@@ -59,7 +60,7 @@ class FilippovSystem(SwitchedField):
     ------
     ModelError
         From :meth:`equations`, where a mode has no equations (signs that multiply each other on an
-        intersection, an override together with another sliding surface).
+        intersection, contacts held together that act on each other).
     """
 
     valid: tuple[sp.Expr, ...] = ()
@@ -116,13 +117,7 @@ class FilippovSystem(SwitchedField):
             if not sliding:
                 rhs = self.field
             elif overridden:
-                if len(sliding) > 1:
-                    raise ModelError(
-                        "a surface with a 'sliding' override cannot slide together with another surface: "
-                        + ", ".join(self.signs[i].name for i in sorted(sliding))
-                    )
-                index = next(iter(sliding))
-                rhs, releases = self.overrides[index].field, self.hold_guards(index)
+                rhs, releases, signs = self._held(overridden, sliding)
             elif any((i in sliding) != (j in sliding) for j, (i, _) in self.multiples.items()):
                 raise ModelError("surfaces that are multiples of each other slide together or not at all")
             else:
@@ -134,6 +129,22 @@ class FilippovSystem(SwitchedField):
             self._cache[key] = ModeEquations(tuple(rhs), surfaces + releases + valid, signs)
         return self._cache[key]
 
+    def _held(
+        self, overridden: frozenset[int], sliding: frozenset[int]
+    ) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
+        """Equations of sliding where some of it is overridden: field, what ends it, and equivalent signs."""
+        releases = tuple(g for i in sorted(overridden) for g in self.hold_guards(i))
+        if len(sliding) == 1:
+            return self.overrides[next(iter(sliding))].field, releases, {}
+        held = {i: self.overrides[i] for i in sorted(overridden)}
+        made = held_field(self, held, [g.expression for g in releases], sliding)
+        releases = tuple(replace(g, expression=put(g.expression, made.on_surface)) for g in releases)
+        others = tuple(sorted(sliding - overridden))
+        if not others:
+            return made.field, releases, {}
+        field, own, signs = filippov_sliding(replace(self, field=made.field), others)
+        return field, tuple(sorted(releases + own, key=lambda g: g.index)), signs
+
     def normal_velocity(self, index: int) -> sp.Expr:
         """dh_i/dt along f, in time, states, signs and parameters."""
         return self._normal[index]
@@ -141,8 +152,8 @@ class FilippovSystem(SwitchedField):
     def together(self, index: int, sliding: Iterable[int]) -> frozenset[int]:
         """The surfaces of ``sliding`` that act on a surface while it changes its side, or that it acts on, and itself.
 
-        They act through the signs in each other's normal velocities, directly or by way of each other; sliding
-        that is overridden acts on everything.
+        They act through the signs in each other's normal velocities, and in the loads of contacts that are held,
+        directly or by way of each other; a surface that attracts by an override of its own acts on everything.
         """
         found, left = {index}, set(sliding) - {index}
         while True:
@@ -156,10 +167,12 @@ class FilippovSystem(SwitchedField):
     def _acting(self) -> tuple[frozenset[int], ...]:
         """For each surface those whose signs are in its normal velocity."""
         everything = frozenset(range(len(self.surfaces)))
-        return tuple(
-            everything if i in self.overrides else frozenset(j for j, s in enumerate(self.signs) if normal.has(s))
-            for i, normal in enumerate(self._normal)
-        )
+        found = []
+        for i, normal in enumerate(self._normal):
+            loads = [g.expression for g in self.hold_guards(i)] if i in self.overrides else []
+            acting = frozenset(j for j, s in enumerate(self.signs) if any(e.has(s) for e in (normal, *loads)))
+            found.append(acting if i not in self.overrides or self.held_inside(i) else everything)
+        return tuple(found)
 
     def hold_guards(self, index: int, mode: Mode = ()) -> tuple[Guard, ...]:
         """The release guards of a surface's override: its hold zone is where all are positive.

@@ -81,7 +81,8 @@ class ModeSelection:
         if len(hits) == 1 and hits[0].kind == "release":
             # The equivalent sign reaches +-1 continuously, so nothing else changes (an override says where to).
             return Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign))
-        active = {g.index for g in hits} | {i for i, s in enumerate(mode) if s == 0}
+        sliding = [i for i, s in enumerate(mode) if s == 0]
+        active = {i for g in hits for i in self.system.together(g.index, sliding)}
         return self._decide(point, mode, tuple(sorted(active)))
 
     def leading_terms(self, point: Point, mode: Mode, active: frozenset[int]) -> list[LeadingTerm] | None:
@@ -173,11 +174,12 @@ class ModeSelection:
         own = {i for i in active if mode[i] == 0 and i in self.system.overrides}
         inside = {i for i in active if mode[i] != 0 and self.system.held_inside(i)}
         # Where entry is decided by the hold zone, no slip starts inside it.
-        if not all(self._sticks(point, mode, i) for i in own) or any(self._sticks(point, mode, i) for i in inside):
+        lost = {i for i in own if not self._sticks(point, mode, i)}
+        if any(self._sticks(point, mode, i) for i in inside) or (lost and len(active) <= EXHAUSTIVE):
             return None
         broken = []
         for guard, term in zip(self.system.equations(mode).guards, terms, strict=True):
-            if guard.ends or guard.index not in active or guard.index in own:
+            if guard.ends or guard.index not in active or guard.index in own - lost:
                 continue
             # A surface that is never left is no slip; an equivalent sign that stays at its limit still holds.
             holds = guard.kind == "release" if term is None else term[1] > 0

@@ -141,7 +141,8 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
     on = tuple(sorted({i for i, s in enumerate(mode) if s == 0} | {hit.index}))
     zeros = [model.surfaces[i] for i in on]
     if hit.kind == "surface":
-        return _Judge(model, box, on, Identities.of(zeros, system.states)).unique(mode, on), on
+        active = tuple(sorted(system.together(hit.index, on)))
+        return _Judge(model, box, on, Identities.of(zeros, system.states)).unique(mode, active), on
     released = replaced(mode, hit.index, hit.to_sign)
     identities = Identities.of([*zeros, hit.expression], system.states)
     smooth = None if hit.index in system.overrides else hit.index

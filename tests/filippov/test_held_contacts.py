@@ -1,0 +1,106 @@
+"""Several contacts with static friction: any of them holds while others slide, where none acts on another at once.
+
+Blocks on a belt, coupled by springs and dampers, each pulled by its own spring to the wall.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+
+import pytest
+import sympy as sp
+from flint import arb, ctx
+from multiprecision import simulate
+
+from henon_ref.casefile.case import parse_case
+from henon_ref.errors import ModelError
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.switching import Switching
+from henon_ref.registry import solver
+from henon_ref.truth.balls import enclose
+from henon_ref.truth.multiprecision.mode_selection import ModeSelection
+from henon_ref.truth.validated import certify
+
+HEAD = "schema: 1\nname: chain\ntitle: t\nsource: s\nequations: e\n"
+LIBRARIES = [("scipy-dop853", {"rtol": 1e-12}, 1e-9), ("heyoka", {"rtol": 1e-16}, 1e-12)]
+
+
+@cache
+def chain(starts: tuple[str, ...], until: str, coupling: str, speed: str = "0.2") -> Problem:
+    """Blocks on a belt at rest on it, at these positions."""
+    blocks = [f"b{i}" for i in range(len(starts))]
+    lines = ["scene:", f"  parameters: {{k: 1, kc: {coupling}, Fs: 1.3, Fk: 1, vb: {speed}}}", "  bodies:"]
+    lines += [f"    {b}: {{mass: 1}}" for b in blocks]
+    lines += ["    belt: {velocity: vb}", "    wall: fixed", "  connections:"]
+    lines += [f"    - spring: {{between: [{b}, wall], stiffness: k}}" for b in blocks]
+    lines += [f"    - spring: {{between: [{a}, {b}], stiffness: kc}}" for a, b in pairwise(blocks)]
+    lines += [f"    - friction: {{between: [{b}, belt], law: coulomb, force: Fk, static: Fs}}" for b in blocks]
+    initial = ", ".join(f"x_{b}: {x}, v_{b}: vb" for b, x in zip(blocks, starts, strict=True))
+    text = "\n".join([*lines, f"initial: {{t: 0, {initial}}}", f"until: {until}"])
+    return parse_case(HEAD + text + "\n").readings[0].problem
+
+
+def test_blocks_stick_slide_and_let_go_in_any_combination() -> None:
+    problem = chain(("0.3", "0.5", "-0.1"), "12", "1.2")
+    proof, second = certify(problem), simulate(problem, 256)
+    assert proof.status == "certified", proof.reason
+    modes = [t.to_mode for t in proof.transitions]
+    assert len(modes) >= 8
+    assert any(0 in mode and any(mode) and mode.count(0) == 2 for mode in modes)
+    assert [e.after for e in second.events] == modes
+    with ctx.workprec(288):
+        assert all(abs(e.time - t.time) < arb(1e-12) for e, t in zip(second.events, proof.transitions, strict=True))
+    for name, options, bound in [("henon", {"rtol": 1e-13}, 1e-12), *LIBRARIES]:
+        run = solver(name).prepare(problem, **options)()
+        assert (run.status, [t.to_mode for t in run.transitions]) == ("ok", modes), (name, run.reason)
+        expected = [float(t.time) for t in proof.transitions]
+        assert [t.time for t in run.transitions] == pytest.approx(expected, abs=bound, rel=0)
+
+
+def test_uncoupled_blocks_let_go_each_at_its_own_limit() -> None:
+    """The load is k x; it grows as vb t up to Fs: block i lets go at (Fs - x_i)/vb."""
+    problem = chain(("1.1", "1.2", "1.0"), "3/2", "0")
+    times = [sp.Rational(1, 2), sp.Integer(1), sp.Rational(3, 2)]
+    proof = certify(problem)
+    assert [t.to_mode for t in proof.transitions][:2] == [(0, -1, 0), (-1, -1, 0)]
+    with ctx.workprec(2 * proof.bits):
+        assert all(t.time.overlaps(enclose(e)) for t, e in zip(proof.transitions, times, strict=False))
+    run = solver("henon").prepare(problem, rtol=1e-13)()
+    assert [t.time for t in run.transitions][:2] == pytest.approx([0.5, 1.0], abs=1e-13)
+
+
+def test_two_blocks_that_let_go_at_once_have_a_row_each() -> None:
+    """Alike but for the one between them, which holds on: both reach Fs at t = 1/2."""
+    problem = chain(("1.2", "0", "1.2"), "0.7", "0")
+    run, second = solver("henon").prepare(problem, rtol=1e-13)(), simulate(problem, 256)
+    assert run.status == second.status == "ok"
+    assert [(t.kind, t.to_mode) for t in run.transitions] == [("release", (-1, 0, -1))] * 2
+    assert [t.time for t in run.transitions] == pytest.approx([0.5, 0.5], abs=1e-13)
+    assert {e.after for e in second.events} == {(-1, 0, -1)}
+
+
+def test_more_blocks_than_are_tried_exhaustively_are_searched() -> None:
+    problem = chain(("1.2", "1.5", "-1.6", "0", "1.4", "-1.2"), "1", "0")
+    expected = (0, -1, 1, 0, -1, 0)
+    at = problem.start, problem.initial, problem.initial_mode
+    assert Switching(problem.system).initial_mode(*at).mode == expected
+    with ctx.workprec(256):
+        assert ModeSelection(problem.system, 256).initial_mode(*at).mode == expected
+
+
+def test_a_stack_of_two_blocks_is_refused_in_its_joint_stick() -> None:
+    text = """scene:
+  bodies:
+    a: {mass: 1}
+    b: {mass: 1}
+    floor: fixed
+  connections:
+    - friction: {between: [a, floor], law: coulomb, force: 1, static: 2}
+    - friction: {between: [b, a], law: coulomb, force: 1, static: 2}
+initial: {t: 0, x_a: 0, v_a: 1, x_b: 0, v_b: 2}
+until: 1
+"""
+    system = parse_case(HEAD + text).readings[0].problem.system
+    with pytest.raises(ModelError, match="act on each other at once"):
+        system.equations((0, 0))
