@@ -16,7 +16,7 @@ from problems import LEAVING_SLIDE as TEXT
 
 from henon_ref.casefile.case import load_case
 from henon_ref.cli.truth import command
-from henon_ref.truth import compute
+from henon_ref.truth import compute, store
 from henon_ref.truth.reference import Truth
 
 Run = Callable[..., tuple[int, str]]
