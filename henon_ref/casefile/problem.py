@@ -125,8 +125,8 @@ def _check_start(source: Source, problem: Problem) -> None:
             value = put(problem.system.numeric(expression), _start(problem))
         except ModelError as error:
             raise source.error(("initial",), f"{what} has no value at the start: {error}", key=True) from error
-        if value.has(*NO_VALUE):
-            raise source.error(("initial",), f"{what} has no value at the start", key=True)
+        if value.has(*NO_VALUE) or value.is_real is False:
+            raise source.error(("initial",), f"{what} has no finite real value at the start", key=True)
 
 
 def _delicate(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
