@@ -129,6 +129,7 @@ def _at_work(group: int) -> list[str]:
 
 def test_a_dask_cluster_is_an_address(belts: Path) -> None:
     import distributed
+
     assert program([str(belts), "--jobs", "1", "--quiet"]) == 0
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"

@@ -88,6 +88,7 @@ def test_processes_of_somebody_elses_change_no_bit(whole: SweepTable) -> None:
 
 def test_a_dask_cluster_changes_no_bit(whole: SweepTable) -> None:
     import distributed
+
     with (
         distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
