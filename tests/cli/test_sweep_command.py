@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import pandas as pd
@@ -127,12 +129,19 @@ def _at_work(group: int) -> list[str]:
     return found
 
 
-def test_a_dask_cluster_is_an_address(belts: Path) -> None:
+def on_a_cluster(belts: Path, place: Path) -> int:
+    """Run in a process of its own: a cluster leaves threads behind, beside which no worker is forked."""
     import distributed
 
-    assert program([str(belts), "--jobs", "1", "--quiet"]) == 0
+    os.chdir(place)
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
     ) as cluster:
-        assert program([str(belts), "--dask", cluster.scheduler_address, "--out", "dask", "--quiet"]) == 0
+        return program([str(belts), "--dask", cluster.scheduler_address, "--out", "dask", "--quiet"])
+
+
+def test_a_dask_cluster_is_an_address(belts: Path) -> None:
+    assert program([str(belts), "--jobs", "1", "--quiet"]) == 0
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        assert pool.submit(on_a_cluster, belts, Path.cwd()).result() == 0
     assert parquet_files(Path("dask")) == parquet_files(Path("out"))
