@@ -16,10 +16,10 @@ from henon_ref.errors import ArgumentError
 from henon_ref.simulation.arguments import problem_of, tolerance_of
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import Work
-from henon_ref.sweeps.executors import Task
 from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.points import OWN_COLUMNS, Points, check_names, points_of
 from henon_ref.sweeps.runs import Settings
+from henon_ref.sweeps.workers import Task
 
 MOST_CHUNK, CHUNKS = 2000, 64
 """Without a size of one's own a chunk has so many points at most; a sweep is cut into so many chunks where its size
