@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from statistics import geometric_mean, median
+from collections.abc import Sequence
 
 from henon_ref.columns import Row
-from henon_ref.score.gate import demand
+from henon_ref.score.standing import RIGHT, standings, tightest
 from henon_ref.text import html, one_line
 
 COLUMNS = ("solver", "right of judged", "digits", "time [ms]", "times as long", "note")
@@ -22,45 +20,18 @@ def summary_rows(rows: Sequence[Row]) -> list[tuple[str, ...]]:
     long`` the geometric mean over readings of its time over the fastest right solver's. All of them are of each
     reading's tightest setting.
     """
-    last = _tightest(rows)
-    fastest: dict[object, float] = {}
-    for row in last:
-        fastest[row["reading"]] = min(_time(row), fastest.get(row["reading"], math.inf))
-    solvers: dict[str, list[Row]] = {}
-    for row in last:
-        solvers.setdefault(str(row["solver"]), []).append(row)
-    lines = [_line(solver, own, fastest) for solver, own in solvers.items()]
-    return [line for _, line in sorted(lines, key=lambda found: found[0])]
-
-
-def _tightest(rows: Sequence[Row]) -> list[Row]:
-    """Of each reading and solver the row with the smallest tolerance or step."""
-    found: dict[tuple[object, object], Row] = {}
-    for row in rows:
-        key = row["reading"], row["solver"]
-        if key not in found or _size(row) < _size(found[key]):
-            found[key] = row
-    return list(found.values())
-
-
-def _line(
-    solver: str, rows: Sequence[Row], fastest: Mapping[object, float]
-) -> tuple[tuple[int, float], tuple[str, ...]]:
-    """What a solver is sorted by, and its row."""
-    good = [row for row in rows if row["verdict"] == "right"]
-    counted = demand(solver, rows)
-    digits = [_number(row["digits"]) for row in good if row["digits"] is not None]
-    timed = [row for row in good if _time(row) < math.inf]
-    ratio = geometric_mean(_time(row) / fastest[row["reading"]] for row in timed) if timed else math.inf
-    cells = (
-        solver,
-        f"{counted.right} of {counted.judged}",
-        f"{min(digits):.1f}" if digits else "",
-        _three(1e3 * median(map(_time, timed))) if timed else "",
-        _three(ratio) if timed else "",
-        _note([row for row in rows if row["verdict"] != "right"]),
-    )
-    return (-counted.right, ratio), cells
+    last = tightest(rows)
+    return [
+        (
+            line.solver,
+            f"{line.right} of {line.judged}",
+            "" if line.digits is None else f"{line.digits:.1f}",
+            "" if line.time_s is None else _three(1e3 * line.time_s),
+            "" if line.times_as_long is None else _three(line.times_as_long),
+            _note([row for row in last if row["solver"] == line.solver and row["verdict"] != RIGHT]),
+        )
+        for line in standings(last)
+    ]
 
 
 def _three(value: float) -> str:
@@ -97,17 +68,3 @@ def html_table(rows: Sequence[Row]) -> str:
     head = "".join(f"<th>{name}</th>" for name in COLUMNS)
     body = "".join(f"<tr>{''.join(f'<td>{html(cell)}</td>' for cell in line)}</tr>" for line in summary_rows(rows))
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-
-
-def _size(row: Row) -> float:
-    return _number(row["step_s"] if row["rtol"] is None else row["rtol"])
-
-
-def _time(row: Row) -> float:
-    """Wall time of a right run [s]; infinite for any other."""
-    wall = _number(row["wall_s"])
-    return wall if row["verdict"] == "right" and wall > 0 else math.inf
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, float | int) else math.nan

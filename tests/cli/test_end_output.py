@@ -12,8 +12,9 @@ from fakes import CASE, Fake
 
 from henon_ref import registry
 from henon_ref.cli.end_output import case_line, document, failing_line, print_end
-from henon_ref.cli.end_table import EndTable, Failing, tightest
+from henon_ref.cli.end_table import EndTable, Failing
 from henon_ref.columns import RUN_COLUMNS
+from henon_ref.score.standing import tightest
 from henon_ref.text import LONGEST_LINE
 
 HOSTILE = "[red]hot[/red] :smile:\n\x1b[31m\x9b1m" + "x" * 5000
