@@ -32,6 +32,7 @@ from baselines.restart import Fresh
 from baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.filippov.callables import ARITHMETIC, Scalar
+from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
@@ -232,7 +233,14 @@ def prepared(
     driver.compile()
     if warm_up:
         driver.run()
-    return driver.run
+    if not problem.system.kinks:
+        return driver.run
+
+    def run() -> Trajectory:
+        found = driver.run()
+        return found._replace(transitions=visible(problem.system, found.transitions))
+
+    return run
 
 
 def tolerances(name: str, rtol: float | None, atol: float | None, step: float | None) -> tuple[float, float]:

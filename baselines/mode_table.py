@@ -123,7 +123,7 @@ class ModeEntry:
         system = self.model.system
         if not system.held_inside(i):
             return None
-        return scalar(system.states, [system.numeric(g.expression) for g in system.hold_guards(i)])
+        return scalar(system.states, [system.numeric(g.expression) for g in system.hold_guards(i, self.model.mode)])
 
 
 class ModeTable:

@@ -17,9 +17,10 @@ from pathlib import Path
 from typing import Any
 
 from henon_ref.casefile import expected
+from henon_ref.casefile.assembly import Scene
 from henon_ref.casefile.expected import Exact, Expect, Gate, Orbit, Published
 from henon_ref.casefile.notebook import case_html
-from henon_ref.casefile.problem import build_problem, mathematics
+from henon_ref.casefile.problem import build_problem, mathematics, read_scene
 from henon_ref.casefile.schema import READING_KEYS, CaseForm, file_name, one_line
 from henon_ref.casefile.shipped import located
 from henon_ref.casefile.source import Path as KeyPath
@@ -63,6 +64,8 @@ class Reading:
     equations: str | None = None
     links: tuple[str, ...] = ()
     tags: tuple[str, ...] = ()
+    scene: Scene | None = None
+    """Bodies and connections that the problem was built from; None: its equations are written out."""
 
     @cached_property
     def mathematics(self) -> dict[str, Any]:
@@ -217,8 +220,11 @@ def _reading(
     expected.check_runs(source, form, solvers)
     problem, names = build_problem(source, form)
     if not problem.system.surfaces:
-        message = "without friction there is no surface, so no transition to find; name a friction effect"
-        raise source.error(("scene", "effects"), message, key=True)
+        if form.scene is not None:
+            message = "without friction or a stop there is no surface, so no transition to find; name one"
+            raise source.error(("scene", "connections"), message, key=True)
+        message = "without 'surfaces' and without kinks in 'field' there is no transition to find; name a surface"
+        raise source.error(("system",), message, key=True)
     after = source.number(("measure", "after"), names.values) if "after" in form.measure.model_fields_set else 0
     if after != 0 and exact_sign(problem.until - after) <= 0:
         raise source.error(("measure", "after"), f"'after' must be earlier than 'until', {problem.until}")
@@ -240,6 +246,7 @@ def _reading(
         equations=form.equations,
         links=tuple(form.links),
         tags=tuple(form.tags),
+        scene=read_scene(source)[0] if form.scene is not None else None,
     )
 
 

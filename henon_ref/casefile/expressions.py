@@ -15,7 +15,17 @@ from dataclasses import dataclass, field
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import CONSTANT_FUNCTIONS, CONSTANTS, FUNCTIONS, MAX_DEPTH, MAX_NESTING, Scanned, scan
+from henon_ref.casefile import kinks
+from henon_ref.casefile.grammar import (
+    CONSTANT_FUNCTIONS,
+    CONSTANTS,
+    FUNCTIONS,
+    KINK_FUNCTIONS,
+    MAX_DEPTH,
+    MAX_NESTING,
+    Scanned,
+    scan,
+)
 from henon_ref.errors import ExpressionError
 from henon_ref.filippov.bounds import (
     MAX_TERMS,
@@ -71,6 +81,31 @@ def parse_expression(text: str, names: Mapping[str, sp.Expr], work: Work | None 
     return work.values[key]
 
 
+def parse_field(text: str, names: Mapping[str, sp.Expr], work: Work) -> tuple[sp.Expr, list[sp.Expr]]:
+    """Read a component of a field, which may have kinks and jumps (see :mod:`henon_ref.casefile.kinks`).
+
+    Returns
+    -------
+    expression : Expr
+        With a :class:`henon_ref.casefile.kinks.Sgn` for the sign of each argument.
+    arguments : list of Expr
+        What these are signs of, in order of appearance.
+
+    Raises
+    ------
+    ExpressionError
+        With the offset of what is not allowed and what is.
+    """
+    work.charge(CACHED, 0)
+    key = key_of("field", text, names)
+    if key not in work.values:
+        walker = _Walker(_read(text, names, work, kinks=True), names, work)
+        value = _smooth(walker.value())
+        work.values[key] = value
+        work.texts[key] = walker.kinks()
+    return work.values[key], work.texts[key]
+
+
 def _smooth(value: sp.Expr) -> sp.Expr:
     """The value of a text, if it may stand in a field."""
     value = with_known_functions(value)
@@ -82,7 +117,9 @@ def _smooth(value: sp.Expr) -> sp.Expr:
     return value
 
 
-def check_sides(text: str, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.Symbol], work: Work) -> None:
+def check_sides(
+    text: str, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.Symbol], work: Work, *, kinks: bool = False
+) -> None:
     """Check that an expression has values with each sign at -1 and at +1.
 
     A sign that stands in sums and products alone can do no harm but by the size of the numbers: all such signs are
@@ -97,11 +134,12 @@ def check_sides(text: str, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.
     if key in work.values or not any(name in text for name in signs):
         return
     names = {**names, **signs}
-    read = _read(text, names, work)
+    read = _read(text, names, work, kinks=kinks)
     delicate = _Walker(read, names, work).delicate(signs)
     harmless = {name: symbol for name, symbol in signs.items() if not any(name in found for _, found in delicate)}
     for side in (-1, 1):
-        parse_expression(text, {**names, **dict.fromkeys(harmless, sp.Integer(side))}, work)
+        sides = {**names, **dict.fromkeys(harmless, sp.Integer(side))}
+        parse_field(text, sides, work) if kinks else parse_expression(text, sides, work)
     for node, found in delicate:
         for name in sorted(found):
             for side in (-1, 1):
@@ -149,15 +187,17 @@ class _Text:
     """A text that reads well, and what has been made of it whatever its names stand for."""
 
     scanned: Scanned
+    kinks: bool
+    """Whether it may have kinks: ``abs`` is a sign's symbol then, else a number's."""
     tree: ast.expr | None = None
     delicate: dict[tuple[str, ...], list[tuple[ast.expr, set[str]]]] = field(default_factory=dict)
 
 
-def _read(text: str, names: Mapping[str, sp.Expr], work: Work, *, constant: bool = False) -> _Text:
-    key = (text, constant, tuple(name in names for name in names_in(text)))
+def _read(text: str, names: Mapping[str, sp.Expr], work: Work, *, constant: bool = False, kinks: bool = False) -> _Text:
+    key = (text, constant, kinks, tuple(name in names for name in names_in(text)))
     if key not in work.texts:
         work.charge(SCAN * len(text), 0)
-        work.texts[key] = _Text(scan(text, names, constant=constant))
+        work.texts[key] = _Text(scan(text, names, constant=constant, kinks=kinks), kinks)
     found: _Text = work.texts[key]
     return found
 
@@ -250,7 +290,8 @@ class _Walker:
             raise ExpressionError(f"nested deeper than {MAX_DEPTH}", self._offset(node))
         if isinstance(node, ast.BinOp | ast.Call):
             begin, end = node.col_offset, node.end_col_offset or 0
-            key = key_of(type(node).__name__, self.scanned.python[begin:end], self.names)
+            kind = type(node).__name__ + ("+" if self.text.kinks else "")
+            key = key_of(kind, self.scanned.python[begin:end], self.names)
             if key not in self.work.values:
                 self.work.charge(OPERATION + end - begin, self._offset(node))
                 value = self._operation(node, depth)
@@ -278,10 +319,31 @@ class _Walker:
                 base = self._of(node.left, depth + 1)
                 exponent = self._of(node.right, depth + 1)
                 return power(base, exponent, self._operator_offset(node))
+            case ast.Call(func=ast.Name(id=name), args=arguments) if self.text.kinks and name in KINK_FUNCTIONS:
+                return kinks.call(name, [self._argument(a, depth + 1) for a in arguments], self._offset(node))
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
                 return self._call(name, [self._of(a, depth + 1) for a in arguments], self._offset(node))
             case _:
                 raise ExpressionError("this is not allowed in an expression", self._offset(node))
+
+    def _argument(self, node: ast.expr, depth: int) -> sp.Expr:
+        """An argument; of a comparison what is positive where it holds."""
+        if not isinstance(node, ast.Compare):
+            return self._of(node, depth)
+        left, right = self._of(node.left, depth), self._of(node.comparators[0], depth)
+        return left - right if isinstance(node.ops[0], ast.Gt | ast.GtE) else right - left
+
+    def kinks(self) -> list[sp.Expr]:
+        """What has a kink or jumps where it is 0, in order of appearance."""
+        found: list[sp.Expr] = []
+        waiting: list[ast.expr] = [self._tree()]
+        while waiting:
+            node = waiting.pop()
+            inner = [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in KINK_FUNCTIONS:
+                found += kinks.compared(node.func.id, [self._argument(a, 0) for a in node.args])
+            waiting += reversed(inner)
+        return found
 
     def _number(self, node: ast.Constant) -> sp.Expr:
         text = self.scanned.python[node.col_offset : node.end_col_offset]

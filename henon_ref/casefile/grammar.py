@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from henon_ref.errors import ExpressionError
@@ -28,26 +28,42 @@ MAX_DIGITS = 400
 
 FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
 """Functions allowed in every expression; each takes one argument."""
+MANY = 1_000
+"""Arity of a function that takes two arguments or more."""
 CONSTANT_FUNCTIONS = {"abs": 1, "atan2": 2}
 """Functions allowed where the value is a number (parameters, initial values ...), with their arity."""
+KINK_FUNCTIONS = {"abs": 1, "sign": 1, "min": MANY, "max": MANY, "piecewise": MANY}
+"""Functions allowed in fields, whose kinks and jumps become surfaces, with their arity."""
 CONSTANTS = ("pi", "e")
-RESERVED = frozenset((*FUNCTIONS, *CONSTANT_FUNCTIONS, *CONSTANTS, "t", "mode"))
+RESERVED = frozenset((*FUNCTIONS, *CONSTANT_FUNCTIONS, *KINK_FUNCTIONS, *CONSTANTS, "t", "mode"))
 """Names that a state, parameter or sign symbol may not have."""
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 
 _TOKEN = re.compile(
     r"(?P<space>\s+)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)"
-    r"|(?P<operator>\*\*|[-+*/^])|(?P<bracket>[(),])",
+    r"|(?P<operator>\*\*|[-+*/^])|(?P<bracket>[(),])|(?P<comparison>[<>]=?)",
     re.ASCII,
 )
 _ALLOWED = "numbers, names, + - * / ** ^ and parentheses"
 _LOOKALIKES = {"−": "-", "–": "-", "×": "*", "·": "*", "÷": "/", "²": "^2", "³": "^3", "[": "(", "]": ")", "|": "abs()"}
-_HINTS = dict.fromkeys(
-    ("sign", "sgn", "Abs", "fabs", "abs", "max", "min", "Max", "Min", "heaviside", "Heaviside", "piecewise", "floor"),
-    "what is discontinuous or has a kink is written with a sign symbol: name a surface h and use its sign s, as in s*h",
-) | {"ln": "write log(...)", "arctan": "write atan(...)", "arcsin": "write asin(...)", "arccos": "write acos(...)"}
-_HINTS |= dict.fromkeys(("nan", "NaN", "inf", "Inf", "infinity", "oo"), "a number must be finite")
+_HINTS: dict[str, str] = {
+    **dict.fromkeys(
+        KINK_FUNCTIONS,
+        "what jumps or has a kink stands in fields alone: elsewhere name a surface h and use its sign s, as in s*h",
+    ),
+    **dict.fromkeys(("heaviside", "Heaviside"), "write piecewise(1, x > 0, 0)"),
+    **dict.fromkeys(("Abs", "fabs"), "write abs(...)"),
+    **dict.fromkeys(
+        ("floor", "ceil", "round", "mod"), "it jumps without end; write a finite number of jumps with piecewise or sign"
+    ),
+    **dict.fromkeys(("nan", "NaN", "inf", "Inf", "infinity", "oo"), "a number must be finite"),
+    **{f"arc{name}": f"write a{name}(...)" for name in ("tan", "sin", "cos")},
+    "sgn": "write sign(...)",
+    "Max": "write max(a, b)",
+    "Min": "write min(a, b)",
+    "ln": "write log(...)",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +71,7 @@ class Token:
     """One token of an expression."""
 
     kind: str
-    """``number``, ``name``, ``operator`` or ``bracket``."""
+    """``number``, ``name``, ``operator``, ``bracket`` or ``comparison``."""
     text: str
     offset: int
     """0-based offset in the expression."""
@@ -83,7 +99,7 @@ def name_problem(name: str) -> str:
     return ""
 
 
-def scan(text: str, names: Collection[str], *, constant: bool = False) -> Scanned:
+def scan(text: str, names: Collection[str], *, constant: bool = False, kinks: bool = False) -> Scanned:
     """Split an expression into tokens and check that they follow each other as they may.
 
     Parameters
@@ -93,6 +109,8 @@ def scan(text: str, names: Collection[str], *, constant: bool = False) -> Scanne
         Names that may stand in it besides ``pi`` and ``e``.
     constant : bool
         Whether ``abs`` and ``atan2`` are allowed (where the value is a number).
+    kinks : bool
+        Whether ``abs``, ``sign``, ``min``, ``max`` and ``piecewise`` are allowed (in a field).
 
     Raises
     ------
@@ -101,7 +119,8 @@ def scan(text: str, names: Collection[str], *, constant: bool = False) -> Scanne
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"an expression of {len(text)} characters; at most {MAX_LENGTH} are allowed", 0)
-    scanner = _Scanner(text, names, constant)
+    allowed = KINK_FUNCTIONS if kinks else CONSTANT_FUNCTIONS if constant else {}
+    scanner = _Scanner(text, names, {**dict.fromkeys(FUNCTIONS, 1), **allowed})
     position = 0
     while position < len(text):
         match = _TOKEN.match(text, position)
@@ -120,16 +139,35 @@ def _bad_character(text: str, offset: int) -> ExpressionError:
     return ExpressionError(f"{character!r} is not allowed in an expression{hint}; allowed: {_ALLOWED}", offset)
 
 
+@dataclass
+class _Open:
+    """A parenthesis that is open."""
+
+    bracket: Token
+    function: Token | None
+    """The function before it."""
+    commas: int = 0
+    """So far."""
+    compared: bool = False
+    """Whether this argument has its comparison."""
+
+    @property
+    def is_condition(self) -> bool:
+        """Whether the argument is a condition: every second one of ``piecewise`` but for the last."""
+        return self.function is not None and self.function.text == "piecewise" and self.commas % 2 == 1
+
+
 class _Scanner:
     """Checks each token against what may come next."""
 
-    def __init__(self, text: str, names: Collection[str], constant: bool) -> None:
+    def __init__(self, text: str, names: Collection[str], functions: Mapping[str, int]) -> None:
         self.text = text
         self.names = names
-        self.constant = constant
+        self.functions = functions
+        """Functions that are allowed -> arity."""
         self.tokens: list[Token] = []
-        self.open: list[tuple[Token, Token | None, int]] = []
-        """Open parentheses: the bracket, the function before it, commas so far."""
+        self.open: list[_Open] = []
+        """Open parentheses."""
         self.signs = 0
         self.want_operand = True
 
@@ -143,6 +181,8 @@ class _Scanner:
             self._operand(token, last)
         elif token.kind == "operator":
             self._operator(token)
+        elif token.kind == "comparison":
+            self._comparison(token)
         else:
             self._bracket(token, last)
         self.tokens.append(token)
@@ -157,7 +197,7 @@ class _Scanner:
         if self.want_operand:
             raise ExpressionError(f"the expression ends after '{last.text}' where a number or a name is missing", end)
         if self.open:
-            raise ExpressionError("'(' is never closed", self.open[-1][0].offset)
+            raise ExpressionError("'(' is never closed", self.open[-1].bracket.offset)
         pieces, origin = [], []
         for token in self.tokens:
             piece = _python_spelling(token) + " "
@@ -166,7 +206,7 @@ class _Scanner:
         return Scanned(tuple(self.tokens), "".join(pieces), tuple(origin))
 
     def _is_function(self, name: str) -> bool:
-        return name in FUNCTIONS or name in CONSTANT_FUNCTIONS
+        return name in FUNCTIONS or name in CONSTANT_FUNCTIONS or name in KINK_FUNCTIONS
 
     def _operand(self, token: Token, last: Token | None) -> None:
         if not self.want_operand:
@@ -184,16 +224,15 @@ class _Scanner:
 
     def _check_name(self, token: Token) -> None:
         name = token.text
-        if name in self.names or name in CONSTANTS or name in FUNCTIONS:
-            return
-        if name in CONSTANT_FUNCTIONS and self.constant:
+        if name in self.names or name in CONSTANTS or name in self.functions:
             return
         known = [*self.names, *CONSTANTS]
-        functions = [*FUNCTIONS, *(CONSTANT_FUNCTIONS if self.constant else ())]
-        if name in CONSTANT_FUNCTIONS:
-            raise ExpressionError(f"'{name}' is allowed among parameters only; {_HINTS['abs']}", token.offset)
+        functions = list(self.functions)
+        if name == "atan2":
+            raise ExpressionError("'atan2' is allowed among parameters only", token.offset)
         if name in _HINTS:
-            raise ExpressionError(f"'{name}' is not known; {_HINTS[name]}", token.offset)
+            what = "is not allowed here" if name in KINK_FUNCTIONS else "is not known"
+            raise ExpressionError(f"'{name}' {what}; {_HINTS[name]}", token.offset)
         raise ExpressionError(
             f"unknown name {shortened(name)}{did_you_mean(name, [*known, *functions])}; "
             f"known here: {listed(known)}; functions: {', '.join(functions)}",
@@ -218,7 +257,7 @@ class _Scanner:
                 assert last is not None
                 what = f"'{last.text}' is no function" if last.kind == "name" else "an operator is missing before '('"
                 raise ExpressionError(f"{what}; a product is written with *", token.offset)
-            self.open.append((token, function, 0))
+            self.open.append(_Open(token, function))
             if len(self.open) > MAX_DEPTH:
                 raise ExpressionError(f"parentheses nest deeper than {MAX_DEPTH}", token.offset)
             self.want_operand = True
@@ -228,17 +267,45 @@ class _Scanner:
             raise ExpressionError(f"a number or a name is missing between '{before}' and '{token.text}'", token.offset)
         if not self.open:
             raise ExpressionError(f"'{token.text}' without a '(' before it", token.offset)
-        bracket, function, commas = self.open.pop()
-        arity = CONSTANT_FUNCTIONS.get(function.text, 1) if function else 1
+        innermost = self.open[-1]
+        self._check_condition(innermost, token)
+        function = innermost.function
+        arity = self.functions.get(function.text, 1) if function else 1
         if token.text == ",":
-            if commas + 1 >= arity:
-                what = f"'{function.text}' takes {arity} argument" if function else "',' stands between arguments only"
+            if innermost.commas + 1 >= arity:
+                several = f"'{function.text}' takes {arity} argument{'s' if arity > 1 else ''}" if function else ""
+                what = several or "',' stands between arguments only"
                 raise ExpressionError(f"{what}; a decimal point is written '.'", token.offset)
-            self.open.append((bracket, function, commas + 1))
+            innermost.commas += 1
+            innermost.compared = False
             self.want_operand = True
-        elif commas + 1 < arity:
-            assert function is not None
-            raise ExpressionError(f"'{function.text}' takes {arity} arguments", function.offset)
+            return
+        self.open.pop()
+        if function is not None and function.text == "piecewise" and (innermost.commas < 2 or innermost.commas % 2):
+            raise ExpressionError(
+                f"'{function.text}' takes a value and its condition, more of both, and the value otherwise, "
+                "as in piecewise(1, x < 0, 2)",
+                function.offset,
+            )
+        if function is not None and innermost.commas + 1 < (2 if arity == MANY else arity):
+            several = "two arguments or more" if arity == MANY else f"{arity} arguments"
+            raise ExpressionError(f"'{function.text}' takes {several}", function.offset)
+
+    def _comparison(self, token: Token) -> None:
+        """A comparison stands in a condition, once."""
+        innermost = self.open[-1] if self.open else None
+        if innermost is None or not innermost.is_condition:
+            raise ExpressionError(f"'{token.text}' stands in a condition of 'piecewise' only", token.offset)
+        if self.want_operand:
+            raise ExpressionError(f"a number or a name is missing before '{token.text}'", token.offset)
+        if innermost.compared:
+            raise ExpressionError("a condition has one comparison, as in x < 1", token.offset)
+        innermost.compared = True
+        self.want_operand = True
+
+    def _check_condition(self, innermost: _Open, token: Token) -> None:
+        if innermost.is_condition and not innermost.compared:
+            raise ExpressionError("a condition has one comparison, as in x < 1", token.offset)
 
 
 def _python_spelling(token: Token) -> str:

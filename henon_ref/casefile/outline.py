@@ -1,17 +1,20 @@
-"""What a case file says at a glance, read as YAML alone: no expression in it is looked into."""
+"""What a case file says at a glance, read as YAML alone unless its expressions have kinks."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode, merged
+from henon_ref.casefile.grammar import KINK_FUNCTIONS
+from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode, child, merged
 from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import CaseError
 
-SCENE_SURFACES = 1
-"""A scene has one contact."""
+SURFACES_OF = {"friction": 1, "stop": 1}
+"""Kind of connection -> the surfaces that it makes."""
+_KINK = re.compile(rf"\b({'|'.join(KINK_FUNCTIONS)})\s*\(")
 NO_STATES = ("t", "mode")
 """Keys of ``initial`` that are no state."""
 
@@ -42,7 +45,7 @@ def outline(path: Path) -> Outline:
     readings = list(_readings(tree))
     name, title = (_text(tree, key, path) for key in ("name", "title"))
     tags = dict.fromkeys(tag for reading in readings for tag in _words(reading.entries.get("tags")))
-    sizes = [_sizes(reading, path) for reading in readings]
+    sizes = _read_sizes(path) if any(map(_has_kinks, readings)) else [_sizes(reading, path) for reading in readings]
     return Outline(
         name, title, tuple(tags), len(readings), tuple(states for states, _ in sizes), tuple(s for _, s in sizes)
     )
@@ -79,5 +82,34 @@ def _sizes(reading: MappingNode, path: Path) -> tuple[int, int]:
         if isinstance(states, SequenceNode) and isinstance(surfaces, MappingNode):
             return len(states.items), len(surfaces.entries)
     elif isinstance(initial, MappingNode):  # a scene's states stand in its start
-        return sum(key not in NO_STATES for key in initial.entries), SCENE_SURFACES
+        return sum(key not in NO_STATES for key in initial.entries), _contacts(reading)
     raise CaseError("there is no model: give 'system' or 'scene', and 'initial'", file=str(path))
+
+
+def _has_kinks(reading: MappingNode) -> bool:
+    """Whether an expression of a model may make surfaces of its own, which only who reads it can count."""
+    return any(_holds_kink(reading.entries[key]) for key in ("system", "scene") if key in reading.entries)
+
+
+def _holds_kink(node: Node) -> bool:
+    if isinstance(node, MappingNode):
+        return "normal" in node.entries or any(_holds_kink(child) for child in node.entries.values())
+    if isinstance(node, SequenceNode):
+        return any(_holds_kink(child) for child in node.items)
+    return _KINK.search(node.text) is not None
+
+
+def _read_sizes(path: Path) -> list[tuple[int, int]]:
+    """States and surfaces of each reading, from their equations."""
+    from henon_ref.casefile.case import load_case  # SymPy, which no other outline needs
+
+    systems = [reading.problem.system for reading in load_case(path).readings]
+    return [(len(system.states), len(system.surfaces)) for system in systems]
+
+
+def _contacts(reading: MappingNode) -> int:
+    """Surfaces of a scene."""
+    connections = child(reading, ("scene", "connections"))
+    entries = connections.items if isinstance(connections, SequenceNode) else ()
+    kinds = [kind for entry in entries if isinstance(entry, MappingNode) for kind in entry.entries]
+    return sum(SURFACES_OF.get(kind, 0) for kind in kinds)

@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy as sp
 
+from henon_ref.casefile.assembly import Scene
 from henon_ref.casefile.scene import build_scene
 from henon_ref.casefile.schema import CaseForm
 from henon_ref.casefile.source import Names, Source
@@ -43,7 +44,8 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
 
 def _system(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
     if form.scene is not None:
-        system, names = build_scene(source, form.scene)
+        scene, names = read_scene(source)
+        system = scene.system()
     else:
         assert form.system is not None
         system, names = build_system(source, form.system)
@@ -51,6 +53,11 @@ def _system(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})
     return with_rational_exponents(system), names
+
+
+def read_scene(source: Source) -> tuple[Scene, Names]:
+    """The scene of a case that has one, read once for all readings that share it."""
+    return source.once("scene", ("scene",), lambda: build_scene(source))
 
 
 def mathematics(problem: Problem) -> dict[str, Any]:

@@ -1,167 +1,239 @@
-"""Scenes: a mechanical body and the effects that act on it, written out as a Filippov system.
+"""``scene:`` of a case file: bodies and what connects them, written out as a Filippov system.
 
-``scene: {body: belt_oscillator, effects: {linear_spring: {stiffness: k}, ...}, parameters: {m: 1, k: 2}}``.
 Only what the scene names is in the equations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import sympy as sp
 
-from henon_ref.casefile.effects.base import Body, Contact, Effect, EffectParameter, Stage
-from henon_ref.casefile.effects.damping import VISCOUS_DAMPING
-from henon_ref.casefile.effects.drives import HARMONIC_BASE, MOVING_BELT
-from henon_ref.casefile.effects.friction import COULOMB_FRICTION, STATIC_FRICTION, STRIBECK_FRICTION
-from henon_ref.casefile.effects.oscillator import Oscillator
-from henon_ref.casefile.effects.rig import TWO_DOF_RIG
-from henon_ref.casefile.effects.springs import CUBIC_SPRING, LINEAR_SPRING
-from henon_ref.casefile.expressions import parse_number
-from henon_ref.casefile.schema import SceneForm
-from henon_ref.casefile.source import Names, Source
-from henon_ref.filippov.exact_numbers import exact_sign
-from henon_ref.filippov.system import FilippovSystem
+from henon_ref.casefile.assembly import Connection, Scene
+from henon_ref.casefile.bodies import Body, read_bodies
+from henon_ref.casefile.connection import Key, Kind, Link
+from henon_ref.casefile.connections import KINDS
+from henon_ref.casefile.grammar import name_problem
+from henon_ref.casefile.kinks import Kinks
+from henon_ref.casefile.requirements import Requirements
+from henon_ref.casefile.schema import MAX_STATES
+from henon_ref.casefile.source import Names, Path, Source, resolved
+from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
-BELT_OSCILLATOR: Body[Oscillator] = Body(
-    name="belt_oscillator",
-    meaning="one block on a belt, on springs to a support (Eqs. 1 and 17)",
-    parameters=(EffectParameter("m", "kg", "mass of the block", range="positive"),),
-    make=Oscillator,
-    effects=(
-        LINEAR_SPRING,
-        CUBIC_SPRING,
-        VISCOUS_DAMPING,
-        HARMONIC_BASE,
-        MOVING_BELT,
-        COULOMB_FRICTION,
-        STRIBECK_FRICTION,
-        STATIC_FRICTION,
-    ),
-)
-
-BODIES: dict[str, Body[Any]] = {body.name: body for body in (BELT_OSCILLATOR, TWO_DOF_RIG)}
+CONNECTIONS = ("scene", "connections")
+_KINK = "a kink"
+"""Whose name several connections may share."""
 
 
-def build_scene(source: Source, form: SceneForm) -> tuple[FilippovSystem, Names]:
-    """The system of a scene.
+def build_scene(source: Source) -> tuple[Scene, Names]:
+    """The scene of a case file.
 
     Raises
     ------
     CaseError
-        At the place of a body, effect or parameter that is not known, of one that is missing, and of a
-        value out of its range.
+        At the place of a body, connection or key that is not known, of one that is missing, and of a value out of
+        its range.
     """
-    if form.body not in BODIES:
-        message = f"unknown body '{form.body}'{did_you_mean(form.body, BODIES)}; bodies: {listed(BODIES)}"
-        raise source.error(("scene", "body"), message)
-    body = BODIES[form.body]
-    values = source.parameters(("scene", "parameters"))
-    effects = _named_effects(source, form, body)
-    assembly = body.make(_body_values(source, body, values))
-    states = [symbol.name for symbol in assembly.states]
-    for name in values:
-        if name in states or name == assembly.sign.name:
-            message = f"'{name}' is a state or the sign symbol of the body; choose another name"
-            raise source.error(("scene", "parameters", name), message, key=True)
-    for effect in sorted(effects, key=lambda e: e.stage):
-        effect.add(assembly, _effect_values(source, effect, values))
-    _check_holding(source, effects, values)
-    rubs = any(effect.stage == Stage.FRICTION for effect in effects)
-    names = Names.of(states, [assembly.sign.name] if rubs else [], values)
-    system = _system(assembly, rubs, names, tuple(effect.name for effect in effects))
-    return system, names
+    return _Reader(source).scene()
 
 
-def _system(body: Contact, rubs: bool, names: Names, effects: tuple[str, ...]) -> FilippovSystem:
-    # Without friction nothing changes where the block overtakes the belt: there is no surface then.
-    return FilippovSystem(
-        states=body.states,
-        signs=(body.sign,) if rubs else (),
-        surfaces=(body.sliding_velocity,) if rubs else (),
-        field=body.field(),
-        parameters=names.exact_parameters(),
-        valid=tuple(body.valid),
-        overrides={0: body.override} if body.override is not None else {},
-        effects=effects,
-    )
+def conditions(source: Source) -> list[sp.Expr]:
+    """What a scene wants of its parameters: expressions in them that must be larger than 0, or at least not smaller.
+
+    Values with which they all are larger are allowed.
+    """
+    reader = _Reader(source)
+    reader.scene()
+    return reader.requirements.expressions
 
 
-def _named_effects(source: Source, form: SceneForm, body: Body[Any]) -> list[Effect[Any]]:
-    """The effects a scene names, in the order of the scene."""
-    known = {effect.name: effect for effect in body.effects}
-    found = []
-    for name in form.effects:
-        path = ("scene", "effects", name)
-        if name not in known:
-            message = f"unknown effect '{name}' of {body.name}{did_you_mean(name, known)}; effects: {listed(known)}"
-            raise source.error(path, message, key=True)
-        effect = known[name]
-        if effect.needs and not set(effect.needs) & set(form.effects):
-            raise source.error(path, f"'{name}' needs one of {listed(effect.needs)} besides", key=True)
-        found.append(effect)
-    return found
+class _Reader:
+    """Reads one scene."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.values = source.parameters(("scene", "parameters"))
+        self.symbols = {name: sp.Symbol(name, real=True) for name in self.values}
+        self.requirements = Requirements(source)
+        self.bodies: dict[str, Body] = {}
+        self.states: dict[str, sp.Symbol] = {}
+        self.kinks = Kinks({self.symbols[name]: value for name, value in self.values.items()})
+
+    def scene(self) -> tuple[Scene, Names]:
+        self.bodies = read_bodies(self.source, self.values, self.requirements)
+        self.states = {x.name: x for body in self.bodies.values() for x in body.states}
+        if not self.states:
+            message = "no body moves freely: give one a 'mass' or an 'inertia'"
+            raise self.source.error(("scene", "bodies"), message, key=True)
+        self._check_size("bodies", "states", len(self.states))
+        owners = dict.fromkeys(self.states, "a state") | dict.fromkeys(self.values, "a parameter")
+        owners |= {name: owners.get(name, "a body") for name in self.bodies}
+        found, signs = [], []
+        node = child(self.source.tree, CONNECTIONS)
+        for number in range(len(node.items) if isinstance(node, SequenceNode) else 0):
+            link = self._link(number)
+            self._claim(link, owners)
+            signs += [surface.sign.name for surface in link.surfaces]
+            found.append(
+                Connection(
+                    link.kind,
+                    tuple(body.name for body in link.ends),
+                    link.name,
+                    tuple(link.pushes),
+                    tuple(link.surfaces),
+                    tuple(link.holds),
+                )
+            )
+        self._check_size("connections", "surfaces", len(set(signs)))
+        names = Names.of(list(self.states), list(dict.fromkeys(signs)), self.values)
+        return Scene(self.bodies, tuple(found), names.exact_parameters()), names
+
+    def _check_size(self, key: str, what: str, number: int) -> None:
+        if number > MAX_STATES:
+            message = f"'{key}' make {number} {what}; at most {MAX_STATES} are allowed"
+            raise self.source.error(("scene", key), message, key=True)
+
+    def _claim(self, link: Link, owners: dict[str, str]) -> None:
+        """Take the connection's names, which nothing else may have."""
+        kinks = {sign.name for sign in self.kinks.surfaces}
+        for name in dict.fromkeys([*([link.name] if link.name else []), *(s.sign.name for s in link.surfaces)]):
+            if name in kinks and owners.get(name) == _KINK:
+                continue
+            problem = name_problem(name)
+            if not problem and name in owners:
+                problem = f"'{name}' is already the name of {owners[name]}; give the {link.kind} another 'name'"
+            if problem:
+                raise link.error(problem, at="name" if link.name else None)
+            owners[name] = _KINK if name in kinks else "a connection"
+
+    # -- one connection ---------------------------------------------------------------------------------
+
+    def _link(self, number: int) -> Link:
+        entry = child(self.source.tree, (*CONNECTIONS, number))
+        if not isinstance(entry, MappingNode) or len(entry.entries) != 1:
+            message = "a connection is one kind with its keys, as in spring: {between: [a, wall], stiffness: 1}"
+            raise self.source.error((*CONNECTIONS, number), f"{message}; kinds: {listed(KINDS)}")
+        (name,) = entry.entries
+        path = (*CONNECTIONS, number, name)
+        if name not in KINDS:
+            message = f"unknown connection '{name}'{did_you_mean(name, KINDS)}; kinds: {listed(KINDS)}"
+            raise self.source.error(path, message, key=True)
+        kind = KINDS[name]
+        own = child(self.source.tree, path)
+        if not isinstance(own, MappingNode):
+            example = "on: a" if kind.on else "between: [a, wall]"
+            raise self.source.error(path, f"'{name}' must be a mapping of its keys, as in {{{example}, ...}}")
+        self._check_keys(path, kind, own)
+        ends = self._on(path, name, kind) if kind.on else self._between(path, name)
+        link = Link(name, ends, {}, {}, self.source, path, self._name(path, own), self.kinks)
+        turns = any(body.kind == "rotor" for body in ends)
+        for key in kind.keys:
+            self._read(link, key, turns, key.name in own.entries)
+        kind.add(link)
+        self._check_static(link)
+        return link
+
+    def _check_keys(self, path: Path, kind: Kind, own: MappingNode) -> None:
+        known = ["on" if kind.on else "between", *(key.name for key in kind.keys), "name"]
+        for key in own.entries:
+            if key not in known:
+                message = f"'{path[-1]}' has no key '{key}'{did_you_mean(key, known)}; it takes {listed(known)}"
+                raise self.source.error((*path, key), message, key=True)
+        if known[0] not in own.entries:
+            example = "on: a" if kind.on else "between: [a, wall]"
+            raise self.source.error(path, f"'{path[-1]}' lacks '{known[0]}', as in {example}", key=True)
+
+    def _name(self, path: Path, own: MappingNode) -> str | None:
+        node = own.entries.get("name")
+        if node is None:
+            return None
+        if not isinstance(node, ScalarNode):
+            raise self.source.error((*path, "name"), "'name' must be a name, as in name: rub")
+        return node.text
+
+    def _body(self, path: Path) -> Body:
+        node = child(self.source.tree, path)
+        name = node.text if isinstance(node, ScalarNode) else ""
+        if name not in self.bodies:
+            message = f"unknown body '{name}'{did_you_mean(name, self.bodies)}; bodies: {listed(self.bodies)}"
+            raise self.source.error(path, message)
+        return self.bodies[name]
+
+    def _on(self, path: Path, name: str, kind: Kind) -> tuple[Body, ...]:
+        body = self._body((*path, "on"))
+        if body.kind != kind.on:
+            other = next((n for n, k in KINDS.items() if k.on == body.kind), None)
+            mend = f"it takes a {other}" if other else "its motion is given, and nothing acts on it"
+            raise self.source.error((*path, "on"), f"a {name} acts on a {kind.on}, which '{body.name}' is not: {mend}")
+        return (body,)
+
+    def _between(self, path: Path, name: str) -> tuple[Body, ...]:
+        path = (*path, "between")
+        node = child(self.source.tree, path)
+        if not isinstance(node, SequenceNode) or len(node.items) != 2:
+            raise self.source.error(path, "'between' must name two bodies, as in [a, wall]")
+        p, q = (self._body((*path, i)) for i in range(2))
+        if p is q:
+            raise self.source.error((*path, 1), f"'{p.name}' cannot be connected to itself; name another body")
+        if p.inertia is None and q.inertia is None:
+            which = "both are fixed" if p.kind == q.kind == "fixed" else "the motion of both is given"
+            message = f"the {name} between '{p.name}' and '{q.name}' acts on nothing, {which}; name a mass or a rotor"
+            raise self.source.error(path, message)
+        if {p.kind, q.kind} == {"mass", "rotor"}:
+            message = f"'{p.name}' is a {p.kind} and '{q.name}' a {q.kind}; connect two masses or two rotors"
+            raise self.source.error((*path, 1), message)
+        return p, q
+
+    def _read(self, link: Link, key: Key, turns: bool, given: bool) -> None:
+        """Read one key of a connection, checked, into the connection."""
+        unit = key.angular if turns else key.unit
+        what = f"'{key.name}'{f' [{unit}]' if unit else ''} ({key.meaning})"
+        path = (*link.path, key.name)
+        if not given:
+            if not key.optional:
+                raise link.error(f"{link.kind} lacks its key {what}{_choice(key.words)}")
+            return
+        if key.words:
+            node = child(self.source.tree, path)
+            word = node.text if isinstance(node, ScalarNode) else ""
+            if word not in key.words:
+                message = f"unknown {key.name} '{word}'{did_you_mean(word, key.words)}{_choice(key.words)}"
+                raise self.source.error(path, message)
+            link.words[key.name] = word
+            return
+        link.values[key.name] = self._kinked(link, path) if key.of == "time" else self._expression(path, key, what)
+
+    def _kinked(self, link: Link, path: Path) -> sp.Expr:
+        """A function of time, whose kinks and jumps become surfaces."""
+        written = self.source.field(path, {**self.symbols, "t": TIME})
+        self.source.field(path, {**self.values, "t": TIME}, " (with the values of the parameters)")
+        return link.kinked(resolved(self.source, path, self.kinks, written))
+
+    def _expression(self, path: Path, key: Key, what: str) -> sp.Expr:
+        moving: dict[str, sp.Expr] = {"t": TIME, **self.states} if key.of == "states" else {}
+        expression = self.source.expression(path, {**self.symbols, **moving})
+        if expression.free_symbols & set(moving.values()):
+            self.source.expression(path, {**self.values, **moving}, " (with the values of the parameters)")
+            return expression
+        value = self.source.number(path, self.values)
+        if key.range == "positive":
+            self.requirements.positive(expression, value, path, what)
+        elif key.range in ("nonnegative", "fraction"):
+            self.requirements.nonnegative(expression, value, path, f"{what} must be 0 or larger")
+        if key.range == "fraction":
+            self.requirements.nonnegative(1 - expression, 1 - value, path, f"{what} must be at most 1")
+        return expression
+
+    def _check_static(self, link: Link) -> None:
+        """Static friction below kinetic friction would let go and catch a body at the same instant."""
+        if "static" in link.values and "force" in link.values:
+            path = (*link.path, "static")
+            value = self.source.number(path, self.values) - self.source.number((*link.path, "force"), self.values)
+            message = "'static' must not be smaller than 'force': a contact holds at least what it slides with"
+            self.requirements.nonnegative(link.values["static"] - link.values["force"], value, path, message)
 
 
-def _body_values(source: Source, body: Body[Any], values: Mapping[str, sp.Expr]) -> dict[str, sp.Expr]:
-    """The parameters that the body reads itself, as symbols."""
-    for parameter in body.parameters:
-        if parameter.name not in values:
-            message = f"{body.name} needs the parameter {_described(parameter)}"
-            raise source.error(("scene", "parameters"), message, key=True)
-        _check_range(source, ("scene", "parameters", parameter.name), parameter, values[parameter.name])
-    return {parameter.name: sp.Symbol(parameter.name, real=True) for parameter in body.parameters}
-
-
-def _effect_values(source: Source, effect: Effect[Any], values: Mapping[str, sp.Expr]) -> dict[str, sp.Expr]:
-    """What a scene gives an effect, as expressions in parameters (and t where the effect allows it)."""
-    path = ("scene", "effects", effect.name)
-    given = source.keys(path)
-    known = [parameter.name for parameter in effect.parameters]
-    for name in given:
-        if name not in known:
-            allowed = f"it takes {listed(known)}" if known else "it takes none"
-            message = f"'{effect.name}' has no parameter '{name}'{did_you_mean(name, known)}; {allowed}"
-            raise source.error((*path, name), message, key=True)
-    symbols = {name: sp.Symbol(name, real=True) for name in values}
-    found = {}
-    for parameter in effect.parameters:
-        if parameter.name in given:
-            where = (*path, parameter.name)
-            time = {"t": TIME} if parameter.in_time else {}
-            found[parameter.name] = source.expression(where, {**symbols, **time})
-            if parameter.in_time:
-                source.expression(where, {**values, **time}, " (with the values of the parameters)")
-            else:
-                _check_range(source, where, parameter, source.number(where, values))
-        elif parameter.default is not None:
-            found[parameter.name] = parse_number(parameter.default, {})
-        else:
-            raise source.error(path, f"'{effect.name}' lacks its parameter {_described(parameter)}", key=True)
-    return found
-
-
-def _check_holding(source: Source, effects: Sequence[Effect[Any]], values: Mapping[str, sp.Expr]) -> None:
-    """Static friction below kinetic friction would let go and catch the block at the same instant."""
-    forces: dict[Stage, sp.Expr] = {}
-    for effect in effects:
-        if "force" in (parameter.name for parameter in effect.parameters):
-            value = source.number(("scene", "effects", effect.name, "force"), values)
-            forces[effect.stage] = forces.get(effect.stage, sp.Integer(0)) + value
-    if Stage.HOLDING in forces and exact_sign(forces[Stage.HOLDING] - forces[Stage.FRICTION]) < 0:
-        message = "static friction must not be smaller than kinetic friction at v = 0"
-        raise source.error(("scene", "effects", "static_friction", "force"), message)
-
-
-def _check_range(source: Source, path: Sequence[str], parameter: EffectParameter, value: sp.Expr) -> None:
-    sign = exact_sign(value)
-    if (parameter.range == "positive" and sign <= 0) or (parameter.range == "nonnegative" and sign < 0):
-        bound = "larger than 0" if parameter.range == "positive" else "0 or larger"
-        raise source.error(path, f"{_described(parameter)} must be {bound}")
-
-
-def _described(parameter: EffectParameter) -> str:
-    return f"'{parameter.name}' [{parameter.unit}] ({parameter.meaning})"
+def _choice(words: Sequence[str]) -> str:
+    return f"; one of {listed(words)}" if words else ""

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
+from henon_ref.casefile.scene_schema import bodies_schema, connections_schema
 from henon_ref.text import shortened
 
 DEFAULT_TOLERANCES = (1e-6, 1e-9, 1e-12)
@@ -168,18 +169,24 @@ class SystemForm(Form):
     state: Annotated[list[Text], Field(min_length=1, max_length=MAX_STATES, description="names of the states")]
     parameters: dict[str, Expression] = Field({}, description="name: number, or expression in other parameters")
     surfaces: dict[str, Expression] = Field(
-        min_length=1, max_length=MAX_STATES, description="sign symbol: the expression whose sign it is"
+        {}, max_length=MAX_STATES, description="sign symbol: the expression whose sign it is"
     )
-    field: list[Expression] = Field(description="x', one expression a state; t is time")
+    field: list[Expression] = Field(
+        description="x', one expression a state; t is time; abs, sign, min, max, piecewise become surfaces kink1, ..."
+    )
     valid: list[Expression] = Field([], description="the model holds while these are > 0")
 
 
 class SceneForm(Form):
-    """A mechanical scene, built from the effects that it names and no others."""
+    """Bodies and what connects them; what is named is built, nothing else (:mod:`henon_ref.casefile.scene`)."""
 
-    body: Text = Field(description="belt_oscillator or two_dof_rig")
-    effects: dict[str, dict[str, Expression]] = Field(description="effect: {its parameter: expression}")
     parameters: dict[str, Expression] = Field({}, description="name: number, or expression in other parameters")
+    bodies: Annotated[dict[str, Any], WithJsonSchema(bodies_schema())] = Field(
+        min_length=1, description="name: what it is, as in {mass: 1}, {inertia: 1}, {velocity: cos(t)} or fixed"
+    )
+    connections: Annotated[list[Any], WithJsonSchema(connections_schema())] = Field(
+        description="one kind with its keys each, as in spring: {between: [a, wall], stiffness: 1}"
+    )
 
 
 class InitialForm(Form):

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
 
 import sympy as sp
 
-from henon_ref.casefile.expressions import check_sides, parse_expression, parse_number
+from henon_ref.casefile.expressions import check_sides, parse_expression, parse_field, parse_number
 from henon_ref.casefile.grammar import name_problem, scan
+from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.tree import MappingNode, ScalarNode, child, locate
 from henon_ref.errors import CaseError, ExpressionError
 from henon_ref.filippov.work import Work
@@ -57,6 +58,13 @@ class Source:
         except ExpressionError as error:
             raise self._placed(path, error, note) from None
 
+    def field(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> tuple[sp.Expr, list[sp.Expr]]:
+        """A component of a field, which may have kinks (see :func:`henon_ref.casefile.expressions.parse_field`)."""
+        try:
+            return parse_field(self.text(path), names, self.work)
+        except ExpressionError as error:
+            raise self._placed(path, error, note) from None
+
     def number(self, path: Path, names: Mapping[str, sp.Expr]) -> sp.Expr:
         """An expression whose value is a number (see :func:`henon_ref.casefile.expressions.parse_number`)."""
         try:
@@ -80,10 +88,12 @@ class Source:
         found: T = self.work.built[known][1]
         return found
 
-    def check_sides(self, path: Path, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.Symbol]) -> None:
+    def check_sides(
+        self, path: Path, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.Symbol], *, kinks: bool = False
+    ) -> None:
         """Check that an expression has values at both sides of each sign."""
         try:
-            check_sides(self.text(path), names, signs, self.work)
+            check_sides(self.text(path), names, signs, self.work, kinks=kinks)
         except ExpressionError as error:
             raise self._placed(path, error, "") from None
 
@@ -163,6 +173,35 @@ class Names:
             source.expression(path, {**moving, **self.values, **own}, " (with the values of the parameters)")
         source.check_sides(path, {**moving, **self.values}, own)
         return expression
+
+    def written(self, source: Source, path: Path, *, signs: Sequence[str] = ()) -> tuple[sp.Expr, list[sp.Expr]]:
+        """Read an expression that may have kinks, and what they are kinks of; checked as in :meth:`smooth`."""
+        moving = {"t": TIME, **self.states}
+        own = {name: self.signs[name] for name in signs}
+        found = source.field(path, {**moving, **self.parameters, **own})
+        if self.values:
+            source.field(path, {**moving, **self.values, **own}, " (with the values of the parameters)")
+        source.check_sides(path, {**moving, **self.values}, own, kinks=True)
+        return found
+
+
+def resolved(
+    source: Source,
+    path: Path,
+    kinks: Kinks,
+    written: tuple[sp.Expr, list[sp.Expr]],
+    signs: Collection[sp.Symbol] = (),
+) -> sp.Expr:
+    """An expression with symbols for the signs of its kinks, and a value at both sides of each."""
+    expression, arguments = written
+    if any(argument.has(*signs) for argument in arguments if signs):
+        raise source.error(path, "a kink of what holds a sign is not there yet; name a surface and use its sign")
+    found = kinks.resolved(expression, arguments)
+    for sign in kinks.used(found):
+        for side in (-1, 1):
+            if found.xreplace({sign: sp.Integer(side), **kinks.parameters}).has(sp.zoo, sp.nan, sp.oo, -sp.oo):
+                raise source.error(path, f"division by zero (where {kinks.surfaces[sign]} has the sign {side:+d})")
+    return found
 
 
 def _symbols(names: Sequence[str]) -> dict[str, sp.Symbol]:

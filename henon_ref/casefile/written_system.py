@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sympy as sp
+
 from henon_ref.casefile.grammar import name_problem
-from henon_ref.casefile.schema import CaseForm, SlidingForm, SystemForm
-from henon_ref.casefile.source import Names, Path, Source
+from henon_ref.casefile.kinks import Kinks
+from henon_ref.casefile.schema import MAX_STATES, CaseForm, SlidingForm, SystemForm
+from henon_ref.casefile.source import Names, Path, Source, resolved
 from henon_ref.columns import JUDGED_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
 from henon_ref.taylor.tape import TIME
@@ -32,28 +35,77 @@ def build_system(source: Source, form: SystemForm) -> tuple[FilippovSystem, Name
             ("system", "field"),
             f"'field' has {len(form.field)} entries; it needs one for each state ({len(states)}): {listed(states)}",
         )
-    surfaces = []
-    for sign in signs:
-        path = ("system", "surfaces", sign)
-        surface = names.smooth(source, path)
-        if not surface.free_symbols & {TIME, *names.states.values()}:
-            raise source.error(path, f"the surface '{sign}' never changes: it holds no state and no t")
-        surfaces.append(surface)
-    field = [names.smooth(source, ("system", "field", i), signs=signs) for i in range(len(states))]
+    kinks = Kinks(names.exact_parameters())
+    surfaces, values_of = _guards(source, names, signs, kinks)
+    field = []
+    for i in range(len(states)):
+        path: Path = ("system", "field", i)
+        rate = resolved(source, path, kinks, names.written(source, path, signs=signs), names.signs.values())
+        field.append(rate.xreplace(values_of))
+    _check_guards(source, names, signs, surfaces, field)
+    _check_kinks(source, kinks, {*states, *(sign.name for sign in surfaces), *values})
+    made = {**surfaces, **kinks.surfaces}
+    branches = {sign for sign in surfaces if sign.name not in signs or values_of[sign] != sign}
+    names = Names.of(states, [sign.name for sign in made], values)
     valid = [names.smooth(source, ("system", "valid", i)) for i in range(len(form.valid))]
     system = FilippovSystem(
         states=tuple(names.states.values()),
         signs=tuple(names.signs.values()),
-        surfaces=tuple(surfaces),
+        surfaces=tuple(made.values()),
         field=tuple(field),
         parameters=names.exact_parameters(),
         valid=tuple(valid),
+        kinks=frozenset(i for i, sign in enumerate(made) if sign in kinks.surfaces or sign in branches),
         written={
             **{x: source.text(("system", "field", i)) for i, x in enumerate(names.states.values())},
-            **{s: source.text(("system", "surfaces", name)) for name, s in names.signs.items()},
+            **{names.signs[name]: source.text(("system", "surfaces", name)) for name in signs},
         },
     )
     return system, names
+
+
+def _guards(
+    source: Source, names: Names, signs: list[str], kinks: Kinks
+) -> tuple[dict[sp.Symbol, sp.Expr], dict[sp.Symbol, sp.Expr]]:
+    """Surfaces by their signs, and what each sign of the file is by them (itself, unless its surface has kinks)."""
+    surfaces: dict[sp.Symbol, sp.Expr] = {}
+    values: dict[sp.Symbol, sp.Expr] = {}
+    for name in signs:
+        path: Path = ("system", "surfaces", name)
+        expression, arguments = names.written(source, path)
+        if not expression.free_symbols & {TIME, *names.states.values()}:
+            raise source.error(path, f"the surface '{name}' never changes: it holds no state and no t")
+        sign = names.signs[name]
+        own, values[sign] = kinks.guard(sign, expression, arguments)
+        surfaces |= own
+    return surfaces, values
+
+
+def _check_guards(
+    source: Source, names: Names, signs: list[str], surfaces: dict[sp.Symbol, sp.Expr], field: list[sp.Expr]
+) -> None:
+    """Refuse what a surface with kinks cannot be yet: a section, or one whose branches' names are taken."""
+    taken = {*names.states, *names.parameters}
+    for sign in surfaces:
+        if sign.name in signs:
+            name = sign.name
+            continue
+        path: Path = ("system", "surfaces", name)
+        if sign.name in taken:
+            raise source.error(path, f"'{sign.name}' is the name of a branch of '{name}'; rename what has it", key=True)
+        if not any(rate.has(sign) for rate in field):
+            message = f"a surface with kinks that no field uses is not there yet; give '{name}' in smooth parts"
+            raise source.error(path, message)
+
+
+def _check_kinks(source: Source, kinks: Kinks, taken: set[str]) -> None:
+    for sign in kinks.surfaces:
+        if sign.name in taken:
+            message = f"kink1, kink2, ... are the names of what has a kink here; '{sign.name}' is taken: rename it"
+            raise source.error(("system", "field"), message, key=True)
+    if len(kinks.surfaces) > MAX_STATES:
+        message = f"'field' has {len(kinks.surfaces)} kinks; at most {MAX_STATES} are allowed"
+        raise source.error(("system", "field"), message, key=True)
 
 
 def _check_names(source: Source, states: list[str], signs: list[str], parameters: set[str]) -> None:
@@ -82,6 +134,9 @@ def build_overrides(source: Source, form: CaseForm, names: Names) -> dict[int, S
                 f"'{sign}' is no surface{did_you_mean(sign, order)}; surfaces: {listed(order)}",
                 key=True,
             )
+        if form.system is not None and f"{sign}_2" in order and f"{sign}_2" not in form.system.surfaces:
+            message = f"sliding of one's own on '{sign}', whose surface has kinks, is not there yet"
+            raise source.error(("sliding", sign), message, key=True)
         overrides[order.index(sign)] = _override(source, sign, sliding, names)
     return overrides
 

@@ -158,7 +158,7 @@ def check_smooth(value: sp.Expr) -> None:
             raise ExpressionError(
                 f"{shown(function)} (the root of a square) has a kink; name a surface h and use its sign s: s*h", 0
             )
-        if not isinstance(function, _SMOOTH):
+        if not isinstance(function, _SMOOTH) and function.func.__name__ != "Sgn":
             raise ExpressionError(f"{shown(function)} is not allowed in a field", 0)
 
 

@@ -17,14 +17,14 @@ _GREEK = (
 def symbol(name: str) -> str:
     """LaTeX of a name: a letter, Latin or Greek, and what follows it as an index; a word stays a word.
 
-    Of several indices each is one of the one before it: two at one letter are an error in LaTeX.
+    What stands behind an underscore is set upright, so that the state ``v_b`` is not the parameter ``vb``.
 
     Examples
     --------
     >>> symbol("x2"), symbol("vp"), symbol("mu0"), symbol("xi1"), symbol("q_1"), symbol("margin")
     ('x_{2}', 'v_{p}', '\\\\mu_{0}', '\\\\xi_{1}', 'q_{1}', '\\\\mathrm{margin}')
-    >>> symbol("a_b_c_d"), symbol("Delta_x_1"), symbol("a__b"), symbol("Alpha")
-    ('a_{b_{c_{d}}}', '\\\\Delta_{x_{1}}', '\\\\mathrm{a\\\\_\\\\_b}', '\\\\mathrm{Alpha}')
+    >>> symbol("s_a_belt"), symbol("Delta_x_1"), symbol("a__b"), symbol("Alpha")
+    ('s_{\\\\mathrm{a,belt}}', '\\\\Delta_{\\\\mathrm{x,1}}', '\\\\mathrm{a\\\\_\\\\_b}', '\\\\mathrm{Alpha}')
     """
     head, *indices = name.split("_")
     greek = re.fullmatch(rf"({_GREEK})(\d\w*)?", head)
@@ -32,10 +32,10 @@ def symbol(name: str) -> str:
     found = greek or latin
     if found is None or not all(indices) or (found[2] and indices):
         return rf"\mathrm{{{name}}}".replace("_", r"\_")
-    if found[2]:
-        indices = [found[2]]
     letter = f"\\{found[1]}" if greek else found[1]
-    return letter + "".join(f"_{{{index}" for index in indices) + "}" * len(indices)
+    index = ",".join(indices)
+    upright = rf"\mathrm{{{index}}}" if re.search("[A-Za-z]", index) else index
+    return letter + (f"_{{{found[2] or upright}}}" if found[2] or index else "")
 
 
 @lru_cache(maxsize=1024)

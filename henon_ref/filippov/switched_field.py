@@ -42,14 +42,14 @@ class SwitchedField:
         found: dict[int, tuple[int, int]] = {}
         first: dict[sp.Expr, tuple[int, int]] = {}
         for j, surface in enumerate(self.surfaces):
-            form, sign = _up_to_a_number(self.numeric(surface))
+            form, sign = up_to_a_number(self.numeric(surface))
             i, own = first.setdefault(form, (j, sign))
             if i != j:
                 found[j] = i, own * sign
         return found
 
 
-def _up_to_a_number(expression: sp.Expr) -> tuple[sp.Expr, int]:
+def up_to_a_number(expression: sp.Expr) -> tuple[sp.Expr, int]:
     """The expression without its numerical factor, and that factor's sign; nothing is expanded."""
     number, rest = expression.as_independent(*expression.free_symbols, as_Add=False)
     _, form = rest.as_content_primitive()

@@ -80,7 +80,7 @@ class Switching:
         self.system = system
         self._numeric = (values or system).numeric
         self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[Any]] | None] = {}
-        self._holds: dict[int, Callable[..., list[Any]]] = {}
+        self._holds: dict[tuple[Mode, int], Callable[..., list[Any]] | None] = {}
         self.forget()
         normals = [system.normal_velocity(i) for i in range(len(system.surfaces))]
         self._normals = self._function([*system.states, *system.signs], normals)
@@ -384,7 +384,9 @@ class Switching:
             return self._attracts(t, x, mode, index)
         made = self._equations(replaced(mode, index, 0))
         if made is None:  # beside another sliding surface it has no equations: no derivatives, but the load is there
-            return all(value > 0 for value in self._hold_values(index)(t, *x))
+            values = self._hold_values(mode, index)
+            # A load that depends on how another surface slides is not known: no slip is told from a stick there.
+            return values is None or all(value > 0 for value in values(t, *x))
         equations, tape, numbers = made
         ends = [k for k, g in enumerate(equations.guards) if g.kind == "release" and g.index == index]
         try:
@@ -392,13 +394,15 @@ class Switching:
         except (ZeroDivisionError, ValueError, OverflowError):
             return False
 
-    def _hold_values(self, index: int) -> Callable[..., list[float]]:
-        """(t, *x) -> release guards of an override."""
-        if index not in self._holds:
+    def _hold_values(self, mode: Mode, index: int) -> Callable[..., list[float]] | None:
+        """(t, *x) -> release guards of an override beside a mode's slips; None where they hold another sign."""
+        key = replaced(mode, index, 0), index
+        if key not in self._holds:
             with one_at_a_time():
-                guards = [g.expression for g in self.system.hold_guards(index)]
-                self._holds[index] = self._function(self.system.states, guards)
-        return self._holds[index]
+                guards = [g.expression for g in self.system.hold_guards(index, mode)]
+                known = not any(g.has(*self.system.signs) for g in guards)
+                self._holds[key] = self._function(self.system.states, guards) if known else None
+        return self._holds[key]
 
     def _both_sides(self, t: float, x: Sequence[float], mode: Mode, index: int) -> tuple[float, float]:
         """dh/dt of a surface below and above it (signs of the mode elsewhere)."""

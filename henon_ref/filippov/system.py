@@ -68,6 +68,8 @@ class FilippovSystem(SwitchedField):
     """Surface index -> its own sliding."""
     written: Mapping[sp.Symbol, str] = dataclass_field(default_factory=dict)
     """State or sign -> the text of its rate or surface, as the case file has it (empty for a scene)."""
+    kinks: frozenset[int] = frozenset()
+    """Surfaces that stand for a kink or jump written as such in the field (``abs``, ``piecewise`` ...)."""
     effects: tuple[str, ...] = ()
     """Names of the effects a scene was built from (empty for a plain system)."""
 
@@ -159,10 +161,14 @@ class FilippovSystem(SwitchedField):
             for i, normal in enumerate(self._normal)
         )
 
-    def hold_guards(self, index: int) -> tuple[Guard, ...]:
-        """The release guards of a surface's override: its hold zone is where all are positive."""
+    def hold_guards(self, index: int, mode: Mode = ()) -> tuple[Guard, ...]:
+        """The release guards of a surface's override: its hold zone is where all are positive.
+
+        A load may depend on how other surfaces slip: the signs of the mode's slips are put in.
+        """
+        slip = {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s and i != index}
         return tuple(
-            Guard("release", index, r.to, -r.when if r.direction == "rising" else r.when, rising_only=True)
+            Guard("release", index, r.to, put(-r.when if r.direction == "rising" else r.when, slip), rising_only=True)
             for r in self.overrides[index].release
         )
 

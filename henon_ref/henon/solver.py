@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
+from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import BRENT, HENON, LANDINGS, NEWTON
@@ -67,7 +68,9 @@ class HenonSolver:
 def _run(
     integrator: Integrator, start: Start, sample_times: NDArray[np.float64] | None, deadline: float | None
 ) -> Trajectory:
-    return Run(integrator, start, sample_times, deadline).to_horizon()
+    found = Run(integrator, start, sample_times, deadline).to_horizon()
+    system = integrator.system
+    return found._replace(transitions=visible(system, found.transitions)) if system.kinks else found
 
 
 def order_for(tolerance: float) -> int:

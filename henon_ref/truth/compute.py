@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from flint import arb
 
+from henon_ref.filippov.kinks import visible
 from henon_ref.precision import working_precision
 from henon_ref.truth import store
 from henon_ref.truth.balls import enclose
@@ -191,6 +192,9 @@ def compute(
             seconds = barren_seconds
     proof = prove(problem, seconds=seconds, progress=_stage(progress, "proof"))
     where = f"{case.name}, {reading.name}"
+    proof = replace(proof, transitions=tuple(visible(problem.system, proof.transitions)))
+    if computed is not None:
+        computed = replace(computed, transitions=tuple(visible(problem.system, computed.transitions)))
     if computed is None:
         proof = replace(proof, method=f"{proof.method} ({ALONE})")
         truth = _truth(case.name, reading, proof, (proof,), proof.transitions, proof.undecided)

@@ -132,7 +132,10 @@ def test_rational_parameters_may_use_each_other_in_a_long_chain() -> None:
         (changed("t - F*s", "t - G*s"), "9:16", "unknown name 'G'"),
         (changed('["t - F*s"]', "[t - F*s, x]"), "9:10", "one for each state"),
         (changed("t - F*s", "__import__('os')"), "9:12", "unknown name '__import__'"),
-        (changed("t - F*s", "t - s*abs(x)"), "9:18", "sign symbol"),
+        (changed("t - F*s", "t - s*floor(x)"), "9:18", "jumps without end"),
+        (changed("t - F*s", "t - abs(x*s)"), "9:11", "a kink of what holds a sign"),
+        (changed("t - F*s", "t - s/(1 + sign(x))"), "9:11", "division by zero (where x has the sign -1)"),
+        (changed("{F: 1}", "{kink1: 1}").replace("F*s", "kink1*abs(x)"), "9:3", "'kink1' is taken"),
         (changed("t - F*s", "t - s/(F - 1)"), "9:17", "division by zero (with the values"),
         (changed("t - F*s", "t/(1 + s)"), "9:13", "division by zero (at s = -1)"),
         (changed('["t - F*s"]', "\n    - >-\n      t -\n      G*s"), "10:7", "unknown name 'G'"),
@@ -144,7 +147,7 @@ def test_rational_parameters_may_use_each_other_in_a_long_chain() -> None:
         (changed("{F: 1}", "{F: true}"), "7:19", "number or an expression"),
         (changed("{F: 1}", "{F: 2001-01-01}"), "7:19", "2001-01-01 is a date"),
         (changed("until: 3", "until: 2001-01-01"), "12:8", "2001-01-01 is a date"),
-        (changed('{s: "x"}', "{}"), "8:13", "at least one entry"),
+        (changed('{s: "x"}', "{}").replace("F*s", "F"), "5:1", "name a surface"),
         (changed("[x]", f"[{', '.join(f'x{i}' for i in range(257))}]"), "6:10", "at most 256 entries"),
         (
             changed('{s: "x"}', f"{{{', '.join(f's{i}: x' for i in range(257))}}}"),
@@ -189,8 +192,8 @@ def test_rational_parameters_may_use_each_other_in_a_long_chain() -> None:
         (changed("{max_time_error: 1e-11}", "{at: 1e-7, max_time_error: 1}"), "18:20", "not among 'tolerances'"),
         (changed("{max_time_error: 1e-11}", "{max_error: 1e-11}"), "18:16", "did you mean 'max_time_error'"),
         (SLIDE + "until: 4\n", "19:1", "twice"),
-        (SLIDE + "scene: {body: belt_oscillator, effects: {}}\n", "19:1", "either 'system' or 'scene'"),
-        ("scene: {body: belt_oscillator, effects: {}}\n" + SLIDE, "6:1", "either 'system' or 'scene'"),
+        (SLIDE + "scene: {bodies: {a: {mass: 1}}, connections: []}\n", "19:1", "either 'system' or 'scene'"),
+        ("scene: {bodies: {a: {mass: 1}}, connections: []}\n" + SLIDE, "6:1", "either 'system' or 'scene'"),
         (SLIDE[: SLIDE.index("system:")] + SLIDE[SLIDE.index("initial:") :], "1:1", "either 'system' or 'scene'"),
         (SLIDE + "sliding: {q: {field: [0], release: [{when: x, direction: rising, to: 1}]}}", "19:11", "no surface"),
         (SLIDE + "sliding: {s: {field: [0], release: [{when: x, direction: up, to: 1}]}}", "19:58", "'rising'"),
@@ -251,7 +254,7 @@ readings:
         ("readings:\n  A: {}", "20:3", "a-z, 0-9 and _"),
         (f"readings:\n  {'a' * 65}: {{}}", "20:3", "at most 64 characters, not 65"),
         ("readings:\n  a: {measure: {after: 2}, until: 2}", "20:24", "earlier than 'until', 2 [reading 'a']"),
-        ("readings:\n  a: {scene: {body: belt_oscillator, effects: {}}}", "20:7", "either 'system' or 'scene'"),
+        ("readings:\n  a: {scene: {bodies: {a: {mass: 1}}, connections: []}}", "20:7", "either 'system' or 'scene'"),
         ("readings:\n  a: 1", "20:6", "must be a mapping"),
         ("readings:\n  a: {name: b}", "20:7", "cannot change the key 'name'"),
         ("readings:\n  a: {}\n  b: {until: -1}", "21:14", "[reading 'b']"),
@@ -361,10 +364,10 @@ def test_the_texts_at_the_top_are_checked_where_every_reading_has_its_own() -> N
 
 def test_a_scene_without_friction_is_no_case() -> None:
     model = SLIDE[SLIDE.index("system:") : SLIDE.index("initial:")]
-    scene = "scene: {body: belt_oscillator, parameters: {m: 1}, effects: {linear_spring: {stiffness: 1}}}\n"
-    error = refusal(SLIDE.replace(model, scene).replace("x: 0}", "x1: 1, x2: 0}"))
-    assert "name a friction effect" in error.message
-    assert (error.line, error.column) == (5, 52)
+    scene = "scene: {bodies: {a: {mass: 1}}, connections: [force: {on: a, value: 1}]}\n"
+    error = refusal(SLIDE.replace(model, scene).replace("x: 0}", "x_a: 1, v_a: 0}"))
+    assert "without friction or a stop" in error.message
+    assert (error.line, error.column) == (5, 33)
 
 
 def test_parameters_that_double_in_size_are_stopped() -> None:

@@ -1,197 +1,419 @@
-"""Scenes: each effect adds its own term and no other, against equations written by hand."""
+"""Scenes: what is named is built, nothing else, against models written by hand, node for node of their tapes."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import pytest
 import sympy as sp
 
-from henon_ref.casefile.case import parse_case
-from henon_ref.casefile.scene import BODIES, build_scene
-from henon_ref.casefile.source import Source
+import henon_ref.casefile.connections
+from henon_ref.casefile.case import load_case, parse_case
+from henon_ref.casefile.connections import KINDS
+from henon_ref.casefile.scene import build_scene, conditions
+from henon_ref.casefile.source import Names, Source
 from henon_ref.casefile.validation import validated
 from henon_ref.casefile.yaml_file import parse_yaml
 from henon_ref.errors import CaseError
 from henon_ref.filippov.system import FilippovSystem, Release
-from henon_ref.taylor.tape import TIME
+from henon_ref.taylor.tape import TIME, build_tape
 
-X1, X2, X3, X4, S, M, K, F, VP = sp.symbols("x1 x2 x3 x4 s m k F vp", real=True)
+CASES = Path(__file__).parents[2] / "cases"
+DOCS = Path(__file__).parents[2] / "docs"
+PARAMETERS = "{m: 2, M: 3, J: 5, k: 7, c: 11, F: 13, G: 17, d: 19, w: 23, u: 29}"
+BODIES = """\
+{a: {mass: m}, b: {mass: M}, r: {inertia: J}, q: {inertia: m}, wall: fixed, floor: {fixed: 3/2},
+           belt: {velocity: u}, motor: {velocity: w*t}, base: {position: d*sin(w*t)}}"""
+STATES = ("x_a", "v_a", "x_b", "v_b", "phi_r", "omega_r", "phi_q", "omega_q")
+AT_REST = ("v_a", "0", "v_b", "0", "omega_r", "0", "omega_q", "0")
 
 
-def oscillator(effects: str, parameters: str = "m: 2, k: 3, F: 0.5, vp: 0.4") -> FilippovSystem:
+def read(connections: str, bodies: str = BODIES, parameters: str = PARAMETERS) -> tuple[FilippovSystem, Names]:
     text = f"""\
 schema: 1
 name: scene
 title: Scene
 scene:
-  body: belt_oscillator
-  parameters: {{{parameters}}}
-  effects: {{{effects}}}
-initial: {{x1: 1, x2: 0}}
+  parameters: {parameters}
+  bodies: {bodies}
+  connections: [{connections}]
+initial: {{}}
 until: 1
 """
     tree = parse_yaml(text, file="case.yaml")
-    form = validated(tree, file="case.yaml")
-    assert form.scene is not None
-    system, _ = build_scene(Source(tree, "case.yaml"), form.scene)
-    return system
+    validated(tree, file="case.yaml")
+    scene, names = build_scene(Source(tree, "case.yaml"))
+    return scene.system(), names
 
 
-def same(left: sp.Expr, right: sp.Expr) -> bool:
-    return sp.simplify(left - right) == 0
+def written(field: dict[str, str], surfaces: dict[str, str]) -> FilippovSystem:
+    """A model written by hand: rates that are not those of a body that nothing acts on."""
+    rates = [field.get(state, rest) for state, rest in zip(STATES, AT_REST, strict=True)]
+    text = f"""\
+schema: 1
+name: by_hand
+title: By hand
+system:
+  state: [{", ".join(STATES)}]
+  parameters: {PARAMETERS}
+  surfaces: {surfaces or {"unused": "x_a"}}
+  field: {rates}
+initial: {{{", ".join(f"{state}: 0" for state in STATES)}}}
+until: 1
+"""
+    return parse_case(text).readings[0].problem.system
 
 
-@pytest.mark.parametrize(
-    ("effects", "force"),
-    [
-        ("", 0),
-        ("linear_spring: {stiffness: k}", -K * X1),
-        ("cubic_spring: {stiffness: -k}", K * X1**3),
-        ("viscous_damping: {coefficient: k}", -K * X2),
-        (
-            "linear_spring: {stiffness: k}, harmonic_base: {amplitude: F, frequency: 2}",
-            -K * (X1 - F * sp.sin(2 * TIME)),
-        ),
-        (
-            "harmonic_base: {amplitude: F, frequency: 2, phase: pi/2}, linear_spring: {stiffness: k}",
-            -K * (X1 - F * sp.cos(2 * TIME)),
-        ),
-        ("coulomb_friction: {force: F}", -F * S),
-        ("coulomb_friction: {force: F}, moving_belt: {velocity: vp}", -F * S),
-        ("stribeck_friction: {force: F, slope: 3}", -F * S / (1 + 3 * S * X2)),
-        (
-            "stribeck_friction: {force: F, slope: 3}, moving_belt: {velocity: vp*cos(t)}",
-            -F * S / (1 + 3 * S * (X2 - VP * sp.cos(TIME))),
-        ),
-    ],
-)
-def test_an_effect_adds_its_term_and_no_other(effects: str, force: sp.Expr) -> None:
-    system = oscillator(effects)
-    velocity, acceleration = system.field
-    assert velocity == X2
-    assert same(acceleration, force / M)
-    assert acceleration.free_symbols == (sp.sympify(force) / M).free_symbols
-    assert system.effects == tuple(part.split(":")[0] for part in effects.replace("}, ", "}|").split("|") if part)
+def tape_of(system: FilippovSystem, sliding: frozenset[int] = frozenset()) -> object:
+    equations = system.shared_equations(sliding)
+    return build_tape(system.states, equations.field, [g.expression for g in equations.guards if g.kind != "valid"])
 
 
-def test_the_surface_is_the_sliding_velocity_and_only_friction_makes_one() -> None:
-    smooth = oscillator("linear_spring: {stiffness: k}, moving_belt: {velocity: vp}")
-    assert (smooth.surfaces, smooth.signs) == ((), ())
-    assert oscillator("coulomb_friction: {force: F}").surfaces == (X2,)
-    swinging = oscillator("coulomb_friction: {force: F}, moving_belt: {velocity: vp*sin(t)}")
-    assert swinging.surfaces == (X2 - VP * sp.sin(TIME),)
+SPRING = "-k*(x_a - x_b)"
+LOAD = "x_b*w + 1"
+EVERY = [
+    pytest.param("", {}, {}, id="nothing"),
+    pytest.param("spring: {between: [a, wall], stiffness: k}", {"v_a": "-k*x_a/m"}, {}, id="spring"),
+    pytest.param("spring: {between: [wall, a], stiffness: k}", {"v_a": "-k*x_a/m"}, {}, id="spring, turned"),
+    pytest.param(
+        "spring: {between: [a, floor], stiffness: k}", {"v_a": "-k*(x_a - 3/2)/m"}, {}, id="spring, elsewhere"
+    ),
+    pytest.param("spring: {between: [a, wall], cubic: c}", {"v_a": "-c*x_a^3/m"}, {}, id="spring, cubic"),
+    pytest.param(
+        "spring: {between: [a, base], stiffness: k, cubic: -c}",
+        {"v_a": "(-k*(x_a - d*sin(w*t)) + c*(x_a - d*sin(w*t))^3)/m"},
+        {},
+        id="spring to a support that moves",
+    ),
+    pytest.param(
+        "spring: {between: [a, b], stiffness: k}",
+        {"v_a": f"{SPRING}/m", "v_b": "k*(x_a - x_b)/M"},
+        {},
+        id="spring between two",
+    ),
+    pytest.param(
+        "spring: {between: [r, q], stiffness: k}",
+        {"omega_r": "-k*(phi_r - phi_q)/J", "omega_q": "k*(phi_r - phi_q)/m"},
+        {},
+        id="spring, torsional",
+    ),
+    pytest.param(
+        "damper: {between: [a, b], coefficient: c}",
+        {"v_a": "-c*(v_a - v_b)/m", "v_b": "c*(v_a - v_b)/M"},
+        {},
+        id="damper",
+    ),
+    pytest.param("damper: {between: [r, motor], coefficient: c}", {"omega_r": "-c*(omega_r - w*t)/J"}, {}, id="drag"),
+    pytest.param("force: {on: b, value: F*cos(2*t)}", {"v_b": "F*cos(2*t)/M"}, {}, id="force"),
+    pytest.param("torque: {on: r, value: F*cos(2*t)}", {"omega_r": "F*cos(2*t)/J"}, {}, id="torque"),
+    pytest.param(
+        "friction: {between: [a, belt], law: coulomb, force: F}",
+        {"v_a": "-F*s_a_belt/m"},
+        {"s_a_belt": "v_a - u"},
+        id="friction, coulomb",
+    ),
+    pytest.param(
+        "friction: {between: [belt, a], law: coulomb, force: F, name: rub}",
+        {"v_a": "F*rub/m"},
+        {"rub": "u - v_a"},
+        id="friction, turned and named",
+    ),
+    pytest.param(
+        "friction: {between: [a, b], law: stribeck, force: F, slope: 3}",
+        {
+            "v_a": "-F*s_a_b/(1 + 3*s_a_b*(v_a - v_b))/m",
+            "v_b": "F*s_a_b/(1 + 3*s_a_b*(v_a - v_b))/M",
+        },
+        {"s_a_b": "v_a - v_b"},
+        id="friction, stribeck",
+    ),
+    pytest.param(
+        "friction: {between: [r, motor], law: stribeck_exp, force: F, static: G, velocity: d, viscous: c}",
+        {"omega_r": "(-s_r_motor*(F + (G - F)*exp(-s_r_motor*(omega_r - w*t)/d)) - c*(omega_r - w*t))/J"},
+        {"s_r_motor": "omega_r - w*t"},
+        id="friction, stribeck_exp",
+    ),
+    pytest.param(
+        "friction: {between: [a, wall], law: stribeck_exp, force: F, velocity: d}",
+        {"v_a": "-s_a_wall*F*exp(-s_a_wall*v_a/d)/m"},
+        {"s_a_wall": "v_a"},
+        id="friction, stribeck_exp to nothing",
+    ),
+    pytest.param(
+        f"friction: {{between: [a, base], law: coulomb, force: F, normal: {LOAD}}}",
+        {"v_a": f"-F*s_a_base*({LOAD})*(1 + kink1)/2/m"},
+        {"s_a_base": "v_a - d*w*cos(w*t)", "kink1": LOAD},
+        id="friction under a load",
+    ),
+    pytest.param(
+        "stop: {between: [wall, b], gap: -1/2, stiffness: k}",
+        {"v_b": "k*(1/2 - x_b)*(1 - g_wall_b)/2/M"},
+        {"g_wall_b": "1/2 - x_b"},
+        id="stop, elastic",
+    ),
+    pytest.param(
+        "stop: {between: [a, wall], gap: 0, stiffness: k, damping: c}",
+        {"v_a": "(-k*x_a*(1 - g_a_wall)/2 + (kink1*(-k*x_a - c*v_a)/2 - kink2*(c*v_a - k*x_a)/2)*(1 - g_a_wall)/2)/m"},
+        {"g_a_wall": "x_a", "kink1": "-k*x_a - c*v_a", "kink2": "-k*x_a + c*v_a"},
+        id="stop, damped",
+    ),
+]
 
 
-def test_the_scene_of_fig_8_is_eq_18() -> None:
-    system = oscillator(
-        "linear_spring: {stiffness: k1}, cubic_spring: {stiffness: -k2}, harmonic_base: {amplitude: A, frequency: w},"
-        "moving_belt: {velocity: vp}, stribeck_friction: {force: mu0, slope: 1}",
-        "m: 0.1, k1: 1, k2: 1, A: 0.4, w: 3.8, vp: 0.4, mu0: 0.2",
-    )
-    k1, k2, A, w, mu0 = sp.symbols("k1 k2 A w mu0", real=True)
-    z = X1 - A * sp.sin(w * TIME)
+@pytest.mark.parametrize(("connections", "field", "surfaces"), EVERY)
+def test_what_is_named_is_built_and_nothing_else(
+    connections: str, field: dict[str, str], surfaces: dict[str, str]
+) -> None:
+    system, _ = read(connections)
+    by_hand = written(field, surfaces)
+    assert system.state_names == STATES
+    assert dict(zip(system.sign_names, system.surfaces, strict=True)) == {
+        name: h for name, h in zip(by_hand.sign_names, by_hand.surfaces, strict=True) if name in surfaces
+    }
+    if not surfaces:
+        by_hand = FilippovSystem(by_hand.states, (), (), by_hand.field, by_hand.parameters)
+    assert tape_of(system) == tape_of(by_hand)
+    for sliding in (frozenset({i}) for i, name in enumerate(system.sign_names) if name.startswith(("s_", "rub"))):
+        assert tape_of(system, sliding) == tape_of(by_hand, sliding)
+
+
+def test_every_kind_of_connection_is_in_that_test() -> None:
+    assert {param.values[0].split(":")[0] for param in EVERY} == {"", *KINDS}
+
+
+def test_kinds_are_the_files_of_their_folder_and_say_what_they_mean_in_which_units() -> None:
+    (folder,) = henon_ref.casefile.connections.__path__
+    assert set(KINDS) == {file.stem for file in Path(folder).glob("[a-z]*.py")}
+    for kind in KINDS.values():
+        assert kind.meaning
+        assert all(key.meaning and (key.words or (key.unit and key.angular)) for key in kind.keys)
+
+
+def test_the_scene_of_the_documentation() -> None:
+    lines = (DOCS / "scenes.md").read_text().splitlines()
+    start = lines.index("    schema: 1")
+    end = next(k for k in range(start, len(lines)) if not lines[k])
+    system = parse_case("\n".join(line[4:] for line in lines[start:end])).readings[0].problem.system
+    assert system.state_names == ("x_a", "v_a", "x_b", "v_b", "phi_rotor", "omega_rotor")
+    assert system.sign_names == ("s_a_belt", "s_b_belt", "g_wall_b")
+    assert set(system.overrides) == {0}
+    assert system.effects[3] == "friction (a, belt)"
+
+
+def test_the_kind_of_the_documentation_is_the_file() -> None:
+    text = (DOCS / "scenes.md").read_text().replace("\n    ", "\n")
+    (folder,) = henon_ref.casefile.connections.__path__
+    for part in (Path(folder) / "spring.py").read_text().split("\n\n\n")[1:]:
+        assert part.strip() in text
+
+
+def test_the_paper_s_oscillator_is_eq_18_term_by_term() -> None:
+    (reading,) = [r for r in load_case(CASES / "fig8.yaml").readings if r.name == "equations"]
+    system = reading.problem.system
+    m, k1, k2, A, w, mu0, vp, x1, x2, s = sp.symbols("m k1 k2 A w mu0 vp x1 x2 s", real=True)
+    z = x1 - A * sp.sin(w * TIME)
+    assert system.states == (x1, x2)
+    assert system.field == (x2, (-k1 * z + k2 * z**3 - mu0 * s / (1 + s * (x2 - vp))) / m)
+    assert system.surfaces == (x2 - vp,)
     for sign, pole in ((-1, 1), (1, -1)):
-        printed = (k2 * z**3 - k1 * z + mu0 / (VP - X2 + pole)) / M
-        assert same(system.field[1].xreplace({S: sp.Integer(sign)}), printed)
+        printed = (k2 * z**3 - k1 * z + mu0 / (vp - x2 + pole)) / m
+        assert sp.simplify(system.field[1].xreplace({s: sp.Integer(sign)}) - printed) == 0
+
+
+# -- static friction ------------------------------------------------------------------------------------
+
+XA, VA, XB, VB, m, M, k, F, G, w, u = sp.symbols("x_a v_a x_b v_b m M k F G w u", real=True)
+
+
+def held(between: str) -> FilippovSystem:
+    bodies = "{a: {mass: m}, b: {mass: M}, wall: fixed, motor: {velocity: w*t}}"
+    springs = "spring: {between: [a, wall], stiffness: k}, spring: {between: [b, wall], stiffness: u}"
+    return read(f"{springs}, friction: {{between: {between}, law: coulomb, force: F, static: G}}", bodies)[0]
 
 
 def test_static_friction_holds_up_to_its_force_and_lets_go_to_both_sides() -> None:
-    system = oscillator(
-        "linear_spring: {stiffness: k}, moving_belt: {velocity: vp*t}, coulomb_friction: {force: F},"
-        "static_friction: {force: 2*F}"
+    override = held("[a, motor]").overrides[0]
+    load = -k * XA - m * w
+    assert override.field == (w * TIME, w, VB, -u * XB / M)
+    assert override.release == (Release(load - G, "rising", 1), Release(load + G, "falling", -1))
+    assert override.entry == "inside"
+
+
+def test_the_load_changes_its_sign_with_the_order_of_the_bodies() -> None:
+    override = held("[motor, a]").overrides[0]
+    load = k * XA + m * w
+    assert override.field == (w * TIME, w, VB, -u * XB / M)
+    assert override.release == (Release(load - G, "rising", 1), Release(load + G, "falling", -1))
+
+
+def test_two_masses_that_hold_each_other_move_as_one() -> None:
+    override = held("[a, b]").overrides[0]
+    together = (-k * XA - u * XB) / (m + M)
+    load = (-M * k * XA + m * u * XB) / (m + M)
+    assert override.field == (VA, together, VA, together)
+    assert override.release == (Release(load - G, "rising", 1), Release(load + G, "falling", -1))
+
+
+def test_friction_that_slides_with_its_static_force_at_rest_holds_by_filippov_s_rule() -> None:
+    bodies = "{a: {mass: m}, wall: fixed}"
+    system, _ = read("friction: {between: [a, wall], law: stribeck_exp, force: F, static: G, velocity: 1}", bodies)
+    assert not system.overrides
+
+
+def test_without_friction_and_stops_there_is_no_surface() -> None:
+    system, _ = read("spring: {between: [a, wall], stiffness: k}, damper: {between: [a, belt], coefficient: c}")
+    assert (system.surfaces, system.signs) == ((), ())
+
+
+def test_a_load_of_parameters_alone_has_no_kink_and_one_below_0_counts_as_0() -> None:
+    bodies = "{a: {mass: m}, wall: fixed}"
+    friction = "friction: {{between: [a, wall], law: coulomb, force: F, normal: {}}}"
+    s = sp.Symbol("s_a_wall", real=True)
+    assert read(friction.format("G"), bodies)[0].field[1] == -F * G * s / m
+    assert read(friction.format("-G"), bodies)[0].field == (VA, 0)
+
+
+def test_loads_that_are_equal_share_their_kink() -> None:
+    friction = "friction: {{between: [{}, wall], law: coulomb, force: F, normal: {}}}"
+    system, _ = read(
+        ", ".join(friction.format(*each) for each in (("a", "x_r"), ("b", "x_r"), ("r2", "x_a")))
+        .replace("x_r", "1 - x_b")
+        .replace("r2", "b, name: rub")
+        .replace("[b, name: rub, wall]", "[b, wall], name: rub")
     )
-    load = -K * X1 - M * VP
-    override = system.overrides[0]
-    assert override.field == (VP * TIME, VP)
-    assert override.release == (Release(load - 2 * F, "rising", 1), Release(load + 2 * F, "falling", -1))
+    assert system.sign_names == ("s_a_wall", "kink1", "s_b_wall", "rub", "kink2")
 
 
-RIG = """\
+def test_what_a_scene_wants_of_its_parameters() -> None:
+    tree = parse_yaml(
+        "scene: {parameters: {m: 1, F: 1, G: 2}, bodies: {a: {mass: m}, wall: fixed}, "
+        "connections: [friction: {between: [a, wall], law: coulomb, force: F, static: G}]}"
+    )
+    assert conditions(Source(tree)) == [m, F, G, G - F]
+
+
+# -- what is refused ------------------------------------------------------------------------------------
+
+BAD = """\
 schema: 1
-name: rig
-title: Rig
+name: bad
+title: Bad
 scene:
-  body: two_dof_rig
-  parameters: {m: 2, k1: 3, k2: 5, k3: 7, a: 1.1, b: 1.3, r: 0.7, c1: 0.01, c2: 0.02, mu0: 0.5, delta: 3, vp: 0.4}
-  effects:
-    block_spring: {stiffness: k1}
-    coupling_spring: {stiffness: k2}
-    bracket_spring: {stiffness: k3}
-    coupling_damper: {coefficient: c1}
-    bracket_damper: {coefficient: c2}
-    load_coupling: {friction: mu0, stiffness: k3, coefficient: c2}
-    moving_belt: {velocity: vp}
-    stribeck_friction: {force: mu0, slope: delta}
-initial: {x1: 0, x2: 0, x3: 0.1, x4: 0}
+  parameters: {k: 1, n: -1}
+  bodies:
+    a: BODY
+    b: {mass: 1}
+    r: {inertia: 1}
+    belt: {velocity: 1}
+    wall: fixed
+    floor: {fixed: 1}
+  connections:
+    - friction: {between: [b, belt], law: coulomb, force: 1}
+    - CONNECTION
+initial: {x_a: 0, v_a: 0, x_b: 0, v_b: 0, phi_r: 0, omega_r: 0}
 until: 1
-readings:
-  corrected: {}
-  printed: {scene: {effects: {signs_as_printed: {}}}}
 """
+FRICTION = "friction: {between: [a, belt], law: coulomb, force: 1"
 
 
-def test_the_effects_of_the_rig_add_up_to_eq_27_corrected_and_printed() -> None:
-    case = parse_case(RIG)
-    m, k1, k2, k3, a, b, r, c1, c2, mu0, delta = sp.symbols("m k1 k2 k3 a b r c1 c2 mu0 delta", real=True)
-    omega = sp.sqrt((k1 + k2) / m)
-    inertia = m * (a**2 + b**2) / 3
-    xi1, xi2, xi3 = k2 / (omega**2 * m), c1 * omega / k2, k2 * r**2 / (omega**2 * inertia)
-    xi4, xi5 = (k2 + k3) / k2, omega * (c1 + c2) / k2
-    y = 1 - mu0 * k3 / k2 * X3 - omega * c2 * mu0 / k2 * X4
-    T = S * y * mu0 / (1 + delta * S * (X2 - VP))
-    bracket = xi3 * (-X1 - xi2 * X2 - xi4 * X3 - xi5 * X4)
-    corrected = -X1 - xi1 * (xi2 * (X2 + X4) + X3 + T)
-    printed = -X1 - xi1 * (xi2 * (X2 + X4) - X3 - T)
-    for name, block in (("corrected", corrected), ("printed", printed)):
-        system = case.reading(name).problem.system
-        assert system.field[0] == X2
-        assert system.field[2] == X4
-        assert same(system.numeric(system.field[1]), system.numeric(block))
-        assert same(system.numeric(system.field[3]), system.numeric(bracket))
-        assert same(system.valid[0], y)
-
-
-def test_the_rig_without_load_coupling_has_no_contact_to_lose() -> None:
-    load = "    load_coupling: {friction: mu0, stiffness: k3, coefficient: c2}\n"
-    assert load in RIG
-    system = parse_case(RIG.replace(load, "")).readings[0].problem.system
-    assert system.valid == ()
-
-
-@pytest.mark.parametrize("body", BODIES.values(), ids=BODIES.keys())
-def test_every_effect_says_what_it_means_in_which_units(body) -> None:  # type: ignore[no-untyped-def]
-    for thing in (*body.effects, *body.parameters, *(p for effect in body.effects for p in effect.parameters)):
-        assert thing.name
-        assert thing.meaning
-    assert all(parameter.unit for effect in body.effects for parameter in effect.parameters)
+def refusal(connection: str, body: str = "{mass: 1}", initial: str = "x_a: 0") -> CaseError:
+    text = BAD.replace("BODY", body).replace("CONNECTION", connection).replace("x_a: 0", initial)
+    with pytest.raises(CaseError) as caught:
+        parse_case(text, file="case.yaml")
+    return caught.value
 
 
 @pytest.mark.parametrize(
-    ("effects", "parameters", "place", "says"),
+    ("connection", "at", "says"),
     [
-        ("linear_sprng: {stiffness: k}", "m: 1, k: 1", "7:13", "did you mean 'linear_spring'"),
-        ("linear_spring: {}", "m: 1, k: 1", "7:13", "lacks its parameter 'stiffness' [N/m]"),
-        ("linear_spring: {stifness: k}", "m: 1, k: 1", "7:29", "did you mean 'stiffness'"),
-        ("linear_spring: {stiffness: q}", "m: 1, k: 1", "7:40", "unknown name 'q'"),
-        ("linear_spring: {stiffness: t}", "m: 1, k: 1", "7:40", "unknown name 't'"),
-        ("linear_spring: k", "m: 1, k: 1", "7:28", "must be a mapping"),
-        ("linear_spring: {stiffness: k}", "k: 1", "6:3", "needs the parameter 'm' [kg]"),
-        ("linear_spring: {stiffness: k}", "m: 0, k: 1", "6:19", "larger than 0"),
-        ("linear_spring: {stiffness: k}", "m: 1, k: 1, x1: 3", "6:28", "is a state"),
-        ("coulomb_friction: {force: -1}", "m: 1", "7:39", "0 or larger"),
-        ("static_friction: {force: 1}", "m: 1", "7:13", "needs one of coulomb_friction, stribeck_friction"),
-        ("static_friction: {force: 1}, coulomb_friction: {force: 2}", "m: 1", "7:38", "smaller than kinetic"),
-        ("moving_belt: {velocity: 1/(k-1)}", "m: 1, k: 1", "7:38", "division by zero (with the values"),
+        ("spring: {between: [a, wal], stiffness: k}", "wal", "unknown body 'wal'; did you mean 'wall'"),
+        ("spring: {between: [a, a], stiffness: k}", "a", "'a' cannot be connected to itself"),
+        ("spring: {between: [wall, floor], stiffness: k}", "[wall, floor]", "both are fixed; name a mass or a rotor"),
+        ("spring: {between: [wall, belt], stiffness: k}", "[wall, belt]", "the motion of both is given"),
+        ("spring: {between: [a, r], stiffness: k}", "r", "connect two masses or two rotors"),
+        ("spring: {between: [a], stiffness: k}", "[a]", "must name two bodies"),
+        ("spring: {stiffness: k}", "", "lacks 'between'"),
+        ("spring: {between: [a, wall]}", "", "lacks its 'stiffness' [N/m, between rotors N m/rad]"),
+        ("spring: {between: [a, wall], stifness: k}", "stifness", "did you mean 'stiffness'"),
+        ("spring: {between: [a, wall], stiffness: q}", "q", "unknown name 'q'"),
+        ("spring: {between: [a, wall], stiffness: t}", "t", "unknown name 't'"),
+        ("spring: {between: [a, belt], stiffness: k}", "belt", "give its 'position' in place of its 'velocity'"),
+        ("spring: k", "k", "must be a mapping"),
+        ("sprng: {between: [a, wall], stiffness: k}", "", "did you mean 'spring'"),
+        ("spring", "", "a connection is one kind with its keys"),
+        ("damper: {between: [a, wall]}", "", "lacks its key 'coefficient' [N s/m]"),
+        ("damper: {between: [r, wall]}", "", "lacks its key 'coefficient' [N m s/rad]"),
+        ("force: {on: r, value: 1}", "r", "it takes a torque"),
+        ("torque: {on: a, value: 1}", "a,", "it takes a force"),
+        ("force: {on: wall, value: 1}", "wall", "nothing acts on it"),
+        ("force: {on: a, value: 1/(k - 1)*t}", "/(k - 1)", "division by zero (with the values"),
+        (FRICTION + ", static: 0.5}", "0.5", "'static' must not be smaller than 'force'"),
+        (FRICTION + ", slope: 1}", "slope", "the law 'stribeck' has"),
+        ("friction: {between: [a, belt], law: coulomb, force: n}", "n", "0 or larger"),
+        ("friction: {between: [a, belt], law: coulom, force: 1}", "coulom", "did you mean 'coulomb'"),
+        ("friction: {between: [a, belt], force: 1}", "", "lacks its key 'law'"),
+        ("friction: {between: [a, belt], law: stribeck, force: 1}", "", "lacks its 'slope'"),
+        ("friction: {between: [b, belt], law: coulomb, force: 1}", "", "give the friction another 'name'"),
+        (FRICTION + ", name: s_b_belt}", "name", "'s_b_belt' is already the name of a connection"),
+        (FRICTION + ", name: x_b}", "name", "'x_b' is already the name of a state"),
+        (FRICTION + ", name: k}", "name", "'k' is already the name of a parameter"),
+        (FRICTION + ", name: b}", "name", "'b' is already the name of a body"),
+        (FRICTION + ", name: 3}", "name", "is no name"),
+        ("stop: {between: [wall, a], gap: 0, restitution: 1.5}", "1.5", "must be at most 1"),
+        ("stop: {between: [wall, a], gap: 0, restitution: -1}", "-1", "0 or larger"),
+        ("stop: {between: [wall, a], gap: 0, restitution: 0.8, stiffness: 1}", "stiffness", "not both"),
+        ("stop: {between: [wall, a], gap: 0, stiffness: 1, restitution: 0.8}", "restitution", "not both"),
+        ("stop: {between: [wall, a], gap: 0}", "", "give one of the two"),
+        ("stop: {between: [wall, a], gap: 0, stiffness: 0}", "0", "larger than 0"),
+        ("stop: {between: [wall, a], stiffness: 1}", "", "lacks its key 'gap' [m]"),
+        ("stop: {between: [wall, a], gap: 0, restitution: 0.8}", "restitution", "not there yet"),
     ],
 )
-def test_a_scene_that_cannot_be_built_is_refused_with_its_place(
-    effects: str, parameters: str, place: str, says: str
-) -> None:
-    with pytest.raises(CaseError) as caught:
-        oscillator(effects, parameters)
-    assert says in caught.value.message
-    assert str(caught.value).startswith(f"case.yaml:{place}: ")
+def test_a_connection_that_cannot_be_built_is_refused_with_its_place(connection: str, at: str, says: str) -> None:
+    """``at``: the text that the error points to, its last occurrence; none: the connection."""
+    error = refusal(connection)
+    assert says in error.message
+    column = connection.rindex(at) if at else 0
+    assert str(error).startswith(f"case.yaml:15:{7 + column}: ")
 
 
-def test_an_unknown_body_is_refused() -> None:
-    with pytest.raises(CaseError, match="did you mean 'two_dof_rig'"):
-        parse_case(RIG.replace("two_dof_rig", "two_dof_rigg"))
+@pytest.mark.parametrize(
+    ("body", "place", "says"),
+    [
+        ("{mass: -1}", "7:15", "'mass' [kg] of 'a' must be larger than 0"),
+        ("{mass: 0}", "7:15", "larger than 0"),
+        ("{inertia: n}", "7:18", "'inertia' [kg m^2] of 'a' must be larger than 0"),
+        ("{mass: t}", "7:15", "unknown name 't'"),
+        ("{mas: 1}", "7:9", "did you mean 'mass'"),
+        ("{}", "7:5", "lacks what it is"),
+        ("{mass: 1, inertia: 1}", "7:18", "'mass' and 'inertia'"),
+        ("{position: t, velocity: 1}", "7:22", "'position' and 'velocity'"),
+        ("fixd", "7:8", "a body is 'fixed' or has one of"),
+        ("{mass: 1, states: [y]}", "7:26", "must be two names, as in [x1, x2]"),
+        ("{mass: 1, states: [y, k]}", "7:30", "'k' is already a parameter"),
+        ("{mass: 1, states: [y, y]}", "7:30", "'y' is already"),
+        ("{mass: 1, states: [y, kind]}", "7:30", "a column of transitions.csv"),
+        ("{mass: 1, states: [y, pi]}", "7:30", "is taken"),
+        ("{velocity: 1, states: [y, z]}", "7:22", "has no states"),
+    ],
+)
+def test_a_body_that_cannot_be_built_is_refused_with_its_place(body: str, place: str, says: str) -> None:
+    error = refusal("force: {on: b, value: 1}", body)
+    assert says in error.message
+    assert str(error).startswith(f"case.yaml:{place}: ")
+
+
+def test_an_initial_value_of_no_state_is_refused() -> None:
+    error = refusal("force: {on: b, value: 1}", initial="x_a: 0, x_belt: 0")
+    assert "'x_belt' is no state" in error.message
+    assert str(error).startswith("case.yaml:16:19: ")
+
+
+def test_a_body_named_twice_is_refused() -> None:
+    assert "stands here twice" in refusal("force: {on: b, value: 1}", body="{mass: 1}\n    b: {mass: 1}").message
+
+
+def test_the_old_spelling_is_refused() -> None:
+    text = BAD[: BAD.index("  bodies")] + "  body: belt_oscillator\n  effects: {}\n" + BAD[BAD.index("initial") :]
+    with pytest.raises(CaseError, match="unknown key 'body'"):
+        parse_case(text)

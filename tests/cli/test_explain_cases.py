@@ -17,12 +17,11 @@ schema: 1
 name: belt
 title: A belt
 scene:
-  body: belt_oscillator
   parameters: {m: 2, mu: 1/4}
-  effects:
-    linear_spring: {stiffness: 3}
-    moving_belt: {velocity: 1/2}
-    coulomb_friction: {force: mu}
+  bodies: {block: {mass: m, states: [x1, x2]}, belt: {velocity: 1/2}, wall: fixed}
+  connections:
+    - spring: {between: [block, wall], stiffness: 3}
+    - friction: {between: [block, belt], law: coulomb, force: mu}
 initial: {x1: 0, x2: 0}
 until: 5
 readings:
@@ -56,7 +55,7 @@ def test_a_system_is_explained_mode_by_mode():
 def test_a_scene_is_explained_with_its_effects_and_readings_share_their_equations():
     lines = [line.strip() for line in explanation(parse_case(BELT))]
     assert lines[0] == "belt: A belt, 2 readings"
-    assert lines.count("effects: linear_spring, moving_belt, coulomb_friction") == 1
+    assert lines.count("effects: spring (block, wall), friction (block, belt)") == 1
     assert "parameters: m = 2, mu = 1/4" in lines
     assert "x2' = (mu - 3*x1)/m" in lines
     assert "from t = 0 to t = 6 s, start x1 = 0, x2 = 0" in lines

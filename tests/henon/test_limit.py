@@ -20,14 +20,11 @@ schema: 1
 name: twin
 title: A belt that swings with the spring's own frequency
 scene:
-  body: belt_oscillator
-  parameters: {m: 1}
-  effects:
-    linear_spring: {stiffness: 1}
-    moving_belt: {velocity: 2*sin(t)}
-    coulomb_friction: {force: 1}
-    static_friction: {force: 2}
-initial: {t: 0, x1: 0, x2: 0}
+  bodies: {block: {mass: 1}, belt: {velocity: 2*sin(t)}, wall: fixed}
+  connections:
+    - spring: {between: [block, wall], stiffness: 1}
+    - friction: {between: [block, belt], law: coulomb, force: 1, static: 2}
+initial: {t: 0, x_block: 0, v_block: 0}
 until: 20
 """
 

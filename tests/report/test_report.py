@@ -163,7 +163,7 @@ def test_formulas_keep_the_names_a_reader_expects():
 
     x2, vp = sp.symbols("x2 vp", real=True)
     assert latex(x2 - vp) == "x_{2} - v_{p}"
-    assert [symbol(n) for n in ("mu0", "a_b", "_x")] == [r"\mu_{0}", "a_{b}", r"\mathrm{\_x}"]
+    assert [symbol(n) for n in ("mu0", "a_b", "_x")] == [r"\mu_{0}", r"a_{\mathrm{b}}", r"\mathrm{\_x}"]
 
 
 @pytest.mark.parametrize("name", ["a_b_c_d", "mu_1_2", "mu0_a", "a__b", "x_", "_x", "Alpha", "PI", "Omega_s", "kc"])

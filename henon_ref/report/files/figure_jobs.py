@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 DRAW_SECONDS = 120.0
 """Processor time that a reading's figures may take [s]."""
-PORTRAIT, MODES, ERRORS, COST = "portrait", "modes", "errors", "cost"
+PORTRAIT, MODES, ERRORS, COST, SCENE = "portrait", "modes", "errors", "cost", "scene"
 """The figures of a reading, as their file names name them."""
 READINGS = "readings.svg"
 """The figure of all readings."""
@@ -49,10 +49,13 @@ class FigureJob(Job):
         from henon_ref.figures.cost import draw_cost
         from henon_ref.figures.errors import draw_errors
         from henon_ref.figures.motion import draw_modes, draw_portrait, motion_of
+        from henon_ref.figures.scene import draw_scene
 
-        if self.expected is None:
-            return {}
         drawn: dict[str, Figure | None] = {}
+        if self.content.scene is not None:
+            drawn[SCENE] = draw_scene(self.content.scene)
+        if self.expected is None:
+            return {kind: figure for kind, figure in drawn.items() if figure is not None}
         motion = motion_of(self.samples, self.expected.transitions) if self.samples is not None else None
         if motion is not None:
             drawn[PORTRAIT] = draw_portrait(self.content, motion)
@@ -79,6 +82,7 @@ def preload() -> None:
 
     import henon_ref.figures.cost
     import henon_ref.figures.errors
-    import henon_ref.figures.motion  # noqa: F401
+    import henon_ref.figures.motion
+    import henon_ref.figures.scene  # noqa: F401
 
     MathTextParser("path").parse("$x$")  # makes the grammar, and finds the fonts

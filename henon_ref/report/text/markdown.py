@@ -10,11 +10,12 @@ from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.options import MOST_DRAWN
 from henon_ref.campaign.results import ReadingResult
 from henon_ref.casefile.case import DEFAULT_READING
-from henon_ref.report.files.figure_jobs import COST, ERRORS, MODES, PORTRAIT, file_name
+from henon_ref.report.files.figure_jobs import COST, ERRORS, MODES, PORTRAIT, SCENE, file_name
 from henon_ref.report.files.manifest import Provenance
+from henon_ref.report.text.effects import effect_table
 from henon_ref.report.text.formats import listing
 from henon_ref.report.text.gate import gate_table
-from henon_ref.report.text.model import as_written, general_form, mode_equations, modes_of, parameters
+from henon_ref.report.text.model import as_written, general_form, kink_notes, mode_equations, modes_of, parameters
 from henon_ref.report.text.overview import overview
 from henon_ref.report.text.published import orbit_table, published_table
 from henon_ref.report.text.ranking import name
@@ -121,6 +122,7 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
         "solvers_legend": LEGEND if MARK in solvers else "",
         "no_truth": no_truth(result),
         "figures": figures[:FIRST_FIGURES],
+        "scene": [file for file in (file_name(reading.name, SCENE),) if file in result.figures],
         "more_figures": figures[FIRST_FIGURES:],
         "figures_note": _figures_note(comparison, result),
         "published": _markdown(published_table(comparison, result)),
@@ -133,7 +135,8 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
         "truth": truth_table(result).markdown,
         "model": {
             "story": paragraphs(reading.story or ""),
-            "effects": ", ".join(f"`{effect}`" for effect in system.effects),
+            "effects": [part if isinstance(part, str) else part.markdown for part in effect_table(result) or ()],
+            "kinks": kink_notes(system),
             "equations": general_form(system),
             "written": as_written(system),
             "modes": [mode_equations(system, mode) for mode in modes_of(result)],

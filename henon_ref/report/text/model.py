@@ -10,6 +10,7 @@ from henon_ref.campaign.results import ReadingResult
 from henon_ref.errors import ModelError
 from henon_ref.filippov.formulas import MOST_OPERATIONS, aligned, derivative, few, printable
 from henon_ref.filippov.formulas import general_form as general_form
+from henon_ref.filippov.kinks import continuous
 from henon_ref.filippov.latex import latex, symbol
 from henon_ref.filippov.modes import Mode, mode_text
 from henon_ref.filippov.system import FilippovSystem
@@ -41,6 +42,18 @@ def as_written(system: FilippovSystem) -> list[str]:
         (start, system.written.get(x, "(too long to be printed)")) for start, x, e in pairs if every or not printable(e)
     ]
     return [f"`{start}{' '.join(text.split())}`" for start, text in left_out]
+
+
+def kink_notes(system: FilippovSystem) -> list[str]:
+    """What is said of surfaces that stand for kinks, and of those across which the field is continuous."""
+    smooth = continuous(system)
+    notes = []
+    for index, name in enumerate(system.sign_names):
+        if index in smooth:
+            notes.append(f"`{name}`: a kink, the field is continuous there; it is crossed, and nothing slides on it")
+        elif index in system.kinks:
+            notes.append(f"`{name}`: a jump of the field")
+    return notes
 
 
 def modes_of(result: ReadingResult) -> list[Mode]:

@@ -23,12 +23,14 @@ schema: 1
 name: moving_belt
 title: Stick-slip on a belt whose speed swings through zero
 scene:
-  body: belt_oscillator
   parameters: {{m: 1, k: 1, F: 1, delta: 3, v0: {0}, v1: {1}, w: {2}}}
-  effects:
-    linear_spring: {{stiffness: k}}
-    moving_belt: {{velocity: "v0 + v1*sin(w*t)"}}
-    stribeck_friction: {{force: F, slope: delta}}
+  bodies:
+    block: {{mass: m, states: [x1, x2]}}
+    belt: {{velocity: v0 + v1*sin(w*t)}}
+    wall: fixed
+  connections:
+    - spring: {{between: [block, wall], stiffness: k}}
+    - friction: {{between: [block, belt], law: stribeck, force: F, slope: delta, name: s}}
 initial: {{t: 0, x1: 0, x2: 0}}
 until: {3}*4*pi/w
 """

@@ -125,13 +125,14 @@ def _equations() -> list[Claim]:
             "Eq. (27)",
             "x2' = -x1 - xi1 (xi2 (x2 + x4) - x3 - T)",
             both and flutter > 0 > damped and run.status == "invalid",
-            "The scene built of springs, dampers and load gives these equations with + x3 + T. As printed the coupling "
-            f"is not symmetric: even without friction it grows at {flutter:.4f} per unit of time (corrected: "
-            f"{damped:.4f}), friction drives the block, and from rest contact is lost (y = 0) at {run.end_time:.4f}.",
+            "Springs, dampers and load, acting as they must, give these equations with + x3 + T. As printed the "
+            f"coupling is not symmetric: even without friction it grows at {flutter:.4f} per unit of time "
+            f"(corrected: {damped:.4f}), friction drives the block, and from rest contact is lost (y = 0) at "
+            f"{run.end_time:.4f}.",
             corrected=True,
         ),
         checked(
-            "Eq. (27)", "xi1 ... xi7, omega, J", both, "What the scene's own springs and dampers give, term by term."
+            "Eq. (27)", "xi1 ... xi7, omega, J", both, "What the rig's own springs and dampers give, term by term."
         ),
         checked(
             "Eq. (28)",

@@ -22,10 +22,10 @@ schema: 1
 name: effects
 title: Effects
 scene:
-  body: {body}
   parameters: {parameters}
-  effects:
-{effects}
+  bodies: {bodies}
+  connections:
+{connections}
 initial: {initial}
 until: {until}
 """
@@ -33,34 +33,33 @@ WRITTEN = """\
 schema: 1
 name: by_hand
 title: Written out by hand
-system: {{state: [{states}], parameters: {parameters}, surfaces: {{s: {surface}}}, field: [{field}], valid: [{valid}]}}
+system: {{state: [{states}], parameters: {parameters}, surfaces: {{s: {surface}}}, field: [{field}]}}
 initial: {initial}
 until: {until}
 """
 Effects = Mapping[str, str]
-"""Effects of a scene and their parameters, as in a case file."""
+"""By what it is called a connection as in a case file, or ``name = body`` for a body whose motion is given."""
 
 
 @dataclass(frozen=True)
 class Added:
     """An effect that is added to those before it."""
 
+    name: str
     given: Effects
     """It and its parameters; the first row has what no scene can do without."""
     off: Effects
     """The same, compiled in with a coefficient ``z`` that happens to be zero."""
     by_hand: str
     """The field with all effects up to this one, written out without the others."""
-    valid: str = ""
-    """What has to be positive then."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """A body whose effects are added one by one."""
+    """Bodies between which effects are added one by one."""
 
     name: str
-    scene: str
+    bodies: Mapping[str, str]
     parameters: str
     initial: str
     states: str
@@ -73,106 +72,107 @@ class Body:
     """Surface and field of that."""
 
 
-_BELT = "{velocity: 9}"
+_FRICTION = "friction: {between: [block, belt], law: stribeck, force: 0.4, slope: SLOPE, name: s}"
+_RUBBING = "0.4*s/(1 + 3*s*(x2 - 9))"
 OSCILLATOR = Body(
     name="belt oscillator",
-    scene="belt_oscillator",
+    bodies={"block": "{mass: m, states: [x1, x2]}", "belt": "{velocity: 9}", "wall": "fixed"},
     parameters="{m: 1, z: 0}",
     initial="{t: 0, x1: 1, x2: 0}",
     states="x1, x2",
     surface="x2 - 9",
     added=(
         Added(
-            {"linear_spring": "{stiffness: 1}", "moving_belt": _BELT, "coulomb_friction": "{force: 0.1}"},
+            "spring, Coulomb friction",
+            {
+                "spring": "spring: {between: [block, wall], stiffness: 1}",
+                "friction": "friction: {between: [block, belt], law: coulomb, force: 0.4, name: s}",
+            },
             {},
-            "x2, (-x1 - 0.1*s)/m",
+            "x2, (-x1 - 0.4*s)/m",
         ),
         Added(
-            {"stribeck_friction": "{force: 0.4, slope: 1}"},
-            {"stribeck_friction": "{force: z, slope: 1}"},
-            "x2, (-x1 - 0.1*s - 0.4*s/(1 + s*(x2 - 9)))/m",
+            "friction that falls (Stribeck)",
+            {"friction": _FRICTION.replace("SLOPE", "3")},
+            {"friction": _FRICTION.replace("SLOPE", "z")},
+            f"x2, (-x1 - {_RUBBING})/m",
         ),
         Added(
-            {"cubic_spring": "{stiffness: 0.3}"},
-            {"cubic_spring": "{stiffness: z}"},
-            "x2, (-x1 - 0.3*x1^3 - 0.1*s - 0.4*s/(1 + s*(x2 - 9)))/m",
+            "cubic spring",
+            {"spring": "spring: {between: [block, wall], stiffness: 1, cubic: 0.3}"},
+            {"spring": "spring: {between: [block, wall], stiffness: 1, cubic: z}"},
+            f"x2, (-x1 - 0.3*x1^3 - {_RUBBING})/m",
         ),
         Added(
-            {"viscous_damping": "{coefficient: 0.05}"},
-            {"viscous_damping": "{coefficient: z}"},
-            "x2, (-x1 - 0.3*x1^3 - 0.05*x2 - 0.1*s - 0.4*s/(1 + s*(x2 - 9)))/m",
+            "damper",
+            {"damper": "damper: {between: [block, wall], coefficient: 0.05}"},
+            {"damper": "damper: {between: [block, wall], coefficient: z}"},
+            f"x2, (-x1 - 0.3*x1^3 - 0.05*x2 - {_RUBBING})/m",
         ),
         Added(
-            {"harmonic_base": "{amplitude: 0.2, frequency: 1.7}"},
-            {"harmonic_base": "{amplitude: z, frequency: 1.7}"},
-            "x2, (-(x1 - 0.2*sin(1.7*t)) - 0.3*(x1 - 0.2*sin(1.7*t))^3 - 0.05*x2 - 0.1*s - 0.4*s/(1 + s*(x2 - 9)))/m",
+            "force",
+            {"force": "force: {on: block, value: 0.2*sin(1.7*t)}"},
+            {"force": "force: {on: block, value: z*sin(1.7*t)}"},
+            f"x2, (-x1 - 0.3*x1^3 - 0.05*x2 + 0.2*sin(1.7*t) - {_RUBBING})/m",
         ),
     ),
     stuck={
-        "linear_spring": "{stiffness: 1}",
-        "moving_belt": "{velocity: 0.3}",
-        "stribeck_friction": "{force: 0.4, slope: 1}",
+        "spring": "spring: {between: [block, wall], stiffness: 1}",
+        "belt": "belt = {velocity: 0.3}",
+        "friction": _FRICTION.replace("SLOPE", "3"),
     },
-    stuck_by_hand=("x2 - 0.3", "x2, (-x1 - s*0.4/(1 + s*(x2 - 0.3)))/m"),
+    stuck_by_hand=("x2 - 0.3", "x2, (-x1 - s*0.4/(1 + 3*s*(x2 - 0.3)))/m"),
 )
-_RUBBING = "0.25*s/(1 + 3*s*(x2 - 9))"
-RIG = Body(
-    name="rig",
-    scene="two_dof_rig",
-    parameters="{m: 1, k1: 1, k2: 1, a: 1, b: 1, r: 1, z: 0}",
+TWO_BLOCKS = Body(
+    name="two blocks",
+    bodies={
+        "block": "{mass: m, states: [x1, x2]}",
+        "follower": "{mass: M, states: [x3, x4]}",
+        "belt": "{velocity: 9}",
+        "wall": "fixed",
+    },
+    parameters="{m: 1, M: 2, k: 0.5, kf: 2, c: 0.01, z: 0, y: 0, w: 0}",
     initial="{t: 0, x1: 0, x2: 0.4, x3: 0.1, x4: 0}",
     states="x1, x2, x3, x4",
     surface="x2 - 9",
     added=(
         Added(
+            "spring, friction",
             {
-                "block_spring": "{stiffness: 1}",
-                "moving_belt": _BELT,
-                "stribeck_friction": "{force: 0.5, slope: 3}",
+                "own spring": "spring: {between: [block, wall], stiffness: 1}",
+                "friction": _FRICTION.replace("SLOPE", "3"),
             },
             {},
-            f"x2, -x1/2 - {_RUBBING}, x4, 0",
+            f"x2, (-x1 - {_RUBBING})/m, x4, 0",
         ),
         Added(
-            {"coupling_spring": "{stiffness: 1}"},
-            {"coupling_spring": "{stiffness: z}"},
-            f"x2, -x1 - x3/2 - {_RUBBING}, x4, -3/4*x1 - 3/4*x3",
+            "spring between the blocks",
+            {"coupling": "spring: {between: [block, follower], stiffness: k}"},
+            {"coupling": "spring: {between: [block, follower], stiffness: z}"},
+            f"x2, (-x1 - k*(x1 - x3) - {_RUBBING})/m, x4, k*(x1 - x3)/M",
         ),
         Added(
-            {"bracket_spring": "{stiffness: 1}"},
-            {"bracket_spring": "{stiffness: z}"},
-            f"x2, -x1 - x3/2 - {_RUBBING}, x4, -3/4*x1 - 3/2*x3",
+            "spring of the follower",
+            {"follower": "spring: {between: [follower, wall], stiffness: kf}"},
+            {"follower": "spring: {between: [follower, wall], stiffness: y}"},
+            f"x2, (-x1 - k*(x1 - x3) - {_RUBBING})/m, x4, (k*(x1 - x3) - kf*x3)/M",
         ),
         Added(
-            {"coupling_damper": "{coefficient: 0.01}"},
-            {"coupling_damper": "{coefficient: z}"},
-            f"x2, -x1 - x3/2 - sqrt(2)/200*x2 - sqrt(2)/200*x4 - {_RUBBING}, x4,"
-            " -3/4*x1 - 3/2*x3 - 3*sqrt(2)/400*x2 - 3*sqrt(2)/400*x4",
-        ),
-        Added(
-            {"bracket_damper": "{coefficient: 0.01}"},
-            {"bracket_damper": "{coefficient: z}"},
-            f"x2, -x1 - x3/2 - sqrt(2)/200*x2 - sqrt(2)/200*x4 - {_RUBBING}, x4,"
-            " -3/4*x1 - 3/2*x3 - 3*sqrt(2)/400*x2 - 3*sqrt(2)/200*x4",
-        ),
-        Added(
-            {"load_coupling": "{friction: 0.5, stiffness: 1, coefficient: 0.01}"},
-            {"load_coupling": "{friction: z, stiffness: 1, coefficient: z}"},
-            f"x2, -x1 - x3/2 - sqrt(2)/200*x2 - sqrt(2)/200*x4 - (1 - 0.5*x3 - sqrt(2)/200*x4)*{_RUBBING}, x4,"
-            " -3/4*x1 - 3/2*x3 - 3*sqrt(2)/400*x2 - 3*sqrt(2)/200*x4",
-            valid="1 - 0.5*x3 - sqrt(2)/200*x4",
+            "damper between the blocks",
+            {"damper": "damper: {between: [block, follower], coefficient: c}"},
+            {"damper": "damper: {between: [block, follower], coefficient: w}"},
+            f"x2, (-x1 - k*(x1 - x3) - c*(x2 - x4) - {_RUBBING})/m, x4, (k*(x1 - x3) + c*(x2 - x4) - kf*x3)/M",
         ),
     ),
     stuck={
-        "block_spring": "{stiffness: 1}",
-        "coupling_spring": "{stiffness: 1}",
-        "bracket_spring": "{stiffness: 1}",
-        "moving_belt": "{velocity: 0.4}",
-        "stribeck_friction": "{force: 0.5, slope: 3}",
+        "own spring": "spring: {between: [block, wall], stiffness: 1}",
+        "coupling": "spring: {between: [block, follower], stiffness: k}",
+        "belt": "belt = {velocity: 0.3}",
+        "friction": _FRICTION.replace("SLOPE", "3"),
     },
-    stuck_by_hand=("x2 - 0.4", "x2, -x1 - (x3 + 0.5*s/(1 + 3*s*(x2 - 0.4)))/2, x4, -3/4*(x1 + 2*x3)"),
+    stuck_by_hand=("x2 - 0.3", "x2, (-x1 - k*(x1 - x3) - s*0.4/(1 + 3*s*(x2 - 0.3)))/m, x4, k*(x1 - x3)/M"),
 )
-BODIES = (OSCILLATOR, RIG)
+BODIES = (OSCILLATOR, TWO_BLOCKS)
 
 
 @dataclass(frozen=True)
@@ -200,19 +200,26 @@ class Step:
 
 def scene(body: Body, effects: Effects) -> Problem:
     """A body with these effects; ``z`` is a parameter that is zero."""
-    lines = "\n".join(f"    {name}: {values}" for name, values in effects.items())
-    text = SCENE.format(body=body.scene, parameters=body.parameters, effects=lines, initial=body.initial, until=UNTIL)
+    connections = [effect for effect in effects.values() if " = " not in effect]
+    moved = dict(effect.split(" = ") for effect in effects.values() if " = " in effect)
+    bodies = ", ".join(f"{name}: {what}" for name, what in {**body.bodies, **moved}.items())
+    text = SCENE.format(
+        bodies=f"{{{bodies}}}",
+        parameters=body.parameters,
+        connections="\n".join(f"    - {connection}" for connection in connections),
+        initial=body.initial,
+        until=UNTIL,
+    )
     return parse_case(text).readings[0].problem
 
 
-def written(body: Body, surface: str, field: str, valid: str = "") -> Problem:
+def written(body: Body, surface: str, field: str) -> Problem:
     """The same body written out by hand."""
     text = WRITTEN.format(
         states=body.states,
         parameters=body.parameters,
         surface=surface,
         field=field,
-        valid=valid,
         initial=body.initial,
         until=UNTIL,
     )
@@ -225,8 +232,8 @@ def additions(body: Body) -> Iterator[tuple[str, Problem, Problem, Problem]]:
     for number, added in enumerate(body.added, start=1):
         given |= added.given
         carried = {**given, **{name: value for later in body.added[number:] for name, value in later.off.items()}}
-        by_hand = written(body, body.surface, added.by_hand, added.valid)
-        yield ", ".join(added.given), scene(body, given), scene(body, carried), by_hand
+        by_hand = written(body, body.surface, added.by_hand)
+        yield added.name, scene(body, given), scene(body, carried), by_hand
 
 
 def slip_tape(system: FilippovSystem) -> Tape:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -14,6 +13,7 @@ from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
 from henon_ref.henon.solver import HENON_SOLVER, order_for
+from henon_ref.taylor.llvm.count import count as count
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.step_end import step_end_ir
 from henon_ref.taylor.tape import build_tape
@@ -58,17 +58,6 @@ class Work:
     def rate(self) -> float:
         """Operations a second [1/s]."""
         return self.total / self.wall_s
-
-
-def count(ir: str) -> int:
-    """Floating-point operations in LLVM IR: a lane of a vector is one, a fused product and sum are two."""
-    total = 0
-    for line in ir.splitlines():
-        if not re.search(r"\b(fadd|fsub|fmul|fdiv)\b|llvm\.fma", line) or line.startswith("declare"):
-            continue
-        lanes = re.search(r"<(\d+) x double>", line)
-        total += (2 if "llvm.fma" in line else 1) * (int(lanes[1]) if lanes else 1)
-    return total
 
 
 def work(problem: Problem) -> Work:

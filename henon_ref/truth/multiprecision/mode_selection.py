@@ -193,7 +193,7 @@ class ModeSelection:
         try:
             terms = self.leading_terms(point, stick, frozenset((index,)))
         except ModelError:  # beside another sliding surface it has no equations: no derivatives, but the load is there
-            return all(series.sign(value) > 0 for value in self._hold_values(point, index))
+            return all(series.sign(value) > 0 for value in self._hold_values(point, mode, index))
         guards = self.system.equations(stick).guards
         return terms is not None and all(
             term is None or term[1] > 0
@@ -201,10 +201,12 @@ class ModeSelection:
             if guard.kind == "release" and guard.index == index
         )
 
-    def _hold_values(self, point: Point, index: int) -> list[arb]:
-        """Values of an override's release guards."""
+    def _hold_values(self, point: Point, mode: Mode, index: int) -> list[arb]:
+        """Values of an override's release guards beside a mode's slips; none where they hold another sign."""
         system = self.system
-        guards = [system.numeric(g.expression) for g in system.hold_guards(index)]
+        guards = [system.numeric(g.expression) for g in system.hold_guards(index, mode)]
+        if any(g.has(*system.signs) for g in guards):
+            return []  # which slides, so that the load is not known: no slip is told from a stick there
         frozen = [sp.Integer(0)] * len(system.states)
         return [
             c[0] for c in series.along(frozen, guards, system.states, point.time, point.state, bits=self.bits, order=0)

@@ -1,0 +1,117 @@
+"""A scene put together: its bodies, its connections with their terms, and the Filippov system they add up to."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import sympy as sp
+
+from henon_ref.casefile.bodies import Body
+from henon_ref.casefile.connection import Hold, Surface
+from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A connection with what it adds to the equations."""
+
+    kind: str
+    ends: tuple[str, ...]
+    """Names of the bodies it acts on, in the order of ``between``."""
+    name: str | None
+    """The name that the file gives it."""
+    pushes: tuple[tuple[str, sp.Expr], ...]
+    """Body and force [N] or torque [N m] on it."""
+    surfaces: tuple[Surface, ...]
+    holds: tuple[Hold, ...]
+
+    @property
+    def label(self) -> str:
+        """Kind and bodies, and its name where it has one: ``friction rub (block, belt)``."""
+        return f"{self.kind}{f' {self.name}' if self.name else ''} ({', '.join(self.ends)})"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Bodies and what connects them."""
+
+    bodies: Mapping[str, Body]
+    connections: tuple[Connection, ...]
+    parameters: Mapping[sp.Symbol, sp.Expr]
+    """Parameter -> exact number."""
+
+    def without(self, numbers: Collection[int]) -> Scene:
+        """The scene with some connections left out."""
+        return replace(self, connections=tuple(c for i, c in enumerate(self.connections) if i not in numbers))
+
+    def system(self) -> FilippovSystem:
+        """The Filippov system: states body by body, surfaces connection by connection."""
+        surfaces = list(dict.fromkeys(surface for each in self.connections for surface in each.surfaces))
+        order = [surface.sign for surface in surfaces]
+        return FilippovSystem(
+            states=tuple(x for body in self.bodies.values() for x in body.states),
+            signs=tuple(order),
+            surfaces=tuple(surface.expression for surface in surfaces),
+            field=self._field({}, {}),
+            parameters=self.parameters,
+            overrides={
+                order.index(hold.sign): self._held(number, connection, hold)
+                for number, connection in enumerate(self.connections)
+                for hold in connection.holds
+            },
+            kinks=frozenset(number for number, surface in enumerate(surfaces) if surface.kink),
+            effects=tuple(connection.label for connection in self.connections),
+        )
+
+    @cached_property
+    def _pushes(self) -> Mapping[str, list[tuple[int, sp.Expr]]]:
+        """Body -> the forces [N] or torques [N m] on it, each with the number of its connection."""
+        found: dict[str, list[tuple[int, sp.Expr]]] = {name: [] for name in self.bodies}
+        for number, connection in enumerate(self.connections):
+            for name, push in connection.pushes:
+                found[name].append((number, push))
+        return found
+
+    def _force(self, body: Body, without: int | None = None) -> sp.Expr:
+        """Sum of the forces or torques on a body, those of one connection left out."""
+        return sp.Add(*(push for number, push in self._pushes[body.name] if number != without))
+
+    def _field(self, on_surface: Mapping[sp.Symbol, sp.Expr], held: Mapping[str, sp.Expr]) -> tuple[sp.Expr, ...]:
+        """x' of all states, on a surface, some bodies' accelerations given."""
+        rates = []
+        for body in self.bodies.values():
+            if body.inertia is not None:
+                own = self._force(body) / body.inertia if body.name not in held else held[body.name]
+                rates += [body.velocity.xreplace(on_surface), own.xreplace(on_surface)]
+        return tuple(rates)
+
+    def _held(self, number: int, connection: Connection, hold: Hold) -> SlidingOverride:
+        """The two bodies of a contact move as one, until the load on it is larger than the limit.
+
+        The load is the force that the contact takes from the first body and gives to the second:
+        ``m_p a = f_p - load``, ``m_q a = f_q + load``.
+        """
+        p, q = (self.bodies[name] for name in connection.ends)
+        f_p, f_q = (self._force(body, without=number) for body in (p, q))
+        if p.inertia is not None and q.inertia is not None:
+            on_surface = {q.velocity: p.velocity}
+            load = (q.inertia * f_p - p.inertia * f_q) / (p.inertia + q.inertia)
+            together = (f_p + f_q) / (p.inertia + q.inertia)
+            held = {p.name: together, q.name: together}
+        elif p.inertia is not None:
+            on_surface = {p.velocity: q.velocity}
+            load = f_p - p.inertia * q.acceleration
+            held = {p.name: q.acceleration}
+        else:
+            assert q.inertia is not None
+            on_surface = {q.velocity: p.velocity}
+            load = q.inertia * p.acceleration - f_q
+            held = {q.name: p.acceleration}
+        load, limit = load.xreplace(on_surface), hold.limit.xreplace(on_surface)
+        return SlidingOverride(
+            field=self._field(on_surface, held),
+            release=(Release(load - limit, "rising", 1), Release(load + limit, "falling", -1)),
+            entry="inside",
+        )

@@ -1,0 +1,37 @@
+"""One-sided stops: they keep x_p - x_q at or above a gap, as Modelica's ``ElastoGap`` does.
+
+As there, the damping force is never larger than the spring's, so that a stop does not pull and its force is continuous.
+"""
+
+from __future__ import annotations
+
+from henon_ref.casefile.connection import Key, Kind, Link
+
+
+def _add(link: Link) -> None:
+    ways = [name for name in ("restitution", "stiffness") if name in link.values]
+    if not ways:
+        raise link.error("a stop is hard, with 'restitution', or elastic, with 'stiffness'; give one of the two")
+    if len(ways) == 2:
+        raise link.error("a stop has 'restitution' (hard) or 'stiffness' (elastic), not both", at=link.later(ways))
+    if ways == ["restitution"]:
+        message = "hard stops, with 'restitution', are not there yet; give 'stiffness' for an elastic one"
+        raise link.error(message, at="restitution")
+    opening = link.distance - link.values["gap"]
+    sign = link.sign("g", opening)
+    spring = -link.values["stiffness"] * opening
+    link.push(spring * (1 - sign) / 2)
+    if "damping" in link.values:
+        link.push(link.limited(-link.values["damping"] * link.velocity, spring) * (1 - sign) / 2)
+
+
+KIND = Kind(
+    meaning="keeps x_p - x_q at or above the gap: pushes back by stiffness times what it falls short",
+    keys=(
+        Key("gap", "m", "rad", "least value of x_p - x_q"),
+        Key("stiffness", "N/m", "N m/rad", "of an elastic stop", optional=True, range="positive"),
+        Key("damping", "N s/m", "N m s/rad", "of an elastic stop, besides", True, "nonnegative"),
+        Key("restitution", "1", "1", "of a hard stop: speed after an impact over that before", True, "fraction"),
+    ),
+    add=_add,
+)

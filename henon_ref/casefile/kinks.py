@@ -1,0 +1,165 @@
+"""Kinks and jumps as people write them: ``abs``, ``sign``, ``min``, ``max`` and ``piecewise`` by signs of surfaces.
+
+``abs(u)`` is ``u*sgn(u)``, ``max(u, v)`` is u or v by the sign of ``u - v``, and ``piecewise`` chooses by the sign of
+what its comparison compares. Each argument becomes a surface ``kink1``, ``kink2``, ... in order of appearance, an
+equal one (up to a factor that is a number) once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import sympy as sp
+
+from henon_ref.errors import ExpressionError
+from henon_ref.filippov.exact_numbers import exact_sign
+from henon_ref.filippov.switched_field import up_to_a_number
+
+MAX_INNER = 4
+"""Kinks that the argument of another one may have: its branches are twice as many with each."""
+
+
+class Sgn(sp.Function):
+    """The sign of an expression, until it has a symbol."""
+
+    nargs = 1
+    is_real = True
+
+
+def sgn(argument: sp.Expr) -> sp.Expr:
+    """The sign of an expression: a number's own, else -1 or +1 times a :class:`Sgn` of a form without factor.
+
+    Of what has a kink of its own it is the sign of either branch, chosen by the kink's.
+    """
+    if argument.is_number:
+        return sp.sign(argument)
+    inner = _inner(argument)
+    if inner is None:
+        form, sign = up_to_a_number(argument)
+        return sign * Sgn(form)
+    above, below = (sgn(argument.xreplace({inner: sp.Integer(side)})) for side in (1, -1))
+    return above if above == below else above * (1 + inner) / 2 + below * (1 - inner) / 2
+
+
+def _inner(argument: sp.Expr) -> sp.Expr | None:
+    """A sign in an expression that holds no other."""
+    found = [sign for sign in argument.atoms(Sgn) if not sign.args[0].has(Sgn)]
+    return min(found, key=sp.default_sort_key) if found else None
+
+
+def _branches(argument: sp.Expr) -> list[sp.Expr]:
+    """What the sign of an expression is made of: itself, or its branches where it has kinks of its own."""
+    inner = _inner(argument)
+    if inner is None:
+        return [argument]
+    return [part for side in (1, -1) for part in _branches(argument.xreplace({inner: sp.Integer(side)}))]
+
+
+def chosen(first: sp.Expr, difference: sp.Expr, second: sp.Expr) -> sp.Expr:
+    """The first expression where a difference is positive, the second where it is negative."""
+    if first == second:
+        return first
+    sign = sgn(difference)
+    if sign.is_number:
+        return first if sign >= 0 else second
+    return first * (1 + sign) / 2 + second * (1 - sign) / 2
+
+
+def compared(name: str, arguments: Sequence[sp.Expr]) -> Sequence[sp.Expr]:
+    """What a call has a kink or a jump for where it is 0."""
+    if name in ("min", "max"):
+        return [_largest(arguments[:k], name) - arguments[k] for k in range(1, len(arguments))]
+    return arguments[1::2] if name == "piecewise" else arguments
+
+
+def _largest(arguments: Sequence[sp.Expr], name: str) -> sp.Expr:
+    """``max`` of some expressions, or ``min``."""
+    found = arguments[0]
+    for other in arguments[1:]:
+        first, second = (found, other) if name == "max" else (other, found)
+        found = chosen(first, found - other, second)
+    return found
+
+
+def call(name: str, arguments: Sequence[sp.Expr], offset: int) -> sp.Expr:
+    """``abs``, ``sign``, ``min``, ``max``; and ``piecewise``, each condition given as what is positive where it holds.
+
+    Raises
+    ------
+    ExpressionError
+        Where an argument has too many kinks of its own.
+    """
+    if any(len(difference.atoms(Sgn)) > MAX_INNER for difference in compared(name, arguments)):
+        message = f"'{name}' of what has more than {MAX_INNER} kinks of its own; name surfaces and use their signs"
+        raise ExpressionError(message, offset)
+    if name == "piecewise":
+        value = arguments[-1]
+        for k in range(len(arguments) - 3, -1, -2):
+            value = chosen(arguments[k], arguments[k + 1], value)
+        return value
+    if name in ("min", "max"):
+        return _largest(arguments, name)
+    return sgn(arguments[0]) * (arguments[0] if name == "abs" else 1)
+
+
+class Kinks:
+    """Collects the surfaces of a model's kinks.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Parameter -> exact number: the sign of what holds nothing else is a number.
+    """
+
+    def __init__(self, parameters: Mapping[sp.Symbol, sp.Expr]) -> None:
+        self.parameters = dict(parameters)
+        self.surfaces: dict[sp.Symbol, sp.Expr] = {}
+        """Sign -> what it is the sign of, as it was written first."""
+        self._signs: dict[sp.Expr, sp.Expr] = {}
+        """Form -> its sign: a symbol, minus one, or a number."""
+
+    def resolved(self, expression: sp.Expr, arguments: Sequence[sp.Expr]) -> sp.Expr:
+        """An expression with symbols for its signs; ``arguments`` are those of its kinks in order of appearance."""
+        for argument in (part for whole in arguments for part in _branches(whole)):
+            form, way = (argument, 1) if argument.is_number else up_to_a_number(argument)
+            if form not in self._signs and expression.has(Sgn(form)):
+                self._signs[form] = way * self._sign(argument)
+        return expression.xreplace({Sgn(form): sign for form, sign in self._signs.items()})
+
+    def guard(
+        self, sign: sp.Symbol, expression: sp.Expr, arguments: Sequence[sp.Expr]
+    ) -> tuple[dict[sp.Symbol, sp.Expr], sp.Expr]:
+        """Surfaces of an expression that may have kinks, and its sign by theirs.
+
+        Without kinks that is the sign itself; with them each branch is a surface: ``s``, ``s_2``, ...
+        """
+        surfaces: dict[sp.Symbol, sp.Expr] = {}
+        signs: dict[sp.Expr, sp.Expr] = {}
+        parts = _branches(expression)
+        for part in parts:
+            form, way = (part, 1) if part.is_number else up_to_a_number(part)
+            if Sgn(form) not in signs and not part.free_symbols <= set(self.parameters):
+                own = sp.Symbol(f"{sign.name}_{len(surfaces) + 1}", real=True) if surfaces else sign
+                surfaces[own] = part
+                signs[Sgn(form)] = way * own
+        return surfaces, self.resolved(sgn(expression).xreplace(signs), [*arguments, *parts])
+
+    def positive_part(self, expression: sp.Expr) -> sp.Expr:
+        """max(0, expression)."""
+        return self.resolved(chosen(expression, expression, sp.S.Zero), [expression])
+
+    def limited(self, expression: sp.Expr, bound: sp.Expr) -> sp.Expr:
+        """The expression where it lies between -bound and bound, else the one of these that it is beyond."""
+        above, below = bound + expression, bound - expression
+        return self.resolved((sgn(above) * above - sgn(below) * below) / 2, [above, below])
+
+    def used(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
+        """The surfaces whose signs an expression holds."""
+        return {sign: surface for sign, surface in self.surfaces.items() if expression.has(sign)}
+
+    def _sign(self, argument: sp.Expr) -> sp.Expr:
+        if argument.free_symbols <= set(self.parameters):
+            return sp.Integer(exact_sign(argument.xreplace(self.parameters)))
+        sign = sp.Symbol(f"kink{len(self.surfaces) + 1}", real=True)
+        self.surfaces[sign] = argument
+        return sign

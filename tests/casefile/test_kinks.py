@@ -1,0 +1,335 @@
+"""Kinks and jumps as people write them: the surfaces they become, and where runs land on them, by closed forms."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import pytest
+import sympy as sp
+
+from henon_ref.casefile.case import parse_case
+from henon_ref.casefile.expressions import parse_field
+from henon_ref.casefile.kinks import Kinks
+from henon_ref.errors import ExpressionError
+from henon_ref.filippov.kinks import continuous
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.work import Work
+from henon_ref.registry import solver
+from henon_ref.report.text.model import kink_notes
+from henon_ref.truth.compute import compute
+
+X, V, T, K = sp.symbols("x v t k", real=True)
+K1, K2, K3 = sp.symbols("kink1 kink2 kink3", real=True)
+NAMES = {"x": X, "v": V, "t": T, "k": K}
+
+
+def read(*texts: str) -> tuple[list[sp.Expr], dict[sp.Symbol, sp.Expr]]:
+    kinks = Kinks({K: sp.Integer(-2)})
+    found = [kinks.resolved(*parse_field(text, NAMES, Work())) for text in texts]
+    return found, kinks.surfaces
+
+
+@pytest.mark.parametrize(
+    ("text", "expected", "surfaces"),
+    [
+        ("abs(x)", X * K1, [X]),
+        ("-k*abs(x - v)", -K * (X - V) * K1, [X - V]),
+        ("sign(sin(t))", K1, [sp.sin(T)]),
+        ("max(0, x)", X * (1 - K1) / 2, [-X]),
+        ("max(x, v)", X * (1 + K1) / 2 + V * (1 - K1) / 2, [X - V]),
+        ("min(x, v)", V * (1 + K1) / 2 + X * (1 - K1) / 2, [X - V]),
+        ("piecewise(x, v < 1, 0)", X * (1 + K1) / 2, [1 - V]),
+        ("piecewise(x, v >= 1, 0)", X * (1 + K1) / 2, [V - 1]),
+        ("abs(3)", 3, []),
+        ("abs(k)", -K, []),
+        ("max(x, x)", X, []),
+        ("piecewise(x, 1 < 2, v)", X, []),
+        ("0*abs(x) + v", V, []),
+    ],
+)
+def test_what_is_written_is_what_it_is_with_a_sign(text: str, expected: sp.Expr, surfaces: list[sp.Expr]) -> None:
+    (found,), made = read(text)
+    assert found == expected
+    assert list(made.values()) == surfaces
+
+
+def test_branches_are_chosen_in_turn() -> None:
+    (found,), made = read("piecewise(1, t < 1, x, t < 2, v)")
+    assert list(made.values()) == [1 - T, 2 - T]
+    values = {(1, 1): 1, (1, -1): 1, (-1, 1): X, (-1, -1): V}
+    assert {at: found.xreplace({K1: sp.Integer(at[0]), K2: sp.Integer(at[1])}) for at in values} == values
+
+
+def test_kinks_are_numbered_as_they_appear_and_an_equal_argument_counts_once() -> None:
+    (one, two), made = read("abs(2*x - 2*v) + sign(t - 1)", "max(v, x) - abs(1 - t) + abs(v)")
+    assert made == {K1: 2 * X - 2 * V, K2: T - 1, K3: V}
+    assert one == K1 * (2 * X - 2 * V) + K2
+    assert sp.expand(two - (V * (1 - K1) / 2 + X * (1 + K1) / 2 + K2 * (1 - T) + K3 * V)) == 0
+
+
+@pytest.mark.parametrize("text", ["abs(abs(x) - 1)", "max(x, v, 1)", "min(x, 2, -v, t)", "sign(max(x, abs(v)) - 1)"])
+def test_kinks_of_kinks_are_branches_whose_values_are_right(text: str) -> None:
+    (found,), made = read(text)
+    plain = {"abs": abs, "max": max, "min": min, "sign": lambda u: (u > 0) - (u < 0)}
+    for x, v, t in product((-2.5, -0.75, 0.25, 1.75), (-1.5, -0.5, 1.25), (-3.25, 0.125)):
+        at = {X: x, V: v, T: t}
+        signs = {sign: sp.sign(surface.xreplace(at)) for sign, surface in made.items()}
+        assert not any(surface.has(*made) for surface in made.values())
+        assert float(found.xreplace(signs).xreplace(at)) == eval(text, plain, {"x": x, "v": v, "t": t})
+
+
+@pytest.mark.parametrize(
+    ("text", "offset", "says"),
+    [
+        ("sign(abs(x) + abs(v) + abs(t) + abs(x - 1) + abs(x - 2) - 9)", 0, "more than 4 kinks of its own"),
+        ("piecewise(1, x, 2)", 14, "a condition has one comparison"),
+        ("piecewise(1, 0 < x < 2, 2)", 19, "a condition has one comparison"),
+        ("piecewise(1, x < 2)", 0, "the value otherwise"),
+        ("piecewise(1, x < 2, 3, x < 4)", 0, "the value otherwise"),
+        ("piecewise(1, < 2, 3)", 13, "missing before '<'"),
+        ("x < 1", 2, "in a condition of 'piecewise' only"),
+        ("piecewise(x < 1, x < 1, 2)", 12, "in a condition of 'piecewise' only"),
+        ("max(x)", 0, "takes two arguments or more"),
+        ("abs(x, 2)", 5, "takes 1 argument"),
+        ("floor(x)", 0, "jumps without end"),
+        ("mod(x, 2)", 0, "jumps without end"),
+        ("heaviside(x)", 0, "write piecewise(1, x > 0, 0)"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_with_its_place(text: str, offset: int, says: str) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        parse_field(text, NAMES, Work())
+    assert says in caught.value.message
+    assert caught.value.offset == offset
+
+
+# -- landed on by closed forms --------------------------------------------------------------------------
+
+
+def problem_of(rate: str, initial: str = "x: 1, v: 0", until: str = "5") -> Problem:
+    text = f"""\
+schema: 1
+name: kinks
+title: Kinks
+system:
+  state: [x, v]
+  field: [v, "{rate}"]
+initial: {{{initial}}}
+until: {until}
+"""
+    return parse_case(text).readings[0].problem
+
+
+LANDED = [
+    pytest.param(problem_of("-abs(x)", until="2"), [("crossing", math.pi / 2)], id="abs"),
+    pytest.param(
+        problem_of("-sign(x)"), [("crossing", math.sqrt(2)), ("crossing", 3 * math.sqrt(2))], id="sign of a position"
+    ),
+    pytest.param(problem_of("-2*sign(v) + 1", "x: 0, v: 3"), [("stick", 3.0)], id="sign of a velocity sticks"),
+    pytest.param(
+        problem_of("-100*max(0, x - 1/2)", "x: 0, v: 1", "1"),
+        [("crossing", 0.5), ("crossing", 0.5 + math.pi / 10)],
+        id="max, in and out",
+    ),
+    pytest.param(problem_of("min(x, 2 - x)", "x: 0, v: 1", "1"), [("crossing", math.asinh(1))], id="min"),
+    pytest.param(
+        problem_of("1 + abs(abs(t - 2) - 1)", "x: 0, v: 0", "4"),
+        [("crossing", 1.0), ("crossing", 2.0), ("crossing", 3.0)],
+        id="of a kink",
+    ),
+    pytest.param(
+        problem_of("-x + sign(sin(3*t))", until="3"),
+        [("crossing", math.pi / 3), ("crossing", 2 * math.pi / 3)],
+        id="square wave",
+    ),
+    pytest.param(
+        problem_of("piecewise(0, t < 1, -1, t < 2, 0)", until="3"), [("crossing", 1.0), ("crossing", 2.0)], id="pulse"
+    ),
+]
+SOLVERS = pytest.mark.parametrize("name", ["henon", "scipy-dop853"])
+
+
+@SOLVERS
+@pytest.mark.parametrize(("problem", "expected"), LANDED)
+def test_kinks_are_landed_on(name: str, problem: Problem, expected: list[tuple[str, float]]) -> None:
+    run = solver(name).prepare(problem, rtol=1e-13, atol=1e-14)()
+    assert run.status == "ok"
+    assert [t.kind for t in run.transitions] == [kind for kind, _ in expected]
+    assert [float(t.time) for t in run.transitions] == pytest.approx([t for _, t in expected], rel=2e-12, abs=0)
+
+
+@SOLVERS
+def test_an_elastic_stop_is_gone_into_and_out_of(name: str) -> None:
+    """Free fall from 1 onto a spring of stiffness 100: x = -1/100 + (1/100) cos(10 t) - (sqrt(2)/10) sin(10 t)."""
+    text = """\
+schema: 1
+name: ball
+title: A ball on an elastic stop
+scene:
+  bodies: {ball: {mass: 1}, floor: fixed}
+  connections:
+    - force: {on: ball, value: -1}
+    - stop: {between: [ball, floor], gap: 0, stiffness: 100}
+initial: {x_ball: 1, v_ball: 0}
+until: 2
+"""
+    run = solver(name).prepare(parse_case(text).readings[0].problem, rtol=1e-13, atol=1e-14)()
+    down = math.sqrt(2)
+    contact = 2 * (math.pi - math.atan(10 * math.sqrt(2))) / 10
+    assert [(t.kind, t.to_mode) for t in run.transitions] == [("crossing", (-1,)), ("crossing", (1,))]
+    assert [float(t.time) for t in run.transitions] == pytest.approx([down, down + contact], rel=2e-12, abs=0)
+
+
+def test_a_damped_stop_does_not_pull_and_takes_energy() -> None:
+    """The ball comes in with speed sqrt(2); its damping is limited at first, let go of, and limited at the end."""
+    text = """\
+schema: 1
+name: ball
+title: A ball on a damped stop
+scene:
+  bodies: {ball: {mass: 1}, floor: fixed}
+  connections:
+    - force: {on: ball, value: -1}
+    - stop: {between: [ball, floor], gap: 0, stiffness: 100, damping: 4}
+initial: {x_ball: 1, v_ball: 0}
+until: 2
+"""
+    problem = parse_case(text).readings[0].problem
+    assert problem.system.sign_names == ("g_ball_floor", "kink1", "kink2")
+    runs = [solver(name).prepare(problem, rtol=1e-12, atol=1e-13)() for name in ("henon", "scipy-dop853")]
+    for run in runs:
+        assert run.status == "ok"
+        assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", k) for k in (0, 2, 1, 0)]
+        speeds = [abs(float(t.state[1])) for t in run.transitions]
+        assert speeds[0] == pytest.approx(math.sqrt(2), abs=1e-11)
+        assert 0 < speeds[3] < 0.8 * speeds[0]
+        # From where it would pull until it is out of the stop gravity alone acts.
+        (free, out) = run.transitions[2:]
+        assert float(out.time) - float(free.time) == pytest.approx(free.state[1] - out.state[1], abs=1e-10)
+    assert runs[0].transitions[3].time == pytest.approx(float(runs[1].transitions[3].time), abs=1e-10)
+
+
+def test_a_square_wave_may_drive_a_scene() -> None:
+    text = """\
+schema: 1
+name: driven
+title: A block that is pushed to and fro
+scene:
+  parameters: {w: pi}
+  bodies: {a: {mass: 1}, floor: fixed}
+  connections:
+    - force: {on: a, value: 3*sign(sin(w*t))}
+    - friction: {between: [a, floor], law: coulomb, force: 1}
+initial: {x_a: 0, v_a: 0}
+until: 3
+"""
+    problem = parse_case(text).readings[0].problem
+    assert problem.system.sign_names == ("kink1", "s_a_floor")
+    run = solver("henon").prepare(problem, rtol=1e-12)()
+    # Faster by 2 a second until 1, slower by 4 until 3/2, backward from there.
+    assert [float(t.time) for t in run.transitions[:3]] == pytest.approx([1, 1.5, 2], abs=1e-12)
+
+
+def test_a_system_with_kinks_needs_no_surfaces_and_its_own_come_first() -> None:
+    text = """\
+schema: 1
+name: both
+title: Both
+system: {state: [x], surfaces: {s: x - 2}, field: [1 - s*abs(x)]}
+initial: {x: 1}
+until: 1
+"""
+    system = parse_case(text).readings[0].problem.system
+    assert system.sign_names == ("s", "kink1")
+    assert system.surfaces == (X - 2, X)
+
+
+@SOLVERS
+def test_a_guard_may_have_a_kink(name: str) -> None:
+    """Inside abs(x) < 1 nothing acts; beyond it a spring pulls back, on either side."""
+    text = """\
+schema: 1
+name: well
+title: Well
+system:
+  state: [x, v]
+  surfaces: {s: abs(x) - 1}
+  field: [v, -x*(1 + s)/2]
+initial: {x: 0, v: 1/2}
+until: 9
+"""
+    system = parse_case(text).readings[0].problem.system
+    assert [str(h) for h in system.surfaces] == ["x - 1", "-x - 1", "x"]
+    assert system.sign_names == ("s", "s_2", "kink1")
+    run = solver(name).prepare(parse_case(text).readings[0].problem, rtol=1e-12, atol=1e-13)()
+    # Out at x = 1 with v = 1/2 it is on x = cos(t) + sin(t)/2, back at 1 with -1/2 after 2 atan(1/2).
+    out = 2.0
+    back = out + 2 * math.atan(0.5)
+    assert run.status == "ok"
+    assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", k) for k in (0, 0, 1, 1)]
+    assert [float(t.time) for t in run.transitions] == pytest.approx(
+        [out, back, back + 4, back + 4 + 2 * math.atan(0.5)], abs=1e-10
+    )
+
+
+HIDDEN = "piecewise(2*sign(t - 1), x > 2, 0) - piecewise(0, x > 2, sign(t - 3))"
+"""While x > 2 the jump at 3 is none, and until then that at 1 is none."""
+
+
+@SOLVERS
+def test_a_kink_that_another_branch_hides_is_none(name: str) -> None:
+    """From 0 with speed 1, x'' = 1: x = t + t^2/2 is 2 at sqrt(5) - 1; x'' is 2 from there, and stays so at 3."""
+    run = solver(name).prepare(problem_of(HIDDEN, "x: 0, v: 1", "4"), rtol=1e-12, atol=1e-13)()
+    assert run.status == "ok"
+    assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", 0)]
+    assert float(run.transitions[0].time) == pytest.approx(math.sqrt(5) - 1, abs=1e-11)
+
+
+@SOLVERS
+def test_a_kink_is_there_where_its_branch_is(name: str) -> None:
+    run = solver(name).prepare(problem_of(HIDDEN, "x: -10, v: 1", "4"), rtol=1e-12, atol=1e-13)()
+    assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", 2)]
+    assert float(run.transitions[0].time) == pytest.approx(3, abs=1e-12)
+
+
+def test_what_is_continuous_is_told_from_what_jumps() -> None:
+    text = """\
+schema: 1
+name: all
+title: All
+system:
+  state: [x, v]
+  surfaces: {section: x - 5}
+  field: [v, "abs(x - v) + max(0, sin(t)) + piecewise(x^2, x < 1, 2*x - 1) + piecewise(0, v < 1, 1) + x*sign(v)"]
+initial: {x: 0, v: 0}
+until: 1
+"""
+    system = parse_case(text).readings[0].problem.system
+    assert system.kinks == {1, 2, 3, 4, 5}
+    assert continuous(system) == {1, 2, 3}
+    assert kink_notes(system) == [
+        *(
+            f"`kink{k}`: a kink, the field is continuous there; it is crossed, and nothing slides on it"
+            for k in (1, 2, 3)
+        ),
+        *(f"`kink{k}`: a jump of the field" for k in (4, 5)),
+    ]
+
+
+def test_the_truth_leaves_hidden_kinks_out_too() -> None:
+    text = f"""\
+schema: 1
+name: hidden
+title: Hidden
+system:
+  state: [x, v]
+  field: [v, "{HIDDEN}"]
+initial: {{x: 0, v: 1}}
+until: 4
+"""
+    case = parse_case(text)
+    found = compute(case, case.readings[0])
+    assert found.status == "ok"
+    assert [(t.kind, t.surface) for t in found.transitions] == [("crossing", 0)]
+    assert float(found.transitions[0].time_digits) == pytest.approx(math.sqrt(5) - 1, abs=1e-15)
