@@ -11,7 +11,7 @@ from henon_ref.casefile.assembly import Scene
 from henon_ref.casefile.scene import build_scene
 from henon_ref.casefile.schema import CaseForm
 from henon_ref.casefile.source import Names, Source
-from henon_ref.casefile.written_system import build_overrides, build_system
+from henon_ref.casefile.written_system import build_overrides, build_resets, build_system
 from henon_ref.errors import ModelError
 from henon_ref.filippov.algebra import MAX_SIZE
 from henon_ref.filippov.bounds import put
@@ -32,7 +32,7 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
     CaseError
         At the place of the first thing that does not fit.
     """
-    system, names = source.once("system", ("system", "scene", "sliding"), lambda: _system(source, form))
+    system, names = source.once("system", ("system", "scene", "sliding", "resets"), lambda: _system(source, form))
     start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
     until = source.number(("until",), names.values)
     if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
@@ -52,6 +52,9 @@ def _system(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
     overrides = build_overrides(source, form, names)
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})
+    resets = build_resets(source, form, names, system)
+    if resets:
+        system = replace(system, resets=resets)
     return with_rational_exponents(system), names
 
 
@@ -69,8 +72,10 @@ def mathematics(problem: Problem) -> dict[str, Any]:
     expressions = [*system.surfaces, *system.field, *system.valid]
     for override in system.overrides.values():
         expressions += [*override.field, *(release.when for release in override.release)]
+    for reset in system.resets.values():
+        expressions += reset.map.values()
     used = set().union(*(e.free_symbols for e in expressions))
-    return {
+    found = {
         "states": list(system.state_names),
         "surfaces": [[name, str(h)] for name, h in zip(system.sign_names, system.surfaces, strict=True)],
         "field": [str(f) for f in system.field],
@@ -82,6 +87,12 @@ def mathematics(problem: Problem) -> dict[str, Any]:
         "until": str(problem.until),
         "mode": {system.sign_names[i]: s for i, s in sorted(problem.initial_mode.items())},
     }
+    if system.resets:  # what is stored without them stays valid
+        found["resets"] = {
+            system.sign_names[i]: {x.name: str(value) for x, value in reset.map.items()}
+            for i, reset in sorted(system.resets.items())
+        }
+    return found
 
 
 def _override_text(override: SlidingOverride) -> dict[str, Any]:
@@ -109,7 +120,9 @@ def _initial(source: Source, form: CaseForm, names: Names) -> tuple[sp.Expr, ...
 
 def _check_start(source: Source, problem: Problem) -> None:
     """Refuse a start at which a surface, or an expression of ``valid``, would become a giant number."""
-    delicate = source.once("exponents", ("system", "scene", "sliding"), lambda: _with_moving_exponents(problem.system))
+    delicate = source.once(
+        "exponents", ("system", "scene", "sliding", "resets"), lambda: _with_moving_exponents(problem.system)
+    )
     for what, expression in delicate:
         source.charge(("initial",), size(expression, MAX_SIZE))
         try:

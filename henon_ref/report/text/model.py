@@ -56,6 +56,17 @@ def kink_notes(system: FilippovSystem) -> list[str]:
     return notes
 
 
+def reset_notes(system: FilippovSystem) -> list[str]:
+    """What is said of surfaces at which the state jumps."""
+    notes = []
+    for index, reset in sorted(system.resets.items()):
+        values = [(x, value) for x, value in reset.map.items() if printable(value)]
+        lines = ", ".join(f"${symbol(x.name)}^+ = {latex(value)}$" for x, value in values)
+        lines += "" if len(values) == len(reset.map) else " (a value is too long to be printed)"
+        notes.append(f"`{system.sign_names[index]}`: where it falls through zero, the state jumps: {lines}")
+    return notes
+
+
 def modes_of(result: ReadingResult) -> list[Mode]:
     """The modes that the exact run visits, or all of a single surface."""
     system = result.reading.problem.system
