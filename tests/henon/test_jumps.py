@@ -1,0 +1,103 @@
+"""Jumps of the state: where they happen and what follows, by closed forms."""
+
+from __future__ import annotations
+
+from math import pi
+
+import pytest
+import sympy as sp
+
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem, Reset
+from henon_ref.registry import solver
+from henon_ref.trajectory import Trajectory
+from tests.support.resets import ball, ball_impacts, impact_oscillator, oscillator_impacts
+
+X, V, W, Y = sp.symbols("x v w y", real=True)
+S, U = sp.symbols("s u", real=True)
+FOUR_FIFTHS = sp.Rational(4, 5)
+
+
+def run(problem: Problem, name: str = "henon", rtol: float = 1e-13) -> Trajectory:
+    return solver(name).prepare(problem, rtol=rtol)()
+
+
+@pytest.mark.parametrize("name", ["henon", "henon-newton", "henon-brent"])
+def test_the_first_fifty_impacts_of_a_ball(name: str) -> None:
+    found = run(ball(sp.Rational(4024865, 1000000), FOUR_FIFTHS), name)
+    times = ball_impacts(50, 0.8)
+    assert times[-1] < 4.024865 < ball_impacts(51, 0.8)[-1]
+    assert found.status == "ok"
+    assert [t.kind for t in found.transitions] == ["reset"] * 50
+    assert {(t.from_mode, t.to_mode) for t in found.transitions} == {((1,), (1,))}
+    assert [t.time for t in found.transitions] == pytest.approx(times, abs=1e-12, rel=0)
+    speeds = [10 * 0.2**0.5 * 0.8 ** (k + 1) for k in range(50)]
+    assert [t.state[1] for t in found.transitions] == pytest.approx(speeds, rel=1e-10)
+
+
+@pytest.mark.parametrize("depth", ["1/2", "1e-2", "1e-4", "1e-6", "1e-8", "1e-10"])
+def test_an_impact_oscillator_down_to_a_graze(depth: str) -> None:
+    exact = sp.Rational(depth)
+    found = run(impact_oscillator(exact, sp.Rational(1, 2), 30))
+    times = oscillator_impacts(float(exact), 0.5, 30.0)
+    assert (found.status, [t.kind for t in found.transitions]) == ("ok", ["reset"] * len(times))
+    # The speed of an impact that is next to a graze is that of a square root: so its time.
+    slack = 1e-15 / float(exact) ** 0.5 * 100
+    assert [t.time for t in found.transitions] == pytest.approx(times, abs=max(1e-12, slack), rel=0)
+
+
+def test_a_graze_is_no_impact_and_a_miss_is_nothing() -> None:
+    graze = run(impact_oscillator(sp.Integer(0), sp.Rational(1, 2), 5))
+    assert [(t.kind, t.time) for t in graze.transitions] == [("graze", pytest.approx(pi / 2))]
+    assert run(impact_oscillator(sp.Rational("-1e-10"), sp.Rational(1, 2), 10)).transitions == ()
+
+
+def test_right_hand_sides_use_the_state_before_the_jump() -> None:
+    # Two states change places, a third stays: x' = -1 from 1 falls through 0 at t = 1.
+    system = FilippovSystem((X, V, W), (S,), (X,), (sp.Integer(-1),) * 3, resets={0: Reset({X: V, V: W})})
+    start = (sp.Integer(1), sp.Integer(5), sp.Integer(7))
+    found = run(Problem(system, sp.Integer(0), start, sp.Integer(4)))
+    assert [(t.kind, t.time, t.state) for t in found.transitions] == [("reset", 1.0, (4.0, 6.0, 6.0))]
+    assert found.end_state == pytest.approx((1.0, 3.0, 3.0))
+
+
+def test_a_rising_surface_is_crossed_and_a_map_may_lead_to_the_other_side() -> None:
+    up = FilippovSystem((X,), (S,), (X,), (sp.Integer(1),), resets={0: Reset({X: X + 5})})
+    found = run(Problem(up, sp.Integer(0), (sp.Integer(-1),), sp.Integer(3)))
+    assert [(t.kind, t.to_mode) for t in found.transitions] == [("crossing", (1,))]
+    down = FilippovSystem((X,), (S,), (X,), (S * -1,), resets={0: Reset({X: X - 2})})
+    found = run(Problem(down, sp.Integer(0), (sp.Integer(1),), sp.Rational(3, 2)))
+    assert [(t.kind, t.from_mode, t.to_mode, t.state) for t in found.transitions] == [
+        ("reset", (1,), (-1,), (-2.0,)),
+    ]
+    assert found.end_state == pytest.approx((-1.5,))
+
+
+def test_a_jump_changes_the_side_of_another_surface() -> None:
+    # A mass with friction hits a wall: its velocity, and with it the sign of the friction, changes at once.
+    system = FilippovSystem((X, V), (S, U), (1 - X, V), (V, -U / 4), resets={0: Reset({V: -V})})
+    found = run(Problem(system, sp.Integer(0), (sp.Integer(0), sp.Integer(2)), sp.Integer(1)))
+    hit = 8 - sp.sqrt(56).n()  # 2 t - t^2 / 8 = 1
+    assert [(t.kind, t.surface, t.from_mode, t.to_mode) for t in found.transitions] == [
+        ("reset", 0, (1, 1), (1, -1)),
+        ("crossing", 1, (1, 1), (1, -1)),
+    ]
+    assert [t.time for t in found.transitions] == pytest.approx([float(hit)] * 2)
+
+
+def corner(second: dict[sp.Symbol, sp.Expr]) -> Problem:
+    system = FilippovSystem(
+        (X, V, Y, W), (S, U), (X, Y), (V, sp.Integer(0), W, sp.Integer(0)),
+        resets={0: Reset({V: -V / 2}), 1: Reset(second)},
+    )  # fmt: skip
+    one = sp.Integer(1)
+    return Problem(system, sp.Integer(0), (one, -one, one, -one), sp.Integer(2))
+
+
+def test_two_walls_at_one_instant() -> None:
+    found = run(corner({W: -W / 2}))
+    assert [(t.kind, t.surface, t.time) for t in found.transitions] == [("reset", 0, 1.0), ("reset", 1, 1.0)]
+    assert found.end_state == pytest.approx((0.5, 0.5, 0.5, 0.5))
+    refused = run(corner({W: -W / 2, V: V + W}))
+    assert refused.status == "nonunique"
+    assert refused.reason.endswith("s, u reset the state at once, and their order matters")
