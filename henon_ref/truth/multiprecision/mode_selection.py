@@ -19,6 +19,7 @@ from henon_ref.filippov.decision import Decision, ended, explained, without_inde
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.modes import Mode, mode_text, replaced
+from henon_ref.filippov.resets import Jump
 from henon_ref.filippov.switching import EXHAUSTIVE
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
@@ -83,6 +84,42 @@ class ModeSelection:
             return Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign))
         active = {g.index for g in hits} | {i for i, s in enumerate(mode) if s == 0}
         return self._decide(point, mode, tuple(sorted(active)))
+
+    def jumped(
+        self, point: Point, jump: Jump, mode: Mode, hit: frozenset[int]
+    ) -> tuple[Point, frozenset[int], Decision] | None:
+        """What follows a jump of the state: the point after, the surfaces it is on, the mode; None where not finite.
+
+        Parameters
+        ----------
+        point : Point
+            Before it.
+        mode : Mode
+            Before it.
+        hit : frozenset of int
+            Surfaces that are at zero.
+        """
+        system = self.system
+        outputs = [system.numeric(e) for e in (*jump.states, *jump.guards)]
+        frozen = [sp.Integer(0)] * len(system.states)
+        try:
+            values = [
+                c[0]
+                for c in series.along(frozen, outputs, system.states, point.time, point.state, bits=self.bits, order=0)
+            ]
+        except (ZeroDivisionError, ValueError):  # python-flint's words for a value that does not exist
+            return None
+        if not all(value.is_finite() for value in values):
+            return None
+        n, count = len(system.states), len(system.surfaces)
+        after = Point(point.time, tuple(values[:n]))
+        sides = jump.sides(mode, hit, [series.sign(v) for v in values[n : n + count]])
+        for expression, value in zip(system.valid, values[n + count :], strict=True):
+            if not value > 0:
+                reason = f"the model does not hold after the reset at t = {_short(point)}: {expression} <= 0"
+                return after, frozenset(), Decision("invalid", None, reason)
+        on = tuple(i for i, side in enumerate(sides) if side == 0)
+        return after, frozenset(on), self._decide(after, tuple(sides), on) if on else Decision("unique", tuple(sides))
 
     def leading_terms(self, point: Point, mode: Mode, active: frozenset[int]) -> list[LeadingTerm] | None:
         """What each guard of a mode does first, just after a point; None where its field is not finite.

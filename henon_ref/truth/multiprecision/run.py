@@ -12,6 +12,7 @@ from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resets import jump_of, order_matters, resetting
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
 from henon_ref.truth.multiprecision.heyoka import to_real
@@ -41,6 +42,8 @@ class Event:
     """Surfaces that change, or that are touched where none changes."""
     transversality: float
     """Smallest speed with which a guard that ends the mode falls through zero [unit of the guard / s]."""
+    resets: tuple[int, ...] = ()
+    """Surfaces that reset the state; ``state`` is the one after."""
 
 
 @dataclass
@@ -243,13 +246,32 @@ class _Simulation:
         before, point = self.mode, self.point
         self.result.end_time = point.time.mid()
         self.termination.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
-        after = self._decided(self.selection.after_event(point, before, hits))
-        active = frozenset({g.index for g in hits} | {i for i, s in enumerate(before) if s == 0})
-        changed = tuple(i for i in sorted(active) if after[i] != before[i])
+        resets = resetting(self.problem.system, before, hits)
+        if resets:
+            after, active = self._jump(resets, hits)
+            changed = tuple(i for i, s in enumerate(after) if s != before[i] or i in resets)
+        else:
+            after = self._decided(self.selection.after_event(point, before, hits))
+            active = frozenset({g.index for g in hits} | {i for i, s in enumerate(before) if s == 0})
+            changed = tuple(i for i in sorted(active) if after[i] != before[i])
         touched = tuple(sorted({g.index for g in hits}))
-        state = tuple(v.mid() for v in point.state)
-        self.result.events.append(Event(point.time.mid(), state, before, after, changed or touched, transversality))
+        state = tuple(v.mid() for v in self.point.state)
+        self.result.events.append(
+            Event(point.time.mid(), state, before, after, changed or touched, transversality, resets)
+        )
         self._enter(after, active)
+
+    def _jump(self, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> tuple[Mode, frozenset[int]]:
+        """Let the state jump; the mode after, and the surfaces that the state is on."""
+        system, point = self.problem.system, self.point
+        jump = jump_of(system, surfaces)
+        if jump is None:
+            raise EndedError("nonunique", order_matters(system, surfaces, self._now()))
+        after = self.selection.jumped(point, jump, self.mode, frozenset(g.index for g in hits if g.kind == "surface"))
+        if after is None:
+            raise EndedError("failed", f"the state after the reset at t = {self._now()} is not finite")
+        self.point, on, decision = after
+        return self._decided(decision), on
 
     def _blurred(self, time: arb, state: Sequence[arb], step: Step) -> Point:
         """A point with the radii within which it counts as known."""

@@ -6,16 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log2
 
+import sympy as sp
 from flint import arb, arb_mat
 
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.resets import Jump, jump_of, resetting
 from henon_ref.precision import working_precision
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.validated.enclosure import Curve, Expansion, Tail, UndecidedError, expand
 from henon_ref.truth.validated.event import first_root, guard_curve
 from henon_ref.truth.validated.lohner import PointSet
-from henon_ref.truth.validated.mode_selection import Entry, entry_after
+from henon_ref.truth.validated.mode_selection import Entry, entry_after, entry_after_jump
 from henon_ref.truth.validated.model import ModeModel, SystemModel
 
 TANGENT_ORDER = 16
@@ -54,6 +56,8 @@ class Hit:
     """Enclosure of (t, x)."""
     rate: arb
     """Slope of the guard at the event [1/s]."""
+    resets: tuple[int, ...] = ()
+    """Surfaces that reset the state; ``box`` is of the state after."""
 
 
 class ValidatedFlow:
@@ -211,10 +215,26 @@ class ValidatedFlow:
         reached = set() if guard.ends else {guard.index}
         on = tuple(sorted({i for i, s in enumerate(before) if s == 0} | reached))
         self._project(made, flow, tangent, root, middle, flow.output(index).at(middle), row, slope, on)
+        resets = resetting(self.model.system, before, [guard])
+        jump = jump_of(self.model.system, resets) if resets else None  # of one surface there is one
+        if jump is not None:
+            self._jump(jump)
         box = tuple(self.points.hull())
-        entry, _ = entry_after(self.model, box, before, guard)
+        if jump is not None:
+            entry = entry_after_jump(self.model, box, before, jump)
+        else:
+            entry, _ = entry_after(self.model, box, before, guard)
         self.enter(entry)
-        return Hit(guard, before, entry.mode, box, slope / arb(self.unit))
+        return Hit(guard, before, entry.mode, box, slope / arb(self.unit), resets)
+
+    def _jump(self, jump: Jump) -> None:
+        """Carry the set through a map of the state, by its value at the centre and its derivative over the set."""
+        system, symbols = self.model.system, self.model.symbols
+        at, over = (dict(zip(symbols, box, strict=True)) for box in (self.points.centre, self.points.hull()))
+        states = [system.numeric(value) for value in jump.states]
+        rows = [[arb(int(j == 0)) for j in range(len(symbols))]]
+        rows += [[enclose(sp.diff(value, x), over) for x in symbols] for value in states]
+        self._move([self.points.centre[0], *(enclose(value, at) for value in states)], rows)
 
     def _project(
         self,

@@ -224,8 +224,8 @@ class _Attempt:
     def _record(self, hit: Hit) -> None:
         """One transition for every surface whose entry changes, in the order of the surfaces."""
         for i, (before, after) in enumerate(zip(hit.before, hit.after, strict=True)):
-            if before != after:
-                kind: Kind = transition_kind(before, after)
+            if before != after or i in hit.resets:
+                kind: Kind = "reset" if i in hit.resets else transition_kind(before, after)
                 self.transitions.append(
                     CertifiedTransition(kind, i, hit.before, hit.after, hit.box[0], hit.box[1:], hit.rate)
                 )
