@@ -20,6 +20,7 @@ from henon_ref.filippov.callables import ARITHMETIC, Scalar, scalar
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.resets import Jump, jump_of, order_matters, resetting
+from henon_ref.filippov.resting import REMAINING, Resting, rests_on, state_at_rest, time_to_rest
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.filippov.two_signs import CLEAR, sign_after
@@ -28,6 +29,10 @@ from henon_ref.trajectory import Status
 
 ON = 8.0
 """A guard whose value is within so many roundings of its terms starts at zero."""
+
+
+Rest = tuple[Mode, float, tuple[float, ...]]
+"""Mode, time [s] and state where a body comes to rest after the last of its impacts."""
 
 
 class After(NamedTuple):
@@ -46,6 +51,8 @@ class After(NamedTuple):
     reason: str = ""
     resets: tuple[int, ...] = ()
     """Surfaces that reset the state; ``x`` is the one after."""
+    rest: Rest | None = None
+    """What follows where impacts have come to their limit."""
 
 
 Followed = tuple[Mode, tuple[float, ...], tuple[Fresh, ...], float]
@@ -159,6 +166,7 @@ class ModeTable:
         self._models: dict[Mode, ModeFunctions] = known._models if known else {}
         self._surfaces: dict[int, tuple[Scalar, Scalar]] = {}
         self._jumps: dict[Jump, Scalar] = {}
+        self._rests: dict[Resting, Scalar] = {}
 
     def __getitem__(self, mode: Mode) -> ModeEntry:
         if mode not in self._entries:
@@ -207,6 +215,8 @@ class ModeTable:
             return After(None, x, (), drift, (), "failed", f"the state after the reset at t = {t:.17g} is not finite")
         n, count = len(system.states), len(system.surfaces)
         after, signs = tuple(values[:n]), [(v > 0.0) - (v < 0.0) for v in values[n:]]
+        if (rest := self._rest(resets, mode, t, x, after)) is not None:
+            return After(mode, after, (), drift, resets=resets, rest=rest)
         sides = jump.sides(mode, hit, signs[:count])
         self.switching.forget()
         decision = self.switching.mode_by_signs(t, list(after), sides, signs[count:], {})
@@ -215,6 +225,27 @@ class ModeTable:
         on = tuple(i for i, side in enumerate(sides) if side == 0)
         fresh = self.fresh_at(self[decision.mode], t, after, on)
         return After(decision.mode, after, fresh, drift, resets=resets)
+
+    def _rest(
+        self, resets: tuple[int, ...], mode: Mode, t: float, before: tuple[float, ...], after: tuple[float, ...]
+    ) -> Rest | None:
+        """Where a body comes to rest, if its impacts have come to their limit."""
+        system = self.system
+        resting = rests_on(system, resets, mode)
+        if resting is None:
+            return None
+        if resting not in self._rests:
+            written = resting.expressions(system.surfaces[resets[0]], system.states)
+            self._rests[resting] = scalar((*system.states, *system.signs), [system.numeric(e) for e in written])
+        values = self._rests[resting]
+        try:
+            first, found = values(t, *before, *mode)[0], values(t, *after, *mode)
+            remaining = time_to_rest(first, found[0], found[1], REMAINING * self._horizon)
+        except ARITHMETIC:
+            return None
+        if remaining is None:
+            return None
+        return replaced(mode, resets[0], 0), t + remaining, tuple(state_at_rest(after, found, remaining))
 
     def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]) -> tuple[Fresh, ...]:
         """Guards of a mode that start at zero: of the surfaces just left, and any other within rounding of it."""

@@ -92,10 +92,10 @@ class ScipyNaive:
             Where a surface has its own sliding, or the state jumps.
         """
         rtol, atol = tolerances(self.name, rtol, atol, step)
-        if problem.system.overrides:
-            raise UnsupportedError(f"{self.name} knows no sliding, so it cannot do one that the case replaces")
         if problem.system.resets:
             raise UnsupportedError(f"{self.name} watches no surface, so the state cannot jump where one is reached")
+        if problem.system.overrides:
+            raise UnsupportedError(f"{self.name} knows no sliding, so it cannot do one that the case replaces")
         try:
             import scipy.integrate as integrate
         except ImportError as error:

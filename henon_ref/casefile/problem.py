@@ -18,6 +18,7 @@ from henon_ref.filippov.bounds import put
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.exponents import with_rational_exponents
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resting import with_resting
 from henon_ref.filippov.system import FilippovSystem, SlidingOverride
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
@@ -54,7 +55,7 @@ def _system(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
         system = replace(system, overrides={**system.overrides, **overrides})
     resets = build_resets(source, form, names, system)
     if resets:
-        system = replace(system, resets=resets)
+        system = with_resting(replace(system, resets=resets))
     return with_rational_exponents(system), names
 
 

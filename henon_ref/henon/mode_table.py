@@ -193,7 +193,9 @@ class ModeTable:
         for own, guard in zip(record["guards"], self.guards(mode), strict=False):
             if guard.kind == "surface":
                 own["mode_stuck"] = index.get(replaced(mode, guard.index, 0), -1)
-            if guard.ends is None:
+            # A body that lifts off leaves its surface with two zeros or more: they have to be measured.
+            lifts_off = guard.kind == "release" and guard.index in self.system.resets
+            if guard.ends is None and not lifts_off:
                 own["mode_across"] = index.get(replaced(mode, guard.index, guard.to_sign), -1)
 
 

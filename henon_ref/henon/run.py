@@ -13,6 +13,7 @@ from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced, transition_kind
 from henon_ref.filippov.resets import resetting
+from henon_ref.filippov.resting import REMAINING
 from henon_ref.henon.endings import ending_of
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.loop import advance
@@ -289,10 +290,19 @@ class Run(State):
         """Let the state jump where surfaces reset it, ``hits`` being all guards at zero; None if the run goes on."""
         state = list(zip(self.x.tolist(), self.x_low.tolist(), strict=True))
         time = float(self.scalars.time), float(self.scalars.time_low)
-        after = self.start.constants.jumps.after(surfaces, hits, self.mode, time, state)
+        until, until_low = self.until
+        most = REMAINING * (until - self.start.time[0])
+        after = self.start.constants.jumps.after(surfaces, hits, self.mode, time, state, most)
         self.x[:] = [high for high, _ in after.state]
         self.x_low[:] = [low for _, low in after.state]
-        return self._change_mode(after.decision, after.known_zeros, (), surfaces)
+        ended, rest = self._change_mode(after.decision, after.known_zeros, (), surfaces), after.rest
+        if ended is not None or rest is None:
+            return ended
+        late = (until - rest.time[0]) + (until_low - rest.time[1]) < 0.0
+        self.scalars.time, self.scalars.time_low = (until, until_low) if late else rest.time
+        self.x[:] = [high for high, _ in rest.state]
+        self.x_low[:] = [low for _, low in rest.state]
+        return None if late else self._change_mode(rest.decision, rest.known_zeros, ())
 
     def _record(self, kind: int, surface: int, source: int, target: int, *, side: int) -> None:
         if self.scalars.transitions >= self.scalars.transition_capacity:

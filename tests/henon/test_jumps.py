@@ -8,8 +8,10 @@ import pytest
 import sympy as sp
 
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resting import with_resting
 from henon_ref.filippov.system import FilippovSystem, Reset
 from henon_ref.registry import solver
+from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 from tests.support.resets import ball, ball_impacts, impact_oscillator, oscillator_impacts
 
@@ -101,3 +103,36 @@ def test_two_walls_at_one_instant() -> None:
     refused = run(corner({W: -W / 2, V: V + W}))
     assert refused.status == "nonunique"
     assert refused.reason.endswith("s, u reset the state at once, and their order matters")
+
+
+REST = 9 * 0.2**0.5
+"""Where the impacts of the ball with restitution 4/5 come to their limit [s]."""
+
+
+@pytest.mark.parametrize("name", ["henon", "scipy-dop853"])
+def test_a_ball_comes_to_rest(name: str) -> None:
+    found = run(ball(sp.Integer(5), FOUR_FIFTHS), name, 1e-12)
+    *impacts, last = found.transitions
+    assert found.status == "ok"
+    assert {t.kind for t in impacts} == {"reset"}
+    assert (last.kind, last.surface, last.from_mode, last.to_mode) == ("stick", 0, (1,), (0,))
+    assert last.time == pytest.approx(REST, abs=1e-10, rel=0)
+    assert last.state == found.end_state == (0.0, 0.0)
+    times = ball_impacts(len(impacts) + 1, 0.8)
+    # All later flights together last less than 2^-26 of the run, for the first time.
+    assert REST - times[-2] < 5 * 2.0**-26 < REST - times[-3]
+
+
+def test_a_body_that_loses_all_speed_rests_at_once_and_lifts_off_later() -> None:
+    # x'' = t - 2 on a floor: it falls from 0.4 and stays till the acceleration is positive, then x = (t - 2)^3 / 6.
+    free = FilippovSystem((X, V), (S,), (X,), (V, TIME - 2), resets={0: Reset({V: sp.Integer(0)})})
+    problem = Problem(with_resting(free), sp.Integer(0), (sp.Rational(5, 6), sp.Integer(0)), sp.Integer(4))
+    for name in ("henon", "heyoka", "scipy-dop853"):
+        found = run(problem, name, 1e-12)
+        assert [(t.kind, t.to_mode) for t in found.transitions] == [
+            ("reset", (1,)),
+            ("stick", (0,)),
+            ("release", (1,)),
+        ]
+        assert [t.time for t in found.transitions] == pytest.approx([1.0, 1.0, 2.0], abs=1e-9)
+        assert found.end_state == pytest.approx((8 / 6, 2.0), abs=1e-8)

@@ -7,6 +7,7 @@ from math import asin, atan2, pi, sqrt
 import sympy as sp
 
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resting import with_resting
 from henon_ref.filippov.system import FilippovSystem, Reset
 
 X, V, S = sp.symbols("x v s", real=True)
@@ -17,7 +18,7 @@ FALL = sqrt(2 / 10)
 def ball(until: sp.Expr, restitution: sp.Expr) -> Problem:
     """x'' = -10 from (1, 0), v -> -r v at x = 0: impacts at T (1 + 2 (r + ... + r^k)), T = sqrt(1/5)."""
     system = FilippovSystem((X, V), (S,), (X,), (V, sp.Integer(-10)), resets={0: Reset({V: -restitution * V})})
-    return Problem(system, sp.Integer(0), (sp.Integer(1), sp.Integer(0)), until)
+    return Problem(with_resting(system), sp.Integer(0), (sp.Integer(1), sp.Integer(0)), until)
 
 
 def ball_impacts(count: int, restitution: float) -> list[float]:
@@ -28,7 +29,7 @@ def ball_impacts(count: int, restitution: float) -> list[float]:
 def impact_oscillator(depth: sp.Expr, restitution: sp.Expr, until: int) -> Problem:
     """x'' = -x from (0, 1), x = sin t, and a wall at 1 - depth."""
     system = FilippovSystem((X, V), (S,), (1 - depth - X,), (V, -X), resets={0: Reset({V: -restitution * V})})
-    return Problem(system, sp.Integer(0), (sp.Integer(0), sp.Integer(1)), sp.Integer(until))
+    return Problem(with_resting(system), sp.Integer(0), (sp.Integer(0), sp.Integer(1)), sp.Integer(until))
 
 
 def oscillator_impacts(depth: float, restitution: float, until: float) -> list[float]:

@@ -74,3 +74,15 @@ def _after(impacts: int, speed: sp.Expr) -> sp.Expr:
     time = (w + arrival) / 10 + 2 * arrival / 10 * sum(R**j for j in range(1, impacts))
     at = {h: 0, w: speed}
     return sp.sqrt(sp.diff(time, h).subs(at) ** 2 + sp.diff(time, w).subs(at) ** 2)
+
+
+def test_the_limit_of_the_impacts_of_a_ball() -> None:
+    problem = ball(sp.Integer(5), R)
+    found = multiprecision(problem)
+    *impacts, last = found.transitions
+    assert (found.status, {t.kind for t in impacts}, last.kind, last.to_mode) == ("ok", {"reset"}, "stick", (0,))
+    with working_precision(300):
+        assert abs(arb(last.time_digits) - arb(str(sp.N(9 * T, 90)))) < 1e-40
+    proof = prove(problem)
+    assert len(proof.transitions) == len(impacts)
+    assert "impacts accumulate" in proof.undecided

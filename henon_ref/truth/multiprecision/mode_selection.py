@@ -20,6 +20,7 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.resets import Jump
+from henon_ref.filippov.resting import rests_on, state_at_rest, time_to_rest
 from henon_ref.filippov.switching import EXHAUSTIVE
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
@@ -34,6 +35,15 @@ class Point:
     """Time and state, with the radii to which they are known."""
 
     time: arb
+    state: tuple[arb, ...]
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What impacts that accumulate lead to."""
+
+    remaining: arb
+    """Time until then [s]."""
     state: tuple[arb, ...]
 
 
@@ -120,6 +130,28 @@ class ModeSelection:
                 return after, frozenset(), Decision("invalid", None, reason)
         on = tuple(i for i, side in enumerate(sides) if side == 0)
         return after, frozenset(on), self._decide(after, tuple(sides), on) if on else Decision("unique", tuple(sides))
+
+    def rest(self, before: Point, after: Point, surfaces: tuple[int, ...], mode: Mode, most: float) -> Rest | None:
+        """Where a body comes to rest whose later impacts last no longer than ``most`` [s] together; None if they do.
+
+        ``before`` and ``after``: the points beside an impact on one of ``surfaces``.
+        """
+        system = self.system
+        resting = rests_on(system, surfaces, mode)
+        if resting is None:
+            return None
+        signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
+        written = resting.expressions(system.surfaces[surfaces[0]], system.states)
+        outputs = [system.numeric(e).xreplace(signs) for e in written]
+        frozen = [sp.Integer(0)] * len(system.states)
+        first, values = (
+            [c[0] for c in series.along(frozen, outputs, system.states, p.time, p.state, bits=self.bits, order=0)]
+            for p in (before, after)
+        )
+        remaining = time_to_rest(first[0], values[0], values[1], arb(most))
+        if remaining is None:
+            return None
+        return Rest(remaining, tuple(state_at_rest(after.state, values, remaining)))
 
     def leading_terms(self, point: Point, mode: Mode, active: frozenset[int]) -> list[LeadingTerm] | None:
         """What each guard of a mode does first, just after a point; None where its field is not finite.

@@ -21,6 +21,7 @@ from henon_ref.filippov.equations import Guard, Refusal
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import Jump
+from henon_ref.filippov.resting import resting_of
 from henon_ref.truth.balls import enclose, proves_zero
 from henon_ref.truth.validated.enclosure import UndecidedError
 from henon_ref.truth.validated.model import ModeModel, SystemModel, solve_for_states
@@ -176,7 +177,13 @@ def entry_after_jump(model: SystemModel, box: Sequence[arb], mode: Mode, jump: J
     sides = jump.sides(mode, jump.surfaces, signs)
     on = tuple(i for i, side in enumerate(sides) if side == 0)
     identities = Identities.of([model.surfaces[i] for i in on], system.states)
-    return _Judge(model, box, on, identities).unique(tuple(sides), on)
+    for i in jump.surfaces:  # a body that leaves the surface does not rest on it
+        resting = resting_of(system, i) if i in system.overrides else None
+        if resting is not None:
+            sides[i] = _sign(enclose(system.numeric(resting.speed), at))
+            if sides[i] == 0:
+                raise UndecidedError("whether the body rests after the impact cannot be told", "mode")
+    return _Judge(model, box, on, identities).unique(tuple(sides), tuple(i for i in on if sides[i] == 0))
 
 
 class _Judge:

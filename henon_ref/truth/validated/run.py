@@ -179,7 +179,8 @@ class _Attempt:
             unit = 2.0 ** max(
                 -1000, min(1000, round(log2(max(float(abs(self.horizon - self.start[0]).upper()), 1e-300))))
             )
-            self.flow = ValidatedFlow(self.model, PointSet.box(self.start), entry, self.precision, min(unit, 1.0))
+            span = float(abs(self.horizon - self.start[0]).mid())
+            self.flow = ValidatedFlow(self.model, PointSet.box(self.start), entry, self.precision, min(unit, 1.0), span)
             reason = self._advance(self.flow)
         except UndecidedError as stop:
             # Where events accumulate, more bits only buy a few more of them.
