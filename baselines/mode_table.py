@@ -16,6 +16,7 @@ from baselines.flow import Flow, Library
 from baselines.mode_functions import EPSILON, ModeFunctions, projected
 from baselines.restart import Fresh
 from baselines.work import Work
+from henon_ref.errors import ModelError
 from henon_ref.filippov.callables import ARITHMETIC, Scalar, scalar
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
@@ -216,6 +217,11 @@ class ModeTable:
         n, count = len(system.states), len(system.surfaces)
         after, signs = tuple(values[:n]), [(v > 0.0) - (v < 0.0) for v in values[n:]]
         if (rest := self._rest(resets, mode, t, x, after)) is not None:
+            try:
+                self[rest[0]]
+            except ModelError as error:
+                reason = f"the rest after t = {t:.17g} has no equations: {error}"
+                return After(None, after, (), drift, (), "failed", reason)
             return After(mode, after, (), drift, resets=resets, rest=rest)
         sides = jump.sides(mode, hit, signs[:count])
         self.switching.forget()
@@ -231,7 +237,7 @@ class ModeTable:
     ) -> Rest | None:
         """Where a body comes to rest, if its impacts have come to their limit."""
         system = self.system
-        resting = rests_on(system, resets, mode)
+        resting = rests_on(system, resets)
         if resting is None:
             return None
         if resting not in self._rests:

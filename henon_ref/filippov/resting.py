@@ -19,7 +19,6 @@ import sympy as sp
 
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.equations import along
-from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import jump_of
 from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
 
@@ -81,9 +80,9 @@ def with_resting(system: FilippovSystem) -> FilippovSystem:
     return replace(system, overrides={**system.overrides, **own})
 
 
-def rests_on(system: FilippovSystem, surfaces: Sequence[int], mode: Mode) -> Resting | None:
-    """How a body would rest where one surface has reset the state in a mode without slides; None where it cannot."""
-    if len(surfaces) != 1 or 0 in mode or surfaces[0] not in system.overrides:
+def rests_on(system: FilippovSystem, surfaces: Sequence[int]) -> Resting | None:
+    """How a body would rest where one surface has reset the state; None where it cannot."""
+    if len(surfaces) != 1 or surfaces[0] not in system.overrides:
         return None
     return resting_of(system, surfaces[0])
 

@@ -105,7 +105,7 @@ class Jumps:
     ) -> Rest | None:
         """Where a body comes to rest, if its impacts have come to their limit."""
         system, switching = self._precise.system, self._precise.switching
-        resting = rests_on(system, surfaces, mode)
+        resting = rests_on(system, surfaces)
         if resting is None:
             return None
         if resting not in self._rests:

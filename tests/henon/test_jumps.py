@@ -136,3 +136,16 @@ def test_a_body_that_loses_all_speed_rests_at_once_and_lifts_off_later() -> None
         ]
         assert [t.time for t in found.transitions] == pytest.approx([1.0, 1.0, 2.0], abs=1e-9)
         assert found.end_state == pytest.approx((8 / 6, 2.0), abs=1e-8)
+
+
+def test_a_rest_beside_another_slide_is_refused_in_words() -> None:
+    # A ball bounces while a block, which nothing else acts on, sticks to the ground: they would slide together.
+    system = FilippovSystem(
+        (X, V, W), (S, U), (X, W), (V, sp.Integer(-10), -U), resets={0: Reset({V: -V / 2})}
+    )  # fmt: skip
+    start = (sp.Integer(1), sp.Integer(0), sp.Rational(1, 10))
+    problem = Problem(with_resting(system), sp.Integer(0), start, sp.Integer(3))
+    for name in ("henon", "scipy-dop853"):
+        found = run(problem, name, 1e-12)
+        assert found.status == "failed"
+        assert "has no equations" in found.reason

@@ -137,7 +137,7 @@ class ModeSelection:
         ``before`` and ``after``: the points beside an impact on one of ``surfaces``.
         """
         system = self.system
-        resting = rests_on(system, surfaces, mode)
+        resting = rests_on(system, surfaces)
         if resting is None:
             return None
         signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from flint import arb
 
+from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
@@ -283,6 +284,10 @@ class _Simulation:
         self.point = Point(self.until if late else time, rest.state)
         self.result.end_time = self.point.time
         mode = replaced(before, surface, 0)
+        try:
+            self.problem.system.equations(mode)
+        except ModelError as error:
+            raise EndedError("failed", f"the rest after t = {self._now()} has no equations: {error}") from error
         if not late:
             state = tuple(v.mid() for v in rest.state)
             self.result.events.append(Event(time, state, before, mode, (surface,), 0.0))

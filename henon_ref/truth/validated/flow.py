@@ -245,7 +245,7 @@ class ValidatedFlow:
     def _check_accumulation(self, surfaces: tuple[int, ...], mode: Mode, arrived: Sequence[arb]) -> None:
         """Go on no further where impacts have come to their limit, which is not proven."""
         system = self.model.system
-        resting = rests_on(system, surfaces, mode)
+        resting = rests_on(system, surfaces)
         if resting is None:
             return
         signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
