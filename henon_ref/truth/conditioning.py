@@ -41,6 +41,7 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import jump_of
+from henon_ref.filippov.resting import resting_of
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.reference import ReferenceTransition, instants
@@ -80,6 +81,7 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
         length = first.time - time
         landed = np.array([float(v) for v in first.state])
         resets = tuple(transitions[i].surface for i in group if transitions[i].kind == "reset")
+        origin, spread_there = (time, state), spread
         change, arrived = flow.derivative(mode, time, state, first.time, landed)
         spread = change @ spread
         time, state = first.time, arrived if resets else landed
@@ -87,6 +89,10 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
         for i in group:
             own = [f for f in falls if f[0].index == transitions[i].surface] or falls
             rows = [-gradient / rate for _, gradient, rate in own if rate]
+            if transitions[i].kind == "stick" and transitions[i].surface in problem.system.resets and not resets:
+                row = flow.time_of_rest(transitions[i].surface, mode, *origin)
+                found.append(float(np.linalg.norm(row @ spread_there, axis=-1).max()))
+                continue
             touch = transitions[i].kind == "graze" or not rows
             found.append(inf if touch else max(float(np.linalg.norm(row @ spread, axis=-1).max()) for row in rows))
         if resets:
@@ -195,6 +201,27 @@ class _Variations:
             return matrix
         change = self.field(after, time, landed) - matrix @ self.field(before, time, state) - drift
         return matrix + np.outer(change, gradient) / rate
+
+    def time_of_rest(self, surface: int, mode: Mode, time: float, state: Vector) -> Vector:
+        """How the limit of impacts moves with the state just after the last one, shape (n,).
+
+        From height h and speed v it is ``(v + s) / a + 2 r s / (a (1 - r))`` away with ``s^2 = v^2 + 2 a h``: its
+        derivative is ``(1 + r) / ((1 - r) v)`` by h and ``2 / ((1 - r) a)`` by v (:mod:`henon_ref.filippov.resting`).
+        """
+        system, resting, jump = self.system, resting_of(self.system, surface), jump_of(self.system, (surface,))
+        assert resting is not None  # there is a rest
+        assert jump is not None
+        after = resting.speed.xreplace(dict(zip(system.states, jump.states, strict=True)))
+        signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
+        written = [resting.acceleration, sp.cancel(after / resting.speed)]
+        written += [
+            resting.speed,
+            *(sp.diff(e, x) for e in (system.surfaces[surface], resting.speed) for x in system.states),
+        ]
+        values = sp.lambdify([TIME, *system.states], [system.numeric(e).xreplace(signs) for e in written], np)
+        acceleration, ratio, speed, *slopes = (float(v) for v in values(time, *state))
+        height, own = np.array(slopes).reshape(2, -1)
+        return (1 - ratio) / (1 + ratio) / speed * height + 2 / ((1 + ratio) * -acceleration) * own
 
     def _map(self, surfaces: tuple[int, ...], time: float, state: Vector) -> tuple[Vector, Vector]:
         """Derivatives of a jump in time, shape (n,), and in the state, shape (n, n)."""

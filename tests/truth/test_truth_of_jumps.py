@@ -86,3 +86,6 @@ def test_the_limit_of_the_impacts_of_a_ball() -> None:
     proof = prove(problem)
     assert len(proof.transitions) == len(impacts)
     assert "impacts accumulate" in proof.undecided
+    # Most by a height h just after the last impact, at speed v: (v + s + 2 s r / (1 - r)) / 10 with s^2 = v^2 + 20 h.
+    speed = float(impacts[-1].state[1])
+    assert conditioning(problem, found.transitions)[-1] == pytest.approx(9 / speed, rel=1e-3)
