@@ -16,9 +16,12 @@ from baselines.flow import Flow, Library
 from baselines.mode_functions import EPSILON, ModeFunctions, projected
 from baselines.restart import Fresh
 from baselines.work import Work
+from henon_ref.errors import ModelError
 from henon_ref.filippov.callables import ARITHMETIC, Scalar, scalar
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.resets import Jump, jump_of, order_matters, resetting
+from henon_ref.filippov.resting import REMAINING, Resting, rests_on, state_at_rest, time_to_rest
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.filippov.two_signs import CLEAR, sign_after
@@ -27,6 +30,10 @@ from henon_ref.trajectory import Status
 
 ON = 8.0
 """A guard whose value is within so many roundings of its terms starts at zero."""
+
+
+Rest = tuple[Mode, float, tuple[float, ...]]
+"""Mode, time [s] and state where a body comes to rest after the last of its impacts."""
 
 
 class After(NamedTuple):
@@ -43,6 +50,10 @@ class After(NamedTuple):
     """Surfaces that were hit and left on the same side."""
     status: Status = "ok"
     reason: str = ""
+    resets: tuple[int, ...] = ()
+    """Surfaces that reset the state; ``x`` is the one after."""
+    rest: Rest | None = None
+    """What follows where impacts have come to their limit."""
 
 
 Followed = tuple[Mode, tuple[float, ...], tuple[Fresh, ...], float]
@@ -83,7 +94,11 @@ class ModeEntry:
     def _exit(self, guard: Guard) -> Exit | None:
         model, mode, i = self.model, self.model.mode, guard.index
         sliding = [j for j, s in enumerate(mode) if s == 0]
-        if guard.ends or (guard.kind == "surface" and len(model.system.together(i, sliding)) > 1):
+        if (
+            guard.ends
+            or resetting(model.system, mode, [guard])
+            or (guard.kind == "surface" and len(model.system.together(i, sliding)) > 1)
+        ):
             return None
         landing = model.landing(i).values
         stick, slip = replaced(mode, i, 0), {s: replaced(mode, i, s) for s in (-1, 1)}
@@ -151,6 +166,8 @@ class ModeTable:
         self._entries: dict[Mode, ModeEntry] = {}
         self._models: dict[Mode, ModeFunctions] = known._models if known else {}
         self._surfaces: dict[int, tuple[Scalar, Scalar]] = {}
+        self._jumps: dict[Jump, Scalar] = {}
+        self._rests: dict[Resting, Scalar] = {}
 
     def __getitem__(self, mode: Mode) -> ModeEntry:
         if mode not in self._entries:
@@ -172,6 +189,8 @@ class ModeTable:
         guards = [model.guards[k] for k in hits]
         involved = {g.index for g in guards if g.ends is None} | {i for i, s in enumerate(model.mode) if s == 0}
         x, drift = projected([self._surface(i) for i in sorted(involved)], t, x)
+        if resets := resetting(self.system, model.mode, guards):
+            return self._jumped(resets, {g.index for g in guards if g.kind == "surface"}, model.mode, t, x, drift)
         decision = self.switching.after_event(t, x, model.mode, guards)
         if decision.mode is None:
             return After(None, x, (), drift, (), decision.ending, decision.reason)
@@ -180,6 +199,59 @@ class ModeTable:
         )
         fresh = self.fresh_at(self[decision.mode], t, x, tuple(involved))
         return After(decision.mode, x, fresh, drift, touched)
+
+    def _jumped(
+        self, resets: tuple[int, ...], hit: set[int], mode: Mode, t: float, x: tuple[float, ...], drift: float
+    ) -> After:
+        """What follows where surfaces reset the state, which is on all that are hit."""
+        system = self.system
+        jump = jump_of(system, resets)
+        if jump is None:
+            return After(None, x, (), drift, (), "nonunique", order_matters(system, resets, f"{t:.17g}"))
+        if jump not in self._jumps:
+            self._jumps[jump] = scalar(system.states, [system.numeric(e) for e in (*jump.states, *jump.guards)])
+        try:
+            values = self._jumps[jump](t, *x)
+        except ARITHMETIC:
+            return After(None, x, (), drift, (), "failed", f"the state after the reset at t = {t:.17g} is not finite")
+        n, count = len(system.states), len(system.surfaces)
+        after, signs = tuple(values[:n]), [(v > 0.0) - (v < 0.0) for v in values[n:]]
+        if (rest := self._rest(resets, mode, t, x, after)) is not None:
+            try:
+                self[rest[0]]
+            except ModelError as error:
+                reason = f"the rest after t = {t:.17g} has no equations: {error}"
+                return After(None, after, (), drift, (), "failed", reason)
+            return After(mode, after, (), drift, resets=resets, rest=rest)
+        sides = jump.sides(mode, hit, signs[:count])
+        self.switching.forget()
+        decision = self.switching.mode_by_signs(t, list(after), sides, signs[count:], {})
+        if decision.mode is None:
+            return After(None, after, (), drift, (), decision.ending, decision.reason)
+        on = tuple(i for i, side in enumerate(sides) if side == 0)
+        fresh = self.fresh_at(self[decision.mode], t, after, on)
+        return After(decision.mode, after, fresh, drift, resets=resets)
+
+    def _rest(
+        self, resets: tuple[int, ...], mode: Mode, t: float, before: tuple[float, ...], after: tuple[float, ...]
+    ) -> Rest | None:
+        """Where a body comes to rest, if its impacts have come to their limit."""
+        system = self.system
+        resting = rests_on(system, resets)
+        if resting is None:
+            return None
+        if resting not in self._rests:
+            written = resting.expressions(system.surfaces[resets[0]], system.states)
+            self._rests[resting] = scalar((*system.states, *system.signs), [system.numeric(e) for e in written])
+        values = self._rests[resting]
+        try:
+            first, found = values(t, *before, *mode)[0], values(t, *after, *mode)
+            remaining = time_to_rest(first, found[0], found[1], REMAINING * self._horizon)
+        except ARITHMETIC:
+            return None
+        if remaining is None:
+            return None
+        return replaced(mode, resets[0], 0), t + remaining, tuple(state_at_rest(after, found, remaining))
 
     def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]) -> tuple[Fresh, ...]:
         """Guards of a mode that start at zero: of the surfaces just left, and any other within rounding of it."""

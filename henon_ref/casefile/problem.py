@@ -11,13 +11,14 @@ from henon_ref.casefile.assembly import Scene
 from henon_ref.casefile.scene import build_scene
 from henon_ref.casefile.schema import CaseForm
 from henon_ref.casefile.source import Names, Source
-from henon_ref.casefile.written_system import build_overrides, build_system
+from henon_ref.casefile.written_system import build_overrides, build_resets, build_system
 from henon_ref.errors import ModelError
 from henon_ref.filippov.algebra import MAX_SIZE
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.exponents import with_rational_exponents
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resting import with_resting
 from henon_ref.filippov.system import FilippovSystem, SlidingOverride
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
@@ -34,7 +35,8 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
     CaseError
         At the place of the first thing that does not fit.
     """
-    system, names = source.once("system", ("system", "scene", "sliding"), lambda: build_model(source, form))
+    keys = ("system", "scene", "sliding", "resets")
+    system, names = source.once("system", keys, lambda: build_model(source, form))
     start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
     until = source.number(("until",), names.values)
     if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
@@ -61,6 +63,9 @@ def written_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names
     overrides = build_overrides(source, form, names)
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})
+    resets = build_resets(source, form, names, system)
+    if resets:
+        system = with_resting(replace(system, resets=resets))
     return system, names
 
 
@@ -78,8 +83,10 @@ def mathematics(problem: Problem) -> dict[str, Any]:
     expressions = [*system.surfaces, *system.field, *system.valid]
     for override in system.overrides.values():
         expressions += [*override.field, *(release.when for release in override.release)]
+    for reset in system.resets.values():
+        expressions += reset.map.values()
     used = set().union(*(e.free_symbols for e in expressions))
-    return {
+    found = {
         "states": list(system.state_names),
         "surfaces": [[name, str(h)] for name, h in zip(system.sign_names, system.surfaces, strict=True)],
         "field": [str(f) for f in system.field],
@@ -91,6 +98,12 @@ def mathematics(problem: Problem) -> dict[str, Any]:
         "until": str(problem.until),
         "mode": {system.sign_names[i]: s for i, s in sorted(problem.initial_mode.items())},
     }
+    if system.resets:  # what is stored without them stays valid
+        found["resets"] = {
+            system.sign_names[i]: {x.name: str(value) for x, value in reset.map.items()}
+            for i, reset in sorted(system.resets.items())
+        }
+    return found
 
 
 def _override_text(override: SlidingOverride) -> dict[str, Any]:
@@ -118,7 +131,7 @@ def _initial(source: Source, form: CaseForm, names: Names) -> tuple[sp.Expr, ...
 
 def _check_start(source: Source, problem: Problem) -> None:
     """Refuse a start at which a surface, or an expression of ``valid``, has no value or would be a giant number."""
-    delicate = source.once("exponents", ("system", "scene", "sliding"), lambda: _delicate(problem.system))
+    delicate = source.once("exponents", ("system", "scene", "sliding", "resets"), lambda: _delicate(problem.system))
     for what, expression in delicate:
         source.charge(("initial",), size(expression, MAX_SIZE))
         try:

@@ -52,6 +52,16 @@ class SlidingOverride:
     """
 
 
+@dataclass(frozen=True)
+class Reset:
+    """A jump of the state where a surface is reached."""
+
+    map: Mapping[sp.Symbol, sp.Expr]
+    """State -> its value after the jump, in time, the states before it, and parameters; the other states stay."""
+    when: Literal["falling"] = "falling"
+    """The way in which the surface goes through zero there; the other way it is crossed."""
+
+
 @dataclass(frozen=True, eq=False)
 class FilippovSystem(SwitchedField):
     """``x' = f(t, x, s)`` with surfaces ``h_i(t, x)`` and sign symbols ``s_i``.
@@ -67,6 +77,8 @@ class FilippovSystem(SwitchedField):
     """The model holds while these are > 0."""
     overrides: Mapping[int, SlidingOverride] = dataclass_field(default_factory=dict)
     """Surface index -> its own sliding."""
+    resets: Mapping[int, Reset] = dataclass_field(default_factory=dict)
+    """Surface index -> the jump of the state where it falls through zero."""
     written: Mapping[sp.Symbol, str] = dataclass_field(default_factory=dict)
     """State or sign -> the text of its rate or surface, as the case file has it (empty for a scene)."""
     kinks: frozenset[int] = frozenset()

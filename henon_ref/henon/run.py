@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced, transition_kind
+from henon_ref.filippov.resets import resetting
+from henon_ref.filippov.resting import REMAINING
 from henon_ref.henon.endings import ending_of
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.loop import advance
@@ -21,6 +23,7 @@ from henon_ref.henon.records import (
     CROSSING,
     GRAZE,
     RELEASED,
+    RESET,
     STEP,
     STEP_PLACES,
     STICK,
@@ -229,6 +232,9 @@ class Run(State):
             scalars.time, scalars.time_low = until, until_low
             return None
         guards = integrator.system.equations(mode).guards
+        falling = [guards[g] for g in found.falling]
+        if surfaces := resetting(integrator.system, mode, falling):
+            return self._jump(surfaces, [*falling, *(guards[g] for g, _ in found.touching)])
         tangential = sorted({guards[g].index for g, _ in found.touching if guards[g].kind == "surface"})
         if found.decision is not None:
             tangential += [guards[g].index for g in found.falling if guards[g].kind == "surface"]
@@ -255,9 +261,12 @@ class Run(State):
             self.known_zeros[g] = zeros[place] if place >= 0 else 0
 
     def _change_mode(
-        self, decision: Decision, zeros: Sequence[int], tangential: Sequence[int]
+        self, decision: Decision, zeros: Sequence[int], tangential: Sequence[int], resets: Sequence[int] = ()
     ) -> tuple[Status, str] | None:
-        """Go over to the mode that follows; ``tangential``: surfaces at zero, told of where none changes its sign."""
+        """Go over to the mode that follows.
+
+        ``tangential``: surfaces at zero, told of where none changes its sign; ``resets``: those that reset the state.
+        """
         if decision.mode is None:
             return decision.ending, decision.reason
         before, source = self.mode, int(self.scalars.mode)
@@ -266,16 +275,34 @@ class Run(State):
             return "failed", f"the mode after t = {self.time:.17g} has no equations"
         self.scalars.mode = row
         self._set_known_zeros(decision.mode, zeros)
-        changed = [i for i, s in enumerate(decision.mode) if s != before[i]]
+        changed = [i for i, s in enumerate(decision.mode) if s != before[i] or i in resets]
         for i in changed or tangential:
             self._record(
-                KINDS.index(transition_kind(before[i], decision.mode[i])),
+                RESET if i in resets else KINDS.index(transition_kind(before[i], decision.mode[i])),
                 i,
                 source,
                 row,
                 side=before[i] if changed else 0,
             )
         return ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
+
+    def _jump(self, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> tuple[Status, str] | None:
+        """Let the state jump where surfaces reset it, ``hits`` being all guards at zero; None if the run goes on."""
+        state = list(zip(self.x.tolist(), self.x_low.tolist(), strict=True))
+        time = float(self.scalars.time), float(self.scalars.time_low)
+        until, until_low = self.until
+        most = REMAINING * (until - self.start.time[0])
+        after = self.start.constants.jumps.after(surfaces, hits, self.mode, time, state, most)
+        self.x[:] = [high for high, _ in after.state]
+        self.x_low[:] = [low for _, low in after.state]
+        ended, rest = self._change_mode(after.decision, after.known_zeros, (), surfaces), after.rest
+        if ended is not None or rest is None:
+            return ended
+        late = (until - rest.time[0]) + (until_low - rest.time[1]) < 0.0
+        self.scalars.time, self.scalars.time_low = (until, until_low) if late else rest.time
+        self.x[:] = [high for high, _ in rest.state]
+        self.x_low[:] = [low for _, low in rest.state]
+        return None if late else self._change_mode(rest.decision, rest.known_zeros, ())
 
     def _record(self, kind: int, surface: int, source: int, target: int, *, side: int) -> None:
         if self.scalars.transitions >= self.scalars.transition_capacity:
@@ -312,6 +339,8 @@ class Run(State):
         """Settle an event that signs alone do not decide; None if the run goes on."""
         before = self.mode
         hits: list[Guard] = [g for g, hit in zip(self.guards, self.hits, strict=False) if hit]
+        if surfaces := resetting(self.integrator.system, before, hits):
+            return self._jump(surfaces, hits)
         x = self.x.tolist()
         switching = self.start.constants.switching
         switching.forget()  # what another run has worked out at the same point is none of this one's work

@@ -19,6 +19,8 @@ from henon_ref.filippov.decision import Decision, ended, explained, without_inde
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.modes import Mode, mode_text, replaced
+from henon_ref.filippov.resets import Jump
+from henon_ref.filippov.resting import rests_on, state_at_rest, time_to_rest
 from henon_ref.filippov.switching import EXHAUSTIVE
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
@@ -33,6 +35,15 @@ class Point:
     """Time and state, with the radii to which they are known."""
 
     time: arb
+    state: tuple[arb, ...]
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What impacts that accumulate lead to."""
+
+    remaining: arb
+    """Time until then [s]."""
     state: tuple[arb, ...]
 
 
@@ -84,6 +95,64 @@ class ModeSelection:
         sliding = [i for i, s in enumerate(mode) if s == 0]
         active = {i for g in hits for i in self.system.together(g.index, sliding)}
         return self._decide(point, mode, tuple(sorted(active)))
+
+    def jumped(
+        self, point: Point, jump: Jump, mode: Mode, hit: frozenset[int]
+    ) -> tuple[Point, frozenset[int], Decision] | None:
+        """What follows a jump of the state: the point after, the surfaces it is on, the mode; None where not finite.
+
+        Parameters
+        ----------
+        point : Point
+            Before it.
+        mode : Mode
+            Before it.
+        hit : frozenset of int
+            Surfaces that are at zero.
+        """
+        system = self.system
+        outputs = [system.numeric(e) for e in (*jump.states, *jump.guards)]
+        frozen = [sp.Integer(0)] * len(system.states)
+        try:
+            values = [
+                c[0]
+                for c in series.along(frozen, outputs, system.states, point.time, point.state, bits=self.bits, order=0)
+            ]
+        except (ZeroDivisionError, ValueError):  # python-flint's words for a value that does not exist
+            return None
+        if not all(value.is_finite() for value in values):
+            return None
+        n, count = len(system.states), len(system.surfaces)
+        after = Point(point.time, tuple(values[:n]))
+        sides = jump.sides(mode, hit, [series.sign(v) for v in values[n : n + count]])
+        for expression, value in zip(system.valid, values[n + count :], strict=True):
+            if not value > 0:
+                reason = f"the model does not hold after the reset at t = {_short(point)}: {expression} <= 0"
+                return after, frozenset(), Decision("invalid", None, reason)
+        on = tuple(i for i, side in enumerate(sides) if side == 0)
+        return after, frozenset(on), self._decide(after, tuple(sides), on) if on else Decision("unique", tuple(sides))
+
+    def rest(self, before: Point, after: Point, surfaces: tuple[int, ...], mode: Mode, most: float) -> Rest | None:
+        """Where a body comes to rest whose later impacts last no longer than ``most`` [s] together; None if they do.
+
+        ``before`` and ``after``: the points beside an impact on one of ``surfaces``.
+        """
+        system = self.system
+        resting = rests_on(system, surfaces)
+        if resting is None:
+            return None
+        signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
+        written = resting.expressions(system.surfaces[surfaces[0]], system.states)
+        outputs = [system.numeric(e).xreplace(signs) for e in written]
+        frozen = [sp.Integer(0)] * len(system.states)
+        first, values = (
+            [c[0] for c in series.along(frozen, outputs, system.states, p.time, p.state, bits=self.bits, order=0)]
+            for p in (before, after)
+        )
+        remaining = time_to_rest(first[0], values[0], values[1], arb(most))
+        if remaining is None:
+            return None
+        return Rest(remaining, tuple(state_at_rest(after.state, values, remaining)))
 
     def leading_terms(self, point: Point, mode: Mode, active: frozenset[int]) -> list[LeadingTerm] | None:
         """What each guard of a mode does first, just after a point; None where its field is not finite.

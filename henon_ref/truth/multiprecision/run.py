@@ -8,20 +8,25 @@ from dataclasses import dataclass, field
 import numpy as np
 from flint import arb
 
+from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resets import jump_of, order_matters, resetting
+from henon_ref.filippov.resting import REMAINING
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
 from henon_ref.truth.multiprecision.heyoka import to_real
-from henon_ref.truth.multiprecision.mode_selection import ModeSelection, Point
+from henon_ref.truth.multiprecision.mode_selection import ModeSelection, Point, Rest
 from henon_ref.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball
 from henon_ref.truth.multiprecision.stepper import Step, Stepper
 from henon_ref.truth.multiprecision.termination import CROWD, EndedError, Termination, written
 from henon_ref.truth.reference import NearGraze
 from henon_ref.truth.roots import isolate
 
+FINAL = 2.0**-80
+"""Part of the run that is left of accumulating impacts where their limit is taken: it is wrong by about its square."""
 MAX_STEPS = 1_000_000
 """Taylor steps after which a run is given up: the time limit of a truth ends nearly all runs before."""
 
@@ -41,6 +46,8 @@ class Event:
     """Surfaces that change, or that are touched where none changes."""
     transversality: float
     """Smallest speed with which a guard that ends the mode falls through zero [unit of the guard / s]."""
+    resets: tuple[int, ...] = ()
+    """Surfaces that reset the state; ``state`` is the one after."""
 
 
 @dataclass
@@ -105,6 +112,8 @@ class _Simulation:
         self.skipped: list[int] = []
         """Leading coefficients of each guard that are zero at the start of the next step."""
         self.termination = Termination(self.span, bits)
+        self.accumulating: tuple[int, ...] = ()
+        """The surface of impacts that have come to their limit, and are no longer told of."""
 
     def run(self) -> Run:
         try:
@@ -242,14 +251,60 @@ class _Simulation:
         """Decide the mode after an event, note the event, and go on."""
         before, point = self.mode, self.point
         self.result.end_time = point.time.mid()
-        self.termination.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
-        after = self._decided(self.selection.after_event(point, before, hits))
-        active = frozenset({g.index for g in hits} | {i for i, s in enumerate(before) if s == 0})
-        changed = tuple(i for i in sorted(active) if after[i] != before[i])
+        if not self.accumulating:
+            self.termination.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
+        resets = resetting(self.problem.system, before, hits)
+        if self.accumulating and resets != self.accumulating:
+            raise EndedError("failed", f"something happens where impacts accumulate, at t = {self._now()}")
+        if resets:
+            after, active, rest = self._jump(resets, hits)
+            changed = tuple(i for i, s in enumerate(after) if s != before[i] or i in resets)
+        else:
+            after = self._decided(self.selection.after_event(point, before, hits))
+            active = frozenset({g.index for g in hits} | {i for i, s in enumerate(before) if s == 0})
+            changed = tuple(i for i in sorted(active) if after[i] != before[i])
         touched = tuple(sorted({g.index for g in hits}))
-        state = tuple(v.mid() for v in point.state)
-        self.result.events.append(Event(point.time.mid(), state, before, after, changed or touched, transversality))
+        state = tuple(v.mid() for v in self.point.state)
+        if not self.accumulating:
+            self.result.events.append(
+                Event(point.time.mid(), state, before, after, changed or touched, transversality, resets)
+            )
+        if resets and rest is not None:
+            self.accumulating = resets
+            if rest.remaining <= FINAL * self.span:
+                self._come_to_rest(resets[0], rest)
+                return
         self._enter(after, active)
+
+    def _come_to_rest(self, surface: int, rest: Rest) -> None:
+        """Go to where a body comes to rest on a surface, or to the horizon before that."""
+        before, time = self.mode, (self.point.time + rest.remaining).mid()
+        late = bool(time > self.until)
+        self.accumulating = ()
+        self.point = Point(self.until if late else time, rest.state)
+        self.result.end_time = self.point.time
+        mode = replaced(before, surface, 0)
+        try:
+            self.problem.system.equations(mode)
+        except ModelError as error:
+            raise EndedError("failed", f"the rest after t = {self._now()} has no equations: {error}") from error
+        if not late:
+            state = tuple(v.mid() for v in rest.state)
+            self.result.events.append(Event(time, state, before, mode, (surface,), 0.0))
+        self._enter(mode, frozenset((surface,)))
+
+    def _jump(self, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> tuple[Mode, frozenset[int], Rest | None]:
+        """Let the state jump; the mode after, the surfaces that the state is on, and the rest that is close."""
+        system, point = self.problem.system, self.point
+        jump = jump_of(system, surfaces)
+        if jump is None:
+            raise EndedError("nonunique", order_matters(system, surfaces, self._now()))
+        after = self.selection.jumped(point, jump, self.mode, frozenset(g.index for g in hits if g.kind == "surface"))
+        if after is None:
+            raise EndedError("failed", f"the state after the reset at t = {self._now()} is not finite")
+        self.point, on, decision = after
+        rest = self.selection.rest(point, self.point, surfaces, self.mode, REMAINING * self.span)
+        return self.mode if rest else self._decided(decision), on, rest
 
     def _blurred(self, time: arb, state: Sequence[arb], step: Step) -> Point:
         """A point with the radii within which it counts as known."""

@@ -6,16 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log2
 
+import sympy as sp
 from flint import arb, arb_mat
 
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.resets import Jump, jump_of, resetting
+from henon_ref.filippov.resting import REMAINING, rests_on, time_to_rest
 from henon_ref.precision import working_precision
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.validated.enclosure import Curve, Expansion, Tail, UndecidedError, expand
 from henon_ref.truth.validated.event import first_root, guard_curve
 from henon_ref.truth.validated.lohner import PointSet
-from henon_ref.truth.validated.mode_selection import Entry, entry_after
+from henon_ref.truth.validated.mode_selection import Entry, entry_after, entry_after_jump
 from henon_ref.truth.validated.model import ModeModel, SystemModel
 
 TANGENT_ORDER = 16
@@ -54,6 +57,8 @@ class Hit:
     """Enclosure of (t, x)."""
     rate: arb
     """Slope of the guard at the event [1/s]."""
+    resets: tuple[int, ...] = ()
+    """Surfaces that reset the state; ``box`` is of the state after."""
 
 
 class ValidatedFlow:
@@ -69,15 +74,25 @@ class ValidatedFlow:
         Its ``bits`` must be the working precision of ``flint.ctx`` whenever a method is called.
     unit : float
         Time unit to begin with, a power of two.
+    span : float
+        Length of the run, against which impacts are seen to accumulate [s]; 0: they are not.
     """
 
     def __init__(
-        self, model: SystemModel, points: PointSet, entry: Entry, precision: Precision, unit: float = 1.0
+        self,
+        model: SystemModel,
+        points: PointSet,
+        entry: Entry,
+        precision: Precision,
+        unit: float = 1.0,
+        span: float = 0.0,
     ) -> None:
         self.model, self.points, self.precision, self.unit = model, points, precision, unit
         size = len(points.centre)
         self.derivative = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
         """Encloses the derivative of (t, x) now by (t, x) at the start, events included (saltation)."""
+        self.span = span
+        self._refusal = ""
         self.steps = 0
         self.done = False
         """Whether the horizon is reached."""
@@ -98,6 +113,8 @@ class ValidatedFlow:
         ------
         UndecidedError, EndedError
         """
+        if self._refusal:
+            raise UndecidedError(self._refusal, "mode")
         self.steps += 1
         made = self.model.mode(self.mode)
         names = self.model.system.sign_names
@@ -211,10 +228,42 @@ class ValidatedFlow:
         reached = set() if guard.ends else {guard.index}
         on = tuple(sorted({i for i, s in enumerate(before) if s == 0} | reached))
         self._project(made, flow, tangent, root, middle, flow.output(index).at(middle), row, slope, on)
+        resets = resetting(self.model.system, before, [guard])
+        jump = jump_of(self.model.system, resets) if resets else None  # of one surface there is one
+        if jump is not None:
+            arrived = self.points.hull()
+            self._jump(jump)
+            self._check_accumulation(resets, before, arrived)
         box = tuple(self.points.hull())
-        entry, _ = entry_after(self.model, box, before, guard)
+        if jump is not None:
+            entry = entry_after_jump(self.model, box, before, jump)
+        else:
+            entry, _ = entry_after(self.model, box, before, guard)
         self.enter(entry)
-        return Hit(guard, before, entry.mode, box, slope / arb(self.unit))
+        return Hit(guard, before, entry.mode, box, slope / arb(self.unit), resets)
+
+    def _check_accumulation(self, surfaces: tuple[int, ...], mode: Mode, arrived: Sequence[arb]) -> None:
+        """Go on no further where impacts have come to their limit, which is not proven."""
+        system = self.model.system
+        resting = rests_on(system, surfaces)
+        if resting is None:
+            return
+        signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
+        speed, acceleration = (system.numeric(e).xreplace(signs) for e in (resting.speed, resting.acceleration))
+        before, after = (dict(zip(self.model.symbols, box, strict=True)) for box in (arrived, self.points.hull()))
+        most = arb(REMAINING * self.span)
+        if time_to_rest(enclose(speed, before), enclose(speed, after), enclose(acceleration, after), most) is not None:
+            at = self.points.centre[0].str(12, radius=False)
+            self._refusal = f"impacts accumulate after t = {at}: their limit is not proven"
+
+    def _jump(self, jump: Jump) -> None:
+        """Carry the set through a map of the state, by its value at the centre and its derivative over the set."""
+        system, symbols = self.model.system, self.model.symbols
+        at, over = (dict(zip(symbols, box, strict=True)) for box in (self.points.centre, self.points.hull()))
+        states = [system.numeric(value) for value in jump.states]
+        rows = [[arb(int(j == 0)) for j in range(len(symbols))]]
+        rows += [[enclose(sp.diff(value, x), over) for x in symbols] for value in states]
+        self._move([self.points.centre[0], *(enclose(value, at) for value in states)], rows)
 
     def _project(
         self,

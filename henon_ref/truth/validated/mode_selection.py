@@ -20,6 +20,8 @@ from henon_ref.filippov.decision import ended
 from henon_ref.filippov.equations import Guard, Refusal
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resets import Jump
+from henon_ref.filippov.resting import resting_of
 from henon_ref.truth.balls import enclose, proves_zero
 from henon_ref.truth.validated.enclosure import UndecidedError
 from henon_ref.truth.validated.model import ModeModel, SystemModel, solve_for_states
@@ -148,6 +150,41 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
     smooth = None if hit.index in system.overrides else hit.index
     judge = _Judge(model, box, on, identities, smooth)
     return judge.fixed(released, f"the release into {mode_text(released, system.sign_names)} leads back at once"), on
+
+
+def entry_after_jump(model: SystemModel, box: Sequence[arb], mode: Mode, jump: Jump) -> Entry:
+    """The mode after a jump of the state.
+
+    Parameters
+    ----------
+    model : SystemModel
+    box : sequence of arb
+        Enclosure of (t, x) after it.
+    mode : Mode
+        Before it.
+    jump : Jump
+    """
+    system, at = model.system, dict(zip(model.symbols, box, strict=True))
+    for expression in system.valid:
+        value = enclose(system.numeric(expression), at)
+        if value < 0:
+            raise EndedError(f"the model does not hold after the reset: {expression} < 0", "invalid")
+        if not value > 0:
+            raise UndecidedError(f"whether the model holds after the reset cannot be told: {expression}", "mode")
+    signs = [_sign(enclose(h, at)) for h in model.surfaces]
+    for i, sign in enumerate(signs):
+        if sign == 0 and i not in jump.kept:
+            raise UndecidedError(f"the side of {system.sign_names[i]} after the reset cannot be told", "mode")
+    sides = jump.sides(mode, jump.surfaces, signs)
+    on = tuple(i for i, side in enumerate(sides) if side == 0)
+    identities = Identities.of([model.surfaces[i] for i in on], system.states)
+    for i in jump.surfaces:  # a body that leaves the surface does not rest on it
+        resting = resting_of(system, i) if i in system.overrides else None
+        if resting is not None:
+            sides[i] = _sign(enclose(system.numeric(resting.speed), at))
+            if sides[i] == 0:
+                raise UndecidedError("whether the body rests after the impact cannot be told", "mode")
+    return _Judge(model, box, on, identities).unique(tuple(sides), tuple(i for i in on if sides[i] == 0))
 
 
 class _Judge:
