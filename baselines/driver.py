@@ -172,11 +172,10 @@ class Driver:
                 record.drift = drift
             record.event(t, low, x, mode, after_mode, touched, resets)
             if rest is not None:
-                after_mode, t, x = rest
-                low = 0.0
+                bouncing, (after_mode, t, x), low = after_mode, rest, 0.0
                 if t > until:
                     return record.finish("ok", until, x, after_mode)
-                record.event(t, low, x, mode, after_mode, ())
+                record.event(t, low, x, bouncing, after_mode, ())
             reason = record.accumulated()
             if reason:
                 return record.finish("failed", t, x, after_mode, reason)

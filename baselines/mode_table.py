@@ -16,12 +16,13 @@ from baselines.flow import Flow, Library
 from baselines.mode_functions import EPSILON, ModeFunctions, projected
 from baselines.restart import Fresh
 from baselines.work import Work
-from henon_ref.errors import ModelError
+from henon_ref.filippov.after_jump import after_jump
 from henon_ref.filippov.callables import ARITHMETIC, Scalar, scalar
+from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
-from henon_ref.filippov.resets import Jump, jump_of, order_matters, resetting
-from henon_ref.filippov.resting import REMAINING, Resting, rests_on, state_at_rest, time_to_rest
+from henon_ref.filippov.resets import resetting
+from henon_ref.filippov.resting import REMAINING
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.filippov.two_signs import CLEAR, sign_after
@@ -166,8 +167,7 @@ class ModeTable:
         self._entries: dict[Mode, ModeEntry] = {}
         self._models: dict[Mode, ModeFunctions] = known._models if known else {}
         self._surfaces: dict[int, tuple[Scalar, Scalar]] = {}
-        self._jumps: dict[Jump, Scalar] = {}
-        self._rests: dict[Resting, Scalar] = {}
+        self._functions: dict[tuple[sp.Expr, ...], Scalar] = {}
 
     def __getitem__(self, mode: Mode) -> ModeEntry:
         if mode not in self._entries:
@@ -190,7 +190,7 @@ class ModeTable:
         involved = {g.index for g in guards if g.ends is None} | {i for i, s in enumerate(model.mode) if s == 0}
         x, drift = projected([self._surface(i) for i in sorted(involved)], t, x)
         if resets := resetting(self.system, model.mode, guards):
-            return self._jumped(resets, {g.index for g in guards if g.kind == "surface"}, model.mode, t, x, drift)
+            return self._jumped(resets, guards, model.mode, t, x, drift)
         decision = self.switching.after_event(t, x, model.mode, guards)
         if decision.mode is None:
             return After(None, x, (), drift, (), decision.ending, decision.reason)
@@ -201,57 +201,41 @@ class ModeTable:
         return After(decision.mode, x, fresh, drift, touched)
 
     def _jumped(
-        self, resets: tuple[int, ...], hit: set[int], mode: Mode, t: float, x: tuple[float, ...], drift: float
+        self, resets: tuple[int, ...], hits: Sequence[Guard], mode: Mode, t: float, x: tuple[float, ...], drift: float
     ) -> After:
         """What follows where surfaces reset the state, which is on all that are hit."""
-        system = self.system
-        jump = jump_of(system, resets)
-        if jump is None:
-            return After(None, x, (), drift, (), "nonunique", order_matters(system, resets, f"{t:.17g}"))
-        if jump not in self._jumps:
-            self._jumps[jump] = scalar(system.states, [system.numeric(e) for e in (*jump.states, *jump.guards)])
-        try:
-            values = self._jumps[jump](t, *x)
-        except ARITHMETIC:
-            return After(None, x, (), drift, (), "failed", f"the state after the reset at t = {t:.17g} is not finite")
-        n, count = len(system.states), len(system.surfaces)
-        after, signs = tuple(values[:n]), [(v > 0.0) - (v < 0.0) for v in values[n:]]
-        if (rest := self._rest(resets, mode, t, x, after)) is not None:
-            try:
-                self[rest[0]]
-            except ModelError as error:
-                reason = f"the rest after t = {t:.17g} has no equations: {error}"
-                return After(None, after, (), drift, (), "failed", reason)
-            return After(mode, after, (), drift, resets=resets, rest=rest)
-        sides = jump.sides(mode, hit, signs[:count])
         self.switching.forget()
-        decision = self.switching.mode_by_signs(t, list(after), sides, signs[count:], {})
+        after = after_jump(self.system, self, mode, resets, hits, t, x, REMAINING * self._horizon)
+        decision, state = after.decision, tuple(after.state)
         if decision.mode is None:
-            return After(None, after, (), drift, (), decision.ending, decision.reason)
-        on = tuple(i for i, side in enumerate(sides) if side == 0)
-        fresh = self.fresh_at(self[decision.mode], t, after, on)
-        return After(decision.mode, after, fresh, drift, resets=resets)
+            return After(None, state, (), drift, (), decision.ending, decision.reason)
+        if after.rest is not None:
+            rest = after.rest.mode, t + after.rest.remaining, tuple(after.rest.state)
+            return After(decision.mode, state, (), drift, resets=resets, rest=rest)
+        fresh = self.fresh_at(self[decision.mode], t, state, after.on)
+        return After(decision.mode, state, fresh, drift, resets=resets)
 
-    def _rest(
-        self, resets: tuple[int, ...], mode: Mode, t: float, before: tuple[float, ...], after: tuple[float, ...]
-    ) -> Rest | None:
-        """Where a body comes to rest, if its impacts have come to their limit."""
-        system = self.system
-        resting = rests_on(system, resets)
-        if resting is None:
-            return None
-        if resting not in self._rests:
-            written = resting.expressions(system.surfaces[resets[0]], system.states)
-            self._rests[resting] = scalar((*system.states, *system.signs), [system.numeric(e) for e in written])
-        values = self._rests[resting]
-        try:
-            first, found = values(t, *before, *mode)[0], values(t, *after, *mode)
-            remaining = time_to_rest(first, found[0], found[1], REMAINING * self._horizon)
-        except ARITHMETIC:
-            return None
-        if remaining is None:
-            return None
-        return replaced(mode, resets[0], 0), t + remaining, tuple(state_at_rest(after, found, remaining))
+    def values(self, expressions: tuple[sp.Expr, ...], t: float, x: Sequence[float]) -> list[float]:
+        """Expressions in time and states at a point."""
+        if expressions not in self._functions:
+            self._functions[expressions] = scalar(self.system.states, [self.system.numeric(e) for e in expressions])
+        return list(self._functions[expressions](t, *x))
+
+    def guard_series(self, mode: Mode, t: float, x: Sequence[float]) -> list[list[float]]:
+        """Taylor coefficients in time of a mode's guards."""
+        return self.switching.guard_series(mode, t, x)
+
+    def sign(self, value: float) -> int:
+        """-1, 0 or 1."""
+        return (value > 0.0) - (value < 0.0)
+
+    def decide(self, t: float, x: Sequence[float], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
+        """The mode at a point where surfaces and ``valid`` expressions have these signs."""
+        return self.switching.mode_by_signs(t, list(x), surfaces, valid, {})
+
+    def text(self, t: float) -> str:
+        """A time as messages have it."""
+        return f"{t:.17g}"
 
     def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]) -> tuple[Fresh, ...]:
         """Guards of a mode that start at zero: of the surfaces just left, and any other within rounding of it."""

@@ -1,8 +1,9 @@
 """Jumps of the state: where a surface falls through zero, a map gives the state anew.
 
 All right-hand sides of a map use the state before the jump; states that it does not name stay. Where several surfaces
-fall at one instant their maps are applied one after the other, if the order makes no difference. After a jump the mode
-is decided as at a start: a surface whose function the map leaves as it is, and that was at zero, is where the state is.
+fall at one instant their maps are applied together, if none changes or reads a state that another one changes; else
+they are impacts that share a body, whose outcome may depend on their order. After a jump the mode is decided as at a
+start: a surface whose function the map leaves as it is, and that was at zero, is where the state is.
 See Goebel, Sanfelice and Teel, *Hybrid Dynamical Systems* (2012), and Brogliato, *Nonsmooth Mechanics* (2016), Ch. 1.
 """
 
@@ -11,16 +12,14 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import permutations
 
 import sympy as sp
 
+from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
-
-MOST_TOGETHER = 4
-"""Surfaces that may reset the state at one instant: all orders of their maps are compared."""
+from henon_ref.text import listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +34,7 @@ class Jump:
     """States that get a new value."""
     guards: tuple[sp.Expr, ...]
     """All surfaces, then all ``valid`` expressions, at the state after, in time and the state before."""
-    kept: frozenset[int]
+    kept: Collection[int]
     """Surfaces whose function is the same before and after."""
 
     def sides(self, mode: Mode, hit: Collection[int], signs: Sequence[int]) -> list[int]:
@@ -65,30 +64,27 @@ def resetting(system: FilippovSystem, mode: Mode, hits: Sequence[Guard]) -> tupl
 
 @lru_cache(maxsize=64)
 def jump_of(system: FilippovSystem, surfaces: tuple[int, ...]) -> Jump | None:
-    """What the resets of some surfaces do together; None where the order of their maps makes a difference."""
-    if len(surfaces) > MOST_TOGETHER:
-        return None
-    found = {tuple(map(sp.expand, _composed(system, order))) for order in permutations(surfaces)}
-    if len(found) > 1:
-        return None
-    states = _composed(system, surfaces)
-    at = dict(zip(system.states, states, strict=True))
-    guards = [h.xreplace(at) for h in (*system.surfaces, *system.valid)]
-    kept = {i for i, h in enumerate(system.surfaces) if sp.expand(guards[i] - h) == 0}
-    moved = [i for i, (x, value) in enumerate(at.items()) if x != value]
-    return Jump(surfaces, states, tuple(moved), tuple(guards), frozenset(kept))
-
-
-def _composed(system: FilippovSystem, order: Sequence[int]) -> tuple[sp.Expr, ...]:
-    """The state after some surfaces' maps, in this order."""
+    """What the resets of some surfaces do together; None where they share a state, so that their order may matter."""
     values = dict(zip(system.states, system.states, strict=True))
-    for i in order:
-        own = system.resets[i].map
-        values = {x: own[x].xreplace(values) if x in own else value for x, value in values.items()}
-    return tuple(values.values())
+    moved: set[sp.Symbol] = set()
+    read: set[sp.Symbol] = set()
+    for i in surfaces:
+        own = {x: value for x, value in system.resets[i].map.items() if x != value}
+        used = set().union(*(value.free_symbols for value in own.values())) & set(system.states)
+        if moved & (own.keys() | used) or read & own.keys():
+            return None
+        values |= own
+        moved |= own.keys()
+        read |= used
+    guards = [h.xreplace(values) for h in (*system.surfaces, *system.valid)]
+    kept = {i for i, h in enumerate(system.surfaces) if sp.expand(guards[i] - h) == 0}
+    kept |= {i for i in surfaces if sp.expand(guards[i]) == 0}  # a map may put the state on its surface
+    states = tuple(values[x] for x in system.states)
+    return Jump(surfaces, states, tuple(k for k, x in enumerate(system.states) if x in moved), tuple(guards), kept)
 
 
-def order_matters(system: FilippovSystem, surfaces: Sequence[int], time: str) -> str:
-    """Why a run ends where :func:`jump_of` finds no jump."""
-    names = ", ".join(system.sign_names[i] for i in surfaces)
-    return f"the future is not unique at t = {time}: {names} reset the state at once, and their order matters"
+def shared(system: FilippovSystem, surfaces: Sequence[int], time: str) -> Decision:
+    """The decision where :func:`jump_of` finds no jump."""
+    names = listed([system.sign_names[i] for i in surfaces])
+    reason = f"the future is not unique at t = {time}: impacts at one instant that share a body: {names}"
+    return Decision("nonunique", None, reason)

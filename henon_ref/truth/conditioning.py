@@ -41,7 +41,7 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import jump_of
-from henon_ref.filippov.resting import resting_of
+from henon_ref.filippov.resting import impact_of
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.reference import ReferenceTransition, instants
@@ -208,7 +208,7 @@ class _Variations:
         From height h and speed v it is ``(v + s) / a + 2 r s / (a (1 - r))`` away with ``s^2 = v^2 + 2 a h``: its
         derivative is ``(1 + r) / ((1 - r) v)`` by h and ``2 / ((1 - r) a)`` by v (:mod:`henon_ref.filippov.resting`).
         """
-        system, resting, jump = self.system, resting_of(self.system, surface), jump_of(self.system, (surface,))
+        system, resting, jump = self.system, impact_of(self.system, surface), jump_of(self.system, (surface,))
         assert resting is not None  # there is a rest
         assert jump is not None
         after = resting.speed.xreplace(dict(zip(system.states, jump.states, strict=True)))

@@ -102,7 +102,7 @@ def test_two_walls_at_one_instant() -> None:
     assert found.end_state == pytest.approx((0.5, 0.5, 0.5, 0.5))
     refused = run(corner({W: -W / 2, V: V + W}))
     assert refused.status == "nonunique"
-    assert refused.reason.endswith("s, u reset the state at once, and their order matters")
+    assert refused.reason.endswith("impacts at one instant that share a body: s, u")
 
 
 REST = 9 * 0.2**0.5
@@ -153,3 +153,94 @@ def test_a_ball_rests_beside_a_block_that_sticks() -> None:
         assert {t.kind for t in impacts} == {"reset"}
         assert (last.kind, last.surface, last.to_mode) == ("stick", 0, (0, 0))
         assert last.time == pytest.approx(3 * 0.2**0.5, abs=1e-10)
+
+
+R8, HALF = sp.Rational(4, 5), sp.Rational(1, 2)
+FALLS = (V, sp.Integer(-10))
+
+
+@pytest.mark.parametrize(
+    ("system", "start", "reason"),
+    [
+        (
+            FilippovSystem((X, V, Y), (S,), (X,), (*FALLS, -Y), resets={0: Reset({V: -R8 * V, Y: Y / 2 + 1})}),
+            (1, 0, 1),
+            "y does not change in proportion to the speed of the impact",
+        ),
+        (
+            FilippovSystem(
+                (X, V), (S, U), (X, V + 3), (V + U / 1000 - sp.Rational(1, 1000), sp.Integer(-10)),
+                resets={0: Reset({V: -V / 2})},
+            ),
+            (1, 0),
+            "how fast the surface is reached depends on the sign of u",
+        ),
+        (
+            FilippovSystem(
+                (X, V, Y, W), (S, U), (X, Y), (*FALLS, W, sp.Integer(-10)),
+                resets={0: Reset({V: -V / 2}), 1: Reset({W: -W / 2})},
+            ),
+            (1, 0, 1, 0),
+            "several surfaces reset the state at once",
+        ),
+        (
+            FilippovSystem((X, V), (S, U), (X, V), (V, -10 - U), resets={0: Reset({V: -V / 2})}),
+            (1, 0),
+            "the force that presses the body on changes with the sign of u in flight",
+        ),
+    ],
+)  # fmt: skip
+def test_where_no_rest_is_derived_the_run_ends_before_the_body_falls_through(
+    system: FilippovSystem, start: tuple[int, ...], reason: str
+) -> None:
+    problem = Problem(with_resting(system), sp.Integer(0), tuple(map(sp.Integer, start)), sp.Integer(5))
+    for name, rtol in (("henon", 1e-6), ("henon", 1e-12), ("scipy-dop853", 1e-12)):
+        found = run(problem, name, rtol)
+        assert (found.status, "no rest is derived: " + reason in found.reason) == ("failed", True)
+        assert {t.kind for t in found.transitions} <= {"reset", "crossing"}
+        assert {t.to_mode[0] for t in found.transitions} == {1}
+
+
+def test_a_map_may_put_the_state_on_its_surface() -> None:
+    written = FilippovSystem((X, V), (S,), (X,), FALLS, resets={0: Reset({X: sp.Integer(0), V: -R8 * V})})
+    found = run(Problem(with_resting(written), sp.Integer(0), (sp.Integer(1), sp.Integer(0)), sp.Integer(5)))
+    assert (found.status, found.transitions[-1].kind, found.end_state) == ("ok", "stick", (0.0, 0.0))
+    assert found.transitions[-1].time == pytest.approx(REST, abs=1e-10)
+
+
+def test_a_body_that_falls_on_one_that_rests_is_an_impact_that_shares_a_body() -> None:
+    # Two masses on a floor, the lower one at rest: the upper one's impact would press it on.
+    system = FilippovSystem(
+        (X, V, Y, W), (S, U), (X, Y - X - 1), (V, sp.Integer(-10), W, sp.Integer(-10)),
+        resets={0: Reset({V: -V / 2}), 1: Reset({V: V / 4 + 3 * W / 4, W: 3 * V / 4 + W / 4})},
+    )  # fmt: skip
+    start = tuple(map(sp.Integer, (0, 0, 2, 0)))
+    for name in ("henon", "scipy-dop853"):
+        found = run(Problem(with_resting(system), sp.Integer(0), start, sp.Integer(3)), name)
+        assert (found.status, len(found.transitions)) == ("nonunique", 0)
+        assert found.reason.endswith("impacts at one instant that share a body: u, s")
+
+
+def test_a_start_that_moves_into_the_surface_is_refused_and_one_at_rest_rests() -> None:
+    system = with_resting(FilippovSystem((X, V), (S,), (X,), FALLS, resets={0: Reset({V: -HALF * V})}))
+    moving = run(Problem(system, sp.Integer(0), (sp.Integer(0), sp.Integer(-1)), sp.Integer(1)))
+    assert (moving.status, "moves into it" in moving.reason) == ("invalid", True)
+    lying = run(Problem(system, sp.Integer(0), (sp.Integer(0), sp.Integer(0)), sp.Integer(1)))
+    assert (lying.status, lying.transitions, lying.end_mode, lying.end_state) == ("ok", (), (0,), (0.0, 0.0))
+
+
+@pytest.mark.parametrize("name", ["henon", "scipy-dop853", "heyoka"])
+def test_a_body_without_restitution_follows_a_moving_table_until_it_is_thrown_off(name: str) -> None:
+    # x'' = -1 above a table at sin(2 t) / 2, which is left where its acceleration is -1.
+    table = sp.sin(2 * TIME) / 2
+    system = FilippovSystem(
+        (X, V), (S,), (X - table,), (V, sp.Integer(-1)), resets={0: Reset({V: sp.diff(table, TIME)})}
+    )
+    start = (sp.Rational(3, 2), sp.Integer(0))
+    found = run(Problem(with_resting(system), sp.Integer(0), start, sp.Rational(19, 5)), name, 1e-12)
+    kinds = [(t.kind, t.to_mode) for t in found.transitions]
+    assert kinds[:3] == [("reset", (1,)), ("stick", (0,)), ("release", (1,))]
+    first, second, left = (t.time for t in found.transitions[:3])
+    assert first == second
+    assert 1.5 - first**2 / 2 == pytest.approx(0.5 * sp.sin(2 * first), abs=1e-9)
+    assert left == pytest.approx(pi + pi / 12, abs=1e-9)  # 2 sin(2 t) = 1

@@ -14,7 +14,7 @@ from henon_ref.filippov.formulas import general_form as general_form
 from henon_ref.filippov.kinks import continuous
 from henon_ref.filippov.latex import latex, symbol
 from henon_ref.filippov.modes import Mode, mode_text
-from henon_ref.filippov.resting import REMAINING, resting_of
+from henon_ref.filippov.resting import REMAINING, impact_of
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
@@ -66,9 +66,10 @@ def reset_notes(system: FilippovSystem) -> list[str]:
         lines = ", ".join(f"${symbol(x.name)}^+ = {latex(value)}$" for x, value in values)
         lines += "" if len(values) == len(reset.map) else " (a value is too long to be printed)"
         note = f"`{system.sign_names[index]}`: where it falls through zero, the state jumps: {lines}"
-        if resting_of(system, index) is not None:
-            part = f"2^{log2(REMAINING):.0f}"
-            note += f"; impacts are told of until all later ones last less than {part} of the run, then the body rests"
+        impact, part = impact_of(system, index), f"2^{log2(REMAINING):.0f}"
+        if impact is not None:
+            note += f"; impacts are told of until all later ones last less than {part} of the run, then "
+            note += f"the run ends: {impact.refusal}" if impact.refusal else "the body rests"
         notes.append(note)
     return notes
 

@@ -19,8 +19,6 @@ from henon_ref.filippov.decision import Decision, ended, explained, without_inde
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.modes import Mode, mode_text, replaced
-from henon_ref.filippov.resets import Jump
-from henon_ref.filippov.resting import rests_on, state_at_rest, time_to_rest
 from henon_ref.filippov.switching import EXHAUSTIVE
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
@@ -35,15 +33,6 @@ class Point:
     """Time and state, with the radii to which they are known."""
 
     time: arb
-    state: tuple[arb, ...]
-
-
-@dataclass(frozen=True)
-class Rest:
-    """What impacts that accumulate lead to."""
-
-    remaining: arb
-    """Time until then [s]."""
     state: tuple[arb, ...]
 
 
@@ -77,7 +66,7 @@ class ModeSelection:
         if not active:
             return Decision("unique", mode)
         point = Point(self._exact(start), tuple(self._exact(v) for v in initial))
-        return self._decide(point, mode, active)
+        return self._outside(point, self._decide(point, mode, active), active)
 
     def sides(self, start: sp.Expr, initial: Sequence[sp.Expr], expressions: Sequence[sp.Expr]) -> list[int]:
         """Signs of expressions at an exact start."""
@@ -96,63 +85,25 @@ class ModeSelection:
         active = {i for g in hits for i in self.system.together(g.index, sliding)}
         return self._decide(point, mode, tuple(sorted(active)))
 
-    def jumped(
-        self, point: Point, jump: Jump, mode: Mode, hit: frozenset[int]
-    ) -> tuple[Point, frozenset[int], Decision] | None:
-        """What follows a jump of the state: the point after, the surfaces it is on, the mode; None where not finite.
-
-        Parameters
-        ----------
-        point : Point
-            Before it.
-        mode : Mode
-            Before it.
-        hit : frozenset of int
-            Surfaces that are at zero.
-        """
-        system = self.system
-        outputs = [system.numeric(e) for e in (*jump.states, *jump.guards)]
-        frozen = [sp.Integer(0)] * len(system.states)
-        try:
-            values = [
-                c[0]
-                for c in series.along(frozen, outputs, system.states, point.time, point.state, bits=self.bits, order=0)
-            ]
-        except (ZeroDivisionError, ValueError):  # python-flint's words for a value that does not exist
-            return None
-        if not all(value.is_finite() for value in values):
-            return None
-        n, count = len(system.states), len(system.surfaces)
-        after = Point(point.time, tuple(values[:n]))
-        sides = jump.sides(mode, hit, [series.sign(v) for v in values[n : n + count]])
-        for expression, value in zip(system.valid, values[n + count :], strict=True):
-            if not value > 0:
+    def mode_by_signs(self, point: Point, sides: Sequence[int], valid: Sequence[int]) -> Decision:
+        """The mode at a point where the surfaces, and the ``valid`` expressions, have these signs; 0: it is on one."""
+        for expression, sign in zip(self.system.valid, valid, strict=True):
+            if sign <= 0:
                 reason = f"the model does not hold after the reset at t = {_short(point)}: {expression} <= 0"
-                return after, frozenset(), Decision("invalid", None, reason)
+                return Decision("invalid", None, reason)
         on = tuple(i for i, side in enumerate(sides) if side == 0)
-        return after, frozenset(on), self._decide(after, tuple(sides), on) if on else Decision("unique", tuple(sides))
-
-    def rest(self, before: Point, after: Point, surfaces: tuple[int, ...], mode: Mode, most: float) -> Rest | None:
-        """Where a body comes to rest whose later impacts last no longer than ``most`` [s] together; None if they do.
-
-        ``before`` and ``after``: the points beside an impact on one of ``surfaces``.
-        """
-        system = self.system
-        resting = rests_on(system, surfaces)
-        if resting is None:
-            return None
-        signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
-        written = resting.expressions(system.surfaces[surfaces[0]], system.states)
-        outputs = [system.numeric(e).xreplace(signs) for e in written]
-        frozen = [sp.Integer(0)] * len(system.states)
-        first, values = (
-            [c[0] for c in series.along(frozen, outputs, system.states, p.time, p.state, bits=self.bits, order=0)]
-            for p in (before, after)
+        return (
+            self._outside(point, self._decide(point, tuple(sides), on), on) if on else Decision("unique", tuple(sides))
         )
-        remaining = time_to_rest(first[0], values[0], values[1], arb(most))
-        if remaining is None:
-            return None
-        return Rest(remaining, tuple(state_at_rest(after.state, values, remaining)))
+
+    def _outside(self, point: Point, decision: Decision, on: Sequence[int]) -> Decision:
+        """A decision, unless the state moves into a surface that resets it."""
+        for i in on:
+            if decision.mode is not None and i in self.system.resets and decision.mode[i] < 0:
+                name = self.system.signs[i]
+                reason = f"at t = {_short(point)} the state is on {name}, which resets it, and moves into it"
+                return Decision("invalid", None, reason)
+        return decision
 
     def leading_terms(self, point: Point, mode: Mode, active: frozenset[int]) -> list[LeadingTerm] | None:
         """What each guard of a mode does first, just after a point; None where its field is not finite.
@@ -171,6 +122,10 @@ class ModeSelection:
             return None
         first = [1 if g.kind == "surface" and g.index in active else 0 for g in guards]
         return [series.leading(c, k) for c, k in zip(expansions, first, strict=True)]
+
+    def guard_series(self, point: Point, mode: Mode) -> list[list[arb]]:
+        """Taylor coefficients in time of a mode's guards; ZeroDivisionError or ValueError where there are none."""
+        return self._expansions(point, mode)
 
     def values(self, point: Point, mode: Mode) -> list[arb]:
         """Values of a mode's guards at the middle of a point (balls drop digits below their radius)."""
@@ -241,7 +196,7 @@ class ModeSelection:
         if terms is None:
             return None
         own = {i for i in active if mode[i] == 0 and i in self.system.overrides}
-        inside = {i for i in active if mode[i] != 0 and self.system.held_inside(i)}
+        inside = {i for i in active if mode[i] != 0 and (self.system.held_inside(i) or self.system.rests(i))}
         # Where entry is decided by the hold zone, no slip starts inside it.
         lost = {i for i in own if not self._sticks(point, mode, i)}
         if any(self._sticks(point, mode, i) for i in inside) or (lost and len(active) <= EXHAUSTIVE):
@@ -258,6 +213,8 @@ class ModeSelection:
 
     def _sticks(self, point: Point, mode: Mode, index: int) -> bool:
         """Whether a surface whose sliding is overridden is slid on from a point."""
+        if self.system.rests(index):
+            return self._rests(point, mode, index)
         if not self.system.held_inside(index):
             return self._attracts(point, mode, index)
         stick = replaced(mode, index, 0)
@@ -271,6 +228,14 @@ class ModeSelection:
             for guard, term in zip(guards, terms, strict=True)
             if guard.kind == "release" and guard.index == index
         )
+
+    def _rests(self, point: Point, mode: Mode, index: int) -> bool:
+        """Whether a body on a surface stays there: off it, h would neither rise at once nor fall with a speed."""
+        free = replaced(mode, index, 1)
+        terms = self.leading_terms(point, free, frozenset((index,)))
+        own = zip(self.system.equations(free).guards, terms or (), strict=False)
+        term = next((term for g, term in own if g.kind == "surface" and g.index == index), (1, -1))
+        return term is None or (term[0] > 1 and term[1] < 0)
 
     def _hold_values(self, point: Point, mode: Mode, index: int) -> list[arb]:
         """Values of an override's release guards beside a mode's slips; none where they hold another sign."""

@@ -8,17 +8,18 @@ from dataclasses import dataclass, field
 import numpy as np
 from flint import arb
 
-from henon_ref.errors import ModelError
+from henon_ref.filippov.after_jump import Rest
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.resets import jump_of, order_matters, resetting
+from henon_ref.filippov.resets import resetting
 from henon_ref.filippov.resting import REMAINING
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
 from henon_ref.truth.multiprecision.heyoka import to_real
-from henon_ref.truth.multiprecision.mode_selection import ModeSelection, Point, Rest
+from henon_ref.truth.multiprecision.jump import Jumps
+from henon_ref.truth.multiprecision.mode_selection import ModeSelection, Point
 from henon_ref.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball
 from henon_ref.truth.multiprecision.stepper import Step, Stepper
 from henon_ref.truth.multiprecision.termination import CROWD, EndedError, Termination, written
@@ -100,6 +101,7 @@ class _Simulation:
         self.zero = arb(2) ** (-(3 * bits) // 4)
         self.progress = progress
         self.selection = ModeSelection(problem.system, bits)
+        self.jumps = Jumps(self.selection)
         # As heyoka rounds them: a horizon between two of its numbers would never be reached.
         self.start, self.until = (to_ball(to_real(exact_ball(t, bits), bits)) for t in (problem.start, problem.until))
         self.span = float(self.until - self.start)
@@ -272,39 +274,29 @@ class _Simulation:
         if resets and rest is not None:
             self.accumulating = resets
             if rest.remaining <= FINAL * self.span:
-                self._come_to_rest(resets[0], rest)
+                self._come_to_rest(after, rest)
                 return
         self._enter(after, active)
 
-    def _come_to_rest(self, surface: int, rest: Rest) -> None:
+    def _come_to_rest(self, before: Mode, rest: Rest) -> None:
         """Go to where a body comes to rest on a surface, or to the horizon before that."""
-        before, time = self.mode, (self.point.time + rest.remaining).mid()
+        time = (self.point.time + rest.remaining).mid()
         late = bool(time > self.until)
         self.accumulating = ()
-        self.point = Point(self.until if late else time, rest.state)
+        self.point = Point(self.until if late else time, tuple(rest.state))
         self.result.end_time = self.point.time
-        mode = replaced(before, surface, 0)
-        try:
-            self.problem.system.equations(mode)
-        except ModelError as error:
-            raise EndedError("failed", f"the rest after t = {self._now()} has no equations: {error}") from error
+        surfaces = tuple(i for i, s in enumerate(rest.mode) if s != before[i])
         if not late:
             state = tuple(v.mid() for v in rest.state)
-            self.result.events.append(Event(time, state, before, mode, (surface,), 0.0))
-        self._enter(mode, frozenset((surface,)))
+            self.result.events.append(Event(time, state, before, rest.mode, surfaces, 0.0))
+        self._enter(rest.mode, frozenset(i for i, s in enumerate(rest.mode) if s == 0))
 
     def _jump(self, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> tuple[Mode, frozenset[int], Rest | None]:
         """Let the state jump; the mode after, the surfaces that the state is on, and the rest that is close."""
-        system, point = self.problem.system, self.point
-        jump = jump_of(system, surfaces)
-        if jump is None:
-            raise EndedError("nonunique", order_matters(system, surfaces, self._now()))
-        after = self.selection.jumped(point, jump, self.mode, frozenset(g.index for g in hits if g.kind == "surface"))
-        if after is None:
-            raise EndedError("failed", f"the state after the reset at t = {self._now()} is not finite")
-        self.point, on, decision = after
-        rest = self.selection.rest(point, self.point, surfaces, self.mode, REMAINING * self.span)
-        return self.mode if rest else self._decided(decision), on, rest
+        after = self.jumps.after(self.point, self.mode, surfaces, hits, REMAINING * self.span)
+        mode = self._decided(after.decision)
+        self.point = Point(self.point.time, tuple(after.state))
+        return mode, frozenset(after.on), after.rest
 
     def _blurred(self, time: arb, state: Sequence[arb], step: Step) -> Point:
         """A point with the radii within which it counts as known."""
