@@ -18,7 +18,7 @@ from henon_ref.filippov.bounds import put
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.exponents import with_rational_exponents
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.resting import with_resting
+from henon_ref.filippov.resting import impact_of, with_resting
 from henon_ref.filippov.system import FilippovSystem, SlidingOverride
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
@@ -43,6 +43,8 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
         raise source.error(("until",), f"'until' must be later than the start, t = {start}")
     problem = Problem(system, start, _initial(source, form, names), until)
     _check_start(source, problem)
+    if form.scene is not None:
+        _check_stops(source, problem)
     return replace(problem, initial_mode=_initial_mode(source, form, problem)), names
 
 
@@ -61,11 +63,14 @@ def written_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names
         assert form.system is not None
         system, names = build_system(source, form.system)
     overrides = build_overrides(source, form, names)
+    for i in overrides.keys() & system.resets.keys():
+        message = f"'{system.sign_names[i]}' is a hard stop, on which a body rests in its own way"
+        raise source.error(("sliding", system.sign_names[i]), message, key=True)
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})
     resets = build_resets(source, form, names, system)
     if resets:
-        system = with_resting(replace(system, resets=resets))
+        system = with_resting(replace(system, resets={**system.resets, **resets}))
     return system, names
 
 
@@ -142,6 +147,19 @@ def _check_start(source: Source, problem: Problem) -> None:
             raise source.error(("initial",), f"{what} has no finite real value at the start", key=True)
 
 
+def _check_stops(source: Source, problem: Problem) -> None:
+    """Refuse a start beyond a hard stop of a scene, or on one and moving into it."""
+    system = problem.system
+    for i in sorted(system.resets):
+        name, impact = system.sign_names[i], impact_of(system, i)
+        side = _side_at_start(problem, system.surfaces[i])
+        if side < 0:
+            message = f"the start is beyond the stop {name}: x_p - x_q is below its gap"
+            raise source.error(("initial",), message, key=True)
+        if side == 0 and impact is not None and _side_at_start(problem, impact.speed) < 0:
+            raise source.error(("initial",), f"the start is on the stop {name} and moves into it", key=True)
+
+
 def _delicate(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
     """Surfaces, and expressions of ``valid``, that may have no value at a point."""
     named = [(f"the surface of '{s}'", h) for s, h in zip(system.sign_names, system.surfaces, strict=True)]
@@ -166,7 +184,7 @@ def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int,
             message = f"'{name}' is no surface{did_you_mean(name, order)}; surfaces: {listed(order)}"
             raise source.error(path, message, key=True)
         index = order.index(name)
-        side = _side_at_start(problem, problem.system, index)
+        side = _side_at_start(problem, problem.system.surfaces[index])
         if side not in (0, entry):
             raise source.error(path, f"the start is not on the surface of '{name}', whose sign is {side:+d} there")
         modes[index] = entry
@@ -178,6 +196,6 @@ def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int,
     return modes
 
 
-def _side_at_start(problem: Problem, system: FilippovSystem, index: int) -> int:
-    value = put(system.numeric(system.surfaces[index]), _start(problem))
+def _side_at_start(problem: Problem, expression: sp.Expr) -> int:
+    value = put(problem.system.numeric(expression), _start(problem))
     return 0 if value.has(*NO_VALUE) else exact_sign(value)

@@ -156,6 +156,8 @@ def build_resets(source: Source, form: CaseForm, names: Names, system: FilippovS
     for sign, reset in form.resets.items():
         path = ("resets", sign)
         index = _surface(source, form, names, path, "a reset")
+        if index in system.resets:
+            raise source.error(path, f"'{sign}' is a hard stop of the scene, which has its own reset", key=True)
         if index in system.overrides:
             message = f"'{sign}' has sliding of its own; a surface has that or a reset"
             raise source.error(path, message, key=True)
