@@ -14,7 +14,7 @@ from henon_ref.filippov.resets import resetting
 from henon_ref.filippov.resting import REMAINING
 from henon_ref.henon.endings import ending_of
 from henon_ref.henon.recorder import events_accumulate
-from henon_ref.henon.records import CROSSING, RELEASED, RESET, STICK, TRANSITION, TRANSITION_PLACES
+from henon_ref.henon.records import CROSSING, RELEASED, RESET, STEP, STEP_PLACES, STICK, TRANSITION, TRANSITION_PLACES
 from henon_ref.henon.state import NOWHERE, ReturnCode
 from henon_ref.henon.state_view import State
 from henon_ref.henon.transition_array import KINDS
@@ -31,15 +31,51 @@ class ModeChanges(State):
     ----------
     blocks : list of ndarray
         Transitions that have left the loop's own memory.
+    step_blocks : list of ndarray
+        Full blocks of steps: rows of :func:`henon_ref.henon.records.step_dtype`, as doubles.
     """
 
-    __slots__ = ("blocks",)
+    __slots__ = ("_steps", "blocks", "step_blocks")
 
     blocks: list[NDArray[np.float64]]
+    step_blocks: list[NDArray[np.float64]]
+    _steps: NDArray[np.float64] | None
+    """The block of steps that is being filled; None where none is kept."""
 
     def _close_block(self) -> None:
         self.blocks.append(self.workspace.transitions[: self.scalars.transitions].copy())
         self.scalars.transitions = 0
+
+    def _close_steps(self) -> None:
+        assert self._steps is not None
+        self.step_blocks.append(self._steps[: self.scalars.dense_steps])
+        self._steps = np.empty_like(self._steps)
+        self.scalars.dense, self.scalars.dense_steps = self._steps.ctypes.data, 0
+
+    def _keep_step(self, length: float) -> None:
+        """Keep the step that leads to an event located in multiprecision: the compiled loop has not taken it."""
+        assert self._steps is not None
+        scalars, columns, n = self.scalars, self.start.order + 1, self.x.size
+        row = self._steps[scalars.dense_steps]
+        row[STEP_PLACES:], step = self.workspace.band[:n, :columns].ravel(), row[:STEP_PLACES].view(STEP)[0]
+        for name in ("time", "time_low", "unit", "mode"):
+            step[name] = scalars[name]
+        step["length"] = length
+        scalars.dense_steps += 1
+
+    def _keep_rest(self, length: float, state: Sequence[float]) -> None:
+        """Keep a step for the impacts that are not told of, up to where a body is at rest: a straight line."""
+        if self._steps is None or length <= 0.0:
+            return
+        if self.scalars.dense_steps >= self.scalars.dense_capacity:
+            self._close_steps()
+        self._keep_step(length)
+        n, columns = self.x.size, self.start.order + 1
+        row = self._steps[self.scalars.dense_steps - 1]
+        lines = row[STEP_PLACES:].reshape(n, columns)
+        lines[:] = 0.0
+        lines[:, 0] = self.x
+        lines[:, 1] = (np.asarray(state) - self.x) * (row[:STEP_PLACES].view(STEP)[0]["unit"] / length)
 
     def _set_known_zeros(self, mode: Mode, zeros: Sequence[int]) -> None:
         """Set the known zeros of the present mode's guards, given in the order of its equations."""
@@ -84,6 +120,8 @@ class ModeChanges(State):
         ended, rest = self._change_mode(after.decision, after.known_zeros, (), surfaces), after.rest
         if ended is not None or rest is None:
             return ended
+        length = (rest.time[0] - time[0]) + (rest.time[1] - time[1])
+        self._keep_rest(length, [high for high, _ in rest.state])
         late = (until - rest.time[0]) + (until_low - rest.time[1]) < 0.0
         self.scalars.time, self.scalars.time_low = (until, until_low) if late else rest.time
         self.x[:] = [high for high, _ in rest.state]

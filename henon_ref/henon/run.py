@@ -18,7 +18,6 @@ from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
 from henon_ref.henon.recorder import events_accumulate
 from henon_ref.henon.records import (
     GRAZE,
-    STEP,
     STEP_PLACES,
     step_dtype,
 )
@@ -71,7 +70,7 @@ class Run(ModeChanges):
         How the run ended, once :meth:`stream` is through.
     """
 
-    __slots__ = ("_steps", "deadline", "ended", "samples", "step_blocks")
+    __slots__ = ("deadline", "ended", "samples")
 
     def __init__(
         self,
@@ -96,8 +95,8 @@ class Run(ModeChanges):
             self.samples = np.full((sample_times.size, len(start.x) + 2), np.nan)
             self.samples[:, 0] = sample_times
         self.blocks = []
-        self.step_blocks: list[NDArray[np.float64]] = []
-        self._steps: NDArray[np.float64] | None = None
+        self.step_blocks = []
+        self._steps = None
         self.ended: Trajectory | None = None
         if dense:
             self._steps = np.empty((dense, STEP_PLACES + len(start.x) * (start.order + 1)))
@@ -105,12 +104,6 @@ class Run(ModeChanges):
 
     def __del__(self) -> None:
         self.integrator.workspaces.free.append(self.workspace)
-
-    def _close_steps(self) -> None:
-        assert self._steps is not None
-        self.step_blocks.append(self._steps[: self.scalars.dense_steps])
-        self._steps = np.empty_like(self._steps)
-        self.scalars.dense, self.scalars.dense_steps = self._steps.ctypes.data, 0
 
     @property
     def steps(self) -> NDArray[Any]:
@@ -229,17 +222,6 @@ class Run(ModeChanges):
         for i in tangential:  # a stick whose own end is touched goes on, and nothing is told
             self._record(GRAZE, i, row, row, side=0)
         return None
-
-    def _keep_step(self, length: float) -> None:
-        """Keep the step that leads to an event located in multiprecision: the compiled loop has not taken it."""
-        assert self._steps is not None
-        scalars, columns, n = self.scalars, self.start.order + 1, self.x.size
-        row = self._steps[scalars.dense_steps]
-        row[STEP_PLACES:], step = self.workspace.band[:n, :columns].ravel(), row[:STEP_PLACES].view(STEP)[0]
-        for name in ("time", "time_low", "unit", "mode"):
-            step[name] = scalars[name]
-        step["length"] = length
-        scalars.dense_steps += 1
 
     def _end(self, status: Status, reason: str) -> Trajectory:
         state, start, modes = self.state, self.start, self.integrator.mode_table.modes
