@@ -158,16 +158,24 @@ class Driver:
                 return record.finish("ok", t, x, mode)
             take = entry.exit(hits[0]) if len(hits) == 1 else None
             followed = take(t, x) if take is not None else None
+            rest = None
             touched: Sequence[int] = ()
+            resets: Sequence[int] = ()
             if followed is None:
                 after = self.table.decided(entry, hits, t, x)
                 if after.mode is None:
                     return record.finish(after.status, t, x, mode, record.explained(after.status, after.reason))
                 followed, touched = (after.mode, after.x, after.fresh, after.drift), after.touched
+                resets, rest = after.resets, after.rest
             before, (after_mode, x, starting, drift) = entry, followed
             if drift > record.drift:
                 record.drift = drift
-            record.event(t, low, x, mode, after_mode, touched)
+            record.event(t, low, x, mode, after_mode, touched, resets)
+            if rest is not None:
+                bouncing, (after_mode, t, x), low = after_mode, rest, 0.0
+                if t > until:
+                    return record.finish("ok", until, x, after_mode)
+                record.event(t, low, x, bouncing, after_mode, ())
             reason = record.accumulated()
             if reason:
                 return record.finish("failed", t, x, after_mode, reason)

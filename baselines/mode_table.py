@@ -16,9 +16,13 @@ from baselines.flow import Flow, Library
 from baselines.mode_functions import EPSILON, ModeFunctions, projected
 from baselines.restart import Fresh
 from baselines.work import Work
+from henon_ref.filippov.after_jump import after_jump
 from henon_ref.filippov.callables import ARITHMETIC, Scalar, scalar
+from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.resets import resetting
+from henon_ref.filippov.resting import REMAINING
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.filippov.two_signs import CLEAR, sign_after
@@ -27,6 +31,10 @@ from henon_ref.trajectory import Status
 
 ON = 8.0
 """A guard whose value is within so many roundings of its terms starts at zero."""
+
+
+Rest = tuple[Mode, float, tuple[float, ...]]
+"""Mode, time [s] and state where a body comes to rest after the last of its impacts."""
 
 
 class After(NamedTuple):
@@ -43,6 +51,10 @@ class After(NamedTuple):
     """Surfaces that were hit and left on the same side."""
     status: Status = "ok"
     reason: str = ""
+    resets: tuple[int, ...] = ()
+    """Surfaces that reset the state; ``x`` is the one after."""
+    rest: Rest | None = None
+    """What follows where impacts have come to their limit."""
 
 
 Followed = tuple[Mode, tuple[float, ...], tuple[Fresh, ...], float]
@@ -83,7 +95,11 @@ class ModeEntry:
     def _exit(self, guard: Guard) -> Exit | None:
         model, mode, i = self.model, self.model.mode, guard.index
         sliding = [j for j, s in enumerate(mode) if s == 0]
-        if guard.ends or (guard.kind == "surface" and len(model.system.together(i, sliding)) > 1):
+        if (
+            guard.ends
+            or resetting(model.system, mode, [guard])
+            or (guard.kind == "surface" and len(model.system.together(i, sliding)) > 1)
+        ):
             return None
         landing = model.landing(i).values
         stick, slip = replaced(mode, i, 0), {s: replaced(mode, i, s) for s in (-1, 1)}
@@ -151,6 +167,7 @@ class ModeTable:
         self._entries: dict[Mode, ModeEntry] = {}
         self._models: dict[Mode, ModeFunctions] = known._models if known else {}
         self._surfaces: dict[int, tuple[Scalar, Scalar]] = {}
+        self._functions: dict[tuple[sp.Expr, ...], Scalar] = {}
 
     def __getitem__(self, mode: Mode) -> ModeEntry:
         if mode not in self._entries:
@@ -172,6 +189,8 @@ class ModeTable:
         guards = [model.guards[k] for k in hits]
         involved = {g.index for g in guards if g.ends is None} | {i for i, s in enumerate(model.mode) if s == 0}
         x, drift = projected([self._surface(i) for i in sorted(involved)], t, x)
+        if resets := resetting(self.system, model.mode, guards):
+            return self._jumped(resets, guards, model.mode, t, x, drift)
         decision = self.switching.after_event(t, x, model.mode, guards)
         if decision.mode is None:
             return After(None, x, (), drift, (), decision.ending, decision.reason)
@@ -180,6 +199,43 @@ class ModeTable:
         )
         fresh = self.fresh_at(self[decision.mode], t, x, tuple(involved))
         return After(decision.mode, x, fresh, drift, touched)
+
+    def _jumped(
+        self, resets: tuple[int, ...], hits: Sequence[Guard], mode: Mode, t: float, x: tuple[float, ...], drift: float
+    ) -> After:
+        """What follows where surfaces reset the state, which is on all that are hit."""
+        self.switching.forget()
+        after = after_jump(self.system, self, mode, resets, hits, t, x, REMAINING * self._horizon)
+        decision, state = after.decision, tuple(after.state)
+        if decision.mode is None:
+            return After(None, state, (), drift, (), decision.ending, decision.reason)
+        if after.rest is not None:
+            rest = after.rest.mode, t + after.rest.remaining, tuple(after.rest.state)
+            return After(decision.mode, state, (), drift, resets=resets, rest=rest)
+        fresh = self.fresh_at(self[decision.mode], t, state, after.on)
+        return After(decision.mode, state, fresh, drift, resets=resets)
+
+    def values(self, expressions: tuple[sp.Expr, ...], t: float, x: Sequence[float]) -> list[float]:
+        """Expressions in time and states at a point."""
+        if expressions not in self._functions:
+            self._functions[expressions] = scalar(self.system.states, [self.system.numeric(e) for e in expressions])
+        return list(self._functions[expressions](t, *x))
+
+    def guard_series(self, mode: Mode, t: float, x: Sequence[float]) -> list[list[float]]:
+        """Taylor coefficients in time of a mode's guards."""
+        return self.switching.guard_series(mode, t, x)
+
+    def sign(self, value: float) -> int:
+        """-1, 0 or 1."""
+        return (value > 0.0) - (value < 0.0)
+
+    def decide(self, t: float, x: Sequence[float], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
+        """The mode at a point where surfaces and ``valid`` expressions have these signs."""
+        return self.switching.mode_by_signs(t, list(x), surfaces, valid, {})
+
+    def text(self, t: float) -> str:
+        """A time as messages have it."""
+        return f"{t:.17g}"
 
     def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]) -> tuple[Fresh, ...]:
         """Guards of a mode that start at zero: of the surfaces just left, and any other within rounding of it."""

@@ -99,13 +99,21 @@ class Record:
         self._sample_modes: list[Mode] = []
 
     def event(
-        self, t: float, low: float, x: tuple[float, ...], before: Mode, after: Mode, touched: Sequence[int]
+        self,
+        t: float,
+        low: float,
+        x: tuple[float, ...],
+        before: Mode,
+        after: Mode,
+        touched: Sequence[int],
+        resets: Sequence[int] = (),
     ) -> None:
-        """Log one event: a transition for each surface that changes, a graze for each that was only touched."""
+        """Log one event: a transition for each surface that changes or resets the state, a graze for each touched."""
         self._times.append(t)
         for i, (old, new) in enumerate(zip(before, after, strict=True)):
-            if old != new or i in touched:
-                self.events.append((transition_kind(old, new), i, before, after, t, x, low))
+            if old != new or i in touched or i in resets:
+                kind = "reset" if i in resets else transition_kind(old, new)
+                self.events.append((kind, i, before, after, t, x, low))
 
     def accumulated(self) -> str:
         """Why the run has to end here: events accumulate, or are too many; empty while neither.

@@ -89,9 +89,11 @@ class ScipyNaive:
         Raises
         ------
         UnsupportedError
-            Where a surface has its own sliding.
+            Where a surface has its own sliding, or the state jumps.
         """
         rtol, atol = tolerances(self.name, rtol, atol, step)
+        if problem.system.resets:
+            raise UnsupportedError(f"{self.name} watches no surface, so the state cannot jump where one is reached")
         if problem.system.overrides:
             raise UnsupportedError(f"{self.name} knows no sliding, so it cannot do one that the case replaces")
         try:

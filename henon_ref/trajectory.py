@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from henon_ref.filippov.modes import Mode
 
-Kind = Literal["stick", "release", "crossing", "graze"]
+Kind = Literal["stick", "release", "crossing", "graze", "reset"]
 Status = Literal["ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "failed", "unsupported", "unavailable"]
 
 
@@ -24,7 +24,8 @@ class Transition:
     """
 
     kind: Kind
-    """``stick`` (slip to sliding), ``release`` (sliding to slip), ``crossing``, ``graze`` (touch and go)."""
+    """``stick`` (slip to sliding), ``release`` (sliding to slip), ``crossing``, ``graze`` (touch and go),
+    ``reset`` (the state jumps)."""
     surface: int
     """Index of the surface that changes."""
     from_mode: Mode
@@ -34,7 +35,7 @@ class Transition:
     time: float
     """Time [s], rounded to double."""
     state: tuple[float, ...]
-    """State at the transition."""
+    """State at the transition; after the jump, where several surfaces change and one of them resets it too."""
     time_low: float = 0.0
     """What rounding ``time`` lost [s]: the time is ``time + time_low`` (0 where a solver does not know it)."""
     landing: str = ""

@@ -199,9 +199,16 @@ class TangentFlow:
         Number p of tangent vectors; n if left out, starting as the identity.
     tolerance : float
         Local error of a step, of states and tangent vectors alike, each relative to its own size.
+
+    Raises
+    ------
+    UnsupportedError
+        Where the state jumps.
     """
 
     def __init__(self, problem: Problem, *, columns: int | None = None, tolerance: float) -> None:
+        if problem.system.resets:
+            raise UnsupportedError("tangent vectors are not carried through jumps of the state yet")
         n = len(problem.system.states)
         p = n if columns is None else columns
         self._n, self._p = n, p

@@ -9,8 +9,10 @@ from functools import cached_property
 import sympy as sp
 
 from henon_ref.casefile.bodies import Body
-from henon_ref.casefile.connection import Hold, Surface
-from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
+from henon_ref.casefile.connection import Hold, Impact, Surface
+from henon_ref.casefile.impact_law import thrown_back
+from henon_ref.filippov.resting import with_resting
+from henon_ref.filippov.system import FilippovSystem, Release, Reset, SlidingOverride
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,7 @@ class Connection:
     """Body and force [N] or torque [N m] on it."""
     surfaces: tuple[Surface, ...]
     holds: tuple[Hold, ...]
+    impacts: tuple[Impact, ...] = ()
 
     @property
     def label(self) -> str:
@@ -50,7 +53,7 @@ class Scene:
         """The Filippov system: states body by body, surfaces connection by connection."""
         surfaces = list(dict.fromkeys(surface for each in self.connections for surface in each.surfaces))
         order = [surface.sign for surface in surfaces]
-        return FilippovSystem(
+        system = FilippovSystem(
             states=tuple(x for body in self.bodies.values() for x in body.states),
             signs=tuple(order),
             surfaces=tuple(surface.expression for surface in surfaces),
@@ -63,7 +66,17 @@ class Scene:
             },
             kinks=frozenset(number for number, surface in enumerate(surfaces) if surface.kink),
             effects=tuple(connection.label for connection in self.connections),
+            resets={
+                order.index(impact.sign): Reset(thrown_back(*self._ends(connection), impact.restitution))
+                for connection in self.connections
+                for impact in connection.impacts
+            },
         )
+        return with_resting(system)
+
+    def _ends(self, connection: Connection) -> tuple[Body, Body]:
+        p, q = (self.bodies[name] for name in connection.ends)
+        return p, q
 
     @cached_property
     def _pushes(self) -> Mapping[str, list[tuple[int, sp.Expr]]]:
@@ -93,7 +106,7 @@ class Scene:
         The load is the force that the contact takes from the first body and gives to the second:
         ``m_p a = f_p - load``, ``m_q a = f_q + load``.
         """
-        p, q = (self.bodies[name] for name in connection.ends)
+        p, q = self._ends(connection)
         f_p, f_q = (self._force(body, without=number) for body in (p, q))
         if p.inertia is not None and q.inertia is not None:
             on_surface = {q.velocity: p.velocity}

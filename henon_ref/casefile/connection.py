@@ -59,6 +59,15 @@ class Hold:
     """Largest force [N] or torque [N m] that it can hold."""
 
 
+@dataclass(frozen=True)
+class Impact:
+    """A surface at which the two bodies throw each other back."""
+
+    sign: sp.Symbol
+    restitution: sp.Expr
+    """Speed after over speed before [1]."""
+
+
 @dataclass
 class Link:
     """One connection under construction: what its kind reads, and what it adds.
@@ -87,6 +96,7 @@ class Link:
     """Body and force [N] or torque [N m] on it, by this connection alone."""
     surfaces: list[Surface] = field(default_factory=list)
     holds: list[Hold] = field(default_factory=list)
+    impacts: list[Impact] = field(default_factory=list)
 
     def error(self, message: str, *, at: str | None = None) -> CaseError:
         """An error at one of its keys, or at its kind where a key is missing."""
@@ -152,6 +162,10 @@ class Link:
     def hold(self, sign: sp.Symbol, limit: sp.Expr) -> None:
         """Hold the two bodies together while the load is at most ``limit`` [N or N m]."""
         self.holds.append(Hold(sign, limit))
+
+    def throw_back(self, sign: sp.Symbol, restitution: sp.Expr) -> None:
+        """Let the two bodies throw each other back where a surface falls through zero."""
+        self.impacts.append(Impact(sign, restitution))
 
 
 @dataclass(frozen=True)

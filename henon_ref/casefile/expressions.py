@@ -306,7 +306,7 @@ class _Walker:
             case ast.Constant():
                 return self._number(node)
             case ast.Name(id=name):
-                return _NUMBERS[name] if name in _NUMBERS else self.names[name]
+                return self.names[name] if name in self.names else _NUMBERS[name]
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 return -self._of(operand, depth + 1)
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):

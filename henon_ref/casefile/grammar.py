@@ -34,7 +34,8 @@ CONSTANT_FUNCTIONS = {"abs": 1, "atan2": 2}
 """Functions allowed where the value is a number (parameters, initial values ...), with their arity."""
 KINK_FUNCTIONS = {"abs": 1, "sign": 1, "min": MANY, "max": MANY, "piecewise": MANY}
 """Functions allowed in fields, whose kinks and jumps become surfaces, with their arity."""
-CONSTANTS = ("pi", "e")
+EULER = "e"
+CONSTANTS = ("pi", EULER)
 RESERVED = frozenset((*FUNCTIONS, *CONSTANT_FUNCTIONS, *KINK_FUNCTIONS, *CONSTANTS, "t", "mode"))
 """Names that a state, parameter or sign symbol may not have."""
 
@@ -89,8 +90,13 @@ class Scanned:
     """For every character of ``python`` the offset of its token in the expression."""
 
 
-def name_problem(name: str) -> str:
-    """Why a state, parameter or surface may not be called this; empty if it may."""
+def name_problem(name: str, *, parameter: bool = False) -> str:
+    """Why a state or surface (or parameter) may not be called this; empty if it may.
+
+    A parameter ``e``, such as a restitution, is what ``e`` means wherever it is declared; else it is Euler's number.
+    """
+    if parameter and name == EULER:
+        return ""
     if not NAME.fullmatch(name):
         return f"{shortened(name)} is no name: a letter (a-z, A-Z) first, then letters, digits and underscores"
     if name in RESERVED:

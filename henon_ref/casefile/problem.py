@@ -11,13 +11,14 @@ from henon_ref.casefile.assembly import Scene
 from henon_ref.casefile.scene import build_scene
 from henon_ref.casefile.schema import CaseForm
 from henon_ref.casefile.source import Names, Source
-from henon_ref.casefile.written_system import build_overrides, build_system
+from henon_ref.casefile.written_system import build_overrides, build_resets, build_system
 from henon_ref.errors import ModelError
 from henon_ref.filippov.algebra import MAX_SIZE
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.exponents import with_rational_exponents
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resting import impact_of, with_resting
 from henon_ref.filippov.system import FilippovSystem, SlidingOverride
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
@@ -34,13 +35,16 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
     CaseError
         At the place of the first thing that does not fit.
     """
-    system, names = source.once("system", ("system", "scene", "sliding"), lambda: build_model(source, form))
+    keys = ("system", "scene", "sliding", "resets")
+    system, names = source.once("system", keys, lambda: build_model(source, form))
     start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
     until = source.number(("until",), names.values)
     if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
         raise source.error(("until",), f"'until' must be later than the start, t = {start}")
     problem = Problem(system, start, _initial(source, form, names), until)
     _check_start(source, problem)
+    if form.scene is not None:
+        _check_stops(source, problem)
     return replace(problem, initial_mode=_initial_mode(source, form, problem)), names
 
 
@@ -59,8 +63,14 @@ def written_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names
         assert form.system is not None
         system, names = build_system(source, form.system)
     overrides = build_overrides(source, form, names)
+    for i in overrides.keys() & system.resets.keys():
+        message = f"'{system.sign_names[i]}' is a hard stop, on which a body rests in its own way"
+        raise source.error(("sliding", system.sign_names[i]), message, key=True)
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})
+    resets = build_resets(source, form, names, system)
+    if resets:
+        system = with_resting(replace(system, resets={**system.resets, **resets}))
     return system, names
 
 
@@ -78,8 +88,10 @@ def mathematics(problem: Problem) -> dict[str, Any]:
     expressions = [*system.surfaces, *system.field, *system.valid]
     for override in system.overrides.values():
         expressions += [*override.field, *(release.when for release in override.release)]
+    for reset in system.resets.values():
+        expressions += reset.map.values()
     used = set().union(*(e.free_symbols for e in expressions))
-    return {
+    found = {
         "states": list(system.state_names),
         "surfaces": [[name, str(h)] for name, h in zip(system.sign_names, system.surfaces, strict=True)],
         "field": [str(f) for f in system.field],
@@ -91,6 +103,12 @@ def mathematics(problem: Problem) -> dict[str, Any]:
         "until": str(problem.until),
         "mode": {system.sign_names[i]: s for i, s in sorted(problem.initial_mode.items())},
     }
+    if system.resets:  # what is stored without them stays valid
+        found["resets"] = {
+            system.sign_names[i]: {x.name: str(value) for x, value in reset.map.items()}
+            for i, reset in sorted(system.resets.items())
+        }
+    return found
 
 
 def _override_text(override: SlidingOverride) -> dict[str, Any]:
@@ -118,7 +136,7 @@ def _initial(source: Source, form: CaseForm, names: Names) -> tuple[sp.Expr, ...
 
 def _check_start(source: Source, problem: Problem) -> None:
     """Refuse a start at which a surface, or an expression of ``valid``, has no value or would be a giant number."""
-    delicate = source.once("exponents", ("system", "scene", "sliding"), lambda: _delicate(problem.system))
+    delicate = source.once("exponents", ("system", "scene", "sliding", "resets"), lambda: _delicate(problem.system))
     for what, expression in delicate:
         source.charge(("initial",), size(expression, MAX_SIZE))
         try:
@@ -127,6 +145,19 @@ def _check_start(source: Source, problem: Problem) -> None:
             raise source.error(("initial",), f"{what} has no value at the start: {error}", key=True) from error
         if value.has(*NO_VALUE) or value.is_real is False:
             raise source.error(("initial",), f"{what} has no finite real value at the start", key=True)
+
+
+def _check_stops(source: Source, problem: Problem) -> None:
+    """Refuse a start beyond a hard stop of a scene, or on one and moving into it."""
+    system = problem.system
+    for i in sorted(system.resets):
+        name, impact = system.sign_names[i], impact_of(system, i)
+        side = _side_at_start(problem, system.surfaces[i])
+        if side < 0:
+            message = f"the start is beyond the stop {name}: x_p - x_q is below its gap"
+            raise source.error(("initial",), message, key=True)
+        if side == 0 and impact is not None and _side_at_start(problem, impact.speed) < 0:
+            raise source.error(("initial",), f"the start is on the stop {name} and moves into it", key=True)
 
 
 def _delicate(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
@@ -153,7 +184,7 @@ def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int,
             message = f"'{name}' is no surface{did_you_mean(name, order)}; surfaces: {listed(order)}"
             raise source.error(path, message, key=True)
         index = order.index(name)
-        side = _side_at_start(problem, problem.system, index)
+        side = _side_at_start(problem, problem.system.surfaces[index])
         if side not in (0, entry):
             raise source.error(path, f"the start is not on the surface of '{name}', whose sign is {side:+d} there")
         modes[index] = entry
@@ -165,6 +196,6 @@ def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int,
     return modes
 
 
-def _side_at_start(problem: Problem, system: FilippovSystem, index: int) -> int:
-    value = put(system.numeric(system.surfaces[index]), _start(problem))
+def _side_at_start(problem: Problem, expression: sp.Expr) -> int:
+    value = put(problem.system.numeric(expression), _start(problem))
     return 0 if value.has(*NO_VALUE) else exact_sign(value)

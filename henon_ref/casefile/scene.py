@@ -84,6 +84,7 @@ class _Reader:
                     tuple(link.pushes),
                     tuple(link.surfaces),
                     tuple(link.holds),
+                    tuple(link.impacts),
                 )
             )
         self._check_size("connections", "surfaces", len(set(signs)))

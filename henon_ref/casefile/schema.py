@@ -219,6 +219,15 @@ class SlidingForm(Form):
     )
 
 
+class ResetForm(Form):
+    """A jump of the state where a surface falls through zero."""
+
+    when: Literal["falling"] = Field("falling", description="the way in which the surface goes through zero")
+    map: Annotated[dict[str, Expression], Field(min_length=1)] = Field(
+        description="state: its value after the jump, in t, the states before it, and parameters; the others stay"
+    )
+
+
 class MeasureForm(Form):
     after: Expression = Field(default="0", description="sticks that end before this time are left out [s]")
 
@@ -284,6 +293,7 @@ class CaseForm(Form):
     initial: InitialForm
     until: Expression = Field(description="the horizon [s]")
     sliding: dict[str, SlidingForm] = Field({}, description="sign symbol: sliding in the source's own way")
+    resets: dict[str, ResetForm] = Field({}, description="sign symbol: how the state jumps at its surface")
     measure: MeasureForm = MeasureForm()
     published: PublishedForm | None = None
     exact: ExactForm | None = None

@@ -119,7 +119,7 @@ class Source:
             return {}
         uses: dict[str, set[str]] = {}
         for name in node.entries:
-            problem = name_problem(name)
+            problem = name_problem(name, parameter=True)
             if problem:
                 raise self.error([*path, name], problem, key=True)
             uses[name] = self._names_in([*path, name], node.entries)

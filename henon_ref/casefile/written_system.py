@@ -9,7 +9,7 @@ from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.schema import MAX_STATES, CaseForm, SlidingForm, SystemForm
 from henon_ref.casefile.source import Names, Path, Source, resolved
 from henon_ref.columns import JUDGED_COLUMNS, TRANSITION_COLUMNS
-from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
+from henon_ref.filippov.system import FilippovSystem, Release, Reset, SlidingOverride
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
@@ -125,20 +125,55 @@ def _check_names(source: Source, states: list[str], signs: list[str], parameters
 
 def build_overrides(source: Source, form: CaseForm, names: Names) -> dict[int, SlidingOverride]:
     """The sliding modes that the case does in its own way, by the index of their surface."""
-    order = list(names.signs)
     overrides = {}
     for sign, sliding in form.sliding.items():
-        if sign not in order:
-            raise source.error(
-                ("sliding", sign),
-                f"'{sign}' is no surface{did_you_mean(sign, order)}; surfaces: {listed(order)}",
-                key=True,
-            )
-        if form.system is not None and f"{sign}_2" in order and f"{sign}_2" not in form.system.surfaces:
-            message = f"sliding of one's own on '{sign}', whose surface has kinks, is not there yet"
-            raise source.error(("sliding", sign), message, key=True)
-        overrides[order.index(sign)] = _override(source, sign, sliding, names)
+        index = _surface(source, form, names, ("sliding", sign), "sliding of one's own")
+        overrides[index] = _override(source, sign, sliding, names)
     return overrides
+
+
+def _surface(source: Source, form: CaseForm, names: Names, path: tuple[str, str], what: str) -> int:
+    """Index of the surface that a key names, which has no kinks."""
+    order, sign = list(names.signs), path[1]
+    if sign not in order:
+        message = f"'{sign}' is no surface{did_you_mean(sign, order)}; surfaces: {listed(order)}"
+        raise source.error(path, message, key=True)
+    if form.system is not None and f"{sign}_2" in order and f"{sign}_2" not in form.system.surfaces:
+        raise source.error(path, f"{what} on '{sign}', whose surface has kinks, is not there yet", key=True)
+    return order.index(sign)
+
+
+def build_resets(source: Source, form: CaseForm, names: Names, system: FilippovSystem) -> dict[int, Reset]:
+    """The jumps of the state, by the index of their surface.
+
+    Raises
+    ------
+    CaseError
+        At the place of a surface or state that there is not, of a surface that slides in its own way, or of a map that
+        leaves every state as it is.
+    """
+    resets = {}
+    for sign, reset in form.resets.items():
+        path = ("resets", sign)
+        index = _surface(source, form, names, path, "a reset")
+        if index in system.resets:
+            raise source.error(path, f"'{sign}' is a hard stop of the scene, which has its own reset", key=True)
+        if index in system.overrides:
+            message = f"'{sign}' has sliding of its own; a surface has that or a reset"
+            raise source.error(path, message, key=True)
+        if index in system.kinks:
+            raise source.error(path, f"'{sign}' is a kink of the field; a reset is on a surface", key=True)
+        values = {}
+        for name in reset.map:
+            place = (*path, "map", name)
+            if name not in names.states:
+                message = f"'{name}' is no state{did_you_mean(name, names.states)}; states: {listed(names.states)}"
+                raise source.error(place, message, key=True)
+            values[names.states[name]] = names.smooth(source, place)
+        if all(x == value for x, value in values.items()):
+            raise source.error((*path, "map"), "the map leaves every state as it is; leave the reset out", key=True)
+        resets[index] = Reset(values, reset.when)
+    return resets
 
 
 def _override(source: Source, sign: str, form: SlidingForm, names: Names) -> SlidingOverride:

@@ -23,12 +23,17 @@ def with_rational_exponents(system: FilippovSystem) -> FilippovSystem:
         )
         for index, override in system.overrides.items()
     }
+    resets = {
+        index: replace(reset, map={x: _written(system, value) for x, value in reset.map.items()})
+        for index, reset in system.resets.items()
+    }
     return replace(
         system,
         surfaces=tuple(_written(system, h) for h in system.surfaces),
         field=tuple(_written(system, f) for f in system.field),
         valid=tuple(_written(system, v) for v in system.valid),
         overrides=overrides,
+        resets=resets,
     )
 
 

@@ -182,6 +182,13 @@ class Switching:
                 edges.append(i)
         settled = Decision("unique", tuple(mode))
         decision = self._decide(t, x, tuple(mode), tuple(active)) if active else self._attracting(t, x, settled)
+        if decision.mode is not None:
+            for i in active:
+                if i in system.resets and decision.mode[i] < 0:
+                    reason = (
+                        f"at t = {_digits(t)} the state is on {system.signs[i]}, which resets it, and moves into it"
+                    )
+                    return Decision("invalid", None, reason)
         refused = self._rising(t, x, decision.mode, edges) if edges and decision.mode is not None else None
         return refused or decision
 
@@ -365,7 +372,8 @@ class Switching:
             if guard.index in self.system.overrides:
                 sticks = self._sticks(t, x, mode, guard.index, zero)
                 # Where entry is decided by the hold zone, no slip starts inside it.
-                refused = not sticks if guard.kind == "release" else sticks and self.system.held_inside(guard.index)
+                inside = self.system.held_inside(guard.index) or self.system.rests(guard.index)
+                refused = not sticks if guard.kind == "release" else sticks and inside
                 if refused and guard.kind == "release" and len(active) > EXHAUSTIVE:  # a search goes where it leads
                     refused = self._sign(series, 0, rate, self._size(t, x, mode, guard.index), zero) < 0
                 if refused:
@@ -382,6 +390,8 @@ class Switching:
 
     def _sticks(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float) -> bool:
         """Whether a surface whose sliding is overridden is slid on from here."""
+        if self.system.rests(index):
+            return self._rests(t, x, mode, index, zero)
         if not self.system.held_inside(index):
             return self._attracts(t, x, mode, index)
         made = self._equations(replaced(mode, index, 0))
@@ -395,6 +405,29 @@ class Switching:
             return self._holds_by(tape, numbers, ends, t, x, zero)
         except (ZeroDivisionError, ValueError, OverflowError):
             return False
+
+    def _rests(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float) -> bool:
+        """Whether a body on a surface stays there: off it, h would neither rise at once nor fall with a speed."""
+        free = replaced(mode, index, 1)
+        made = self._equations(free)
+        if made is None:
+            return False
+        try:
+            outputs, rate = self._expanded(free, t, x)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return False
+        own = next(k for k, g in enumerate(made[0].guards) if g.kind == "surface" and g.index == index)
+        first = self._leading(outputs[own], 1, rate, 0.0, zero)
+        return first is None or (first > 1 and outputs[own][first] < 0)
+
+    def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> list[list[Any]]:
+        """Taylor coefficients in time of a mode's guards from a point.
+
+        ZeroDivisionError, ValueError or OverflowError where they are not finite, or the mode has no equations.
+        """
+        if self._equations(mode) is None:
+            raise ValueError("the mode has no equations")
+        return self._expanded(mode, t, x)[0]
 
     def _hold_values(self, mode: Mode, index: int) -> Callable[..., list[float]] | None:
         """(t, *x) -> release guards of an override beside a mode's slips; None where they hold another sign."""

@@ -24,7 +24,7 @@ from henon_ref.filippov.sliding import filippov_sliding
 from henon_ref.filippov.switched_field import SwitchedField
 from henon_ref.precision import one_at_a_time
 
-EntryRule = Literal["attracting", "inside"]
+EntryRule = Literal["attracting", "inside", "resting"]
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,20 @@ class SlidingOverride:
     ``attracting``: where both slip fields point at the surface, as in Filippov's sliding. ``inside``: where
     every release guard is positive, or zero and about to rise or to stay, whatever the slip fields do; this is
     static friction, which holds a load that kinetic friction could not (between Fk and Fs both slip fields
-    point the same way, and a block that comes to rest on the belt sticks all the same).
+    point the same way, and a block that comes to rest on the belt sticks all the same). ``resting``: where h' is
+    zero, too, and the first derivative of h that is not, the slip field being in force, is negative; a one-sided
+    constraint on a surface that resets the state (:mod:`henon_ref.filippov.resting`).
     """
+
+
+@dataclass(frozen=True)
+class Reset:
+    """A jump of the state where a surface is reached."""
+
+    map: Mapping[sp.Symbol, sp.Expr]
+    """State -> its value after the jump, in time, the states before it, and parameters; the other states stay."""
+    when: Literal["falling"] = "falling"
+    """The way in which the surface goes through zero there; the other way it is crossed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +79,8 @@ class FilippovSystem(SwitchedField):
     """The model holds while these are > 0."""
     overrides: Mapping[int, SlidingOverride] = dataclass_field(default_factory=dict)
     """Surface index -> its own sliding."""
+    resets: Mapping[int, Reset] = dataclass_field(default_factory=dict)
+    """Surface index -> the jump of the state where it falls through zero."""
     written: Mapping[sp.Symbol, str] = dataclass_field(default_factory=dict)
     """State or sign -> the text of its rate or surface, as the case file has it (empty for a scene)."""
     kinks: frozenset[int] = frozenset()
@@ -171,7 +185,8 @@ class FilippovSystem(SwitchedField):
         for i, normal in enumerate(self._normal):
             loads = [g.expression for g in self.hold_guards(i)] if i in self.overrides else []
             acting = frozenset(j for j, s in enumerate(self.signs) if any(e.has(s) for e in (normal, *loads)))
-            found.append(acting if i not in self.overrides or self.held_inside(i) else everything)
+            own = i not in self.overrides or self.held_inside(i) or self.rests(i)
+            found.append(acting if own else everything)
         return tuple(found)
 
     def hold_guards(self, index: int, mode: Mode = ()) -> tuple[Guard, ...]:
@@ -188,6 +203,10 @@ class FilippovSystem(SwitchedField):
     def held_inside(self, index: int) -> bool:
         """Whether arrival at a surface is decided by the hold zone of its override, not by the slip fields."""
         return index in self.overrides and self.overrides[index].entry == "inside"
+
+    def rests(self, index: int) -> bool:
+        """Whether a body can rest on a surface that resets the state."""
+        return index in self.overrides and self.overrides[index].entry == "resting"
 
     def transition_function(self, index: int = 0) -> sp.Expr:
         """sigma = (dh/dt at s = +1)(dh/dt at s = -1), Eq. (8): sliding is where sigma <= 0 and both fields point in."""

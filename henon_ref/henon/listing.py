@@ -136,6 +136,8 @@ def listing_parameters(problem: Problem) -> tuple[float, ...]:
 
 def _difference(system: FilippovSystem, p: Mapping[str, sp.Symbol]) -> str:
     """In what the system is not the limit of the listing ("" where it is)."""
+    if system.resets:
+        return "its state does not jump"
     if len(system.states) != 2 or len(system.surfaces) != 1:
         return "it has two states and one surface"
     override = system.overrides.get(0)

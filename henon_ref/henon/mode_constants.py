@@ -15,6 +15,7 @@ from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.jump import Jumps
 from henon_ref.henon.mode_code import ModeTape
 from henon_ref.henon.mode_table import CompiledModes, ModeTable
 from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
@@ -58,6 +59,11 @@ class ModeConstants(ABC):
     @abstractmethod
     def precise(self) -> PreciseModes:
         """The modes in multiprecision."""
+
+    @cached_property
+    def jumps(self) -> Jumps:
+        """The resets' maps, in multiprecision."""
+        return Jumps(self.precise)
 
     @abstractmethod
     def update(self) -> LoopData:

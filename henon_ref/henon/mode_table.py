@@ -72,7 +72,7 @@ class ModeTable:
         self.index: dict[Mode, int] = {}
         """Row of each mode that is compiled."""
         surfaces = len(system.surfaces)
-        several = 1 < surfaces <= SURFACES and not system.overrides
+        several = 1 < surfaces <= SURFACES and not (system.overrides or system.resets)
         self.compiled = CompiledModes(
             modes=(),
             codes=(),
@@ -181,7 +181,8 @@ class ModeTable:
             record["kind"], record["index"], record["rising_only"] = _KIND[guard.kind], guard.index, guard.rising_only
             record["hold_zone"] = surface and system.held_inside(guard.index)
             record["side"] = mode[guard.index] if surface else 0
-            record["coupled"] = surface and len(system.together(guard.index, sliding)) > 1
+            resets = surface and guard.index in system.resets and mode[guard.index] > 0
+            record["coupled"] = resets or (surface and len(system.together(guard.index, sliding)) > 1)
             # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
             tangent = guard.kind == "release" and guard.index not in system.overrides
             record["zeros_at_release"] = 2 if tangent else 0
@@ -192,7 +193,9 @@ class ModeTable:
         for own, guard in zip(record["guards"], self.guards(mode), strict=False):
             if guard.kind == "surface":
                 own["mode_stuck"] = index.get(replaced(mode, guard.index, 0), -1)
-            if guard.ends is None:
+            # A body that lifts off leaves its surface with two zeros or more: they have to be measured.
+            lifts_off = guard.kind == "release" and guard.index in self.system.resets
+            if guard.ends is None and not lifts_off:
                 own["mode_across"] = index.get(replaced(mode, guard.index, guard.to_sign), -1)
 
 

@@ -19,6 +19,7 @@ from flint import arb, arb_poly
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.resets import resetting
 from henon_ref.filippov.switching import Switching
 from henon_ref.henon.precise_modes import ENDING_ORDERS, PreciseModes
 from henon_ref.jit.primitives import EPS
@@ -95,7 +96,7 @@ class LocatedEvent(NamedTuple):
     touching: tuple[tuple[int, int], ...]
     """(guard, even order) of those that touch zero and turn."""
     decision: Decision | None
-    """The mode that follows; None where the mode goes on."""
+    """The mode that follows; None where the mode goes on, and where the state jumps first."""
     known_zeros: tuple[int, ...]
     """For each guard of the mode gone on with, zeros at this instant. A minimum just above zero counts as one."""
 
@@ -147,7 +148,8 @@ def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent:
             ball = arb(place, radius)
             point = start + unit * ball, [series(ball) for series in states]
             hits = [guards[g] for g in sorted([*falling, *(g for g, _ in touching)])]
-            decision, zeros = _next_mode(modes, step.mode, point, hits)
+            jumps = resetting(modes.system, step.mode, [guards[g] for g in falling])
+            decision, zeros = (None, ()) if jumps else _next_mode(modes, step.mode, point, hits)
         else:
             decision, zeros = None, _zeros_behind(events, best, len(guards))
         return LocatedEvent(time, state, tuple(falling), tuple(touching), decision, zeros)

@@ -173,5 +173,7 @@ def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:
     expressions = [*system.field, *system.surfaces, *system.valid]
     for override in system.overrides.values():
         expressions += [*override.field, *(release.when for release in override.release)]
+    for reset in system.resets.values():
+        expressions += reset.map.values()
     symbols = set().union(*(e.free_symbols for e in expressions)) - {TIME, *system.states, *system.signs}
     return tuple(sorted(symbols, key=lambda symbol: symbol.name))

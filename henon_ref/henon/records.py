@@ -16,7 +16,7 @@ from henon_ref.jit.views import begin_of, begin_of_row
 # Kinds of guards.
 SURFACE, RELEASE, VALID = 0, 1, 2
 # Kinds of transitions.
-STICK, RELEASED, CROSSING, GRAZE = range(4)
+STICK, RELEASED, CROSSING, GRAZE, RESET = range(5)
 # Ways of landing.
 HENON, NEWTON, BRENT, BRACKET = range(4)
 LANDINGS = ("henon", "newton", "brent", "bracket")

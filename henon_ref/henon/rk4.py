@@ -88,8 +88,10 @@ class HenonRK4:
         Raises
         ------
         UnsupportedError
-            Without a positive step.
+            Without a positive step, and where the state jumps.
         """
+        if problem.system.resets:
+            raise UnsupportedError(f"{self.name} knows no jumps of the state")
         if step is None or not step > 0:
             raise UnsupportedError(f"{self.name} needs a positive step, got {step}")
         wanted = np.empty(0) if sample_times is None else np.asarray(sample_times, dtype=float)

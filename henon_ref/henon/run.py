@@ -9,29 +9,21 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.filippov.decision import Decision
-from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.modes import Mode, replaced, transition_kind
+from henon_ref.filippov.resets import resetting
 from henon_ref.henon.endings import ending_of
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.loop import advance
+from henon_ref.henon.mode_changes import ModeChanges
 from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
 from henon_ref.henon.recorder import events_accumulate
 from henon_ref.henon.records import (
-    CROSSING,
     GRAZE,
-    RELEASED,
-    STEP,
     STEP_PLACES,
-    STICK,
-    TRANSITION,
-    TRANSITION_PLACES,
     step_dtype,
 )
 from henon_ref.henon.start import Start
-from henon_ref.henon.state import NOWHERE, RUN, STATE_PLACE, ReturnCode
-from henon_ref.henon.state_view import State
-from henon_ref.henon.transition_array import KINDS, TransitionArray
+from henon_ref.henon.state import RUN, STATE_PLACE, ReturnCode
+from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.henon.workspace import CHUNK
 from henon_ref.jit.njit import in_python
 from henon_ref.jit.processor_time import Deadline
@@ -48,7 +40,7 @@ _NO_SAMPLES = np.zeros((0, 2))
 _events_accumulate = in_python(events_accumulate)
 
 
-class Run(State):
+class Run(ModeChanges):
     """One run: the compiled loop is called until the horizon, and its return codes are answered.
 
     It has a workspace of its own, some 100 kB, as long as it lives.
@@ -78,7 +70,7 @@ class Run(State):
         How the run ended, once :meth:`stream` is through.
     """
 
-    __slots__ = ("_steps", "blocks", "deadline", "ended", "samples", "step_blocks")
+    __slots__ = ("deadline", "ended", "samples")
 
     def __init__(
         self,
@@ -102,9 +94,9 @@ class Run(State):
         if sample_times is not None:
             self.samples = np.full((sample_times.size, len(start.x) + 2), np.nan)
             self.samples[:, 0] = sample_times
-        self.blocks: list[NDArray[np.float64]] = []
-        self.step_blocks: list[NDArray[np.float64]] = []
-        self._steps: NDArray[np.float64] | None = None
+        self.blocks = []
+        self.step_blocks = []
+        self._steps = None
         self.ended: Trajectory | None = None
         if dense:
             self._steps = np.empty((dense, STEP_PLACES + len(start.x) * (start.order + 1)))
@@ -112,16 +104,6 @@ class Run(State):
 
     def __del__(self) -> None:
         self.integrator.workspaces.free.append(self.workspace)
-
-    def _close_block(self) -> None:
-        self.blocks.append(self.workspace.transitions[: self.scalars.transitions].copy())
-        self.scalars.transitions = 0
-
-    def _close_steps(self) -> None:
-        assert self._steps is not None
-        self.step_blocks.append(self._steps[: self.scalars.dense_steps])
-        self._steps = np.empty_like(self._steps)
-        self.scalars.dense, self.scalars.dense_steps = self._steps.ctypes.data, 0
 
     @property
     def steps(self) -> NDArray[Any]:
@@ -229,6 +211,9 @@ class Run(State):
             scalars.time, scalars.time_low = until, until_low
             return None
         guards = integrator.system.equations(mode).guards
+        falling = [guards[g] for g in found.falling]
+        if surfaces := resetting(integrator.system, mode, falling):
+            return self._jump(surfaces, [*falling, *(guards[g] for g, _ in found.touching)])
         tangential = sorted({guards[g].index for g, _ in found.touching if guards[g].kind == "surface"})
         if found.decision is not None:
             tangential += [guards[g].index for g in found.falling if guards[g].kind == "surface"]
@@ -237,94 +222,6 @@ class Run(State):
         for i in tangential:  # a stick whose own end is touched goes on, and nothing is told
             self._record(GRAZE, i, row, row, side=0)
         return None
-
-    def _keep_step(self, length: float) -> None:
-        """Keep the step that leads to an event located in multiprecision: the compiled loop has not taken it."""
-        assert self._steps is not None
-        scalars, columns, n = self.scalars, self.start.order + 1, self.x.size
-        row = self._steps[scalars.dense_steps]
-        row[STEP_PLACES:], step = self.workspace.band[:n, :columns].ravel(), row[:STEP_PLACES].view(STEP)[0]
-        for name in ("time", "time_low", "unit", "mode"):
-            step[name] = scalars[name]
-        step["length"] = length
-        scalars.dense_steps += 1
-
-    def _set_known_zeros(self, mode: Mode, zeros: Sequence[int]) -> None:
-        """Set the known zeros of the present mode's guards, given in the order of its equations."""
-        for g, place in enumerate(self.integrator.mode_table.places(mode)):
-            self.known_zeros[g] = zeros[place] if place >= 0 else 0
-
-    def _change_mode(
-        self, decision: Decision, zeros: Sequence[int], tangential: Sequence[int]
-    ) -> tuple[Status, str] | None:
-        """Go over to the mode that follows; ``tangential``: surfaces at zero, told of where none changes its sign."""
-        if decision.mode is None:
-            return decision.ending, decision.reason
-        before, source = self.mode, int(self.scalars.mode)
-        row = self.integrator.mode_table.row(decision.mode)
-        if row is None:
-            return "failed", f"the mode after t = {self.time:.17g} has no equations"
-        self.scalars.mode = row
-        self._set_known_zeros(decision.mode, zeros)
-        changed = [i for i, s in enumerate(decision.mode) if s != before[i]]
-        for i in changed or tangential:
-            self._record(
-                KINDS.index(transition_kind(before[i], decision.mode[i])),
-                i,
-                source,
-                row,
-                side=before[i] if changed else 0,
-            )
-        return ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
-
-    def _record(self, kind: int, surface: int, source: int, target: int, *, side: int) -> None:
-        if self.scalars.transitions >= self.scalars.transition_capacity:
-            self._close_block()
-        scalars = self.scalars
-        row = self.workspace.transitions[scalars.transitions]
-        row[TRANSITION_PLACES:], made = self.x, row[:TRANSITION_PLACES].view(TRANSITION)[0]
-        made["time"], made["time_low"] = scalars.time, scalars.time_low
-        made["kind"], made["surface"], made["landing"] = kind, surface, scalars.landing
-        made["from_mode"], made["to_mode"] = source, target
-        scalars.transitions += 1
-        ends_here = scalars.stop_falling if side > 0 else scalars.stop_rising if side < 0 else 0
-        scalars.stopped |= int(ends_here) >> surface & 1
-
-    def _enter_new_mode(self) -> tuple[Status, str] | None:
-        """Complete a transition that is decided, into a mode that has no row yet."""
-        mode_table, row, hit = self.integrator.mode_table, int(self.scalars.mode), int(self.scalars.guard)
-        guard, what = self.guards[hit], int(self.scalars.pending_kind)
-        after = replaced(self.mode, guard.index, 0 if what == STICK else guard.to_sign)
-        released = int(mode_table.compiled.records[row]["guards"][hit]["zeros_at_release"])
-        zeros = {STICK: 0, CROSSING: 1}.get(what, released)
-        target = mode_table.row(after)
-        if target is None or (what == RELEASED and zeros == 0):  # no such mode, or zeros that have to be measured
-            return self._select_mode()
-        self._record(what, guard.index, row, target, side=self.mode[guard.index])
-        self.scalars.mode = target
-        self.known_zeros[:] = 0
-        for g, own in enumerate(mode_table.guards(after)):
-            if own.kind == "surface" and own.index == guard.index:
-                self.known_zeros[g] = zeros
-        return ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
-
-    def _select_mode(self) -> tuple[Status, str] | None:
-        """Settle an event that signs alone do not decide; None if the run goes on."""
-        before = self.mode
-        hits: list[Guard] = [g for g, hit in zip(self.guards, self.hits, strict=False) if hit]
-        x = self.x.tolist()
-        switching = self.start.constants.switching
-        switching.forget()  # what another run has worked out at the same point is none of this one's work
-        decision = switching.after_event(self.time, x, before, hits)
-        if decision.mode is None:
-            return decision.ending, decision.reason
-        early = self.scalars.guard == NOWHERE
-        # Where no step was taken, surfaces left a moment ago are still as good as touched.
-        fresh = {g.index for g, zeros in zip(self.guards, self.known_zeros, strict=False) if zeros and early}
-        active = fresh | {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0}
-        orders = switching.contact_orders(self.time, x, decision.mode, active)
-        tangential = [] if early else sorted({g.index for g in hits if g.kind == "surface"})
-        return self._change_mode(decision, orders, tangential)
 
     def _end(self, status: Status, reason: str) -> Trajectory:
         state, start, modes = self.state, self.start, self.integrator.mode_table.modes

@@ -12,7 +12,7 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.henon.records import LANDINGS, TRANSITION, TRANSITION_PLACES, transition_dtype
 from henon_ref.trajectory import Kind, Transition
 
-KINDS: tuple[Kind, ...] = ("stick", "release", "crossing", "graze")
+KINDS: tuple[Kind, ...] = ("stick", "release", "crossing", "graze", "reset")
 """By the numbers of :mod:`henon_ref.henon.records`."""
 
 

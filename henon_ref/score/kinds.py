@@ -7,7 +7,14 @@ from typing import Literal, get_args
 from henon_ref.score.reference import Expected
 
 Kind = Literal[
-    "crossings", "stick-slip", "several surfaces", "graze or close roots", "no transition", "ends early", "no truth"
+    "crossings",
+    "stick-slip",
+    "several surfaces",
+    "jumps",
+    "graze or close roots",
+    "no transition",
+    "ends early",
+    "no truth",
 ]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 """In the order of tables."""
@@ -24,6 +31,7 @@ def kind_of(expected: Expected | None, surfaces: int) -> Kind:
     * ``graze or close roots``: it touches a surface, comes close to one without reaching it (by the truth's own
       list of near grazes), or two transitions of one surface are close;
     * ``no transition``;
+    * ``jumps``: the state jumps;
     * ``several surfaces``: the system has more than one;
     * ``stick-slip``: it enters or leaves sliding;
     * ``crossings``: it crosses the surface, and that is all.
@@ -44,6 +52,8 @@ def kind_of(expected: Expected | None, surfaces: int) -> Kind:
         return "graze or close roots"
     if not kinds:
         return "no transition"
+    if "reset" in kinds:
+        return "jumps"
     if surfaces > 1:
         return "several surfaces"
     return "stick-slip" if kinds & {"stick", "release"} else "crossings"

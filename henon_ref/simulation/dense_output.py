@@ -65,7 +65,7 @@ class DenseOutput:
         )
 
     def __call__(self, t: ArrayLike) -> Vector:
-        """The state at a time, shape (n,), or at m times, shape (n, m).
+        """The state at a time, shape (n,), or at m times, shape (n, m); the one after, where it jumps.
 
         Raises
         ------
@@ -74,13 +74,21 @@ class DenseOutput:
         """
         times = checked_times(t, self.start, self.end)
         flat = np.atleast_1d(times)
-        step = np.maximum(np.searchsorted(self.begin, flat, side="right") - 1, 0)
-        part = ((flat - self.begin[step]) - self.begin_low[step]) / self.unit[step]
+        value = self._on(np.maximum(np.searchsorted(self.begin, flat, side="right") - 1, 0), flat)
+        return np.ascontiguousarray(value.T) if times.ndim else value[0]
+
+    def before(self, times: Vector) -> Vector:
+        """The state just before each of m times at which it jumps, shape (n, m)."""
+        return np.ascontiguousarray(self._on(np.maximum(np.searchsorted(self.begin, times) - 1, 0), times).T)
+
+    def _on(self, step: NDArray[np.intp], times: Vector) -> Vector:
+        """The states that some steps' polynomials have at some times, shape (m, n)."""
+        part = ((times - self.begin[step]) - self.begin_low[step]) / self.unit[step]
         rows = self.coefficients[step]
-        value = rows[:, :, -1]
+        value: Vector = rows[:, :, -1]
         for k in range(rows.shape[2] - 2, -1, -1):
             value = value * part[:, None] + rows[:, :, k]
-        return np.ascontiguousarray(value.T) if times.ndim else value[0]
+        return value
 
 
 def checked_times(t: ArrayLike, start: float, end: float) -> Vector:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from henon_ref.errors import ArgumentError
 from henon_ref.figures.motion import Motion
 from henon_ref.filippov.modes import Mode
-from henon_ref.henon.records import transition_dtype
+from henon_ref.henon.records import RESET, transition_dtype
 from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.simulation.dense_output import DenseOutput, checked_times
 from henon_ref.simulation.launch import Launch
@@ -39,7 +39,7 @@ class Solution(Outcome):
         The start, the ends of the steps, both sides of every transition (its time stands there at least twice), and
         where the run ended [s]. Without dense output no ends of steps.
     y : ndarray, shape (n, k)
-        The state there.
+        The state there; where it jumps, first the one before and then the one after (without dense output that alone).
     sol : DenseOutput or None
         The solution between, by the steps' own Taylor polynomials: ``sol(t)`` has shape (n,) for a number, (n, m) for
         m times. None without dense output.
@@ -81,6 +81,9 @@ class Solution(Outcome):
         if self.sol is not None:
             begin, values = self.sol.begin, self.sol.coefficients[:, :, 0]
             at = np.maximum(np.searchsorted(begin, times), 1)  # the start comes before what happens there
+            jumps = changes["kind"] == RESET
+            states = states.copy()
+            states[jumps] = self.sol.before(times[jumps]).T
             return np.insert(begin, at, times), np.ascontiguousarray(np.insert(values, at, states, axis=0).T)
         moved = end.end_time > self._start or len(changes) > 0
         last = ([end.end_time], [end.end_state]) if moved else ([], np.zeros((0, len(self._initial))))

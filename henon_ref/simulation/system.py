@@ -31,7 +31,7 @@ from henon_ref.text import did_you_mean, listed
 
 Number = int | Fraction | Any
 """An exact number: whole, rational, or one of SymPy's (``sqrt(3)/9``)."""
-MODEL_KEYS = ("system", "scene", "sliding")
+MODEL_KEYS = ("system", "scene", "sliding", "resets")
 """Keys of a case file that make its system."""
 LONGEST_SHOWN = 200
 """Operations of an expression that is shown as a formula."""
@@ -57,6 +57,9 @@ class System:
     sliding : mapping, optional
         Sign symbol -> ``{"field": [...], "release": [{"when": EXPR, "direction": "rising", "to": -1}]}``, sliding in a
         way of one's own (static friction, with ``"entry": "inside"``) in place of Filippov's.
+    resets : mapping, optional
+        Sign symbol -> ``{"when": "falling", "map": {state: EXPR}}``: where the surface falls through zero the state
+        jumps, each right-hand side in time and the state before; states that are not named stay.
 
     Notes
     -----
@@ -101,12 +104,14 @@ class System:
         field: Sequence[Any],
         valid: Sequence[Any] | None = None,
         sliding: Mapping[Any, Any] | None = None,
+        resets: Mapping[Any, Any] | None = None,
     ) -> None:
         names = [written_name(x, "'state'") for x in state] if isinstance(state, list | tuple) else state
         given = {"state": names, "parameters": parameters, "surfaces": surfaces, "field": field, "valid": valid}
         written = {
             "system": mapping({key: tree_of(value, f"'{key}'") for key, value in given.items() if value is not None}),
             **({} if sliding is None else {"sliding": tree_of(sliding, "'sliding'")}),
+            **({} if resets is None else {"resets": tree_of(resets, "'resets'")}),
         }
         self._read(mapping(written))
 
@@ -141,7 +146,7 @@ class System:
 
     @classmethod
     def from_tree(cls, tree: MappingNode) -> System:
-        """The system of a case file's tree: its keys ``system`` or ``scene``, and ``sliding``.
+        """The system of a case file's tree: its keys ``system`` or ``scene``, ``sliding`` and ``resets``.
 
         Raises
         ------
@@ -277,8 +282,9 @@ class System:
             (i, o.field, tuple((r.when, r.direction, r.to) for r in o.release), o.entry)
             for i, o in sorted(model.overrides.items())
         )
+        resets = tuple((i, tuple(r.map.items()), r.when) for i, r in sorted(model.resets.items()))
         names = tuple(self._names.values)
-        return model.states, model.signs, model.surfaces, model.field, model.valid, overrides, names
+        return model.states, model.signs, model.surfaces, model.field, model.valid, overrides, resets, names
 
     @cached_property
     def content(self) -> tuple[object, ...]:

@@ -28,7 +28,7 @@ from henon_ref.sweeps.sweep_form import SweepForm
 from henon_ref.text import did_you_mean, listed
 
 T = TypeVar("T")
-CASE_KEYS = ("schema", "name", "title", "source", "system", "scene", "sliding", "initial", "until")
+CASE_KEYS = ("schema", "name", "title", "source", "system", "scene", "sliding", "resets", "initial", "until")
 """Keys that a sweep file has in common with a case file."""
 POINT_KINDS = ("grid", "table", "random", "continuation")
 

@@ -12,6 +12,7 @@ from henon_ref.casefile.schema import (
     Form,
     InitialForm,
     OneLine,
+    ResetForm,
     SceneForm,
     SlidingForm,
     SystemForm,
@@ -44,6 +45,7 @@ class SweepForm(Form):
     system: SystemForm | None = None
     scene: SceneForm | None = None
     sliding: dict[str, SlidingForm] = Field({})
+    resets: dict[str, ResetForm] = Field({})
     initial: InitialForm
     until: Expression
     points: Annotated[dict[str, Any], Field(min_length=1, max_length=1)]

@@ -20,6 +20,9 @@ the modes in between; the flow is then not differentiable, and the number is one
 Where a guard touches zero without falling through it (graze), the time depends on the state like a square
 root: the conditioning is infinite, and the touch passes errors on unchanged.
 
+Where the state jumps, x -> R(t, x), the saltation matrix is ``DR + (f+ - DR f- - dR/dt) grad(g)^T / g'``, with f+ at
+the state after and everything else at that before.
+
 Double precision is enough here: the numbers are wanted to a few digits. The points are those of the truth.
 """
 
@@ -37,6 +40,8 @@ from scipy.integrate import solve_ivp
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resets import jump_of
+from henon_ref.filippov.resting import impact_of
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.reference import ReferenceTransition, instants
@@ -75,16 +80,26 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
         first = transitions[group[0]]
         length = first.time - time
         landed = np.array([float(v) for v in first.state])
-        spread = flow.derivative(mode, time, state, first.time, landed) @ spread
-        time, state = first.time, landed
+        resets = tuple(transitions[i].surface for i in group if transitions[i].kind == "reset")
+        origin, spread_there = (time, state), spread
+        change, arrived = flow.derivative(mode, time, state, first.time, landed)
+        spread = change @ spread
+        time, state = first.time, arrived if resets else landed
         falls = _fallen_guards(flow, mode, first.to_mode, [transitions[i].surface for i in group], time, state, length)
         for i in group:
             own = [f for f in falls if f[0].index == transitions[i].surface] or falls
             rows = [-gradient / rate for _, gradient, rate in own if rate]
+            if transitions[i].kind == "stick" and transitions[i].surface in problem.system.resets and not resets:
+                row = flow.time_of_rest(transitions[i].surface, mode, *origin)
+                found.append(float(np.linalg.norm(row @ spread_there, axis=-1).max()))
+                continue
             touch = transitions[i].kind == "graze" or not rows
             found.append(inf if touch else max(float(np.linalg.norm(row @ spread, axis=-1).max()) for row in rows))
-        spread = flow.saltation(mode, first.to_mode, falls, time, state) @ spread
-        mode = first.to_mode
+        if resets:
+            spread = flow.jump(mode, first.to_mode, resets, falls, time, state, landed) @ spread
+        else:
+            spread = flow.saltation(mode, first.to_mode, falls, time, state) @ spread
+        mode, state = first.to_mode, landed
         spread = np.concatenate([spread, flow.projector(mode, time, state)[None]])
     return [float(f"{c:.4g}") if np.isfinite(c) else inf for c in found]
 
@@ -118,11 +133,14 @@ class _Variations:
         self._flows: dict[Mode, Callable[..., Any]] = {}
         self._functions: dict[Mode, Callable[..., Any]] = {}
 
-    def derivative(self, mode: Mode, begin: float, state: Vector, end: float, landed: Vector) -> Vector:
-        """Phi: derivative of the state at ``end`` (``landed``) with respect to that at ``begin``, within a mode."""
+    def derivative(self, mode: Mode, begin: float, state: Vector, end: float, landed: Vector) -> tuple[Vector, Vector]:
+        """Phi, the derivative of the state at ``end`` with respect to that at ``begin`` within a mode; the state there.
+
+        ``landed``: what the state is there but for rounding, or for a jump: of that size.
+        """
         n, length = len(state), end - begin
         if not length > 0:
-            return np.eye(n)
+            return np.eye(n), state
         flow = self._flow(mode)
 
         def rates(passed: float, values: Vector) -> Vector:
@@ -137,8 +155,8 @@ class _Variations:
             sizes = np.concatenate([size, np.divide.outer(size, size).ravel()])
             run = solve_ivp(rates, (0.0, length), start, "DOP853", rtol=TOLERANCE, atol=TOLERANCE * sizes)
         if run.status != 0:
-            return np.full((n, n), np.nan)  # a singularity close by: double precision cannot say
-        return run.y[n:, -1].reshape(n, n)
+            return np.full((n, n), np.nan), landed  # a singularity close by: double precision cannot say
+        return run.y[n:, -1].reshape(n, n), run.y[:n, -1]
 
     def guards(self, mode: Mode, time: float, state: Vector) -> list[tuple[Guard, float, Vector, float]]:
         """(guard, value, gradient, rate along the field) of every guard of a mode."""
@@ -162,6 +180,57 @@ class _Variations:
                 total = (np.eye(len(state)) + np.outer(jump, gradient) / rate) @ total
             mode = following
         return total
+
+    def jump(
+        self,
+        before: Mode,
+        after: Mode,
+        surfaces: tuple[int, ...],
+        falls: Sequence[Fall],
+        time: float,
+        state: Vector,
+        landed: Vector,
+    ) -> Vector:
+        """S of a reset, with the state before it and the one after, ``landed``.
+
+        Of several guards that fall at one instant the first one's.
+        """
+        drift, matrix = self._map(surfaces, time, state)
+        _, gradient, rate = next(fall for fall in falls if fall[0].index in surfaces)
+        if not rate:
+            return matrix
+        change = self.field(after, time, landed) - matrix @ self.field(before, time, state) - drift
+        return matrix + np.outer(change, gradient) / rate
+
+    def time_of_rest(self, surface: int, mode: Mode, time: float, state: Vector) -> Vector:
+        """How the limit of impacts moves with the state just after the last one, shape (n,).
+
+        From height h and speed v it is ``(v + s) / a + 2 r s / (a (1 - r))`` away with ``s^2 = v^2 + 2 a h``: its
+        derivative is ``(1 + r) / ((1 - r) v)`` by h and ``2 / ((1 - r) a)`` by v (:mod:`henon_ref.filippov.resting`).
+        """
+        system, resting, jump = self.system, impact_of(self.system, surface), jump_of(self.system, (surface,))
+        assert resting is not None  # there is a rest
+        assert jump is not None
+        after = resting.speed.xreplace(dict(zip(system.states, jump.states, strict=True)))
+        signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
+        written = [resting.acceleration, sp.cancel(after / resting.speed)]
+        written += [
+            resting.speed,
+            *(sp.diff(e, x) for e in (system.surfaces[surface], resting.speed) for x in system.states),
+        ]
+        values = sp.lambdify([TIME, *system.states], [system.numeric(e).xreplace(signs) for e in written], np)
+        acceleration, ratio, speed, *slopes = (float(v) for v in values(time, *state))
+        height, own = np.array(slopes).reshape(2, -1)
+        return (1 - ratio) / (1 + ratio) / speed * height + 2 / ((1 + ratio) * -acceleration) * own
+
+    def _map(self, surfaces: tuple[int, ...], time: float, state: Vector) -> tuple[Vector, Vector]:
+        """Derivatives of a jump in time, shape (n,), and in the state, shape (n, n)."""
+        system, jump = self.system, jump_of(self.system, surfaces)
+        assert jump is not None  # there is a transition
+        values = [system.numeric(value) for value in jump.states]
+        slopes = [[sp.diff(value, x) for x in (TIME, *system.states)] for value in values]
+        found = np.array(sp.lambdify([TIME, *system.states], slopes, np)(time, *state), dtype=float)
+        return found[:, 0], found[:, 1:]
 
     def field(self, mode: Mode, time: float, state: Vector) -> Vector:
         """x' in a mode."""

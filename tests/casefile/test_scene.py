@@ -152,6 +152,9 @@ EVERY = [
         id="stop, elastic",
     ),
     pytest.param(
+        "stop: {between: [wall, b], gap: -1/2, restitution: 1}", {}, {"g_wall_b": "1/2 - x_b"}, id="stop, hard"
+    ),
+    pytest.param(
         "stop: {between: [a, wall], gap: 0, stiffness: k, damping: c}",
         {"v_a": "(-k*x_a*(1 - g_a_wall)/2 + (kink1*(-k*x_a - c*v_a)/2 - kink2*(c*v_a - k*x_a)/2)*(1 - g_a_wall)/2)/m"},
         {"g_a_wall": "x_a", "kink1": "-k*x_a - c*v_a", "kink2": "-k*x_a + c*v_a"},
@@ -370,7 +373,12 @@ def refusal(connection: str, body: str = "{mass: 1}", initial: str = "x_a: 0") -
         ("stop: {between: [wall, a], gap: 0}", "", "give one of the two"),
         ("stop: {between: [wall, a], gap: 0, stiffness: 0}", "0", "larger than 0"),
         ("stop: {between: [wall, a], stiffness: 1}", "", "lacks its key 'gap' [m]"),
-        ("stop: {between: [wall, a], gap: 0, restitution: 0.8}", "restitution", "not there yet"),
+        ("stop: {between: [wall, a], gap: 0, restitution: 0.8, damping: 1}", "damping", "has no 'damping'"),
+        (
+            "stop: {between: [belt, a], gap: 0, restitution: 0.8}",
+            "belt",
+            "give its 'position' in place of its 'velocity'",
+        ),
     ],
 )
 def test_a_connection_that_cannot_be_built_is_refused_with_its_place(connection: str, at: str, says: str) -> None:

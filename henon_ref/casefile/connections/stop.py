@@ -1,6 +1,7 @@
 """One-sided stops: they keep x_p - x_q at or above a gap, as Modelica's ``ElastoGap`` does.
 
-As there, the damping force is never larger than the spring's, so that a stop does not pull and its force is continuous.
+As there, the damping force of an elastic stop is never larger than the spring's, so that it does not pull and its force
+is continuous. A hard stop throws back (:mod:`henon_ref.casefile.impact_law`).
 """
 
 from __future__ import annotations
@@ -15,11 +16,13 @@ def _add(link: Link) -> None:
         raise link.error(f"a stop is hard, with 'restitution' [1], or elastic, with {elastic}; give one of the two")
     if len(ways) == 2:
         raise link.error("a stop has 'restitution' (hard) or 'stiffness' (elastic), not both", at=link.later(ways))
-    if ways == ["restitution"]:
-        message = "hard stops, with 'restitution', are not there yet; give 'stiffness' for an elastic one"
-        raise link.error(message, at="restitution")
     opening = link.distance - link.values["gap"]
     sign = link.sign("g", opening)
+    if ways == ["restitution"]:
+        if "damping" in link.values:
+            raise link.error("a hard stop, with 'restitution', has no 'damping'", at="damping")
+        link.throw_back(sign, link.values["restitution"])
+        return
     spring = -link.values["stiffness"] * opening
     link.push(spring * (1 - sign) / 2)
     if "damping" in link.values:
@@ -27,7 +30,7 @@ def _add(link: Link) -> None:
 
 
 KIND = Kind(
-    meaning="keeps x_p - x_q at or above the gap: pushes back by stiffness times what it falls short",
+    meaning="keeps x_p - x_q at or above the gap: throws back, or pushes by stiffness times what it falls short",
     keys=(
         Key("gap", "m", "rad", "least value of x_p - x_q"),
         Key("stiffness", "N/m", "N m/rad", "of an elastic stop", optional=True, range="positive"),

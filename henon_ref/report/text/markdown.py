@@ -15,7 +15,15 @@ from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.text.effects import effect_table
 from henon_ref.report.text.formats import listing
 from henon_ref.report.text.gate import gate_table
-from henon_ref.report.text.model import as_written, general_form, kink_notes, mode_equations, modes_of, parameters
+from henon_ref.report.text.model import (
+    as_written,
+    general_form,
+    kink_notes,
+    mode_equations,
+    modes_of,
+    parameters,
+    reset_notes,
+)
 from henon_ref.report.text.overview import overview
 from henon_ref.report.text.published import orbit_table, published_table
 from henon_ref.report.text.ranking import name
@@ -136,7 +144,7 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
         "model": {
             "story": paragraphs(reading.story or ""),
             "effects": [part if isinstance(part, str) else part.markdown for part in effect_table(result) or ()],
-            "kinks": kink_notes(system),
+            "kinks": [*kink_notes(system), *reset_notes(system)],
             "equations": general_form(system),
             "written": as_written(system),
             "modes": [mode_equations(system, mode) for mode in modes_of(result)],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log2
 
 import sympy as sp
 
@@ -13,6 +14,7 @@ from henon_ref.filippov.formulas import general_form as general_form
 from henon_ref.filippov.kinks import continuous
 from henon_ref.filippov.latex import latex, symbol
 from henon_ref.filippov.modes import Mode, mode_text
+from henon_ref.filippov.resting import REMAINING, impact_of
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
@@ -53,6 +55,22 @@ def kink_notes(system: FilippovSystem) -> list[str]:
             notes.append(f"`{name}`: a kink, the field is continuous there; it is crossed, and nothing slides on it")
         elif index in system.kinks:
             notes.append(f"`{name}`: a jump of the field")
+    return notes
+
+
+def reset_notes(system: FilippovSystem) -> list[str]:
+    """What is said of surfaces at which the state jumps."""
+    notes = []
+    for index, reset in sorted(system.resets.items()):
+        values = [(x, value) for x, value in reset.map.items() if printable(value)]
+        lines = ", ".join(f"${symbol(x.name)}^+ = {latex(value)}$" for x, value in values)
+        lines += "" if len(values) == len(reset.map) else " (a value is too long to be printed)"
+        note = f"`{system.sign_names[index]}`: where it falls through zero, the state jumps: {lines}"
+        impact, part = impact_of(system, index), f"2^{log2(REMAINING):.0f}"
+        if impact is not None:
+            note += f"; impacts are told of until all later ones last less than {part} of the run, then "
+            note += f"the run ends: {impact.refusal}" if impact.refusal else "the body rests"
+        notes.append(note)
     return notes
 
 

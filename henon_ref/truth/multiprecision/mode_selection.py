@@ -66,7 +66,7 @@ class ModeSelection:
         if not active:
             return Decision("unique", mode)
         point = Point(self._exact(start), tuple(self._exact(v) for v in initial))
-        return self._decide(point, mode, active)
+        return self._outside(point, self._decide(point, mode, active), active)
 
     def sides(self, start: sp.Expr, initial: Sequence[sp.Expr], expressions: Sequence[sp.Expr]) -> list[int]:
         """Signs of expressions at an exact start."""
@@ -85,6 +85,26 @@ class ModeSelection:
         active = {i for g in hits for i in self.system.together(g.index, sliding)}
         return self._decide(point, mode, tuple(sorted(active)))
 
+    def mode_by_signs(self, point: Point, sides: Sequence[int], valid: Sequence[int]) -> Decision:
+        """The mode at a point where the surfaces, and the ``valid`` expressions, have these signs; 0: it is on one."""
+        for expression, sign in zip(self.system.valid, valid, strict=True):
+            if sign <= 0:
+                reason = f"the model does not hold after the reset at t = {_short(point)}: {expression} <= 0"
+                return Decision("invalid", None, reason)
+        on = tuple(i for i, side in enumerate(sides) if side == 0)
+        return (
+            self._outside(point, self._decide(point, tuple(sides), on), on) if on else Decision("unique", tuple(sides))
+        )
+
+    def _outside(self, point: Point, decision: Decision, on: Sequence[int]) -> Decision:
+        """A decision, unless the state moves into a surface that resets it."""
+        for i in on:
+            if decision.mode is not None and i in self.system.resets and decision.mode[i] < 0:
+                name = self.system.signs[i]
+                reason = f"at t = {_short(point)} the state is on {name}, which resets it, and moves into it"
+                return Decision("invalid", None, reason)
+        return decision
+
     def leading_terms(self, point: Point, mode: Mode, active: frozenset[int]) -> list[LeadingTerm] | None:
         """What each guard of a mode does first, just after a point; None where its field is not finite.
 
@@ -102,6 +122,10 @@ class ModeSelection:
             return None
         first = [1 if g.kind == "surface" and g.index in active else 0 for g in guards]
         return [series.leading(c, k) for c, k in zip(expansions, first, strict=True)]
+
+    def guard_series(self, point: Point, mode: Mode) -> list[list[arb]]:
+        """Taylor coefficients in time of a mode's guards; ZeroDivisionError or ValueError where there are none."""
+        return self._expansions(point, mode)
 
     def values(self, point: Point, mode: Mode) -> list[arb]:
         """Values of a mode's guards at the middle of a point (balls drop digits below their radius)."""
@@ -172,7 +196,7 @@ class ModeSelection:
         if terms is None:
             return None
         own = {i for i in active if mode[i] == 0 and i in self.system.overrides}
-        inside = {i for i in active if mode[i] != 0 and self.system.held_inside(i)}
+        inside = {i for i in active if mode[i] != 0 and (self.system.held_inside(i) or self.system.rests(i))}
         # Where entry is decided by the hold zone, no slip starts inside it.
         lost = {i for i in own if not self._sticks(point, mode, i)}
         if any(self._sticks(point, mode, i) for i in inside) or (lost and len(active) <= EXHAUSTIVE):
@@ -189,6 +213,8 @@ class ModeSelection:
 
     def _sticks(self, point: Point, mode: Mode, index: int) -> bool:
         """Whether a surface whose sliding is overridden is slid on from a point."""
+        if self.system.rests(index):
+            return self._rests(point, mode, index)
         if not self.system.held_inside(index):
             return self._attracts(point, mode, index)
         stick = replaced(mode, index, 0)
@@ -202,6 +228,14 @@ class ModeSelection:
             for guard, term in zip(guards, terms, strict=True)
             if guard.kind == "release" and guard.index == index
         )
+
+    def _rests(self, point: Point, mode: Mode, index: int) -> bool:
+        """Whether a body on a surface stays there: off it, h would neither rise at once nor fall with a speed."""
+        free = replaced(mode, index, 1)
+        terms = self.leading_terms(point, free, frozenset((index,)))
+        own = zip(self.system.equations(free).guards, terms or (), strict=False)
+        term = next((term for g, term in own if g.kind == "surface" and g.index == index), (1, -1))
+        return term is None or (term[0] > 1 and term[1] < 0)
 
     def _hold_values(self, point: Point, mode: Mode, index: int) -> list[arb]:
         """Values of an override's release guards beside a mode's slips; none where they hold another sign."""

@@ -64,7 +64,7 @@ def _part(progress: Progress | None, index: int) -> Progress | None:
 
 
 def _same(a: Event, b: Event) -> bool:
-    return (a.before, a.after, a.surfaces) == (b.before, b.after, b.surfaces)
+    return (a.before, a.after, a.surfaces, a.resets) == (b.before, b.after, b.surfaces, b.resets)
 
 
 def _agreed(problem: Problem, high: Run, low: Run, *, seconds: float) -> Route:
@@ -115,7 +115,7 @@ def _transitions(high: Event, low: Event, least_time: float, least_state: float)
     state_radius = max(_radius(a, b, least_state) for a, b in zip(high.state, low.state, strict=True))
     return [
         ReferenceTransition(
-            kind=transition_kind(high.before[i], high.after[i]),
+            kind="reset" if i in high.resets else transition_kind(high.before[i], high.after[i]),
             surface=i,
             from_mode=high.before,
             to_mode=high.after,

@@ -8,13 +8,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from flint import arb
 
+from henon_ref.filippov.after_jump import Rest
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resets import resetting
+from henon_ref.filippov.resting import REMAINING
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
 from henon_ref.truth.multiprecision.heyoka import to_real
+from henon_ref.truth.multiprecision.jump import Jumps
 from henon_ref.truth.multiprecision.mode_selection import ModeSelection, Point
 from henon_ref.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball
 from henon_ref.truth.multiprecision.stepper import Step, Stepper
@@ -22,6 +26,8 @@ from henon_ref.truth.multiprecision.termination import CROWD, EndedError, Termin
 from henon_ref.truth.reference import NearGraze
 from henon_ref.truth.roots import isolate
 
+FINAL = 2.0**-80
+"""Part of the run that is left of accumulating impacts where their limit is taken: it is wrong by about its square."""
 MAX_STEPS = 1_000_000
 """Taylor steps after which a run is given up: the time limit of a truth ends nearly all runs before."""
 
@@ -41,6 +47,8 @@ class Event:
     """Surfaces that change, or that are touched where none changes."""
     transversality: float
     """Smallest speed with which a guard that ends the mode falls through zero [unit of the guard / s]."""
+    resets: tuple[int, ...] = ()
+    """Surfaces that reset the state; ``state`` is the one after."""
 
 
 @dataclass
@@ -93,6 +101,7 @@ class _Simulation:
         self.zero = arb(2) ** (-(3 * bits) // 4)
         self.progress = progress
         self.selection = ModeSelection(problem.system, bits)
+        self.jumps = Jumps(self.selection)
         # As heyoka rounds them: a horizon between two of its numbers would never be reached.
         self.start, self.until = (to_ball(to_real(exact_ball(t, bits), bits)) for t in (problem.start, problem.until))
         self.span = float(self.until - self.start)
@@ -105,6 +114,8 @@ class _Simulation:
         self.skipped: list[int] = []
         """Leading coefficients of each guard that are zero at the start of the next step."""
         self.termination = Termination(self.span, bits)
+        self.accumulating: tuple[int, ...] = ()
+        """The surface of impacts that have come to their limit, and are no longer told of."""
 
     def run(self) -> Run:
         try:
@@ -242,14 +253,50 @@ class _Simulation:
         """Decide the mode after an event, note the event, and go on."""
         before, point = self.mode, self.point
         self.result.end_time = point.time.mid()
-        self.termination.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
-        after = self._decided(self.selection.after_event(point, before, hits))
-        active = frozenset({g.index for g in hits} | {i for i, s in enumerate(before) if s == 0})
-        changed = tuple(i for i in sorted(active) if after[i] != before[i])
+        if not self.accumulating:
+            self.termination.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
+        resets = resetting(self.problem.system, before, hits)
+        if self.accumulating and resets != self.accumulating:
+            raise EndedError("failed", f"something happens where impacts accumulate, at t = {self._now()}")
+        if resets:
+            after, active, rest = self._jump(resets, hits)
+            changed = tuple(i for i, s in enumerate(after) if s != before[i] or i in resets)
+        else:
+            after = self._decided(self.selection.after_event(point, before, hits))
+            active = frozenset({g.index for g in hits} | {i for i, s in enumerate(before) if s == 0})
+            changed = tuple(i for i in sorted(active) if after[i] != before[i])
         touched = tuple(sorted({g.index for g in hits}))
-        state = tuple(v.mid() for v in point.state)
-        self.result.events.append(Event(point.time.mid(), state, before, after, changed or touched, transversality))
+        state = tuple(v.mid() for v in self.point.state)
+        if not self.accumulating:
+            self.result.events.append(
+                Event(point.time.mid(), state, before, after, changed or touched, transversality, resets)
+            )
+        if resets and rest is not None:
+            self.accumulating = resets
+            if rest.remaining <= FINAL * self.span:
+                self._come_to_rest(after, rest)
+                return
         self._enter(after, active)
+
+    def _come_to_rest(self, before: Mode, rest: Rest) -> None:
+        """Go to where a body comes to rest on a surface, or to the horizon before that."""
+        time = (self.point.time + rest.remaining).mid()
+        late = bool(time > self.until)
+        self.accumulating = ()
+        self.point = Point(self.until if late else time, tuple(rest.state))
+        self.result.end_time = self.point.time
+        surfaces = tuple(i for i, s in enumerate(rest.mode) if s != before[i])
+        if not late:
+            state = tuple(v.mid() for v in rest.state)
+            self.result.events.append(Event(time, state, before, rest.mode, surfaces, 0.0))
+        self._enter(rest.mode, frozenset(i for i, s in enumerate(rest.mode) if s == 0))
+
+    def _jump(self, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> tuple[Mode, frozenset[int], Rest | None]:
+        """Let the state jump; the mode after, the surfaces that the state is on, and the rest that is close."""
+        after = self.jumps.after(self.point, self.mode, surfaces, hits, REMAINING * self.span)
+        mode = self._decided(after.decision)
+        self.point = Point(self.point.time, tuple(after.state))
+        return mode, frozenset(after.on), after.rest
 
     def _blurred(self, time: arb, state: Sequence[arb], step: Step) -> Point:
         """A point with the radii within which it counts as known."""

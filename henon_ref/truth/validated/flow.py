@@ -6,16 +6,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log2
 
+import sympy as sp
 from flint import arb, arb_mat
 
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.resets import Jump, jump_of, resetting, shared
+from henon_ref.filippov.resting import REMAINING, impact_of, pressed_by, time_to_rest
 from henon_ref.precision import working_precision
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.validated.enclosure import Curve, Expansion, Tail, UndecidedError, expand
 from henon_ref.truth.validated.event import first_root, guard_curve
+from henon_ref.truth.validated.impacts import Rest, rest_after, speed_after
 from henon_ref.truth.validated.lohner import PointSet
-from henon_ref.truth.validated.mode_selection import Entry, entry_after
+from henon_ref.truth.validated.mode_selection import EndedError, Entry, entry_after, entry_after_jump, entry_at_rest
 from henon_ref.truth.validated.model import ModeModel, SystemModel
 
 TANGENT_ORDER = 16
@@ -23,6 +27,8 @@ TANGENT_BITS = 64
 """Order and precision of the variational equations, where their result only carries a radius along."""
 HORIZON_MARGIN = 1.125
 """How far beyond the horizon is looked, in the time left, so that an event just there shows as a tie with it."""
+FINAL = 2.0**-56
+"""Part of the run that is left of accumulating impacts where their limit is enclosed: the radius is near its square."""
 TANGENT_ROOM = 4.0
 """Their disc over their step, to begin with."""
 
@@ -54,6 +60,12 @@ class Hit:
     """Enclosure of (t, x)."""
     rate: arb
     """Slope of the guard at the event [1/s]."""
+    resets: tuple[int, ...] = ()
+    """Surfaces that reset the state; ``box`` is of the state after."""
+    rest: Rest | None = None
+    """What follows at once, or after impacts that are not told of."""
+    told: bool = True
+    """Whether the guard's fall is told of: not where impacts have come to their limit before."""
 
 
 class ValidatedFlow:
@@ -69,15 +81,26 @@ class ValidatedFlow:
         Its ``bits`` must be the working precision of ``flint.ctx`` whenever a method is called.
     unit : float
         Time unit to begin with, a power of two.
+    span : float
+        Length of the run, against which impacts are seen to accumulate [s]; 0: they are not.
     """
 
     def __init__(
-        self, model: SystemModel, points: PointSet, entry: Entry, precision: Precision, unit: float = 1.0
+        self,
+        model: SystemModel,
+        points: PointSet,
+        entry: Entry,
+        precision: Precision,
+        unit: float = 1.0,
+        span: float = 0.0,
     ) -> None:
         self.model, self.points, self.precision, self.unit = model, points, precision, unit
         size = len(points.centre)
         self.derivative = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
         """Encloses the derivative of (t, x) now by (t, x) at the start, events included (saltation)."""
+        self.span = span
+        self._accumulating: int | None = None
+        """The surface of impacts that have come to their limit, and are no longer told of."""
         self.steps = 0
         self.done = False
         """Whether the horizon is reached."""
@@ -211,10 +234,71 @@ class ValidatedFlow:
         reached = set() if guard.ends else {guard.index}
         on = tuple(sorted({i for i, s in enumerate(before) if s == 0} | reached))
         self._project(made, flow, tangent, root, middle, flow.output(index).at(middle), row, slope, on)
+        resets = resetting(self.model.system, before, [guard])
+        rate = slope / arb(self.unit)
+        if resets:
+            return self._reset(guard, before, rate)
+        if self._accumulating is not None:
+            raise UndecidedError("another event happens where impacts accumulate", "mode")
         box = tuple(self.points.hull())
         entry, _ = entry_after(self.model, box, before, guard)
         self.enter(entry)
-        return Hit(guard, before, entry.mode, box, slope / arb(self.unit))
+        return Hit(guard, before, entry.mode, box, rate)
+
+    def _reset(self, guard: Guard, before: Mode, rate: arb) -> Hit:
+        """Let the state jump where a guard has fallen."""
+        system, index = self.model.system, guard.index
+        jump = jump_of(system, (index,))
+        assert jump is not None  # of one surface there is one
+        arrived = self.points.hull()
+        if pressed := pressed_by(system, before, jump):
+            raise EndedError(shared(system, (index, *pressed), arrived[0].str(17, radius=False)).reason, "nonunique")
+        if self._accumulating not in (None, index):
+            raise UndecidedError("another surface resets the state where impacts accumulate", "mode")
+        speed = speed_after(self.model, index, before, arrived)
+        self._jump(jump)
+        box = tuple(self.points.hull())
+        entry = entry_after_jump(self.model, box, before, jump, speed)
+        after, rest = entry.mode, None
+        if speed is not None and after[index] == 0:  # the impact has taken all its speed
+            after, rest = replaced(after, index, 1), Rest(entry.mode, box)
+        told = self._accumulating is None
+        if rest is None and speed is not None and after[index] > 0:
+            rest = self._limit(index, before, after, speed, arrived)
+        if rest is not None and rest.box is not box:
+            self._accumulating = None
+            self.points = PointSet.box(rest.box)
+            entry = entry_at_rest(self.model, rest.box, rest.mode)
+        self.enter(entry)
+        return Hit(guard, before, after, box, rate, (index,), rest, told)
+
+    def _limit(self, index: int, before: Mode, after: Mode, speed: arb, arrived: Sequence[arb]) -> Rest | None:
+        """The limit of impacts, where it is as close as can be; notes where they are no longer told of."""
+        if not self.span:
+            return None
+        impact, box = impact_of(self.model.system, index), self.points.hull()
+        assert impact is not None
+        at = dict(zip(self.model.symbols, box, strict=True))
+        made = self.model.mode(after)
+        own = next(g for g in made.guards if g.kind == "surface" and g.index == index)
+        bend = enclose(made.lie_derivative(made.lie_derivative(own.expression)), at)
+        fall = enclose(self.model.system.numeric(impact.speed), dict(zip(self.model.symbols, arrived, strict=True)))
+        time = time_to_rest(fall, speed, bend, arb(REMAINING * self.span))
+        if time is None:
+            return None
+        if any(j != index and old != new for j, (old, new) in enumerate(zip(before, after, strict=True))):
+            raise UndecidedError("a surface changes its side with the impacts that accumulate", "mode")
+        self._accumulating = index
+        return rest_after(self.model, index, after, speed, box) if time < FINAL * self.span else None
+
+    def _jump(self, jump: Jump) -> None:
+        """Carry the set through a map of the state, by its value at the centre and its derivative over the set."""
+        system, symbols = self.model.system, self.model.symbols
+        at, over = (dict(zip(symbols, box, strict=True)) for box in (self.points.centre, self.points.hull()))
+        states = [system.numeric(value) for value in jump.states]
+        rows = [[arb(int(j == 0)) for j in range(len(symbols))]]
+        rows += [[enclose(sp.diff(value, x), over) for x in symbols] for value in states]
+        self._move([self.points.centre[0], *(enclose(value, at) for value in states)], rows)
 
     def _project(
         self,

@@ -20,6 +20,8 @@ from henon_ref.filippov.decision import ended
 from henon_ref.filippov.equations import Guard, Refusal
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resets import Jump
+from henon_ref.filippov.resting import impact_of
 from henon_ref.truth.balls import enclose, proves_zero
 from henon_ref.truth.validated.enclosure import UndecidedError
 from henon_ref.truth.validated.model import ModeModel, SystemModel, solve_for_states
@@ -112,6 +114,18 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
             )
         mode.append(sign)
     open_ones = tuple(i for i in on if i not in problem.initial_mode)
+    for i in open_ones:
+        impact = impact_of(system, i) if system.rests(i) else None
+        speed = sp.Integer(0) if impact is None else system.numeric(impact.speed)
+        if at.vanishes(speed):
+            continue
+        mode[i] = _sign(enclose(speed, dict(zip(model.symbols, box, strict=True))))
+        if mode[i] == 0:
+            raise UndecidedError(f"whether the start leaves {system.sign_names[i]} cannot be told", "start")
+        if mode[i] < 0:
+            name = system.sign_names[i]
+            raise EndedError(f"the start is on {name}, which resets the state, and moves into it", "invalid")
+    open_ones = tuple(i for i in open_ones if mode[i] == 0)
     judge = _Judge(model, box, tuple(on), at)
     if open_ones:
         return judge.unique(tuple(mode), open_ones), tuple(on)
@@ -139,15 +153,67 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
             raise UndecidedError(refused.reason, "mode")
         raise EndedError(refused.reason, hit.ends)
     on = tuple(sorted({i for i, s in enumerate(mode) if s == 0} | {hit.index}))
-    zeros = [model.surfaces[i] for i in on]
     if hit.kind == "surface":
-        active = tuple(sorted(system.together(hit.index, on)))
-        return _Judge(model, box, on, Identities.of(zeros, system.states)).unique(mode, active), on
+        moving = [hit.index] if mode[hit.index] else []
+        judge = _Judge(model, box, on, _identities(model, [i for i in on if i not in moving], moving))
+        if system.rests(hit.index):  # from the side where nothing can rest
+            return judge.fixed(replaced(mode, hit.index, hit.to_sign), "the surface is not left"), on
+        return judge.unique(mode, tuple(sorted(system.together(hit.index, on)))), on
     released = replaced(mode, hit.index, hit.to_sign)
-    identities = Identities.of([*zeros, hit.expression], system.states)
+    identities = _identities(model, on, (), hit.expression)
     smooth = None if hit.index in system.overrides else hit.index
     judge = _Judge(model, box, on, identities, smooth)
     return judge.fixed(released, f"the release into {mode_text(released, system.sign_names)} leads back at once"), on
+
+
+def entry_after_jump(model: SystemModel, box: Sequence[arb], mode: Mode, jump: Jump, speed: arb | None) -> Entry:
+    """The mode after a jump of the state.
+
+    Parameters
+    ----------
+    model : SystemModel
+    box : sequence of arb
+        Enclosure of (t, x) after it.
+    mode : Mode
+        Before it.
+    jump : Jump
+        Of one surface.
+    speed : arb, optional
+        With which the surface is left; exactly 0 where it is not, None where the jump is no impact.
+    """
+    system, at = model.system, dict(zip(model.symbols, box, strict=True))
+    for expression in system.valid:
+        value = enclose(system.numeric(expression), at)
+        if value < 0:
+            raise EndedError(f"the model does not hold after the reset: {expression} < 0", "invalid")
+        if not value > 0:
+            raise UndecidedError(f"whether the model holds after the reset cannot be told: {expression}", "mode")
+    signs = [_sign(enclose(h, at)) for h in model.surfaces]
+    for i, sign in enumerate(signs):
+        if sign == 0 and i not in jump.kept:
+            raise UndecidedError(f"the side of {system.sign_names[i]} after the reset cannot be told", "mode")
+    (index,) = jump.surfaces
+    sides = jump.sides(mode, jump.surfaces, signs)
+    on = tuple(i for i, side in enumerate(sides) if side == 0)
+    identities = _identities(model, [i for i in on if i != index or speed == 0], [i for i in on if i == index])
+    if speed is not None:
+        sides[index] = _sign(speed)
+    return _Judge(model, box, on, identities).unique(tuple(sides), tuple(i for i in on if sides[i] == 0))
+
+
+def entry_at_rest(model: SystemModel, box: Sequence[arb], mode: Mode) -> Entry:
+    """The mode in which a body has come to rest."""
+    on = tuple(i for i, s in enumerate(mode) if s == 0)
+    return _Judge(model, box, on, _identities(model, on)).fixed(mode, "the body does not stay at rest")
+
+
+def _identities(model: SystemModel, on: Sequence[int], moving: Sequence[int] = (), *more: sp.Expr) -> Identities:
+    """What is zero on surfaces, of those that a body rests on the speed, too; ``moving``: without the speed."""
+    system = model.system
+    zeros = [model.surfaces[i] for i in (*on, *moving)]
+    rests = [impact_of(system, i) for i in on if system.rests(i)]
+    zeros += [system.numeric(impact.speed) for impact in rests if impact is not None]
+    return Identities.of([*zeros, *more], system.states)
 
 
 class _Judge:
@@ -216,7 +282,8 @@ class _Judge:
             if guard.ends or guard.index not in self.on:
                 zeros.append(0)
                 continue
-            inside = guard.index in active and self.model.system.held_inside(guard.index)
+            system = self.model.system
+            inside = guard.index in active and (system.held_inside(guard.index) or system.rests(guard.index))
             if inside and guard.kind == "surface" and self._held(mode, guard.index):
                 return None  # no slip starts inside the hold zone
             if guard.rising_only and not inside:

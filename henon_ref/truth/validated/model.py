@@ -10,6 +10,7 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.resting import impact_of
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 from henon_ref.truth.balls import enclose, proves_zero
@@ -55,7 +56,9 @@ class ModeModel:
         self.guards = tuple(replace(g, expression=system.numeric(g.expression)) for g in equations.guards)
 
         for i in set(system.overrides) & {i for i, s in enumerate(mode) if s == 0}:
-            self._check_kept(system.numeric(system.surfaces[i]), system.sign_names[i])
+            impact = impact_of(system, i) if system.rests(i) else None
+            kept = system.surfaces[i] if impact is None else impact.speed
+            self._check_kept(system.numeric(kept), system.sign_names[i])
 
     def _check_kept(self, surface: sp.Expr, name: str) -> None:
         """An override's field must keep its surface: all that is proven in the stick takes h for zero."""

@@ -188,7 +188,8 @@ def _check_repeats(system: FilippovSystem, guess: Guess) -> None:
         raise OrbitError("a guess gives either a period or a number of events")
     releases = [r.when for o in system.overrides.values() for r in o.release]
     stuck = [f for o in system.overrides.values() for f in o.field]
-    for expression in (*system.field, *system.surfaces, *system.valid, *releases, *stuck):
+    maps = [value for reset in system.resets.values() for value in reset.map.values()]
+    for expression in (*system.field, *system.surfaces, *system.valid, *releases, *stuck, *maps):
         number = system.numeric(expression)
         if not number.has(TIME):
             continue

@@ -179,7 +179,8 @@ class _Attempt:
             unit = 2.0 ** max(
                 -1000, min(1000, round(log2(max(float(abs(self.horizon - self.start[0]).upper()), 1e-300))))
             )
-            self.flow = ValidatedFlow(self.model, PointSet.box(self.start), entry, self.precision, min(unit, 1.0))
+            span = float(abs(self.horizon - self.start[0]).mid())
+            self.flow = ValidatedFlow(self.model, PointSet.box(self.start), entry, self.precision, min(unit, 1.0), span)
             reason = self._advance(self.flow)
         except UndecidedError as stop:
             # Where events accumulate, more bits only buy a few more of them.
@@ -223,12 +224,16 @@ class _Attempt:
 
     def _record(self, hit: Hit) -> None:
         """One transition for every surface whose entry changes, in the order of the surfaces."""
-        for i, (before, after) in enumerate(zip(hit.before, hit.after, strict=True)):
-            if before != after:
-                kind: Kind = transition_kind(before, after)
-                self.transitions.append(
-                    CertifiedTransition(kind, i, hit.before, hit.after, hit.box[0], hit.box[1:], hit.rate)
-                )
+        if hit.told:
+            self._note(hit, hit.before, hit.after, hit.box, hit.resets)
+        if hit.rest is not None:
+            self._note(hit, hit.after, hit.rest.mode, hit.rest.box)
+
+    def _note(self, hit: Hit, before: Mode, after: Mode, box: tuple[arb, ...], resets: tuple[int, ...] = ()) -> None:
+        for i, (old, new) in enumerate(zip(before, after, strict=True)):
+            if old != new or i in resets:
+                kind: Kind = "reset" if i in resets else transition_kind(old, new)
+                self.transitions.append(CertifiedTransition(kind, i, before, after, box[0], box[1:], hit.rate))
 
     def _result(self, status: Literal["certified", "not provable"], ended: Ended, reason: str) -> CertifiedRun:
         box = self.flow.points.hull() if self.flow is not None else self.start

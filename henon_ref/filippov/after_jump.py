@@ -1,0 +1,261 @@
+"""What follows a jump of the state: the mode, the limit of impacts that accumulate, and the rest they lead to.
+
+The rule is one; the numbers are whose it uses: doubles, or balls of some precision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.filippov.decision import Decision
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.resets import jump_of, shared
+from henon_ref.filippov.resting import Impact, impact_of, pressed_by, time_to_rest
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.text import listed
+
+NO_VALUE = (ZeroDivisionError, ValueError, OverflowError)
+"""What ``math`` and python-flint raise where an expression has no finite value."""
+
+
+class Arithmetic(Protocol):
+    """How numbers are computed and told from zero; a state is a sequence of them."""
+
+    def values(self, expressions: tuple[sp.Expr, ...], t: Any, x: Sequence[Any]) -> list[Any]:
+        """Expressions in time and states at a point; ``NO_VALUE`` where one has none."""
+
+    def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> Sequence[Sequence[Any]]:
+        """Taylor coefficients in time of a mode's guards."""
+
+    def sign(self, value: Any) -> int:
+        """0 where it cannot be told from zero."""
+
+    def decide(self, t: Any, x: Sequence[Any], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
+        """The mode at a point where surfaces and ``valid`` expressions have these signs."""
+
+    def text(self, t: Any) -> str:
+        """A time as messages have it."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Where a body comes to rest."""
+
+    remaining: Any
+    """Time from the impact until then [s]; 0 where the impact takes all its speed."""
+    state: Sequence[Any]
+    mode: Mode
+
+
+@dataclass(frozen=True)
+class AfterJump:
+    """What follows a jump."""
+
+    decision: Decision
+    """The mode just after it."""
+    state: Sequence[Any]
+    on: tuple[int, ...] = ()
+    """Surfaces that the state is on."""
+    rest: Rest | None = None
+    """What follows where impacts have come to their limit."""
+
+
+def after_jump(
+    system: FilippovSystem,
+    numbers: Arithmetic,
+    mode: Mode,
+    surfaces: tuple[int, ...],
+    hits: Sequence[Guard],
+    t: Any,
+    x: Sequence[Any],
+    most: Any,
+) -> AfterJump:
+    """What follows where surfaces reset the state.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    numbers : Arithmetic
+    mode : Mode
+        Before the jump.
+    surfaces : tuple of int
+        Those that reset the state.
+    hits : sequence of Guard
+        All guards of the mode that are at zero.
+    t, x
+        Time [s] and state before it.
+    most
+        How long all later impacts may last together where they have come to their limit [s].
+    """
+    return _Rule(system, numbers, mode, surfaces, t, x).after({g.index for g in hits if g.kind == "surface"}, most)
+
+
+class _Rule:
+    """The rule at one jump."""
+
+    def __init__(
+        self,
+        system: FilippovSystem,
+        numbers: Arithmetic,
+        mode: Mode,
+        surfaces: tuple[int, ...],
+        t: Any,
+        x: Sequence[Any],
+    ) -> None:
+        self.system, self.numbers, self.mode, self.surfaces, self.t, self.x = system, numbers, mode, surfaces, t, x
+        self.impacts = {i: impact for i in surfaces if (impact := impact_of(system, i)) is not None}
+
+    def after(self, hit: set[int], most: Any) -> AfterJump:
+        system, numbers, t = self.system, self.numbers, self.t
+        jump = jump_of(system, self.surfaces)
+        if jump is None or (pressed := pressed_by(system, self.mode, jump)):
+            together = self.surfaces if jump is None else (*self.surfaces, *pressed)
+            return AfterJump(shared(system, together, numbers.text(t)), self.x)
+        try:
+            values = numbers.values((*jump.states, *jump.guards), t, self.x)
+            n, count = len(self.x), len(system.surfaces)
+            after, signs = values[:n], [numbers.sign(v) for v in values[n:]]
+            speeds = self._speeds(after)
+        except NO_VALUE:
+            return AfterJump(self._refused(f"the state after the reset at t = {numbers.text(t)} is not finite"), self.x)
+        sides = jump.sides(self.mode, hit, signs[:count])
+        for i, (_, speed) in speeds.items():
+            sides[i] = -1 if numbers.sign(speed) < 0 else 1
+        on = tuple(i for i, side in enumerate(sides) if side == 0 or i in speeds)
+        decision = numbers.decide(t, after, sides, signs[count:])
+        if decision.mode is None or not speeds:
+            return AfterJump(decision, after, on)
+        try:
+            return self._followed(decision, after, on, speeds, most, sides, signs[count:])
+        except NO_VALUE:
+            return AfterJump(self._refused(f"a derivative after t = {numbers.text(t)} is not finite"), after)
+
+    def _speeds(self, after: Sequence[Any]) -> dict[int, tuple[Any, Any]]:
+        """h' before and after the jump, of surfaces that the state stays on."""
+        found = {}
+        signs = {s: sp.Integer(entry) for s, entry in zip(self.system.signs, self.mode, strict=True)}
+        for i, impact in self.impacts.items():
+            speed = impact.speed.xreplace(signs)
+            if impact.refusal:
+                (before,), (then,) = (self.numbers.values((speed,), self.t, x) for x in (self.x, after))
+            else:
+                before, ratio = self.numbers.values((speed, impact.ratio), self.t, self.x)
+                then = ratio * before
+            found[i] = before, then
+        return found
+
+    def _followed(
+        self,
+        decision: Decision,
+        after: Sequence[Any],
+        on: tuple[int, ...],
+        speeds: Mapping[int, tuple[Any, Any]],
+        most: Any,
+        sides: list[int],
+        valid: Sequence[int],
+    ) -> AfterJump:
+        """The rest, where impacts have come to their limit."""
+        assert decision.mode is not None
+        numbers, system, mode = self.numbers, self.system, decision.mode
+        series = numbers.guard_series(mode, self.t, after)
+        guards = system.equations(mode).guards
+        times: dict[int, Any] = {}
+        for guard, own in zip(guards, series, strict=True):
+            i = guard.index
+            if guard.kind != "surface" or i not in speeds or mode[i] < 0:
+                continue
+            time = time_to_rest(*speeds[i], 2 * own[2], most)
+            if time is not None:
+                times[i] = time
+            elif numbers.sign(speeds[i][1]) == 0:  # no speed, and nothing presses: what follows is told by h'' and on
+                sides[i] = 0
+        if 0 in (sides[i] for i in speeds):
+            decision = numbers.decide(self.t, after, sides, valid)
+            stays = decision.mode is not None and any(decision.mode[i] == 0 for i in speeds)
+            rest = Rest(0 * self.t, after, decision.mode) if decision.mode is not None and stays else None
+            return AfterJump(Decision("unique", mode) if rest else decision, after, on, rest)
+        if not times:
+            return AfterJump(decision, after, on)
+        stuck = mode
+        for i in times:
+            stuck = replaced(stuck, i, 0)
+        refusal = self._refusal(times, mode, stuck, guards, series)
+        if refusal:
+            return AfterJump(self._refused(refusal), after)
+        time = next(iter(times.values()))  # of several all are 0
+        return AfterJump(decision, after, on, Rest(time, self._at_rest(tuple(times), after, stuck, time), stuck))
+
+    def _refusal(
+        self,
+        times: Mapping[int, Any],
+        mode: Mode,
+        stuck: Mode,
+        guards: Sequence[Guard],
+        series: Sequence[Sequence[Any]],
+    ) -> str:
+        """Why a rest is not told, where impacts have come to their limit; empty where it is."""
+        system, numbers = self.system, self.numbers
+        names = listed([system.sign_names[i] for i in times])
+        begin = f"impacts on {names} come to their limit after t = {numbers.text(self.t)}, and no rest is derived: "
+        for i in times:
+            impact = self.impacts[i]
+            if impact.refusal:
+                return begin + impact.refusal
+            turned = [
+                system.sign_names[j]
+                for j, sign in enumerate(system.signs)
+                if mode[j] != self.mode[j] and j not in times and impact.acceleration.has(sign)
+            ]
+            if turned and numbers.sign(times[i]):
+                return begin + f"the force that presses the body on changes with the sign of {listed(turned)} in flight"
+        lasting = [time for time in times.values() if numbers.sign(time)]
+        if lasting and len(self.surfaces) > 1:
+            return begin + "several surfaces reset the state at once"
+        try:
+            system.equations(stuck)
+        except ModelError as error:
+            return begin + str(error)
+        for guard, (value, rate, bend, *_) in zip(guards, series, strict=True):
+            if lasting and not (guard.kind == "surface" and guard.index in times):
+                time = lasting[0]
+                if not abs(value) > abs(rate) * time + abs(bend) * time * time:
+                    return begin + "another event is as close"
+        return ""
+
+    def _at_rest(
+        self,
+        surfaces: tuple[int, ...],
+        after: Sequence[Any],
+        stuck: Mode,
+        time: Any,
+    ) -> list[Any]:
+        """The state where bodies come to rest, put on the surfaces; wrong by about the square of ``time``."""
+        system, numbers = self.system, self.numbers
+        x = list(after)
+        for i in surfaces:
+            x = self._without_speed(i, self.t, x)
+        field = numbers.values(system.equations(stuck).field, self.t, x)
+        x = [value + time * rate for value, rate in zip(x, field, strict=True)]
+        for i in surfaces:
+            surface = system.surfaces[i]
+            h, *gradient = numbers.values((surface, *(sp.diff(surface, s) for s in system.states)), self.t + time, x)
+            size = sum((g * g for g in gradient), 0 * h)
+            x = [value - h * g / size for value, g in zip(x, gradient, strict=True)]
+            x = self._without_speed(i, self.t + time, x)
+        return x
+
+    def _without_speed(self, index: int, t: Any, x: Sequence[Any]) -> list[Any]:
+        """A state whose h' a force of the surface has taken."""
+        impact: Impact = self.impacts[index]
+        speed, *push = self.numbers.values((impact.speed, *impact.push), t, x)
+        return [value - speed * p for value, p in zip(x, push, strict=True)]
+
+    @staticmethod
+    def _refused(reason: str) -> Decision:
+        return Decision("none", None, reason)

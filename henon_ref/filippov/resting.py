@@ -1,0 +1,120 @@
+"""Impacts on a surface, the limit of those that accumulate, and the rest that they lead to.
+
+A body that a surface h throws back ever more weakly comes to rest on it in a finite time: with the speed v of h just
+after an impact, its acceleration -a < 0 between impacts, and the ratio r < 1 of the speeds after and before an impact,
+all later flights together last ``2 v / (a (1 - r))``. That neglects how a changes meanwhile, so that it is wrong by
+about the square of that time: it is used once the time is below :data:`REMAINING` of the run. Impacts are told of up
+to there; then the body rests on the surface, a one-sided constraint (Brogliato, *Nonsmooth Mechanics*, 2016, Ch. 5):
+the force of the surface acts along the jumps of the state and keeps h'' at zero, as long as it does not have to pull.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import sympy as sp
+
+from henon_ref.filippov.bounds import put
+from henon_ref.filippov.equations import along
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.resets import Jump, jump_of
+from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
+from henon_ref.taylor.tape import TIME
+from henon_ref.text import listed
+
+REMAINING = 2.0**-26
+"""Part of the run that all later flights together may last where impacts have come to their limit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Impact:
+    """A jump that leaves the surface's function h as it is; expressions in time, states and signs of other surfaces."""
+
+    speed: sp.Expr
+    """h' [unit of the surface / s]."""
+    acceleration: sp.Expr
+    """h'' where no force of the surface acts."""
+    refusal: str
+    """Why it is not told how a body rests on the surface; empty where it is, and then the rest is there."""
+    ratio: sp.Expr = sp.S.Zero
+    """h' after the impact over h' before it."""
+    push: tuple[sp.Expr, ...] = ()
+    """Change of the state by a force of the surface that changes h' by 1, shape (n,)."""
+    field: tuple[sp.Expr, ...] = ()
+    """x' at rest, shape (n,)."""
+
+
+@lru_cache(maxsize=64)
+def impact_of(system: FilippovSystem, index: int) -> Impact | None:
+    """How a surface that resets the state throws it back; None where the map leads off the surface.
+
+    A body can rest on the surface where the jumps are impacts of a body: the state changes in proportion to h'.
+    """
+    jump, surface = jump_of(system, (index,)), system.surfaces[index]
+    if jump is None or index not in jump.kept:
+        return None
+    field = tuple(put(f, {system.signs[index]: sp.Integer(1)}) for f in system.field)
+    speed = along(surface, system.states, field)
+    acceleration = along(speed, system.states, field)
+    if speed.has(*system.signs):
+        names = listed([s.name for s in system.signs if speed.has(s)])
+        return Impact(speed, acceleration, f"how fast the surface is reached depends on the sign of {names}")
+    on, moving = _solved(surface, system.states), set(system.states)
+    fast = speed.xreplace(on)
+    changes = {k: (jump.states[k] - system.states[k]).xreplace(on) for k in jump.moved}
+    shares = {k: sp.Integer(0) if fast == 0 else sp.cancel(change / fast) for k, change in changes.items()}
+    slope = sp.expand(sp.Add(*(sp.diff(speed, system.states[k]) * share for k, share in shares.items())))
+    bad = [system.states[k].name for k, share in shares.items() if sp.fraction(share)[1].free_symbols & moving]
+    if bad or slope == 0 or slope.free_symbols & moving:
+        what = f"{listed(bad)} does not change" if bad else "the state does not change"
+        return Impact(speed, acceleration, f"{what} in proportion to the speed of the impact")
+    push = tuple(sp.cancel(shares[k] / slope) if k in shares else sp.Integer(0) for k in range(len(system.states)))
+    held = tuple(sp.expand(f - acceleration * p) if p != 0 else f for f, p in zip(field, push, strict=True))
+    return Impact(speed, acceleration, "", sp.expand(1 + slope), push, held)
+
+
+def pressed_by(system: FilippovSystem, mode: Mode, jump: Jump) -> tuple[int, ...]:
+    """Surfaces that a body rests on in a mode and that a jump would move it on, or off: impacts that share a body."""
+    moved = {system.states[k] for k in jump.moved}
+    resting = [(i, impact_of(system, i)) for i in sorted(system.resets) if mode[i] == 0]
+    return tuple(i for i, impact in resting if impact is not None and impact.speed.free_symbols & moved)
+
+
+def _solved(surface: sp.Expr, states: Collection[sp.Symbol]) -> dict[sp.Symbol, sp.Expr]:
+    """A state that the surface settles, where it is linear in one with a constant factor."""
+    for x in states:
+        slope = sp.diff(surface, x)
+        if slope != 0 and not slope.free_symbols & {TIME, *states}:
+            return {x: sp.expand(x - surface / slope)}
+    return {}
+
+
+def with_resting(system: FilippovSystem) -> FilippovSystem:
+    """The system with the sliding of bodies that rest on surfaces which reset the state."""
+    own = {
+        i: SlidingOverride(impact.field, (Release(impact.acceleration, "rising", 1),), "resting")
+        for i in system.resets
+        if (impact := impact_of(system, i)) is not None and not impact.refusal
+    }
+    return replace(system, overrides={**system.overrides, **own}) if own else system
+
+
+def time_to_rest(before: Any, after: Any, acceleration: Any, most: Any) -> Any:
+    """How long all later flights last together; None where they last longer than ``most``, or there is no rest.
+
+    Parameters
+    ----------
+    before, after
+        h' before the impact, and after it.
+    acceleration
+        h'' after it.
+    most
+        The longest that counts as come to rest [s].
+    """
+    if not acceleration < 0 or after < 0 or not after < -before:
+        return None
+    time = 2 * after / (-acceleration * (1 + after / before))
+    return time if time <= most else None

@@ -1,0 +1,180 @@
+"""What a run does from Python where its mode changes: the next mode, jumps of the state, and what is told of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.filippov.decision import Decision
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode, replaced, transition_kind
+from henon_ref.filippov.resets import resetting
+from henon_ref.filippov.resting import REMAINING
+from henon_ref.henon.endings import ending_of
+from henon_ref.henon.recorder import events_accumulate
+from henon_ref.henon.records import CROSSING, RELEASED, RESET, STEP, STEP_PLACES, STICK, TRANSITION, TRANSITION_PLACES
+from henon_ref.henon.state import NOWHERE, ReturnCode
+from henon_ref.henon.state_view import State
+from henon_ref.henon.transition_array import KINDS
+from henon_ref.jit.njit import in_python
+from henon_ref.trajectory import Status
+
+_events_accumulate = in_python(events_accumulate)
+
+
+class ModeChanges(State):
+    """The part of a run that changes its mode.
+
+    Attributes
+    ----------
+    blocks : list of ndarray
+        Transitions that have left the loop's own memory.
+    step_blocks : list of ndarray
+        Full blocks of steps: rows of :func:`henon_ref.henon.records.step_dtype`, as doubles.
+    """
+
+    __slots__ = ("_steps", "blocks", "step_blocks")
+
+    blocks: list[NDArray[np.float64]]
+    step_blocks: list[NDArray[np.float64]]
+    _steps: NDArray[np.float64] | None
+    """The block of steps that is being filled; None where none is kept."""
+
+    def _close_block(self) -> None:
+        self.blocks.append(self.workspace.transitions[: self.scalars.transitions].copy())
+        self.scalars.transitions = 0
+
+    def _close_steps(self) -> None:
+        assert self._steps is not None
+        self.step_blocks.append(self._steps[: self.scalars.dense_steps])
+        self._steps = np.empty_like(self._steps)
+        self.scalars.dense, self.scalars.dense_steps = self._steps.ctypes.data, 0
+
+    def _keep_step(self, length: float) -> None:
+        """Keep the step that leads to an event located in multiprecision: the compiled loop has not taken it."""
+        assert self._steps is not None
+        scalars, columns, n = self.scalars, self.start.order + 1, self.x.size
+        row = self._steps[scalars.dense_steps]
+        row[STEP_PLACES:], step = self.workspace.band[:n, :columns].ravel(), row[:STEP_PLACES].view(STEP)[0]
+        for name in ("time", "time_low", "unit", "mode"):
+            step[name] = scalars[name]
+        step["length"] = length
+        scalars.dense_steps += 1
+
+    def _keep_rest(self, length: float, state: Sequence[float]) -> None:
+        """Keep a step for the impacts that are not told of, up to where a body is at rest: a straight line."""
+        if self._steps is None or length <= 0.0:
+            return
+        if self.scalars.dense_steps >= self.scalars.dense_capacity:
+            self._close_steps()
+        self._keep_step(length)
+        n, columns = self.x.size, self.start.order + 1
+        row = self._steps[self.scalars.dense_steps - 1]
+        lines = row[STEP_PLACES:].reshape(n, columns)
+        lines[:] = 0.0
+        lines[:, 0] = self.x
+        lines[:, 1] = (np.asarray(state) - self.x) * (row[:STEP_PLACES].view(STEP)[0]["unit"] / length)
+
+    def _set_known_zeros(self, mode: Mode, zeros: Sequence[int]) -> None:
+        """Set the known zeros of the present mode's guards, given in the order of its equations."""
+        for g, place in enumerate(self.integrator.mode_table.places(mode)):
+            self.known_zeros[g] = zeros[place] if place >= 0 else 0
+
+    def _change_mode(
+        self, decision: Decision, zeros: Sequence[int], tangential: Sequence[int], resets: Sequence[int] = ()
+    ) -> tuple[Status, str] | None:
+        """Go over to the mode that follows.
+
+        ``tangential``: surfaces at zero, told of where none changes its sign; ``resets``: those that reset the state.
+        """
+        if decision.mode is None:
+            return decision.ending, decision.reason
+        before, source = self.mode, int(self.scalars.mode)
+        row = self.integrator.mode_table.row(decision.mode)
+        if row is None:
+            return "failed", f"the mode after t = {self.time:.17g} has no equations"
+        self.scalars.mode = row
+        self._set_known_zeros(decision.mode, zeros)
+        changed = [i for i, s in enumerate(decision.mode) if s != before[i] or i in resets]
+        for i in changed or tangential:
+            self._record(
+                RESET if i in resets else KINDS.index(transition_kind(before[i], decision.mode[i])),
+                i,
+                source,
+                row,
+                side=before[i] if changed else 0,
+            )
+        return ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
+
+    def _jump(self, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> tuple[Status, str] | None:
+        """Let the state jump where surfaces reset it, ``hits`` being all guards at zero; None if the run goes on."""
+        state = list(zip(self.x.tolist(), self.x_low.tolist(), strict=True))
+        time = float(self.scalars.time), float(self.scalars.time_low)
+        until, until_low = self.until
+        most = REMAINING * (until - self.start.time[0])
+        after = self.start.constants.jumps.after(surfaces, hits, self.mode, time, state, most)
+        self.x[:] = [high for high, _ in after.state]
+        self.x_low[:] = [low for _, low in after.state]
+        ended, rest = self._change_mode(after.decision, after.known_zeros, (), surfaces), after.rest
+        if ended is not None or rest is None:
+            return ended
+        length = (rest.time[0] - time[0]) + (rest.time[1] - time[1])
+        self._keep_rest(length, [high for high, _ in rest.state])
+        late = (until - rest.time[0]) + (until_low - rest.time[1]) < 0.0
+        self.scalars.time, self.scalars.time_low = (until, until_low) if late else rest.time
+        self.x[:] = [high for high, _ in rest.state]
+        self.x_low[:] = [low for _, low in rest.state]
+        return None if late else self._change_mode(rest.decision, rest.known_zeros, ())
+
+    def _record(self, kind: int, surface: int, source: int, target: int, *, side: int) -> None:
+        if self.scalars.transitions >= self.scalars.transition_capacity:
+            self._close_block()
+        scalars = self.scalars
+        row = self.workspace.transitions[scalars.transitions]
+        row[TRANSITION_PLACES:], made = self.x, row[:TRANSITION_PLACES].view(TRANSITION)[0]
+        made["time"], made["time_low"] = scalars.time, scalars.time_low
+        made["kind"], made["surface"], made["landing"] = kind, surface, scalars.landing
+        made["from_mode"], made["to_mode"] = source, target
+        scalars.transitions += 1
+        ends_here = scalars.stop_falling if side > 0 else scalars.stop_rising if side < 0 else 0
+        scalars.stopped |= int(ends_here) >> surface & 1
+
+    def _enter_new_mode(self) -> tuple[Status, str] | None:
+        """Complete a transition that is decided, into a mode that has no row yet."""
+        mode_table, row, hit = self.integrator.mode_table, int(self.scalars.mode), int(self.scalars.guard)
+        guard, what = self.guards[hit], int(self.scalars.pending_kind)
+        after = replaced(self.mode, guard.index, 0 if what == STICK else guard.to_sign)
+        released = int(mode_table.compiled.records[row]["guards"][hit]["zeros_at_release"])
+        zeros = {STICK: 0, CROSSING: 1}.get(what, released)
+        target = mode_table.row(after)
+        if target is None or (what == RELEASED and zeros == 0):  # no such mode, or zeros that have to be measured
+            return self._select_mode()
+        self._record(what, guard.index, row, target, side=self.mode[guard.index])
+        self.scalars.mode = target
+        self.known_zeros[:] = 0
+        for g, own in enumerate(mode_table.guards(after)):
+            if own.kind == "surface" and own.index == guard.index:
+                self.known_zeros[g] = zeros
+        return ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
+
+    def _select_mode(self) -> tuple[Status, str] | None:
+        """Settle an event that signs alone do not decide; None if the run goes on."""
+        before = self.mode
+        hits: list[Guard] = [g for g, hit in zip(self.guards, self.hits, strict=False) if hit]
+        if surfaces := resetting(self.integrator.system, before, hits):
+            return self._jump(surfaces, hits)
+        x = self.x.tolist()
+        switching = self.start.constants.switching
+        switching.forget()  # what another run has worked out at the same point is none of this one's work
+        decision = switching.after_event(self.time, x, before, hits)
+        if decision.mode is None:
+            return decision.ending, decision.reason
+        early = self.scalars.guard == NOWHERE
+        # Where no step was taken, surfaces left a moment ago are still as good as touched.
+        fresh = {g.index for g, zeros in zip(self.guards, self.known_zeros, strict=False) if zeros and early}
+        active = fresh | {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0}
+        orders = switching.contact_orders(self.time, x, decision.mode, active)
+        tangential = [] if early else sorted({g.index for g in hits if g.kind == "surface"})
+        return self._change_mode(decision, orders, tangential)

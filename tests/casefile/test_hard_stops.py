@@ -1,0 +1,148 @@
+"""Hard stops of a scene: Newton's impact law, rest, and what is said of what does not fit them."""
+
+from __future__ import annotations
+
+import pytest
+import sympy as sp
+
+from henon_ref.casefile.case import parse_case
+from henon_ref.errors import CaseError
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem, Release, Reset
+from henon_ref.registry import solver
+from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Trajectory
+
+XA, VA, XB, VB, e = sp.symbols("x_a v_a x_b v_b e", real=True)
+TEXT = """\
+schema: 1
+name: stopped
+title: Masses before stops
+scene:
+  parameters: {e: 1/2}
+  bodies: {a: {mass: 2}, b: {mass: 3}, wall: fixed, table: {position: sin(2*t)}}
+  connections:
+    - STOP
+initial: {x_a: 1, v_a: 0, x_b: 0, v_b: 0}
+until: 3
+"""
+
+
+def problem(stop: str, initial: str = "{x_a: 1, v_a: 0, x_b: 0, v_b: 0}", more: str = "") -> Problem:
+    text = TEXT.replace("STOP", stop).replace("{x_a: 1, v_a: 0, x_b: 0, v_b: 0}", initial) + more
+    return parse_case(text, file="case.yaml").readings[0].problem
+
+
+def system(between: str) -> FilippovSystem:
+    return problem(f"stop: {{between: {between}, gap: -1, restitution: e}}").system
+
+
+@pytest.mark.parametrize(
+    ("between", "surface", "velocities"),
+    [
+        ("[a, wall]", XA + 1, {VA: -e * VA}),
+        ("[wall, a]", 1 - XA, {VA: -e * VA}),
+        ("[a, table]", XA + 1 - sp.sin(2 * TIME), {VA: -e * VA + (1 + e) * 2 * sp.cos(2 * TIME)}),
+        ("[table, a]", sp.sin(2 * TIME) - XA + 1, {VA: -e * VA + (1 + e) * 2 * sp.cos(2 * TIME)}),
+        ("[a, b]", XA - XB + 1, {VA: VA - 3 * (1 + e) * (VA - VB) / 5, VB: VB + 2 * (1 + e) * (VA - VB) / 5}),
+    ],
+)
+def test_a_stop_throws_back_and_keeps_the_momentum(
+    between: str, surface: sp.Expr, velocities: dict[sp.Symbol, sp.Expr]
+) -> None:
+    found = system(between)
+    name = "g_" + between.strip("[]").replace(", ", "_")
+    assert (found.sign_names, found.resets[0].when) == ((name,), "falling")
+    assert sp.expand(found.surfaces[0] - surface) == 0
+    assert found.resets[0].map.keys() == velocities.keys()
+    for x, value in velocities.items():
+        assert sp.expand(found.resets[0].map[x] - value) == 0
+
+
+def test_two_masses_at_rest_on_each_other_move_as_one_until_they_are_drawn_apart() -> None:
+    forces = "stop: {between: [a, b], gap: -1, restitution: e}\n    - force: {on: b, value: 6 - t}"
+    override = problem(forces).system.overrides[0]
+    together = (6 - TIME) / 5
+    assert override.entry == "resting"
+    assert [sp.expand(f - g) for f, g in zip(override.field, (VA, together, VB, together), strict=True)] == [0] * 4
+    (release,) = override.release
+    assert release == Release(release.when, "rising", 1)
+    assert sp.expand(release.when + (6 - TIME) / 3) == 0  # b leaves where the force on it draws it away
+
+
+def test_a_parameter_e_is_no_euler_number() -> None:
+    text = TEXT.replace("scene:", "system:")
+    head, tail = text.split("  bodies")[0], text[text.index("initial") :]
+    written = head + '  state: [x, v]\n  surfaces: {s: "x"}\n  field: ["v", "-exp(0)"]\n'
+    written += 'resets: {s: {map: {v: "-e*v"}}}\n' + tail.replace("{x_a: 1, v_a: 0, x_b: 0, v_b: 0}", "{x: 1, v: 0}")
+    v = sp.Symbol("v", real=True)
+    assert parse_case(written).readings[0].problem.system.resets == {0: Reset({v: -e * v})}
+    undeclared = written.replace("{e: 1/2}", "{r: 1/2}")
+    assert parse_case(undeclared).readings[0].problem.system.resets == {0: Reset({v: -sp.E * v})}
+
+
+@pytest.mark.parametrize(
+    ("stop", "initial", "more", "place", "says"),
+    [
+        ("[wall, a], gap: -1/2", "{x_a: 1, v_a: 0, x_b: 0, v_b: 0}", "", "9:1", "beyond the stop g_wall_a"),
+        ("[wall, a], gap: -1", "{x_a: 1, v_a: 1, x_b: 0, v_b: 0}", "", "9:1", "on the stop g_wall_a and moves into it"),
+        ("[a, wall], gap: 0", "{x_a: 1, v_a: 0, x_b: 0, v_b: 0}",
+         "resets: {g_a_wall: {map: {v_a: 1}}}\n", "11:10", "is a hard stop of the scene"),
+        ("[a, wall], gap: 0", "{x_a: 1, v_a: 0, x_b: 0, v_b: 0}",
+         "sliding: {g_a_wall: {field: [0, 0, 0, 0], release: [{when: x_a, direction: rising, to: 1}]}}\n",
+         "11:11", "is a hard stop, on which a body rests in its own way"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_a_stop_is_refused_with_its_place(
+    stop: str, initial: str, more: str, place: str, says: str
+) -> None:
+    with pytest.raises(CaseError) as caught:
+        problem(f"stop: {{between: {stop}, restitution: e}}", initial, more)
+    assert says in caught.value.message
+    assert str(caught.value).startswith(f"case.yaml:{place}: ")
+
+
+def run(problem: Problem, name: str) -> Trajectory:
+    return solver(name).prepare(problem, rtol=1e-12)()
+
+
+@pytest.mark.parametrize("name", ["henon", "scipy-dop853"])
+def test_a_body_rests_at_a_stop_beside_a_block_that_static_friction_holds(name: str) -> None:
+    connections = """stop: {between: [a, wall], gap: 0, restitution: 0}
+    - force: {on: a, value: -4}
+    - friction: {between: [b, wall], law: coulomb, force: 3, static: 4}
+    - force: {on: b, value: 2*t - 1/2}"""
+    # b: v' = (2 t - 1/2 - 3)/3 from -1/2 ... ; a falls from 1 with the acceleration -2 and lands at t = 1.
+    found = run(problem(connections), name)
+    told = [(t.kind, t.surface, t.to_mode) for t in found.transitions]
+    assert found.status == "ok"
+    assert told == [
+        ("reset", 0, (1, 0)),
+        ("stick", 0, (0, 0)),
+        ("release", 1, (0, 1)),
+    ]
+    assert [t.time for t in found.transitions] == pytest.approx([1.0, 1.0, 2.25], abs=1e-10)
+
+
+@pytest.mark.parametrize("name", ["henon", "scipy-dop853"])
+def test_a_body_that_a_belt_drives_to_a_stop_rests_there_and_slides_on_the_belt(name: str) -> None:
+    text = TEXT.replace("wall: fixed,", "wall: fixed, belt: {velocity: 3},").replace("until: 3", "until: 8")
+    stop = """stop: {between: [wall, a], gap: -2, restitution: e}
+    - friction: {between: [a, belt], law: coulomb, force: 1}"""
+    found = run(parse_case(text.replace("STOP", stop)).readings[0].problem, name)
+    # v' = 1/2 from 1 to 2 takes 2 s; with restitution 1/2 all flights take 2 (1 + 2 (1/2 + 1/4 + ...)) = 6 s.
+    *impacts, last = found.transitions
+    assert (found.status, {t.kind for t in impacts}, found.end_mode) == ("ok", {"reset"}, (0, -1))
+    assert (last.kind, last.surface, last.to_mode) == ("stick", 0, (0, -1))
+    assert last.time == pytest.approx(6.0, abs=1e-10)
+
+
+@pytest.mark.parametrize("name", ["henon", "scipy-dop853"])
+def test_friction_that_turns_round_in_flight_is_refused_at_the_limit(name: str) -> None:
+    connections = """stop: {between: [wall, a], gap: -2, restitution: e}
+    - friction: {between: [a, wall], law: coulomb, force: 1, name: rub}
+    - force: {on: a, value: 3}"""
+    found = run(problem(connections), name)
+    # It is pushed from 1 to 2 with 3 - 1 against it; thrown back it is slowed by 3 + 1, then comes on with 3 - 1.
+    assert found.status == "failed"
+    assert "changes with the sign of rub in flight" in found.reason

@@ -1,0 +1,94 @@
+"""Truths of systems whose state jumps: both routes against closed forms, and how an error moves an impact."""
+
+from __future__ import annotations
+
+import pytest
+import sympy as sp
+from flint import arb
+
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem, Reset
+from henon_ref.precision import working_precision
+from henon_ref.truth.conditioning import conditioning
+from henon_ref.truth.multiprecision.route import multiprecision
+from henon_ref.truth.reference import Route
+from henon_ref.truth.validated.route import prove
+from tests.support.resets import S, V, X, ball, impact_oscillator, oscillator_impacts
+
+T = sp.sqrt(sp.Rational(1, 5))
+R = sp.Rational(4, 5)
+
+
+def routes(problem: Problem) -> list[Route]:
+    return [multiprecision(problem), prove(problem)]
+
+
+def test_both_routes_have_the_impacts_of_a_ball() -> None:
+    exact = [T * (1 + 2 * sum(R**j for j in range(1, k + 1))) for k in range(10)]
+    for route in routes(ball(sp.Integer(3) + sp.Rational(5, 8), R)):
+        assert (route.status, route.undecided) == ("ok", "")
+        assert [(t.kind, t.from_mode, t.to_mode) for t in route.transitions] == [("reset", (1,), (1,))] * 10
+        with working_precision(300):
+            for k, (found, time) in enumerate(zip(route.transitions, exact, strict=True)):
+                assert abs(arb(found.time_digits) - arb(str(sp.N(time, 90)))) < found.radius < 1e-29
+                speed = sp.N(10 * T * R ** (k + 1), 90)
+                assert abs(arb(found.state[1]) - arb(str(speed))) < found.state_radius < 1e-20
+
+
+def test_both_routes_have_impacts_next_to_a_graze() -> None:
+    times = oscillator_impacts(1e-10, 0.5, 30.0)
+    for route in routes(impact_oscillator(sp.Rational("1e-10"), sp.Rational(1, 2), 30)):
+        assert (route.status, [t.kind for t in route.transitions]) == ("ok", ["reset"] * len(times))
+        assert [t.time for t in route.transitions] == pytest.approx(times, abs=1e-12, rel=0)
+
+
+def test_both_routes_change_the_side_of_another_surface() -> None:
+    u = sp.Symbol("u", real=True)
+    system = FilippovSystem((X, V), (S, u), (1 - X, V), (V, -u / 4), resets={0: Reset({V: -V})})
+    for route in routes(Problem(system, sp.Integer(0), (sp.Integer(0), sp.Integer(2)), sp.Integer(1))):
+        assert [(t.kind, t.surface, t.to_mode) for t in route.transitions] == [
+            ("reset", 0, (1, -1)),
+            ("crossing", 1, (1, -1)),
+        ]
+
+
+def test_conditioning_is_that_of_the_closed_form() -> None:
+    # From height h with speed w a ball falls for (w + a) / 10 and arrives with the speed a = sqrt(w^2 + 20 h).
+    problem = ball(sp.Integer(3), R)
+    found = conditioning(problem, multiprecision(problem).transitions)
+    h, w = sp.symbols("h w", real=True)
+    arrival = sp.sqrt(w**2 + 20 * h)
+    for k, value in enumerate(found):
+        time = (w + arrival) / 10 + 2 * arrival / 10 * sum(R**j for j in range(1, k + 1))
+        at = {h: 1, w: 0}
+        from_start = sp.sqrt(sp.diff(time, h).subs(at) ** 2 + sp.diff(time, w).subs(at) ** 2)
+        # ... or by an error just after an impact before, of which the speed is r^j v.
+        later = [_after(k + 1 - j, 10 * T * R**j) for j in range(1, k + 1)]
+        assert value == pytest.approx(float(max([from_start, *later], key=float)), rel=1e-3)
+
+
+def _after(impacts: int, speed: sp.Expr) -> sp.Expr:
+    """Derivative of the time of an impact by height and speed just after an earlier one."""
+    h, w = sp.symbols("h w", real=True)
+    arrival = sp.sqrt(w**2 + 20 * h)
+    time = (w + arrival) / 10 + 2 * arrival / 10 * sum(R**j for j in range(1, impacts))
+    at = {h: 0, w: speed}
+    return sp.sqrt(sp.diff(time, h).subs(at) ** 2 + sp.diff(time, w).subs(at) ** 2)
+
+
+def test_the_limit_of_the_impacts_of_a_ball() -> None:
+    problem = ball(sp.Integer(5), R)
+    found = multiprecision(problem)
+    *impacts, last = found.transitions
+    assert (found.status, {t.kind for t in impacts}, last.kind, last.to_mode) == ("ok", {"reset"}, "stick", (0,))
+    with working_precision(300):
+        assert abs(arb(last.time_digits) - arb(str(sp.N(9 * T, 90)))) < 1e-40
+    proof = prove(problem)
+    assert (proof.status, len(proof.transitions)) == ("ok", len(impacts) + 1)
+    assert (proof.transitions[-1].kind, proof.transitions[-1].to_mode) == ("stick", (0,))
+    with working_precision(300):
+        assert abs(arb(proof.transitions[-1].time_digits) - arb(str(sp.N(9 * T, 90)))) < proof.transitions[-1].radius
+    assert proof.transitions[-1].radius < 1e-29
+    # Most by a height h just after the last impact, at speed v: (v + s + 2 s r / (1 - r)) / 10 with s^2 = v^2 + 20 h.
+    speed = float(impacts[-1].state[1])
+    assert conditioning(problem, found.transitions)[-1] == pytest.approx(9 / speed, rel=1e-3)
