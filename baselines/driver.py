@@ -32,6 +32,7 @@ from baselines.restart import Fresh
 from baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.filippov.callables import ARITHMETIC, Scalar
+from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
@@ -66,7 +67,7 @@ class Driver:
     Raises
     ------
     UnsupportedError
-        Where the initial mode has no equations.
+        Where the initial mode has no equations, or too many contacts with static friction act on each other.
     """
 
     def __init__(
@@ -77,6 +78,7 @@ class Driver:
         sample_times: NDArray[np.float64] | None = None,
         known: ModeTable | None = None,
     ) -> None:
+        check_groups(problem.system)
         self.problem = problem
         self.library = library
         self.work = work

@@ -95,11 +95,7 @@ class ModeEntry:
     def _exit(self, guard: Guard) -> Exit | None:
         model, mode, i = self.model, self.model.mode, guard.index
         sliding = [j for j, s in enumerate(mode) if s == 0]
-        if (
-            guard.ends
-            or resetting(model.system, mode, [guard])
-            or (guard.kind == "surface" and len(model.system.together(i, sliding)) > 1)
-        ):
+        if guard.ends or resetting(model.system, mode, [guard]) or model.system.decided_together(guard, sliding):
             return None
         landing = model.landing(i).values
         stick, slip = replaced(mode, i, 0), {s: replaced(mode, i, s) for s in (-1, 1)}

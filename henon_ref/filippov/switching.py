@@ -7,12 +7,13 @@ not (repelling sliding, a spontaneous switch), and we say so. See Filippov (1988
 and Lopez, *J. Comput. Appl. Math.* 236 (2012) 3967-3991.
 
 A surface whose sliding is overridden with ``entry: inside`` is held wherever every release guard is positive
-just after the point (first non-zero derivative; one that stays at zero holds); no slip starts on it there.
+just after the point (first non-zero derivative; one that stays at zero holds); no slip starts on it there. Several
+such surfaces at once are decided by :mod:`henon_ref.filippov.held_groups`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -20,117 +21,21 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision, ended, explained, with_entries, without_indeterminate
-from henon_ref.filippov.derivatives import leading, leading_sign, rate_of, scaled
-from henon_ref.filippov.equations import Guard, ModeEquations
+from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
+from henon_ref.filippov.held_groups import decide_groups, held_together
+from henon_ref.filippov.mode_evaluation import ZERO, ModeEvaluation
 from henon_ref.filippov.modes import Mode, mode_text, replaced
-from henon_ref.filippov.system import FilippovSystem
-from henon_ref.precision import one_at_a_time
-from henon_ref.taylor.series import expand
-from henon_ref.taylor.tape import TIME, Tape, build_tape
+from henon_ref.taylor.tape import TIME
 
-ORDER = 8
-"""Derivatives looked at before a contact counts as one that never separates."""
-ZERO = 1e-13
-"""Relative size below which a derivative counts as zero (a tangency within it cannot be told in double)."""
 OTHERS = (1e-11, 1e-15, 0.0)
 """What is tried in its place where no mode fits: rounding may be larger, or the derivative as small."""
 EXHAUSTIVE = 4
 """With at most this many surfaces in play all candidate modes are tried; beyond, they are searched."""
 
 
-class _Point:
-    """What has been worked out at one point, by mode."""
-
-    def __init__(self, place: tuple[float, ...]) -> None:
-        self.place = place
-        self.series: dict[Mode, tuple[list[list[float]], float]] = {}
-        self.normals: dict[Mode, list[float]] = {}
-
-
-_NOWHERE = _Point(())
-"""Before a run has asked for anything."""
-
-
-ModeWithTape = tuple[ModeEquations, Tape]
-
-
-def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
-    """Equations of a mode, and its field and guards as a tape; None where it has none."""
-    try:
-        equations = system.equations(mode)
-    except ModelError:
-        return None
-    return equations, build_tape(system.states, equations.field, [g.expression for g in equations.guards])
-
-
-class Switching:
-    """Decides the modes of one system in double precision (tapes are made once a mode and kept), from any thread.
-
-    What belongs to the numbers and not to the rule is a method of its own: ``_number`` to ``_attracts_by``.
-
-    Parameters
-    ----------
-    system : FilippovSystem
-    values : FilippovSystem, optional
-        The same with values of its parameters, where ``system`` has none.
-    """
-
-    def __init__(self, system: FilippovSystem, values: FilippovSystem | None = None) -> None:
-        self.system = system
-        self._numeric = (values or system).numeric
-        self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[Any]] | None] = {}
-        self._holds: dict[tuple[Mode, int], Callable[..., list[Any]] | None] = {}
-        self.forget()
-        normals = [system.normal_velocity(i) for i in range(len(system.surfaces))]
-        self._normals = self._function([*system.states, *system.signs], normals)
-
-    def _number(self, expression: sp.Expr) -> Any:
-        """A constant of the equations."""
-        return float(expression)
-
-    def _function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        """(t, *names) -> values of expressions."""
-        values = [self._numeric(e) for e in expressions]
-        found: Callable[..., list[Any]] = sp.lambdify([TIME, *names], values, "math", cse=True)
-        return found
-
-    def _series(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> tuple[list[list[Any]], float]:
-        """Taylor coefficients of a tape's outputs from a point, and a rate that makes them comparable.
-
-        ZeroDivisionError, ValueError or OverflowError where they are not finite.
-        """
-        states, outputs = expand(tape, numbers, t, x, ORDER)
-        return outputs, rate_of(states, outputs)
-
-    def _leading(self, series: Sequence[Any], first: int, rate: float, size: float, zero: float) -> int | None:
-        """Index of the first coefficient from ``first`` on that is not zero, or None."""
-        return leading(series, first, rate, size, zero)
-
-    def _sign(self, series: Sequence[Any], first: int, rate: float, size: float, zero: float) -> int:
-        """Sign of that coefficient; 0 if there is none."""
-        k = self._leading(series, first, rate, size, zero)
-        return 0 if k is None else (1 if series[k] > 0 else -1)
-
-    def _holds_by(self, tape: Tape, numbers: Sequence[Any], ends: Sequence[int], t: Any, x: Any, zero: float) -> bool:
-        """Whether these outputs of a tape, the ends of a hold zone, are positive just after a point (or stay zero).
-
-        A load at one end of the hold zone is small against its distance to the other; then its derivatives decide.
-        """
-        states, outputs = expand(tape, numbers, t, x, ORDER)
-        ways = [outputs[end] for end in ends]
-        rate = rate_of(states, ways)
-        width = max(abs(value) for c in ways for value in scaled(c, rate))
-        return all(c[0] > 0 if abs(c[0]) > zero * width else leading_sign(c, 1, rate, 0.0, zero) >= 0 for c in ways)
-
-    def _attracts_by(self, below: Any, above: Any) -> bool:
-        """Whether normal velocities below and above a surface point at it, or along it."""
-        zero = ZERO * (abs(below) + abs(above))
-        return bool(below >= -zero and above <= zero)
-
-    def forget(self) -> None:
-        """What has been worked out at a point is not kept for the next one who comes there."""
-        self._point = _NOWHERE
+class Switching(ModeEvaluation):
+    """Decides the modes of one system in double precision, from any thread; see :class:`ModeEvaluation`."""
 
     def initial_mode(
         self, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
@@ -214,10 +119,10 @@ class Switching:
         refused = ended(self.system, mode, hits, _digits(t))
         if refused is not None:
             return refused
-        if len(hits) == 1 and hits[0].kind == "release":
+        sliding = [i for i, s in enumerate(mode) if s == 0]
+        if len(hits) == 1 and hits[0].kind == "release" and not self.system.decided_together(hits[0], sliding):
             # The equivalent sign reaches +-1 continuously, so the field does not jump and nothing else changes.
             return self._attracting(t, x, Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign)))
-        sliding = [i for i, s in enumerate(mode) if s == 0]
         active = {i for g in hits for i in self.system.together(g.index, sliding)}
         return self._decide(t, list(x), mode, tuple(sorted(active)), zero)
 
@@ -280,6 +185,8 @@ class Switching:
         return ended(self.system, mode, falling, _digits(t)) or decision
 
     def _decided(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:
+        if held_together(self.system, active):
+            return self._decided_in_groups(t, x, mode, active, zero)
         if len(active) > EXHAUSTIVE:
             return self._search(t, x, mode, active, zero)
         found = [
@@ -296,6 +203,22 @@ class Switching:
             return Decision("none", None, f"no mode is consistent at t = {_digits(t)}, x = {[float(v) for v in x]}")
         modes = " or ".join(mode_text(m, names) for m in found)
         return Decision("nonunique", None, f"the future is not unique at t = {_digits(t)}: {modes}")
+
+    def _decided_in_groups(
+        self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float
+    ) -> Decision:
+        try:
+            return decide_groups(
+                self.system,
+                mode,
+                active,
+                lambda group, signs: self._group_values(t, x, group, signs),
+                self._negative,
+                lambda candidate: self._violations(t, x, candidate, active, zero, grouped=True) == (),
+                _digits(t),
+            )
+        except ModelError as error:
+            return Decision("none", None, str(error))
 
     def _indeterminate(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float) -> bool:
         """Whether no end of a slide on a surface is anything but zero, so far as its derivatives tell."""
@@ -322,41 +245,13 @@ class Switching:
         count = len(active)
         return Decision("none", None, f"no consistent mode found at t = {_digits(t)} with {count} surfaces in play")
 
-    def _equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]] | None:
-        if mode not in self._tapes:
-            with one_at_a_time():
-                made = self._tape(mode)
-                self._tapes[mode] = None if made is None else (*made, self._constants(made[1]))
-        return self._tapes[mode]
-
-    def _tape(self, mode: Mode) -> ModeWithTape | None:
-        """Equations of a mode and their tape; None where it has none."""
-        return mode_with_tape(self.system, mode)
-
-    def _constants(self, tape: Tape) -> list[Any]:
-        """Constants of a tape."""
-        return [self._number(self._numeric(c)) for c in tape.constants]
-
-    def _expanded(self, mode: Mode, t: float, x: Sequence[float]) -> tuple[list[list[float]], float]:
-        """Series of a mode's guards from a point, and their rate; those of the last point are kept."""
-        kept = self._at(t, x).series
-        if mode not in kept:
-            made = self._equations(mode)
-            assert made is not None
-            kept[mode] = self._series(made[1], made[2], t, x)
-        return kept[mode]
-
-    def _at(self, t: float, x: Sequence[float]) -> _Point:
-        """What is known at a point; that of the last one is kept, for one event asks for it several times."""
-        place, point = (t, *x), self._point
-        if place != point.place:
-            self._point = point = _Point(place)
-        return point  # not what the attribute holds by now: another thread may be at another point
-
     def _violations(
-        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float
+        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float, *, grouped: bool = False
     ) -> tuple[Guard, ...] | None:
-        """Guards of the mode that do not hold just after (t, x); None where the mode has no equations."""
+        """Guards of the mode that do not hold just after (t, x); None where the mode has no equations.
+
+        ``grouped``: which of several contacts hold is decided for all of them, not for each beside the others.
+        """
         made = self._equations(mode)
         if made is None:
             return None
@@ -369,7 +264,7 @@ class Switching:
         for guard, series in zip(made[0].guards, outputs, strict=True):
             if guard.ends or guard.index not in active:
                 continue
-            if guard.index in self.system.overrides:
+            if guard.index in self.system.overrides and not (grouped and guard.kind == "surface"):
                 sticks = self._sticks(t, x, mode, guard.index, zero)
                 # Where entry is decided by the hold zone, no slip starts inside it.
                 inside = self.system.held_inside(guard.index) or self.system.rests(guard.index)
@@ -419,53 +314,6 @@ class Switching:
         own = next(k for k, g in enumerate(made[0].guards) if g.kind == "surface" and g.index == index)
         first = self._leading(outputs[own], 1, rate, 0.0, zero)
         return first is None or (first > 1 and outputs[own][first] < 0)
-
-    def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> list[list[Any]]:
-        """Taylor coefficients in time of a mode's guards from a point.
-
-        ZeroDivisionError, ValueError or OverflowError where they are not finite, or the mode has no equations.
-        """
-        if self._equations(mode) is None:
-            raise ValueError("the mode has no equations")
-        return self._expanded(mode, t, x)[0]
-
-    def _hold_values(self, mode: Mode, index: int) -> Callable[..., list[float]] | None:
-        """(t, *x) -> release guards of an override beside a mode's slips; None where they hold another sign."""
-        key = replaced(mode, index, 0), index
-        if key not in self._holds:
-            with one_at_a_time():
-                guards = [g.expression for g in self.system.hold_guards(index, mode)]
-                known = not any(g.has(*self.system.signs) for g in guards)
-                self._holds[key] = self._function(self.system.states, guards) if known else None
-        return self._holds[key]
-
-    def _both_sides(self, t: float, x: Sequence[float], mode: Mode, index: int) -> tuple[float, float]:
-        """dh/dt of a surface below and above it (signs of the mode elsewhere)."""
-        kept = self._at(t, x).normals
-        sides = [replaced(mode, index, -1), replaced(mode, index, 1)]
-        for side in sides:
-            if side not in kept:
-                kept[side] = self._normals(t, *x, *side)
-        return kept[sides[0]][index], kept[sides[1]][index]
-
-    def _way(self, t: float, x: Sequence[float], mode: Mode, index: int) -> int:
-        """Where a surface is left to by the signs of the mode elsewhere; 0 where it attracts or it cannot be told."""
-        try:
-            below, above = self._both_sides(t, x, mode, index)
-        except (ZeroDivisionError, ValueError, OverflowError):
-            return 0
-        return 1 if below > 0 and above > 0 else -1 if below < 0 and above < 0 else 0
-
-    def _attracts(self, t: float, x: Sequence[float], mode: Mode, index: int) -> bool:
-        return self._attracts_by(*self._both_sides(t, x, mode, index))
-
-    def _size(self, t: float, x: Sequence[float], mode: Mode, index: int) -> float:
-        """What dh/dt is small or large against."""
-        try:
-            below, above = self._both_sides(t, x, mode, index)
-        except (ZeroDivisionError, ValueError, OverflowError):
-            return 0.0
-        return abs(below) + abs(above)
 
 
 def _digits(t: Any) -> str:

@@ -147,17 +147,24 @@ class FilippovSystem(SwitchedField):
         self, overridden: frozenset[int], sliding: frozenset[int]
     ) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
         """Equations of sliding where some of it is overridden: field, what ends it, and equivalent signs."""
-        releases = tuple(g for i in sorted(overridden) for g in self.hold_guards(i))
+        zones = {i: self.hold_guards(i) for i in sorted(overridden)}
         if len(sliding) == 1:
-            return self.overrides[next(iter(sliding))].field, releases, {}
+            (i,) = sliding
+            return self.overrides[i].field, zones[i], {}
         held = {i: self.overrides[i] for i in sorted(overridden)}
-        made = held_field(self, held, [g.expression for g in releases], sliding)
-        releases = tuple(replace(g, expression=put(g.expression, made.on_surface)) for g in releases)
-        others = tuple(sorted(sliding - overridden))
-        if not others:
-            return made.field, releases, {}
-        field, own, signs = filippov_sliding(replace(self, field=made.field), others)
-        return field, tuple(sorted(releases + own, key=lambda g: g.index)), signs
+        made = held_field(self, held, {i: [g.expression for g in zone] for i, zone in zones.items()}, sliding)
+        field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
+        signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}
+        if others:
+            field, ends, found = filippov_sliding(replace(self, field=field), others)
+            own, signs = own + ends, signs | found
+        known = {**made.signs, **{self.signs[i]: found for i, found in signs.items()}}
+        releases = tuple(
+            replace(g, expression=put(put(g.expression, made.on_surface), known))
+            for zone in zones.values()
+            for g in zone
+        )
+        return field, tuple(sorted(releases + own, key=lambda g: (g.kind == "attracts", g.index))), signs
 
     def normal_velocity(self, index: int) -> sp.Expr:
         """dh_i/dt along f, in time, states, signs and parameters."""
@@ -176,6 +183,14 @@ class FilippovSystem(SwitchedField):
                 return frozenset(found)
             found |= more
             left -= more
+
+    def decided_together(self, guard: Guard, sliding: Iterable[int]) -> bool:
+        """Whether what follows a guard depends on other surfaces that slide.
+
+        Where an equivalent sign reaches -1 or +1 no force jumps; where static friction lets go, it does.
+        """
+        jumps = guard.kind == "surface" or (guard.kind == "release" and self.held_inside(guard.index))
+        return jumps and len(self.together(guard.index, sliding)) > 1
 
     @cached_property
     def _acting(self) -> tuple[frozenset[int], ...]:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from henon_ref.filippov.mode_evaluation import ModeWithTape
 from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.switching import ModeWithTape, Switching
+from henon_ref.filippov.switching import Switching
 from henon_ref.henon.mode_constants import LoopData, ModeConstants
 from henon_ref.henon.parameter_programs import ParameterPrograms
 from henon_ref.henon.precise_modes import BallSwitching, PreciseModes

@@ -182,7 +182,7 @@ class ModeTable:
             record["hold_zone"] = surface and system.held_inside(guard.index)
             record["side"] = mode[guard.index] if surface else 0
             resets = surface and guard.index in system.resets and mode[guard.index] > 0
-            record["coupled"] = resets or (surface and len(system.together(guard.index, sliding)) > 1)
+            record["coupled"] = resets or system.decided_together(guard, sliding)
             # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
             tangent = guard.kind == "release" and guard.index not in system.overrides
             record["zeros_at_release"] = 2 if tangent else 0

@@ -97,7 +97,7 @@ def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, 
             zeros, what, target = 0, STICK, guard_of(layout, hit).mode_stuck
     else:
         zeros, what = guard_of(layout, hit).zeros_at_release, RELEASED
-    if coincident:
+    if coincident or (kind == RELEASE and guard_of(layout, hit).coupled == 1):
         return ReturnCode.SELECT_MODE.value
     if target < 0:
         run.pending_kind = what

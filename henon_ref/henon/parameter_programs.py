@@ -11,8 +11,8 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.filippov.mode_evaluation import ModeWithTape, mode_with_tape
 from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.switching import ModeWithTape, mode_with_tape
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.constant_program import ConstantProgram, constant_program
 from henon_ref.henon.double_double import scatter, signs_of

@@ -11,8 +11,8 @@ import sympy as sp
 from flint import arb, arb_poly
 
 from henon_ref.filippov.equations import Guard, ModeEquations
+from henon_ref.filippov.mode_evaluation import ORDER as DERIVATIVES
 from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.switching import ORDER as DERIVATIVES
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.jit.processor_time import compiling
@@ -182,6 +182,9 @@ class BallSwitching(Switching):
 
     def _attracts_by(self, below: Any, above: Any) -> bool:
         return not below < 0 and not above > 0
+
+    def _negative(self, value: Any, size: Any) -> bool:
+        return bool(value < 0)
 
     def _size(self, t: Any, x: Sequence[Any], mode: Mode, index: int) -> float:
         return 0.0

@@ -214,12 +214,15 @@ class Run(ModeChanges):
         falling = [guards[g] for g in found.falling]
         if surfaces := resetting(integrator.system, mode, falling):
             return self._jump(surfaces, [*falling, *(guards[g] for g, _ in found.touching)])
-        tangential = sorted({guards[g].index for g, _ in found.touching if guards[g].kind == "surface"})
+        touching = [guards[g] for g, _ in found.touching]
+        tangential = sorted(
+            {g.index for g in touching if g.kind == "surface" or integrator.system.held_inside(g.index)}
+        )
         if found.decision is not None:
             tangential += [guards[g].index for g in found.falling if guards[g].kind == "surface"]
             return self._change_mode(found.decision, found.known_zeros, sorted(set(tangential)))
         self._set_known_zeros(mode, found.known_zeros)
-        for i in tangential:  # a stick whose own end is touched goes on, and nothing is told
+        for i in tangential:  # of a slide without static friction whose end is touched nothing is told
             self._record(GRAZE, i, row, row, side=0)
         return None
 

@@ -14,7 +14,6 @@ from flint import arb, ctx
 from multiprecision import simulate
 
 from henon_ref.casefile.case import parse_case
-from henon_ref.errors import ModelError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
 from henon_ref.registry import solver
@@ -87,20 +86,3 @@ def test_more_blocks_than_are_tried_exhaustively_are_searched() -> None:
     assert Switching(problem.system).initial_mode(*at).mode == expected
     with ctx.workprec(256):
         assert ModeSelection(problem.system, 256).initial_mode(*at).mode == expected
-
-
-def test_a_stack_of_two_blocks_is_refused_in_its_joint_stick() -> None:
-    text = """scene:
-  bodies:
-    a: {mass: 1}
-    b: {mass: 1}
-    floor: fixed
-  connections:
-    - friction: {between: [a, floor], law: coulomb, force: 1, static: 2}
-    - friction: {between: [b, a], law: coulomb, force: 1, static: 2}
-initial: {t: 0, x_a: 0, v_a: 1, x_b: 0, v_b: 2}
-until: 1
-"""
-    system = parse_case(HEAD + text).readings[0].problem.system
-    with pytest.raises(ModelError, match="act on each other at once"):
-        system.equations((0, 0))

@@ -18,6 +18,7 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision, ended, explained, without_indeterminate
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
+from henon_ref.filippov.held_groups import decide_groups, held_together
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.switching import EXHAUSTIVE
 from henon_ref.filippov.system import FilippovSystem
@@ -73,15 +74,16 @@ class ModeSelection:
         at = {TIME: start, **dict(zip(self.system.states, initial, strict=True))}
         return [exact_sign(self.system.numeric(e).subs(at, simultaneous=True)) for e in expressions]
 
-    def after_event(self, point: Point, mode: Mode, hits: Sequence[Guard]) -> Decision:
-        """Mode after the guards ``hits`` of ``mode`` fell to zero at a point."""
+    def after_event(self, point: Point, mode: Mode, hits: Sequence[Guard], *, touched: bool = False) -> Decision:
+        """Mode after the guards ``hits`` of ``mode`` fell to zero at a point, or ``touched`` it and turned."""
         refused = ended(self.system, mode, hits, _short(point))
         if refused is not None:
             return refused
-        if len(hits) == 1 and hits[0].kind == "release":
+        sliding = [i for i, s in enumerate(mode) if s == 0]
+        alone = len(hits) == 1 and hits[0].kind == "release" and not touched
+        if alone and not self.system.decided_together(hits[0], sliding):
             # The equivalent sign reaches +-1 continuously, so nothing else changes (an override says where to).
             return Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign))
-        sliding = [i for i, s in enumerate(mode) if s == 0]
         active = {i for g in hits for i in self.system.together(g.index, sliding)}
         return self._decide(point, mode, tuple(sorted(active)))
 
@@ -146,6 +148,8 @@ class ModeSelection:
         return decision if decision.mode is not None else explained(decision, self.system, mode, active)
 
     def _decided(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
+        if held_together(self.system, active):
+            return self._decided_in_groups(point, mode, active)
         if len(active) > EXHAUSTIVE:
             return self._search(point, mode, active)
         found = []
@@ -163,6 +167,41 @@ class ModeSelection:
             return Decision("none", None, f"no mode is consistent at t = {_short(point)}")
         modes = " or ".join(mode_text(m, self.system.sign_names) for m in found)
         return Decision("nonunique", None, f"the future is not unique at t = {_short(point)}: {modes}")
+
+    def _decided_in_groups(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
+        try:
+            return decide_groups(
+                self.system,
+                mode,
+                active,
+                lambda group, signs: self._group_values(point, group, signs),
+                lambda value, size: bool(value < 0),
+                lambda candidate: self._violations(point, candidate, active, grouped=True) == (),
+                _short(point),
+            )
+        except ModelError as error:
+            return Decision("none", None, str(error))
+
+    def _group_values(
+        self, point: Point, group: tuple[int, ...], signs: Mode
+    ) -> tuple[list[arb], list[list[arb]]] | None:
+        """Normal velocities of some surfaces, and the ends of their hold zones; None where they are not finite."""
+        system = self.system
+        zones = [system.hold_guards(i) if i in system.overrides else () for i in group]
+        written = [self._normals[i] for i in group]
+        written += [system.numeric(g.expression) for zone in zones for g in zone]
+        entries = {s: sp.Integer(v) for s, v in zip(system.signs, signs, strict=True)}
+        values = self._at(point, [e.xreplace(entries) for e in written])
+        if not all(value.is_finite() for value in values):
+            return None
+        ends = iter(values[len(group) :])
+        return values[: len(group)], [[next(ends) for _ in zone] for zone in zones]
+
+    def _at(self, point: Point, expressions: Sequence[sp.Expr]) -> list[arb]:
+        """Values of expressions in time and states at a point."""
+        frozen, states = [sp.Integer(0)] * len(self.system.states), self.system.states
+        found = series.along(frozen, expressions, states, point.time, point.state, bits=self.bits, order=0)
+        return [c[0] for c in found]
 
     def _indeterminate(self, point: Point, mode: Mode, index: int) -> bool:
         """Whether no end of a slide on a surface is anything but zero, so far as its derivatives tell."""
@@ -187,8 +226,13 @@ class ModeSelection:
                 candidate = replaced(candidate, guard.index, guard.to_sign if guard.kind == "release" else 0)
         return Decision("none", None, f"no consistent mode found at t = {_short(point)}")
 
-    def _violations(self, point: Point, mode: Mode, active: Sequence[int]) -> tuple[Guard, ...] | None:
-        """Guards of the mode that do not hold just after the point; None where the mode has no equations."""
+    def _violations(
+        self, point: Point, mode: Mode, active: Sequence[int], *, grouped: bool = False
+    ) -> tuple[Guard, ...] | None:
+        """Guards of the mode that do not hold just after the point; None where the mode has no equations.
+
+        ``grouped``: which of several contacts hold is decided for all of them, not for each beside the others.
+        """
         try:
             terms = self.leading_terms(point, mode, frozenset(active))
         except ModelError:
@@ -199,7 +243,8 @@ class ModeSelection:
         inside = {i for i in active if mode[i] != 0 and (self.system.held_inside(i) or self.system.rests(i))}
         # Where entry is decided by the hold zone, no slip starts inside it.
         lost = {i for i in own if not self._sticks(point, mode, i)}
-        if any(self._sticks(point, mode, i) for i in inside) or (lost and len(active) <= EXHAUSTIVE):
+        held = not grouped and any(self._sticks(point, mode, i) for i in inside)
+        if held or (lost and (grouped or len(active) <= EXHAUSTIVE)):
             return None
         broken = []
         for guard, term in zip(self.system.equations(mode).guards, terms, strict=True):
@@ -243,10 +288,7 @@ class ModeSelection:
         guards = [system.numeric(g.expression) for g in system.hold_guards(index, mode)]
         if any(g.has(*system.signs) for g in guards):
             return []  # which slides, so that the load is not known: no slip is told from a stick there
-        frozen = [sp.Integer(0)] * len(system.states)
-        return [
-            c[0] for c in series.along(frozen, guards, system.states, point.time, point.state, bits=self.bits, order=0)
-        ]
+        return self._at(point, guards)
 
     def _attracts(self, point: Point, mode: Mode, index: int) -> bool:
         """Whether both fields point at a surface, or along it."""
@@ -255,9 +297,8 @@ class ModeSelection:
             self._normals[index].xreplace({s: sp.Integer(v) for s, v in zip(system.signs, side, strict=True)})
             for side in (replaced(mode, index, -1), replaced(mode, index, 1))
         )
-        frozen = [sp.Integer(0)] * len(system.states)
-        speeds = series.along(frozen, [below, above], system.states, point.time, point.state, bits=self.bits, order=0)
-        return series.sign(speeds[0][0]) >= 0 and series.sign(speeds[1][0]) <= 0
+        speeds = self._at(point, [below, above])
+        return series.sign(speeds[0]) >= 0 and series.sign(speeds[1]) <= 0
 
 
 def _short(point: Point) -> str:

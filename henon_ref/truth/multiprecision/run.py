@@ -11,6 +11,7 @@ from flint import arb
 from henon_ref.filippov.after_jump import Rest
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import resetting
@@ -71,6 +72,8 @@ class _Hit:
     """In units of the step."""
     guard: int
     transversality: float
+    odd: bool
+    """Whether the guard goes through zero, or only touches it."""
 
 
 def simulate(problem: Problem, bits: int, *, progress: Progress | None = None) -> Run:
@@ -87,7 +90,13 @@ def simulate(problem: Problem, bits: int, *, progress: Progress | None = None) -
     -------
     Run
         Every event up to the horizon, or up to where the run has to end.
+
+    Raises
+    ------
+    UnsupportedError
+        Where too many contacts with static friction act on each other at once.
     """
+    check_groups(problem.system)
     with working_precision(bits + GUARD_BITS):
         return _Simulation(problem, bits, progress).run()
 
@@ -228,9 +237,10 @@ class _Simulation:
                 at, value = float(miss.at), abs(float(miss.value))
                 near.append((miss.at, NearGraze(begin + at * length, guard.index, value * at**skipped)))
         for root in found.roots:
-            touch = not root.odd and guard.kind != "release"
+            touch = not root.odd and (guard.kind != "release" or self.problem.system.held_inside(guard.index))
             if sign > 0 and (root.odd or touch):
-                return _Hit(root.at.mid(), index, self._slope(step, index, root.at, skipped, polynomial, root.odd))
+                slope = self._slope(step, index, root.at, skipped, polynomial, root.odd)
+                return _Hit(root.at.mid(), index, slope, root.odd)
             if root.odd:
                 sign = -sign
         self.signs[index] = sign
@@ -247,9 +257,10 @@ class _Simulation:
         time = (to_ball(step.time) + hits[0].at * to_ball(step.length)).mid()
         self.point = self._blurred(time, self.stepper.state_at(time), step)
         guards = self.problem.system.equations(self.mode).guards
-        self._change_mode([guards[hit.guard] for hit in hits], min(hit.transversality for hit in hits))
+        touched = not any(hit.odd for hit in hits)
+        self._change_mode([guards[hit.guard] for hit in hits], min(hit.transversality for hit in hits), touched=touched)
 
-    def _change_mode(self, hits: Sequence[Guard], transversality: float) -> None:
+    def _change_mode(self, hits: Sequence[Guard], transversality: float, *, touched: bool = False) -> None:
         """Decide the mode after an event, note the event, and go on."""
         before, point = self.mode, self.point
         self.result.end_time = point.time.mid()
@@ -262,14 +273,14 @@ class _Simulation:
             after, active, rest = self._jump(resets, hits)
             changed = tuple(i for i, s in enumerate(after) if s != before[i] or i in resets)
         else:
-            after = self._decided(self.selection.after_event(point, before, hits))
+            after = self._decided(self.selection.after_event(point, before, hits, touched=touched))
             active = frozenset({g.index for g in hits} | {i for i, s in enumerate(before) if s == 0})
             changed = tuple(i for i in sorted(active) if after[i] != before[i])
-        touched = tuple(sorted({g.index for g in hits}))
+        met = tuple(sorted({g.index for g in hits}))
         state = tuple(v.mid() for v in self.point.state)
         if not self.accumulating:
             self.result.events.append(
-                Event(point.time.mid(), state, before, after, changed or touched, transversality, resets)
+                Event(point.time.mid(), state, before, after, changed or met, transversality, resets)
             )
         if resets and rest is not None:
             self.accumulating = resets

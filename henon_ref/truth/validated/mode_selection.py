@@ -18,6 +18,7 @@ from flint import arb, ctx
 from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import ended
 from henon_ref.filippov.equations import Guard, Refusal
+from henon_ref.filippov.held_groups import decide_groups, held_together
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import Jump
@@ -153,10 +154,11 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
             raise UndecidedError(refused.reason, "mode")
         raise EndedError(refused.reason, hit.ends)
     on = tuple(sorted({i for i, s in enumerate(mode) if s == 0} | {hit.index}))
-    if hit.kind == "surface":
-        moving = [hit.index] if mode[hit.index] else []
-        judge = _Judge(model, box, on, _identities(model, [i for i in on if i not in moving], moving))
-        if system.rests(hit.index):  # from the side where nothing can rest
+    if hit.kind == "surface" or system.decided_together(hit, on):
+        moving = [hit.index] if hit.kind == "surface" and mode[hit.index] else []
+        released_by = [hit.expression] if hit.kind == "release" else []
+        judge = _Judge(model, box, on, _identities(model, [i for i in on if i not in moving], moving, *released_by))
+        if hit.kind == "surface" and system.rests(hit.index):  # from the side where nothing can rest
             return judge.fixed(replaced(mode, hit.index, hit.to_sign), "the surface is not left"), on
         return judge.unique(mode, tuple(sorted(system.together(hit.index, on)))), on
     released = replaced(mode, hit.index, hit.to_sign)
@@ -241,6 +243,8 @@ class _Judge:
     def unique(self, mode: Mode, active: tuple[int, ...]) -> Entry:
         """The one consistent mode among all choices for the active surfaces."""
         names = self.model.system.sign_names
+        if held_together(self.model.system, active):
+            return self._grouped(mode, active)
         if len(active) > EXHAUSTIVE:
             raise UndecidedError(f"{len(active)} surfaces in play at once: too many modes to try", "mode")
         found: list[Entry] = []
@@ -258,6 +262,50 @@ class _Judge:
         modes = " or ".join(mode_text(e.mode, names) for e in found)
         raise EndedError(f"the future is not unique{self._where()}: {modes}", "nonunique")
 
+    def _grouped(self, mode: Mode, active: tuple[int, ...]) -> Entry:
+        """The entry in which those contacts hold that can."""
+        zeros: dict[Mode, tuple[int, ...]] = {}
+
+        def consistent(candidate: Mode) -> bool:
+            found = self._entry_zeros(candidate, active, grouped=True)
+            if found is not None:
+                zeros[candidate] = found
+            return found is not None
+
+        try:
+            decision = decide_groups(
+                self.model.system,
+                mode,
+                active,
+                self._group_values,
+                lambda value, size: bool(value < 0),
+                consistent,
+                self.box[0].str(17, radius=False),
+            )
+        except ModelError as error:
+            raise UndecidedError(str(error), "mode") from None
+        if decision.mode is None:
+            assert decision.status != "unique"
+            raise EndedError(decision.reason, decision.status)
+        if decision.mode not in zeros and not consistent(decision.mode):
+            raise UndecidedError(f"the mode that loads tell{self._where()} is not kept by its own field", "mode")
+        return self._attracting(Entry(decision.mode, zeros[decision.mode]))
+
+    def _group_values(self, group: tuple[int, ...], signs: Mode) -> tuple[list[arb], list[list[arb]]] | None:
+        """Normal velocities of some surfaces, and the ends of their hold zones; None where they are not finite."""
+        system = self.model.system
+        entries = {s: sp.Integer(v) for s, v in zip(system.signs, signs, strict=True)}
+        at = dict(zip(self.model.symbols, self.box, strict=True))
+        zones = [system.hold_guards(i) if i in system.overrides else () for i in group]
+
+        def value(expression: sp.Expr) -> arb:
+            return enclose(system.numeric(expression).xreplace(entries), at)
+
+        speeds = [value(system.normal_velocity(i)) for i in group]
+        ends = [[value(guard.expression) for guard in zone] for zone in zones]
+        finite = all(v.is_finite() for v in (*speeds, *(end for own in ends for end in own)))
+        return (speeds, ends) if finite else None
+
     def _attracting(self, entry: Entry) -> Entry:
         """An entry, where it is sure that sliding on an intersection attracts."""
         at = dict(zip(self.model.symbols, self.box, strict=True))
@@ -270,8 +318,11 @@ class _Judge:
     def _where(self) -> str:
         return f" at t = {self.box[0].str(17, radius=False)}"
 
-    def _entry_zeros(self, mode: Mode, active: Sequence[int]) -> tuple[int, ...] | None:
-        """Exact leading zeros of every guard where the mode is consistent, None where it is proven not to be."""
+    def _entry_zeros(self, mode: Mode, active: Sequence[int], *, grouped: bool = False) -> tuple[int, ...] | None:
+        """Exact leading zeros of every guard where the mode is consistent, None where it is proven not to be.
+
+        ``grouped``: which of several contacts hold is decided for all of them, not for each beside the others.
+        """
         try:
             made = self.model.mode(mode)
         except ModelError:
@@ -284,7 +335,7 @@ class _Judge:
                 continue
             system = self.model.system
             inside = guard.index in active and (system.held_inside(guard.index) or system.rests(guard.index))
-            if inside and guard.kind == "surface" and self._held(mode, guard.index):
+            if inside and guard.kind == "surface" and not grouped and self._held(mode, guard.index):
                 return None  # no slip starts inside the hold zone
             if guard.rising_only and not inside:
                 if guard.index in active and not self._attracts(mode, guard.index):

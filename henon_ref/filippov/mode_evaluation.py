@@ -1,0 +1,226 @@
+"""What a mode does at a point: derivatives of its guards, normal velocities, loads, in double precision.
+
+Tapes are made once a mode and kept; a subclass may compute with other numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import isfinite
+from typing import Any
+
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.filippov.derivatives import leading, leading_sign, rate_of, scaled
+from henon_ref.filippov.equations import ModeEquations
+from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.precision import one_at_a_time
+from henon_ref.taylor.series import expand
+from henon_ref.taylor.tape import TIME, Tape, build_tape
+
+ORDER = 8
+"""Derivatives looked at before a contact counts as one that never separates."""
+ZERO = 1e-13
+"""Relative size below which a derivative counts as zero (a tangency within it cannot be told in double)."""
+CLEAR = 1e-9
+"""Part of its terms from which on a value is clearly no zero."""
+
+
+class _Point:
+    """What has been worked out at one point, by mode."""
+
+    def __init__(self, place: tuple[float, ...]) -> None:
+        self.place = place
+        self.series: dict[Mode, tuple[list[list[float]], float]] = {}
+        self.normals: dict[Mode, list[float]] = {}
+
+
+_NOWHERE = _Point(())
+"""Before a run has asked for anything."""
+
+
+ModeWithTape = tuple[ModeEquations, Tape]
+
+
+def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
+    """Equations of a mode, and its field and guards as a tape; None where it has none."""
+    try:
+        equations = system.equations(mode)
+    except ModelError:
+        return None
+    return equations, build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+
+
+class ModeEvaluation:
+    """The modes of one system at points, from any thread.
+
+    What belongs to the numbers is a method of its own: ``_number`` to ``_negative``.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    values : FilippovSystem, optional
+        The same with values of its parameters, where ``system`` has none.
+    """
+
+    def __init__(self, system: FilippovSystem, values: FilippovSystem | None = None) -> None:
+        self.system = system
+        self._numeric = (values or system).numeric
+        self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[Any]] | None] = {}
+        self._holds: dict[tuple[Mode, int], Callable[..., list[Any]] | None] = {}
+        self._group_functions: dict[tuple[int, ...], tuple[Callable[..., list[Any]], list[int]]] = {}
+        self.forget()
+        normals = [system.normal_velocity(i) for i in range(len(system.surfaces))]
+        self._normals = self._function([*system.states, *system.signs], normals)
+
+    def _number(self, expression: sp.Expr) -> Any:
+        """A constant of the equations."""
+        return float(expression)
+
+    def _function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        """(t, *names) -> values of expressions."""
+        values = [self._numeric(e) for e in expressions]
+        found: Callable[..., list[Any]] = sp.lambdify([TIME, *names], values, "math", cse=True)
+        return found
+
+    def _series(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> tuple[list[list[Any]], float]:
+        """Taylor coefficients of a tape's outputs from a point, and a rate that makes them comparable.
+
+        ZeroDivisionError, ValueError or OverflowError where they are not finite.
+        """
+        states, outputs = expand(tape, numbers, t, x, ORDER)
+        return outputs, rate_of(states, outputs)
+
+    def _leading(self, series: Sequence[Any], first: int, rate: float, size: float, zero: float) -> int | None:
+        """Index of the first coefficient from ``first`` on that is not zero, or None."""
+        return leading(series, first, rate, size, zero)
+
+    def _sign(self, series: Sequence[Any], first: int, rate: float, size: float, zero: float) -> int:
+        """Sign of that coefficient; 0 if there is none."""
+        k = self._leading(series, first, rate, size, zero)
+        return 0 if k is None else (1 if series[k] > 0 else -1)
+
+    def _holds_by(self, tape: Tape, numbers: Sequence[Any], ends: Sequence[int], t: Any, x: Any, zero: float) -> bool:
+        """Whether these outputs of a tape, the ends of a hold zone, are positive just after a point (or stay zero).
+
+        A load at one end of the hold zone is small against its distance to the other; then its derivatives decide.
+        """
+        states, outputs = expand(tape, numbers, t, x, ORDER)
+        ways = [outputs[end] for end in ends]
+        rate = rate_of(states, ways)
+        width = max(abs(value) for c in ways for value in scaled(c, rate))
+        return all(c[0] > 0 if abs(c[0]) > zero * width else leading_sign(c, 1, rate, 0.0, zero) >= 0 for c in ways)
+
+    def _attracts_by(self, below: Any, above: Any) -> bool:
+        """Whether normal velocities below and above a surface point at it, or along it."""
+        zero = ZERO * (abs(below) + abs(above))
+        return bool(below >= -zero and above <= zero)
+
+    def _negative(self, value: Any, size: Any) -> bool:
+        """Whether a value is clearly below zero, beside the sum of the sizes of its terms."""
+        return bool(value < -CLEAR * size)
+
+    def forget(self) -> None:
+        """What has been worked out at a point is not kept for the next one who comes there."""
+        self._point = _NOWHERE
+
+    def _equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]] | None:
+        if mode not in self._tapes:
+            with one_at_a_time():
+                made = self._tape(mode)
+                self._tapes[mode] = None if made is None else (*made, self._constants(made[1]))
+        return self._tapes[mode]
+
+    def _tape(self, mode: Mode) -> ModeWithTape | None:
+        """Equations of a mode and their tape; None where it has none."""
+        return mode_with_tape(self.system, mode)
+
+    def _constants(self, tape: Tape) -> list[Any]:
+        """Constants of a tape."""
+        return [self._number(self._numeric(c)) for c in tape.constants]
+
+    def _expanded(self, mode: Mode, t: float, x: Sequence[float]) -> tuple[list[list[float]], float]:
+        """Series of a mode's guards from a point, and their rate; those of the last point are kept."""
+        kept = self._at(t, x).series
+        if mode not in kept:
+            made = self._equations(mode)
+            assert made is not None
+            kept[mode] = self._series(made[1], made[2], t, x)
+        return kept[mode]
+
+    def _at(self, t: float, x: Sequence[float]) -> _Point:
+        """What is known at a point; that of the last one is kept, for one event asks for it several times."""
+        place, point = (t, *x), self._point
+        if place != point.place:
+            self._point = point = _Point(place)
+        return point  # not what the attribute holds by now: another thread may be at another point
+
+    def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> list[list[Any]]:
+        """Taylor coefficients in time of a mode's guards from a point.
+
+        ZeroDivisionError, ValueError or OverflowError where they are not finite, or the mode has no equations.
+        """
+        if self._equations(mode) is None:
+            raise ValueError("the mode has no equations")
+        return self._expanded(mode, t, x)[0]
+
+    def _hold_values(self, mode: Mode, index: int) -> Callable[..., list[float]] | None:
+        """(t, *x) -> release guards of an override beside a mode's slips; None where they hold another sign."""
+        key = replaced(mode, index, 0), index
+        if key not in self._holds:
+            with one_at_a_time():
+                guards = [g.expression for g in self.system.hold_guards(index, mode)]
+                known = not any(g.has(*self.system.signs) for g in guards)
+                self._holds[key] = self._function(self.system.states, guards) if known else None
+        return self._holds[key]
+
+    def _group_values(
+        self, t: Any, x: Sequence[Any], group: tuple[int, ...], signs: Mode
+    ) -> tuple[list[Any], list[list[Any]]] | None:
+        """Normal velocities of some surfaces, and the ends of their hold zones; None where they are not finite."""
+        if group not in self._group_functions:
+            with one_at_a_time():
+                zones = [self.system.hold_guards(i) if i in self.system.overrides else () for i in group]
+                written = [self.system.normal_velocity(i) for i in group]
+                written += [g.expression for zone in zones for g in zone]
+                function = self._function([*self.system.states, *self.system.signs], written)
+                self._group_functions[group] = function, [len(zone) for zone in zones]
+        function, lengths = self._group_functions[group]
+        try:
+            values = function(t, *x, *signs)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return None
+        if not all(isfinite(float(value)) for value in values):
+            return None
+        ends = iter(values[len(group) :])
+        return list(values[: len(group)]), [[next(ends) for _ in range(length)] for length in lengths]
+
+    def _both_sides(self, t: float, x: Sequence[float], mode: Mode, index: int) -> tuple[float, float]:
+        """dh/dt of a surface below and above it (signs of the mode elsewhere)."""
+        kept = self._at(t, x).normals
+        sides = [replaced(mode, index, -1), replaced(mode, index, 1)]
+        for side in sides:
+            if side not in kept:
+                kept[side] = self._normals(t, *x, *side)
+        return kept[sides[0]][index], kept[sides[1]][index]
+
+    def _way(self, t: float, x: Sequence[float], mode: Mode, index: int) -> int:
+        """Where a surface is left to by the signs of the mode elsewhere; 0 where it attracts or it cannot be told."""
+        try:
+            below, above = self._both_sides(t, x, mode, index)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return 0
+        return 1 if below > 0 and above > 0 else -1 if below < 0 and above < 0 else 0
+
+    def _attracts(self, t: float, x: Sequence[float], mode: Mode, index: int) -> bool:
+        return self._attracts_by(*self._both_sides(t, x, mode, index))
+
+    def _size(self, t: float, x: Sequence[float], mode: Mode, index: int) -> float:
+        """What dh/dt is small or large against."""
+        try:
+            below, above = self._both_sides(t, x, mode, index)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return 0.0
+        return abs(below) + abs(above)

@@ -1,0 +1,222 @@
+"""Groups of contacts with static friction that act on each other at once: stacks of blocks on a floor, in closed form.
+
+Block a (1 kg) stands on the floor, b (1 kg) on a; a force t pulls a. Both are at rest at first.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+import sympy as sp
+from flint import arb, ctx
+from multiprecision import simulate
+
+from henon_ref.casefile.case import parse_case
+from henon_ref.errors import ModelError, UnsupportedError
+from henon_ref.filippov.held_groups import MOST, check_groups
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
+from henon_ref.registry import solver
+from henon_ref.truth.balls import enclose
+from henon_ref.truth.multiprecision.mode_selection import ModeSelection
+from henon_ref.truth.validated import certify
+
+HEAD = "schema: 1\nname: stack\ntitle: t\nsource: s\nequations: e\n"
+LIBRARIES = [
+    ("henon", {"rtol": 1e-13}, 1e-12),
+    ("henon-rk4", {"step": 1e-3}, 1e-9),
+    ("scipy-dop853", {"rtol": 1e-12}, 1e-9),
+    ("cvode-bdf", {"rtol": 1e-10}, 1e-6),
+    ("heyoka", {"rtol": 1e-16}, 1e-12),
+]
+
+
+def stack(
+    statics: list[str], forces: list[str], kinetic: list[str], until: str = "3", velocities: list[str] | None = None
+) -> Problem:
+    """Blocks of 1 kg, one on the other, from the floor up; a force on each."""
+    blocks = [f"b{i}" for i in range(len(statics))]
+    lines = ["scene:", "  bodies:", *(f"    {b}: {{mass: 1}}" for b in blocks), "    floor: fixed", "  connections:"]
+    for (below, b), static, force in zip(pairwise(["floor", *blocks]), statics, kinetic, strict=True):
+        lines.append(f"    - friction: {{between: [{b}, {below}], law: coulomb, force: {force}, static: {static}}}")
+    lines += [f"    - force: {{on: {b}, value: {f}}}" for b, f in zip(blocks, forces, strict=True) if f != "0"]
+    speeds = velocities or ["0"] * len(blocks)
+    initial = ", ".join(f"x_{b}: 0, v_{b}: {v}" for b, v in zip(blocks, speeds, strict=True))
+    return (
+        parse_case("\n".join([HEAD + lines[0], *lines[1:], f"initial: {{{initial}}}", f"until: {until}", ""]))
+        .readings[0]
+        .problem
+    )
+
+
+SETS_OFF = stack(["2", "2/5"], ["t", "0"], ["1", "3/10"]), [sp.Integer(2)] * 2, [(1, -1)] * 2
+"""At t = 2 the floor lets go; what b needs to follow, (2 - 1)/2, is more than 2/5: it is left behind at once."""
+FOLLOWS = stack(["2", "3/5"], ["t", "0"], ["1", "3/10"]), [sp.Integer(2), sp.Rational(11, 5)], [(1, 0), (1, -1)]
+"""Up to (t - 1)/2 = 3/5 it follows."""
+PULLED = stack(["21/10", "2"], ["0", "t"], ["3/2", "1"])
+"""The upper one is pulled: both loads are t, until b can no more be held at t = 2. Either it slips, and the floor
+carries 1; or the floor does, and the upper contact carries (t + 3/2)/2. Each alone could hold: no set contains both."""
+EVENTS = pytest.mark.parametrize(("problem", "times", "modes"), [SETS_OFF, FOLLOWS], ids=["sets off", "follows"])
+
+
+@EVENTS
+@pytest.mark.parametrize(("name", "options", "bound"), LIBRARIES, ids=[name for name, *_ in LIBRARIES])
+def test_a_stick_that_lets_go_sets_off_its_neighbour_where_that_cannot_follow(  # type: ignore[no-untyped-def]
+    name, options, bound, problem, times, modes
+) -> None:
+    run = solver(name).prepare(problem, **options)()
+    assert run.status == "ok", run.reason
+    assert [(t.kind, t.to_mode) for t in run.transitions] == [("release", mode) for mode in modes]
+    assert [t.time for t in run.transitions] == pytest.approx([float(t) for t in times], abs=bound, rel=0)
+    assert {t.surface for t in run.transitions} == {0, 1}
+
+
+@EVENTS
+def test_both_truths_see_it(problem, times, modes) -> None:  # type: ignore[no-untyped-def]
+    proof, second = certify(problem), simulate(problem, 256)
+    assert proof.status == "certified", proof.reason
+    assert [t.to_mode for t in proof.transitions] == modes
+    with ctx.workprec(2 * proof.bits):
+        assert all(t.time.overlaps(enclose(e)) for t, e in zip(proof.transitions, times, strict=True))
+    assert [e.after for e in second.events] == sorted(set(modes), key=modes.index)
+
+
+@pytest.mark.parametrize("problem", [PULLED, stack(["19/10", "4/5"], ["13/10", "1"], ["1/5", "1/2"], "1")])
+def test_where_no_set_contains_all_others_the_run_ends_and_names_them(problem: Problem) -> None:
+    words = "of the sets of contacts that can hold none contains all others: {s_b0_floor} or {s_b1_b0}"
+    for name, options, _ in LIBRARIES:
+        run = solver(name).prepare(problem, **options)()
+        assert run.status == "nonunique", (name, run.reason)
+        assert run.reason.endswith(words)
+    proof, second = certify(problem), simulate(problem, 256)
+    assert (proof.ended, second.status) == ("nonunique", "nonunique")
+    assert proof.reason.endswith(words)
+    assert second.reason.endswith(words)
+
+
+def test_a_stack_that_arrives_holds_what_it_can() -> None:
+    """a comes to rest under b, which slides on it: the floor carries the friction of b, then everything."""
+    problem = stack(["2", "1"], ["0", "0"], ["3/2", "1"], "4", ["1", "3"])
+    run, proof = solver("henon").prepare(problem, rtol=1e-13)(), certify(problem)
+    # a' = -3/2 + 1, b' = -1: a stands at t = 2, b at t = 3.
+    assert [(t.kind, t.surface, t.to_mode) for t in run.transitions] == [("stick", 0, (0, 1)), ("stick", 1, (0, 0))]
+    assert [t.time for t in run.transitions] == pytest.approx([2, 3], abs=1e-13)
+    assert [t.to_mode for t in proof.transitions] == [(0, 1), (0, 0)]
+    assert run.end_state == pytest.approx((1, 0, 4.5, 0), abs=1e-12)
+
+
+def test_loads_of_a_stack_that_holds_are_those_of_statics() -> None:
+    system = stack(["5", "4", "3"], ["t", "2*t", "-t/2"], ["1", "1", "1"]).system
+    guards = system.equations((0, 0, 0)).guards
+    t = sp.Symbol("t", real=True)
+    (time,) = guards[0].expression.free_symbols
+    loads = [sp.Rational(5, 2) * t, sp.Rational(3, 2) * t, -t / 2]
+    expected = [e for limit, load in zip((5, 4, 3), loads, strict=True) for e in (limit - load, limit + load)]
+    assert [sp.expand(g.expression.xreplace({time: t}) - e) for g, e in zip(guards, expected, strict=True)] == [0] * 6
+
+
+def expected_modes(static: np.ndarray, kinetic: np.ndarray, forces: np.ndarray) -> set[tuple[int, ...]]:
+    """Consistent assignments of a stack at rest, by its own statics: block k between contacts k and k + 1."""
+    n, found = len(forces), set()
+    for choice in product((-1, 0, 1), repeat=n):
+        held = [k for k in range(n) if choice[k] == 0]
+        # Unknown: accelerations a (n), and the forces T of contacts that hold. a_k = f_k - T_k + T_(k + 1).
+        matrix, right = np.zeros((n + len(held), n + len(held))), np.zeros(n + len(held))
+        for k in range(n):
+            matrix[k, k], right[k] = 1.0, forces[k]
+            for j, sign in ((k, 1.0), (k + 1, -1.0)):
+                if j < n and choice[j] == 0:
+                    matrix[k, n + held.index(j)] += sign
+                elif j < n:
+                    right[k] -= sign * choice[j] * kinetic[j]
+        for row, k in enumerate(held, start=n):
+            matrix[row, k] = 1.0
+            if k:
+                matrix[row, k - 1] = -1.0
+        solved = np.linalg.solve(matrix, right)
+        moves = np.diff(solved[:n], prepend=0.0)
+        loads = dict(zip(held, solved[n:], strict=True))
+        if all(abs(loads[k]) <= static[k] if k in loads else choice[k] * moves[k] > 0 for k in range(n)):
+            found.add(choice)
+    return found
+
+
+def test_stacks_at_rest_are_decided_as_by_their_own_statics() -> None:
+    generator = np.random.default_rng(34)
+    statuses = set()
+    for _ in range(25):
+        n = int(generator.integers(2, 4))
+        static = generator.integers(4, 40, n) / 16
+        kinetic = np.maximum(1, np.floor(16 * static * generator.uniform(0.2, 1, n))) / 16
+        forces = generator.integers(-40, 40, n) / 16 + 1 / 128
+        problem = stack(*([f"{int(v * 128)}/128" for v in values] for values in (static, forces, kinetic)), "1")
+        found = expected_modes(static, kinetic, forces)
+        sets = {mode: {k for k, s in enumerate(mode) if s == 0} for mode in found}
+        largest = [mode for mode in found if all(own <= sets[mode] for own in sets.values())]
+        at = problem.start, problem.initial, problem.initial_mode
+        with ctx.workprec(256):
+            decisions = [
+                Switching(problem.system).initial_mode(*at),
+                ModeSelection(problem.system, 256).initial_mode(*at),
+            ]
+        for decision in decisions:
+            assert decision.status == ("unique" if len(largest) == 1 else "nonunique"), (found, decision)
+            assert decision.mode == (largest[0] if len(largest) == 1 else None)
+        statuses.add(decision.status)
+    assert statuses == {"unique", "nonunique"}
+
+
+def test_groups_of_more_than_eight_are_refused_before_a_run() -> None:
+    most = stack(["2"] * MOST, ["t"] + ["0"] * (MOST - 1), ["1"] * MOST)
+    check_groups(most.system)
+    more = stack(["2"] * (MOST + 1), ["t"] + ["0"] * MOST, ["1"] * (MOST + 1))
+    for name, options, _ in LIBRARIES:
+        with pytest.raises(UnsupportedError, match=r"group of 9 contacts .* at most 8"):
+            solver(name).prepare(more, **options)
+    with pytest.raises(UnsupportedError, match="group of 9 contacts"):
+        certify(more)
+    with pytest.raises(UnsupportedError, match="group of 9 contacts"):
+        simulate(more, 256)
+
+
+def test_eight_contacts_of_one_group_are_decided() -> None:
+    """The floor lets go at t = 12; contact k then carries (8 - k)/8 of t - 6, less than 6 up to t = 90/7."""
+    problem = stack(["12"] + ["6"] * 7, ["t"] + ["0"] * 7, ["6"] * 8, "25/2")
+    run = solver("henon").prepare(problem, rtol=1e-13)()
+    assert [(t.kind, t.to_mode) for t in run.transitions] == [("release", (1, 0, 0, 0, 0, 0, 0, 0))]
+    assert run.transitions[0].time == pytest.approx(12, abs=1e-12)
+
+
+def test_an_override_that_is_no_balance_of_forces_does_not_hold_beside_others() -> None:
+    v, w, s, u = sp.symbols("v w s u", real=True)
+    field = (-s - u + 3, u - 1)
+
+    def held(rate: sp.Expr) -> FilippovSystem:
+        own = [
+            SlidingOverride((rate, u - 1), _ends(3 - u), "inside"),
+            SlidingOverride(_both(s), _ends(sp.S(1)), "inside"),
+        ]
+        return FilippovSystem((v, w), (s, u), (v, w - v), field, overrides=dict(enumerate(own)))
+
+    assert held(sp.Integer(0)).equations((0, 0)).field == (0, 0)
+    with pytest.raises(ModelError, match="not what keeps its surface"):
+        held(sp.Integer(2)).equations((0, 0))
+
+
+def _both(s: sp.Symbol) -> tuple[sp.Expr, sp.Expr]:
+    return (2 - s) / 2, (2 - s) / 2
+
+
+def _ends(load: sp.Expr) -> tuple[Release, Release]:
+    return Release(load - 5, "rising", 1), Release(load + 5, "falling", -1)
+
+
+def test_a_ball_that_holds_zero_is_undecided_not_told() -> None:
+    """A load exactly at its limit, that grows: the proof knows the zero by algebra, and the slip follows."""
+    problem = stack(["2", "2"], ["2 + t", "0"], ["1", "1"], "1/10")
+    proof = certify(problem)
+    assert (proof.status, proof.mode) == ("certified", (1, 0))
+    assert proof.time.overlaps(arb("0.1"))
