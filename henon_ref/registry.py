@@ -68,6 +68,9 @@ _BUILT_IN = {
     "scipy-lsoda": Entry("baselines.scipy_ivp:LSODA", "scipy", restart="event-free-step"),
     "cvode-c-adams": Entry("baselines.cvode_c.solver:ADAMS", SUNDIALS, _SUNDIALS_VERSION),
     "cvode-c-bdf": Entry("baselines.cvode_c.solver:BDF", SUNDIALS, _SUNDIALS_VERSION),
+    "octave-ode45": Entry(
+        "baselines.octave.solver:ODE45", "octave", "baselines.octave.solver:octave_version", by_default=False
+    ),
     "scipy-smoothed": Entry("baselines.scipy_naive:SMOOTHED", "scipy"),
     "scipy-sign": Entry("baselines.scipy_naive:SIGN", "scipy"),
     "heyoka+fastmath": Entry("baselines.heyoka_taylor:HEYOKA_FAST_MATH", "heyoka", by_default=False, restart="offset"),

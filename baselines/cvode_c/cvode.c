@@ -264,14 +264,15 @@ static void take(Run *run, const Solver *own)
 static int advance(Run *run, const Task *task, Solver *own, double stop_at)
 {
     int fallen[MOST_GUARDS + 1], flag, guard = -1, count = own->mode->guards;
-    double size = size_of(run->state);
+    double size = size_of(run->state), last;
     do {
+        last = run->time;
         flag = CVode(own->memory, task->until, own->x, &run->time, CV_NORMAL);
         if (now(CLOCK_PROCESS_CPUTIME_ID) > stop_at) {
             take(run, own);
             return ended(run, "timeout", "the time that a run may take has passed");
         }
-    } while (flag == CV_TOO_MUCH_WORK);
+    } while (flag == CV_TOO_MUCH_WORK && run->time > last); /* where it stands still the steps are lost in rounding */
     take(run, own);
     if (flag != CV_ROOT_RETURN) {
         if (flag < 0) return gave_up(run, task, own, flag, size);

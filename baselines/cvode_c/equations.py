@@ -89,7 +89,7 @@ def _successor(name: str, guards: Sequence[Guard], names: Mapping[str, str]) -> 
     lines = []
     for k, guard in enumerate(guards):
         for successor in guard.successors:
-            holds = "".join(f" && ({renamed(text, names)}) > 0.0" for text in successor.when)
+            holds = "".join(f" && ({renamed(text, names)}) >= 0.0" for text in successor.when)
             follows = str(successor.mode) if successor.ends is None else CODES[successor.ends]
             lines.append(f"    if (guard == {k}{holds}) return {follows};")
     quiet = "    (void)guard, (void)t, (void)x, (void)p;"

@@ -38,7 +38,7 @@ class Successor(Message):
     ends: End | None
     """The status with which the run ends there; null where it goes on."""
     when: list[Expression]
-    """It follows where all of these are positive at the point, which lies on the surface. Empty: always."""
+    """It follows where none of these is negative at the point, which lies on the surface. Empty: always."""
 
 
 class Guard(Message):
