@@ -29,6 +29,7 @@
 #define ULPS 64.0          /* ... so many roundings of the time, or ... */
 #define SPAN 1e-12         /* ... this part of the run: they accumulate */
 #define STEPS 2000         /* between two looks at the clock */
+#define LOST 16.0          /* steps that move the time by less roundings than this lead nowhere */
 
 typedef struct {
     double time;
@@ -102,6 +103,8 @@ static int guards(double t, N_Vector vector, double *out, void *data)
     int count = own->mode->guards;
     Gate *gate = &own->gate;
     own->mode->values(t, x, own->parameters, out);
+    for (int k = 0; k < count; k++)
+        if (isnan(out[k])) return 1; /* CVODE would look for a root for ever */
     if (gate->lifted >= 0) {
         if (out[gate->lifted] > gate->lift) gate->lifted = -1;
         else out[gate->lifted] += gate->lift;
@@ -272,7 +275,7 @@ static int advance(Run *run, const Task *task, Solver *own, double stop_at)
             take(run, own);
             return ended(run, "timeout", "the time that a run may take has passed");
         }
-    } while (flag == CV_TOO_MUCH_WORK && run->time > last); /* where it stands still the steps are lost in rounding */
+    } while (flag == CV_TOO_MUCH_WORK && run->time - last > LOST * STEPS * EPS * fabs(last));
     take(run, own);
     if (flag != CV_ROOT_RETURN) {
         if (flag < 0) return gave_up(run, task, own, flag, size);
