@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from time import monotonic
 
-from henon_ref.errors import HenonRefError, UnavailableError
+from henon_ref.errors import ContractError, UnavailableError
 from henon_ref.text import short_line
 
 try:
@@ -35,7 +35,7 @@ LOOK = 0.05
 CHUNK = 2**16
 
 
-class ProgramError(HenonRefError):
+class ProgramError(ContractError):
     """A program that gave no response: how it ended, and what it said."""
 
 

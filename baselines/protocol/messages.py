@@ -11,13 +11,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-VERSION: Literal[1] = 1
+VERSION = 1
 """Of the protocol: another number where a field changes its meaning, or a program must know of a new one."""
 
 Text = Annotated[str, Field(max_length=2000)]
 Name = Annotated[str, Field(pattern="^[A-Za-z][A-Za-z0-9_]*$")]
 Expression = Annotated[str, Field(min_length=1)]
-Side = Literal[-1, 0, 1]
+Side = Annotated[int, Field(ge=-1, le=1)]
+Version = Annotated[int, Field(ge=1, le=1)]
 Count = Annotated[int, Field(ge=0, le=2**53)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 End = Literal["nonunique", "invalid"]
@@ -113,7 +114,7 @@ class Problem(Message):
 class Request(Message):
     """From henon_ref to the program, on its standard input."""
 
-    protocol: Literal[1]
+    protocol: Version
     """Version of the protocol."""
     problem: Problem
     rtol: Number | None
@@ -167,7 +168,7 @@ class Program(Message):
 class Response(Message):
     """From the program, alone on its standard output."""
 
-    protocol: Literal[1]
+    protocol: Version
     """Version of the protocol."""
     program: Program
     status: Status

@@ -50,9 +50,7 @@ def problem_text(problem: Problem, start: Mode) -> messages.Problem:
             gradient=[infix(sp.diff(surface, x)) for x in system.states],
         ),
         modes=modes,
-        start=messages.Point(
-            time=float(problem.start), state=[float(v) for v in problem.initial], mode=_side(start[0])
-        ),
+        start=messages.Point(time=float(problem.start), state=[float(v) for v in problem.initial], mode=start[0]),
         until=float(problem.until),
     )
 
@@ -64,7 +62,7 @@ def _mode_text(system: FilippovSystem, mode: Mode) -> messages.Mode | None:
     except ModelError:
         return None
     return messages.Mode(
-        mode=_side(mode[0]),
+        mode=mode[0],
         field=[infix(f) for f in found.field],
         jacobian=[[infix(sp.diff(f, x)) for x in system.states] for f in found.field],
         guards=[_guard_text(system, found, guard) for guard in found.guards],
@@ -91,7 +89,7 @@ def _successors(system: FilippovSystem, guard: equations.Guard) -> list[messages
     if guard.ends is not None:
         return [messages.Successor(mode=None, ends="invalid", when=[])]
     if guard.kind == "release":
-        return [messages.Successor(mode=_side(guard.to_sign), ends=None, when=[])]
+        return [messages.Successor(mode=guard.to_sign, ends=None, when=[])]
     normal, sign = system.normal_velocity(0), system.signs[0]
     below, above = (normal.xreplace({sign: sp.Integer(side)}) for side in (-1, 1))
     held = system.held_inside(0)
@@ -102,7 +100,3 @@ def _successors(system: FilippovSystem, guard: equations.Guard) -> list[messages
         messages.Successor(mode=-1, ends=None, when=[infix(-below), infix(-above)]),
         messages.Successor(mode=None, ends="nonunique", when=[infix(-below), infix(above)]),
     ]
-
-
-def _side(value: int) -> messages.Side:
-    return -1 if value < 0 else 1 if value > 0 else 0

@@ -11,11 +11,14 @@ from pydantic import ValidationError
 from baselines.protocol.messages import Point, Request, Response
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.filippov.modes import transition_kind
-from henon_ref.text import short_line, shortened
+from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Trajectory, Transition
 
 ROUNDINGS = 64
 """So many roundings of the largest time of a problem are granted to times."""
+
+SHOWN = 60
+"""Characters of a refused value in a message."""
 
 
 def read_response(output: bytes, request: Request) -> Response:
@@ -33,7 +36,7 @@ def read_response(output: bytes, request: Request) -> Response:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(str(part) for part in first["loc"])
-        found = "" if first["type"] == "json_invalid" else f", not {shortened(repr(first['input']))}"
+        found = "" if first["type"] == "json_invalid" else f", not {repr(first['input'])[:SHOWN]}"
         where = f"{place}: " if place else ""
         raise ContractError(short_line(f"the program's response is refused: {where}{first['msg']}{found}")) from error
     _check(response, request)

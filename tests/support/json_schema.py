@@ -37,6 +37,11 @@ def faults(value: Any, schema: dict[str, Any], whole: dict[str, Any], place: str
                     yield f"{place}/{key}: not known"
                 elif isinstance(wanted, dict):
                     yield from faults(value[key], wanted, whole, f"{place}/{key}")
+        elif keyword == "patternProperties":
+            for key in value if isinstance(value, dict) else ():
+                for pattern, own in wanted.items():
+                    if re.search(pattern, key):
+                        yield from faults(value[key], own, whole, f"{place}/{key}")
         elif keyword == "propertyNames":
             for key in value:
                 yield from faults(key, wanted, whole, f"{place}/{key}")
@@ -64,6 +69,9 @@ def _holds(keyword: str, wanted: Any, value: Any) -> bool:
         "maxItems": isinstance(value, list) and len(value) > wanted,
         "minProperties": isinstance(value, dict) and len(value) < wanted,
         "maxProperties": isinstance(value, dict) and len(value) > wanted,
+        "minLength": isinstance(value, str) and len(value) < wanted,
+        "maxLength": isinstance(value, str) and len(value) > wanted,
+        "maximum": number and value > wanted,
         "minimum": number and value < wanted,
         "exclusiveMinimum": number and value <= wanted,
         "exclusiveMaximum": number and value >= wanted,
