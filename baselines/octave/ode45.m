@@ -5,8 +5,31 @@
 % short: ode45 does not stop at an event in its first step.
 1;
 
-function r = pow (a, b)
-  r = a .^ b;
+% Octave's functions go on with complex numbers where there is no real value; here that is NaN.
+function r = real_or_nan (r)
+  if (! isreal (r))
+    r = NaN;
+  end
+end
+
+function r = real_pow (a, b)
+  r = real_or_nan (a .^ b);
+end
+
+function r = real_sqrt (a)
+  r = real_or_nan (sqrt (a));
+end
+
+function r = real_log (a)
+  r = real_or_nan (log (a));
+end
+
+function r = real_asin (a)
+  r = real_or_nan (asin (a));
+end
+
+function r = real_acos (a)
+  r = real_or_nan (acos (a));
 end
 
 % Texts of the request as one function of (t, x, p) that gives a column.
@@ -14,7 +37,7 @@ function f = made (texts, names)
   if (ischar (texts))
     texts = {texts};
   end
-  texts = reshape (texts, 1, []);
+  texts = regexprep (reshape (texts, 1, []), "(?<![\\w.])(pow|sqrt|log|asin|acos)\\(", "real_$1(");
   for k = 1:numel (names)
     texts = regexprep (texts, ["(?<![\\w.])" names{k} "(?!\\w)"], sprintf ("@%d@", k));
   end

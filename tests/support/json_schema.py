@@ -15,6 +15,7 @@ TYPES: dict[str, tuple[type, ...]] = {
     "number": (int, float),
     "integer": (int,),
     "null": (type(None),),
+    "boolean": (bool,),
 }
 
 
@@ -57,7 +58,9 @@ def _holds(keyword: str, wanted: Any, value: Any) -> bool:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if keyword == "type":
         kinds = [wanted] if isinstance(wanted, str) else wanted
-        return not isinstance(value, bool) and any(isinstance(value, TYPES[kind]) for kind in kinds)
+        if isinstance(value, bool):
+            return "boolean" in kinds
+        return any(isinstance(value, TYPES[kind]) for kind in kinds)
     if keyword in ("enum", "const"):
         return value in (wanted if keyword == "enum" else [wanted])
     if keyword == "required":
