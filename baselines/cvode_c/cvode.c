@@ -104,7 +104,7 @@ static int guards(double t, N_Vector vector, double *out, void *data)
     Gate *gate = &own->gate;
     own->mode->values(t, x, own->parameters, out);
     for (int k = 0; k < count; k++)
-        if (isnan(out[k])) return 1; /* CVODE would look for a root for ever */
+        if (isnan(out[k])) return 1; /* no sign can be told: the run ends */
     if (gate->lifted >= 0) {
         if (out[gate->lifted] > gate->lift) gate->lifted = -1;
         else out[gate->lifted] += gate->lift;
