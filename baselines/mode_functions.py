@@ -49,7 +49,7 @@ class ModeFunctions:
     @cached_property
     def followed(self) -> tuple[int, ...]:
         """Guards that are not linear in the states: error control on the states alone does not see them."""
-        return tuple(k for k, g in enumerate(self.guard_expressions) if not _linear(g, self.states))
+        return tuple(k for k, g in enumerate(self.guard_expressions) if not is_linear(g, self.states))
 
     @cached_property
     def unknowns(self) -> tuple[sp.Symbol, ...]:
@@ -147,7 +147,8 @@ class ModeFunctions:
         return expand(tape, numbers, t, list(x), order)[1]
 
 
-def _linear(expression: sp.Expr, states: Sequence[sp.Symbol]) -> bool:
+def is_linear(expression: sp.Expr, states: Sequence[sp.Symbol]) -> bool:
+    """Whether an expression is linear in time and states together."""
     slopes = _gradient(expression, (TIME, *states))
     return not any(d.free_symbols & {TIME, *states} for d in slopes)
 

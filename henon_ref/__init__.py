@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
     import henon_ref.sweeps.observe as observe  # noqa: F401
     import henon_ref.sweeps.point_sets as points  # noqa: F401
     from baselines.base import ModeSolver, SmoothMode
+    from baselines.protocol.program import ProgramSolver
     from henon_ref.analysis.lyapunov import lyapunov_exponents
     from henon_ref.analysis.periodic_orbit import periodic_orbit
     from henon_ref.analysis.tangent import tangent_points
@@ -47,6 +48,7 @@ _HOME = {
     "ArgumentError": "errors",
     "ModeSolver": "baselines.base",
     "SmoothMode": "baselines.base",
+    "ProgramSolver": "baselines.protocol.program",
     "CaseError": "errors",
     "HenonRefError": "errors",
     "ModelError": "errors",
@@ -86,6 +88,7 @@ __all__ = [
     "ModeSolver",
     "ModelError",
     "Problem",
+    "ProgramSolver",
     "Reading",
     "SmoothMode",
     "Solution",

@@ -38,12 +38,18 @@ class Entry:
     """``module:OBJECT``."""
     distribution: str
     """The installed package whose version the results name."""
+    version: str = ""
+    """``module:FUNCTION`` that tells the version of what is no package of Python; empty elsewhere."""
     fixed_step: bool = False
     by_default: bool = True
     """Run where neither the case nor the command names solvers."""
     restart: str = ""
     """Its default restart; empty for a solver that has no library to restart."""
 
+
+SUNDIALS = "sundials"
+"""The C library itself, as it is installed for a compiler."""
+_SUNDIALS_VERSION = "baselines.cvode_c.build:library_version"
 
 _BUILT_IN = {
     "henon": Entry("henon_ref.henon.solver:HENON_SOLVER", "henon-ref"),
@@ -60,6 +66,11 @@ _BUILT_IN = {
     "scipy-radau": Entry("baselines.scipy_ivp:RADAU", "scipy", restart="event-free-step"),
     "scipy-bdf": Entry("baselines.scipy_ivp:BDF", "scipy", restart="event-free-step"),
     "scipy-lsoda": Entry("baselines.scipy_ivp:LSODA", "scipy", restart="event-free-step"),
+    "cvode-c-adams": Entry("baselines.cvode_c.solver:ADAMS", SUNDIALS, _SUNDIALS_VERSION),
+    "cvode-c-bdf": Entry("baselines.cvode_c.solver:BDF", SUNDIALS, _SUNDIALS_VERSION),
+    "octave-ode45": Entry(
+        "baselines.octave.solver:ODE45", "octave", "baselines.octave.solver:octave_version", by_default=False
+    ),
     "scipy-smoothed": Entry("baselines.scipy_naive:SMOOTHED", "scipy"),
     "scipy-sign": Entry("baselines.scipy_naive:SIGN", "scipy"),
     "heyoka+fastmath": Entry("baselines.heyoka_taylor:HEYOKA_FAST_MATH", "heyoka", by_default=False, restart="offset"),
@@ -188,10 +199,22 @@ def distribution(name: str) -> str:
 def library_version(name: str) -> str:
     """Version of the package a solver comes from, without importing it; empty where it is not installed."""
     package = distribution(name)
+    if package in (programs := _programs()):
+        return str(_imported(programs[package])())
     try:
         return version(package) if package else ""
     except PackageNotFoundError:
         return ""
+
+
+def program_versions() -> dict[str, str]:
+    """Versions of what solvers rest on that is no package of Python; empty where it is not installed."""
+    return {package: str(_imported(target)()) for package, target in _programs().items()}
+
+
+def _programs() -> dict[str, str]:
+    """Name of each of these -> the function that tells its version."""
+    return {entry.distribution: entry.version for entry in _BUILT_IN.values() if entry.version}
 
 
 def solver(name: str) -> Solver:
@@ -209,7 +232,7 @@ def solver(name: str) -> Solver:
     if base not in _BUILT_IN:
         return loaded(_third_party()[base])
     try:
-        instance = _imported(_BUILT_IN[base].target)
+        instance = cast(Solver, _imported(_BUILT_IN[base].target))
     except ImportError as error:
         raise UnavailableError(f"{name} cannot be imported: {error}") from error
     if not restart:
@@ -244,6 +267,6 @@ def loaded(point: EntryPoint) -> Solver:
     return cast(Solver, found)
 
 
-def _imported(target: str) -> Solver:
+def _imported(target: str) -> Any:
     module, _, name = target.partition(":")
-    return cast(Solver, getattr(import_module(module), name))
+    return getattr(import_module(module), name)

@@ -22,6 +22,22 @@ Run = Callable[[], Trajectory]
 
 
 @runtime_checkable
+class SelfTimedRun(Protocol):
+    """A prepared run that is timed by a clock of its own: a program's, say, without the program's start."""
+
+    wall_s: float
+    """Wall time of the latest call [s]; NaN where it is not known."""
+
+    def __call__(self) -> Trajectory:
+        """Do the whole run afresh."""
+        ...
+
+    def times(self, count: int) -> tuple[float, ...]:
+        """Wall times of so many further runs [s]."""
+        ...
+
+
+@runtime_checkable
 class Solver(Protocol):
     """A way to compute a trajectory with its transitions.
 

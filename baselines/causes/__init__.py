@@ -8,11 +8,13 @@ reports run them and print what they say, and :mod:`henon_ref.campaign.causes` d
 from __future__ import annotations
 
 from baselines.causes.base import Cause, ClaimError
+from baselines.causes.cvode_c_events import CVODE_C
 from baselines.causes.heyoka_events import HEYOKA
 from baselines.causes.naive import NAIVE
+from baselines.causes.octave_events import OCTAVE
 from baselines.causes.scipy_events import SCIPY
 from baselines.causes.sundials_events import SUNDIALS
 
-CAUSES: dict[str, Cause] = {cause.name: cause for cause in (*SCIPY, *SUNDIALS, *HEYOKA, *NAIVE)}
+CAUSES: dict[str, Cause] = {cause.name: cause for cause in (*SCIPY, *SUNDIALS, *CVODE_C, *OCTAVE, *HEYOKA, *NAIVE)}
 
 __all__ = ["CAUSES", "Cause", "ClaimError"]

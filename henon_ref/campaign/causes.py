@@ -16,6 +16,7 @@ EXPLAINED = ("solver defect", "not judged")
 """Verdicts on runs that a cause may explain: one that was too slow may be so for a known reason."""
 PAIR_BY_PACKAGE = {"cvode-adams": "cvode-pair", "cvode-bdf": "cvode-pair", "ida": "ida-pair"}
 SCIPY = ("scipy-rk45", "scipy-dop853", "scipy-radau", "scipy-bdf", "scipy-lsoda")
+PAIR_BY_PACKAGE |= {"cvode-c-adams": "cvode-c-pair", "cvode-c-bdf": "cvode-c-pair", "octave-ode45": "octave-pair"}
 PAIR_BY_PACKAGE |= dict.fromkeys(SCIPY, "scipy-pair")
 TOO_SMALL = "Required step size is less than spacing between numbers"
 NOT_FINITE = "the state is not finite"
@@ -23,6 +24,8 @@ LATE = 1e8
 """Times [s] from which ten roundings are 1e-7 and more."""
 LOST = 1e-15
 """A surface function that goes no deeper than this part of the state's size between two roots is in its rounding."""
+STRAIGHT = 100.0
+"""Tolerances by which no event time of a method of order 5 is off but by what located it."""
 SMOOTHED_BAND = 2000.0
 """Half-width of the band of ``scipy-smoothed`` in absolute tolerances (:mod:`baselines.scipy_naive`)."""
 
@@ -163,6 +166,25 @@ def _past_the_end(seen: Seen) -> str | None:
     return "heyoka-past-end" if seen.solver == "heyoka" and ended and right else None
 
 
+def _late_end(seen: Seen) -> str | None:
+    """The exact run ends because a function has no value any more; CVODE notices a root of the tolerance later."""
+    ended = seen.run["expected_status"] == "failed" and "; failed at t = " in seen.reason
+    right = seen.right_so_far and seen.number("missed") == 0
+    return "cvode-c-late-end" if seen.solver.startswith("cvode-c-") and ended and right else None
+
+
+def _octave(seen: Seen) -> str | None:
+    """A blow-up that ode45 has no word for, a guard without a value, and events on a straight line."""
+    if seen.solver != "octave-ode45":
+        return None
+    if seen.run["expected_status"] == "diverged" and "ode45 ended at" in seen.reason and seen.right_so_far:
+        return "octave-blow-up"
+    if seen.run["expected_status"] == "failed" and "went on past" in seen.reason and seen.right_so_far:
+        return "octave-nan"
+    far = seen.number("max_time_error_s") > STRAIGHT * seen.number("rtol")
+    return "octave-line" if seen.run["status"] == "wrong" and far else None
+
+
 def _naive(seen: Seen) -> str | None:
     if seen.solver == "scipy-sign" and "the budget of" in seen.reason and seen.run["status"] == "failed":
         return "sign-chatter"
@@ -180,11 +202,14 @@ RULES: tuple[Callable[[Seen], str | None], ...] = (
     _slow,
     _no_number,
     _past_the_end,
+    _late_end,
+    _octave,
     _naive,
 )
 NAMES = (
     "scipy-pair", "cvode-pair", "ida-pair", "scipy-fires-at-start", "scipy-bracket", "scipy-late", "scipy-blow-up",
     "scipy-radau-order", "scipy-bdf-order", "scipy-lsoda-nan", "heyoka-start", "heyoka-double-root",
     "heyoka-hidden-drive", "heyoka-event-polynomial", "heyoka-past-end", "sign-chatter", "smoothed-creep",
+    "cvode-c-pair", "cvode-c-late-end", "octave-pair", "octave-blow-up", "octave-nan", "octave-line",
 )  # fmt: skip
 """Every name that a rule may give."""

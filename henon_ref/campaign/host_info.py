@@ -15,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from henon_ref.registry import program_versions
+
 DISTRIBUTIONS = (
     "henon-ref", "numpy", "scipy", "sympy", "numba", "llvmlite", "heyoka", "scikit-sundae", "python-flint",
     "pandas", "matplotlib", "jinja2", "pydantic", "ruamel.yaml",
@@ -45,7 +47,7 @@ def library_versions() -> dict[str, str]:
             found[name] = version(name)
         except PackageNotFoundError:
             found[name] = ""
-    return found
+    return found | program_versions()
 
 
 def commit() -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Generic, TypeVar
 
-from henon_ref.campaign.timing import timed
+from henon_ref.campaign.timing import turn_times
 
 Key = TypeVar("Key")
 
@@ -54,9 +54,7 @@ def interleaved(runs: Mapping[Key, Callable[[], object]], *, rounds: int, turn: 
     samples: dict[Key, list[float]] = {key: [] for key in runs}
     for number in range(max(rounds, 3) + 1):
         for key, run in runs.items():
-            taken = [timed(run)]
-            while sum(taken) + taken[-1] <= turn and len(taken) < MOST:
-                taken.append(timed(run))
+            taken = turn_times(run, turn, MOST)
             if number:
                 samples[key].append(median(taken))
     return Turns(samples)

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from henon_ref.solver import SelfTimedRun
+
 SAMPLES = 100
 """Most samples taken where the caller does not say how many."""
 FEWEST = 3
@@ -41,7 +43,9 @@ class Timing:
 
 
 def timed(run: Callable[[], object]) -> float:
-    """Wall time of one run [s], the garbage collector held off."""
+    """Wall time of one run [s], the garbage collector held off; by the run's own clock, where it has one."""
+    if isinstance(run, SelfTimedRun):
+        return run.times(1)[0]
     was_on = gc.isenabled()
     gc.disable()
     try:
@@ -76,16 +80,36 @@ def repeat(
     tuple of float
         Samples [s], in the order taken.
     """
-    if repeats is not None:
+    if repeats is not None and not isinstance(run, SelfTimedRun):
         return tuple(timed(run) for _ in range(repeats))
-    if first > SLOW * budget and not cold:
+    if repeats is None and first > SLOW * budget and not cold:
         return (first,)
+    if isinstance(run, SelfTimedRun):
+        count = _affordable(first, budget) if repeats is None else repeats
+        return run.times(count) if count else ()
     samples = [timed(run)]
     spent = samples[0]
     while len(samples) < SAMPLES and spent < (budget if len(samples) >= FEWEST else 2 * budget):
         samples.append(timed(run))
         spent += samples[-1]
     return tuple(samples)
+
+
+def _affordable(first: float, budget: float) -> int:
+    """How many samples fit the budget, three if that is not too much."""
+    fewest = FEWEST if FEWEST * first < 2 * budget else 1
+    return min(max(int(budget / first), fewest), SAMPLES)
+
+
+def turn_times(run: Callable[[], object], seconds: float, most: int) -> list[float]:
+    """Wall times of a run that is repeated for so many seconds, once at least and ``most`` times at most [s]."""
+    taken = [timed(run)]
+    if isinstance(run, SelfTimedRun):
+        count = min(int(seconds / taken[0]), most)
+        return list(run.times(count)) if count > 1 else taken
+    while sum(taken) + taken[-1] <= seconds and len(taken) < most:
+        taken.append(timed(run))
+    return taken
 
 
 def median_interval(samples: Sequence[float], *, level: float = 0.95, seed: int = 0) -> tuple[float, float]:

@@ -6,6 +6,7 @@ import importlib.metadata
 from pathlib import Path
 
 from baselines.causes import CAUSES, Cause, ClaimError
+from henon_ref.registry import program_versions
 from henon_ref.studies.page import write
 
 FOLDER = "causes"
@@ -29,6 +30,8 @@ def write_causes(out: Path) -> Path:
 
 
 def _version(package: str) -> str | None:
+    if package in (programs := program_versions()):
+        return programs[package] or None
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:

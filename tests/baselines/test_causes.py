@@ -7,8 +7,10 @@ import dataclasses
 import pytest
 
 from baselines.causes import CAUSES, Cause, ClaimError
+from baselines.cvode_c.build import compiler
 from henon_ref.campaign.causes import NAMES, cause_of
 from henon_ref.columns import RUN_COLUMNS, Row
+from henon_ref.registry import program_versions
 from henon_ref.studies import causes as page
 
 MODULES = {"heyoka": "heyoka"} | dict.fromkeys(("cvode", "ida", "sundials", "sundae"), "sksundae")
@@ -17,7 +19,11 @@ MODULES = {"heyoka": "heyoka"} | dict.fromkeys(("cvode", "ida", "sundials", "sun
 
 @pytest.mark.parametrize("cause", CAUSES.values(), ids=lambda cause: cause.name)
 def test_the_library_alone_does_what_is_claimed(cause: Cause) -> None:
-    pytest.importorskip(MODULES.get(cause.name.split("-")[0], "scipy"))
+    if cause.package in (programs := program_versions()):
+        if not programs[cause.package] or (cause.package == "sundials" and not compiler()):
+            pytest.skip(f"{cause.package} is not installed")
+    else:
+        pytest.importorskip(MODULES.get(cause.name.split("-")[0], "scipy"))
     assert cause.check()
 
 
@@ -83,6 +89,22 @@ def test_a_polynomial_goes_past_the_end_of_what_it_stands_for() -> None:
     assert cause_of(run_row(solver="scipy-rk45", **past), []) is None
     assert cause_of(run_row(solver="heyoka", **past | {"missed": 1}), []) is None
     assert cause_of(run_row(solver="heyoka", **past | {"expected_status": "diverged"}), []) is None
+
+
+def test_programs_in_other_languages_have_causes_of_their_own() -> None:
+    assert cause_of(run_row(solver="cvode-c-adams"), PAIR) == "cvode-c-pair"
+    assert cause_of(run_row(solver="octave-ode45"), PAIR) == "octave-pair"
+    ended = {"status": "failed", "missed": 0, "matched": 1, "expected_status": "failed"}
+    late = ended | {"status_reason": "CVode: CV_REPTD_RHSFUNC_ERR at t = 2.05; failed at t = 2.05, not at 2"}
+    assert cause_of(run_row(solver="cvode-c-bdf", **late), []) == "cvode-c-late-end"
+    assert cause_of(run_row(solver="cvode-c-bdf", **late | {"missed": 1}), []) is None
+    pole = ended | {"expected_status": "diverged", "status_reason": "ode45 ended at t = 0.999"}
+    assert cause_of(run_row(solver="octave-ode45", **pole), []) == "octave-blow-up"
+    past = ended | {"status": "wrong", "status_reason": "went on past t = 1, where the exact run is failed"}
+    assert cause_of(run_row(solver="octave-ode45", **past), []) == "octave-nan"
+    drifted = {"status": "wrong", "missed": 0, "spurious": 2, "rtol": 1e-9}
+    assert cause_of(run_row(solver="octave-ode45", **drifted, max_time_error_s=1e-3), []) == "octave-line"
+    assert cause_of(run_row(solver="octave-ode45", **drifted, max_time_error_s=1e-8), []) is None
 
 
 def test_the_page_says_so_where_a_claim_does_not_hold(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:

@@ -15,6 +15,7 @@ TYPES: dict[str, tuple[type, ...]] = {
     "number": (int, float),
     "integer": (int,),
     "null": (type(None),),
+    "boolean": (bool,),
 }
 
 
@@ -37,6 +38,11 @@ def faults(value: Any, schema: dict[str, Any], whole: dict[str, Any], place: str
                     yield f"{place}/{key}: not known"
                 elif isinstance(wanted, dict):
                     yield from faults(value[key], wanted, whole, f"{place}/{key}")
+        elif keyword == "patternProperties":
+            for key in value if isinstance(value, dict) else ():
+                for pattern, own in wanted.items():
+                    if re.search(pattern, key):
+                        yield from faults(value[key], own, whole, f"{place}/{key}")
         elif keyword == "propertyNames":
             for key in value:
                 yield from faults(key, wanted, whole, f"{place}/{key}")
@@ -52,7 +58,9 @@ def _holds(keyword: str, wanted: Any, value: Any) -> bool:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if keyword == "type":
         kinds = [wanted] if isinstance(wanted, str) else wanted
-        return not isinstance(value, bool) and any(isinstance(value, TYPES[kind]) for kind in kinds)
+        if isinstance(value, bool):
+            return "boolean" in kinds
+        return any(isinstance(value, TYPES[kind]) for kind in kinds)
     if keyword in ("enum", "const"):
         return value in (wanted if keyword == "enum" else [wanted])
     if keyword == "required":
@@ -64,6 +72,9 @@ def _holds(keyword: str, wanted: Any, value: Any) -> bool:
         "maxItems": isinstance(value, list) and len(value) > wanted,
         "minProperties": isinstance(value, dict) and len(value) < wanted,
         "maxProperties": isinstance(value, dict) and len(value) > wanted,
+        "minLength": isinstance(value, str) and len(value) < wanted,
+        "maxLength": isinstance(value, str) and len(value) > wanted,
+        "maximum": number and value > wanted,
         "minimum": number and value < wanted,
         "exclusiveMinimum": number and value <= wanted,
         "exclusiveMaximum": number and value >= wanted,

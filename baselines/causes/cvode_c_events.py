@@ -1,0 +1,75 @@
+"""SUNDIALS' CVODE from C, by the program ``programs/cvode_events.c``, compiled for it."""
+
+from __future__ import annotations
+
+import subprocess
+from functools import cache
+from importlib.resources import as_file, files
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from baselines.causes.base import Cause, ClaimError, holds
+from baselines.cvode_c.build import LIBRARIES, tools
+from henon_ref.errors import UnavailableError
+
+SECONDS = 120.0
+"""Wall time of compiling, and of the program [s]."""
+
+
+@cache
+def seen() -> dict[str, list[float]]:
+    """What the program prints: name -> return flag, time, state, steps."""
+    try:
+        compiler, include = tools()
+    except UnavailableError as error:
+        raise ClaimError(str(error)) from error
+    with as_file(files("baselines.causes.programs").joinpath("cvode_events.c")) as path, TemporaryDirectory() as folder:
+        made = Path(folder) / "program"
+        libraries = [f"-L{include.parent / 'lib'}", *(f"-l{name}" for name in LIBRARIES)]
+        command = [compiler, "-O2", f"-I{include}", str(path), "-o", str(made), *libraries]
+        try:
+            subprocess.run(command, capture_output=True, timeout=SECONDS, check=True)
+            done = subprocess.run([str(made)], capture_output=True, text=True, timeout=SECONDS, check=True)
+        except (OSError, subprocess.SubprocessError) as error:
+            raise ClaimError(f"the program cannot be compiled or run: {error}") from error
+    lines = (line.split() for line in done.stdout.splitlines())
+    return {name: [float(number) for number in numbers] for name, *numbers in lines}
+
+
+def pair_in_one_step() -> str:
+    """x' = 1 through x^2 = d^2/4."""
+    for method in ("adams", "bdf"):
+        flag, end, _, steps = seen()[f"pair-{method}"]
+        holds(flag == 0 and end == 2 and steps < 100, f"{method}: flag {flag:g} at t = {end}")
+    return "roots at t = 0.95 and 1.05 are reported neither by Adams nor by BDF; the run ends at 2"
+
+
+def end_of_a_field() -> str:
+    """h' = -sqrt(h) from 1: h = (1 - t/2)^2, and nothing is left at t = 2."""
+    ends = {}
+    for which in ("loose", "tight"):
+        flag, ends[which], level, _ = seen()[f"tank-{which}"]
+        holds(flag < 0 and ends[which] > 2, f"{which}: flag {flag:g} at t = {ends[which]}, h = {level}")
+    holds(ends["loose"] - 2 > 1e-4 > ends["tight"] - 2, f"{ends}")
+    return f"h' = -sqrt(h) ends at t = {ends['loose']:.4f} at 1e-6, at {ends['tight']:.6f} at 1e-12, not at 2"
+
+
+CVODE_C = (
+    Cause(
+        "cvode-c-pair",
+        "sundials",
+        "CVODE from C: two roots in one step cancel",
+        "Rootfinding compares signs at the two ends of an internal step. An even number of roots in between leaves no "
+        "trace. It is the library's, not its binding's.",
+        pair_in_one_step,
+        ("https://github.com/llnl/sundials/issues/881",),
+    ),
+    Cause(
+        "cvode-c-late-end",
+        "sundials",
+        "The end of a field is found late by the root of the tolerance",
+        "Where a field has no value any more CVODE makes its steps shorter until it gives up. What the tolerance leaves"
+        " in a level that runs out like (2 - t)² is its root in the time, and more after a restart at order 1.",
+        end_of_a_field,
+    ),
+)

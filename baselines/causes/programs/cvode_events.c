@@ -1,0 +1,65 @@
+/* What SUNDIALS' CVODE makes of roots, from C and by itself. Each line of output: a name and numbers. */
+#include <math.h>
+#include <stdio.h>
+
+#include <cvode/cvode.h>
+#include <nvector/nvector_serial.h>
+#include <sundials/sundials_config.h>
+#include <sunlinsol/sunlinsol_dense.h>
+#include <sunmatrix/sunmatrix_dense.h>
+
+static int unit_speed(double t, N_Vector x, N_Vector rate, void *data)
+{
+    NV_Ith_S(rate, 0) = 1.0;
+    return 0;
+}
+
+static int torricelli(double t, N_Vector x, N_Vector rate, void *data)
+{
+    NV_Ith_S(rate, 0) = -sqrt(NV_Ith_S(x, 0));
+    return !isfinite(NV_Ith_S(rate, 0));
+}
+
+static int pair(double t, N_Vector x, double *out, void *data)
+{
+    out[0] = NV_Ith_S(x, 0) * NV_Ith_S(x, 0) - 0.0025;
+    return 0;
+}
+
+static void show(const char *name, SUNContext context, int method, double start, CVRhsFn field, CVRootFn root,
+                 double tolerance, double until)
+{
+    double t = 0.0;
+    long steps = 0;
+    N_Vector x = N_VNew_Serial(1, context);
+    void *memory = CVodeCreate(method, context);
+    SUNMatrix matrix = SUNDenseMatrix(1, 1, context);
+    SUNLinearSolver linear = SUNLinSol_Dense(x, matrix, context);
+    NV_Ith_S(x, 0) = start;
+    CVodeInit(memory, field, 0.0, x);
+    CVodeSStolerances(memory, tolerance, tolerance);
+    CVodeSetLinearSolver(memory, linear, matrix);
+    CVodeSetMaxNumSteps(memory, 100000);
+    CVodeSetErrFile(memory, NULL);
+    CVodeSetStopTime(memory, until);
+    if (root) CVodeRootInit(memory, 1, root);
+    int flag = CVode(memory, until, x, &t, CV_NORMAL);
+    CVodeGetNumSteps(memory, &steps);
+    printf("%s %d %.17g %.17g %ld\n", name, flag, t, NV_Ith_S(x, 0), steps);
+    CVodeFree(&memory);
+    SUNLinSolFree(linear);
+    SUNMatDestroy(matrix);
+    N_VDestroy(x);
+}
+
+int main(void)
+{
+    SUNContext context;
+    if (SUNContext_Create(NULL, &context)) return 1;
+    show("pair-adams", context, CV_ADAMS, -1.0, unit_speed, pair, 1e-9, 2.0);
+    show("pair-bdf", context, CV_BDF, -1.0, unit_speed, pair, 1e-9, 2.0);
+    show("tank-loose", context, CV_ADAMS, 1.0, torricelli, NULL, 1e-6, 4.0);
+    show("tank-tight", context, CV_ADAMS, 1.0, torricelli, NULL, 1e-12, 4.0);
+    SUNContext_Free(&context);
+    return 0;
+}

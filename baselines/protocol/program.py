@@ -1,0 +1,157 @@
+"""A program that speaks the protocol as a solver: what :mod:`baselines.protocol` is for."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.protocol.exchange import Limits, ProgramTimeoutError, exchange
+from baselines.protocol.messages import VERSION, Request, Response
+from baselines.protocol.messages import Problem as ProblemText
+from baselines.protocol.problem_text import problem_text
+from baselines.protocol.reader import read_response, trajectory
+from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
+from henon_ref.filippov.kinks import visible
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.switching import Switching
+from henon_ref.solver import Run
+from henon_ref.text import short_line
+from henon_ref.trajectory import Trajectory
+
+FOREVER = 86400.0
+"""Seconds of a run to which nobody has set a deadline."""
+BEYOND = 0.25
+"""Part of its deadline that a run may take longer until the program is stopped, ..."""
+START_SECONDS = 0.8
+"""... and processor time for its start, for reading and for writing [s]."""
+MOST_TRANSITIONS = 100_000
+MOST_MEMORY = 4 * 2**30
+
+
+@dataclass(frozen=True)
+class ProgramSolver:
+    """A program in any language, one process a request (:class:`henon_ref.solver.Solver`).
+
+    Counts: ``steps``, ``rhs_evaluations`` and ``event_evaluations`` are the program's own ``work``. Wall times are by
+    the program's own clock, without its start, what it reads and what it writes.
+    """
+
+    name: str
+    command: tuple[str, ...]
+    """Program and arguments; no shell reads them."""
+    landing: str
+    """How it puts a step's end on the surface, for the ``landing`` column."""
+    fixed_step: bool = False
+    environment: Mapping[str, str] = field(default_factory=dict, hash=False)
+    """Variables that the program gets besides ours."""
+
+    @property
+    def version(self) -> str:
+        """Of the library in it, empty where that is not known."""
+        return ""
+
+    def prepare(
+        self,
+        problem: Problem,
+        *,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        sample_times: NDArray[np.float64] | None = None,
+        deadline: float | None = None,
+    ) -> Run:
+        """Write the problem as text; see :meth:`henon_ref.solver.Solver.prepare`."""
+        if (step is None) == self.fixed_step or (rtol is None) != self.fixed_step:
+            driver = "step" if self.fixed_step else "rtol (and atol)"
+            raise UnsupportedError(f"{self.name} is driven by {driver} alone")
+        decision = Switching(problem.system).initial_mode(problem.start, problem.initial, problem.initial_mode)
+        if decision.mode is None:
+            initial = tuple(float(v) for v in problem.initial)
+            nowhere = (0,) * len(problem.system.surfaces)
+            ended = Trajectory(decision.ending, (), float(problem.start), initial, nowhere, decision.reason)
+            return lambda: ended
+        text = problem_text(problem, decision.mode)
+        request = Request(
+            protocol=VERSION,
+            problem=text,
+            rtol=rtol,
+            atol=rtol if atol is None else atol,
+            step=step,
+            untimed=0,
+            timed=1,
+            seconds=FOREVER if deadline is None else deadline,
+            most_transitions=MOST_TRANSITIONS,
+        )
+        return ProgramRun(self, self.built(text), problem, request)
+
+    def check(self) -> None:
+        """Nothing, where the program is there.
+
+        Raises
+        ------
+        UnavailableError
+        """
+        if shutil.which(self.command[0]) is None:
+            raise UnavailableError(f"there is no program {self.command[0]}")
+
+    def built(self, text: ProblemText) -> tuple[str, ...]:
+        """The command for one problem; a program that is compiled for each problem is compiled here."""
+        return self.command
+
+
+class ProgramRun:
+    """One problem for one program, ready to be run again and again.
+
+    A run whose wall time is the program's own: :class:`henon_ref.solver.SelfTimedRun`.
+    """
+
+    def __init__(self, solver: ProgramSolver, command: tuple[str, ...], problem: Problem, request: Request) -> None:
+        self._solver, self._command, self._problem, self._request = solver, command, problem, request
+        self.wall_s = math.nan
+        """Wall time of the latest run by the program's own clock [s]; NaN where it did not say."""
+
+    def __call__(self) -> Trajectory:
+        """One run, in a process of its own.
+
+        Raises
+        ------
+        ContractError
+            Where the program gives no response, or one that is refused.
+        UnsupportedError, UnavailableError
+            Where the program says so.
+        """
+        request, start = self._request, self._request.problem.start
+        self.wall_s = math.nan
+        try:
+            response = self._response(request)
+        except ProgramTimeoutError as error:
+            return Trajectory("timeout", (), start.time, tuple(start.state), (start.mode,), short_line(str(error)))
+        self.wall_s = response.wall_s[-1] if response.wall_s else math.nan
+        found = trajectory(response, request, self._solver.landing)
+        return found._replace(transitions=visible(self._problem.system, found.transitions))
+
+    def times(self, count: int) -> tuple[float, ...]:
+        """Wall times of so many runs in one process, after one to warm up [s].
+
+        Raises
+        ------
+        ContractError
+            As for a run, and where it does not give so many times.
+        """
+        response = self._response(self._request.model_copy(update={"untimed": 1, "timed": count}))
+        if len(response.wall_s) != count:
+            raise ContractError(f"the program gives {len(response.wall_s)} times of {count} runs")
+        self.wall_s = response.wall_s[-1]
+        return tuple(response.wall_s)
+
+    def _response(self, request: Request) -> Response:
+        runs = request.untimed + request.timed
+        seconds = (1.0 + BEYOND) * request.seconds * runs + START_SECONDS
+        limits = Limits(seconds=seconds, memory=MOST_MEMORY)
+        sent = request.model_dump_json().encode()
+        return read_response(exchange(self._command, sent, limits, self._solver.environment), request)

@@ -1,0 +1,127 @@
+"""A program's output, checked against the protocol and the request, as a trajectory."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+
+from pydantic import ValidationError
+
+from baselines.protocol.messages import Point, Request, Response
+from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
+from henon_ref.filippov.modes import transition_kind
+from henon_ref.text import short_line
+from henon_ref.trajectory import Counts, Trajectory, Transition
+
+ROUNDINGS = 64
+"""So many roundings of the largest time of a problem are granted to times."""
+
+SHOWN = 60
+"""Characters of a refused value in a message."""
+
+
+def read_response(output: bytes, request: Request) -> Response:
+    """What a program wrote, where it is a response to the request.
+
+    Raises
+    ------
+    ContractError
+        Where it is none: the place in it, what stands there, and what is wanted.
+    """
+    if not output.strip():
+        raise ContractError("the program wrote nothing, wanted a response in JSON")
+    try:
+        response = Response.model_validate_json(output)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        found = "" if first["type"] == "json_invalid" else f", not {repr(first['input'])[:SHOWN]}"
+        where = f"{place}: " if place else ""
+        raise ContractError(short_line(f"the program's response is refused: {where}{first['msg']}{found}")) from error
+    _check(response, request)
+    return response
+
+
+def trajectory(response: Response, request: Request, landing: str) -> Trajectory:
+    """The response as a solver returns it.
+
+    Raises
+    ------
+    UnsupportedError, UnavailableError
+        Where the program says so.
+    """
+    if response.status == "unsupported":
+        raise UnsupportedError(response.reason or "the program does not do this problem")
+    if response.status == "unavailable":
+        raise UnavailableError(response.reason or "what the program needs is missing")
+    end = _end(response, request)
+    work = response.work
+    return Trajectory(
+        status=response.status,
+        transitions=[
+            Transition(
+                transition_kind(event.before, event.after),
+                *(0, (event.before,), (event.after,), event.time, tuple(event.state)),
+                landing=landing,
+            )
+            for event in response.transitions
+        ],
+        end_time=end.time,
+        end_state=tuple(end.state),
+        end_mode=(end.mode,),
+        reason=short_line(response.reason),
+        counts=Counts(work.steps, work.fields, work.guards),
+        max_surface_drift=response.max_surface_drift,
+    )
+
+
+def _end(response: Response, request: Request) -> Point:
+    if response.end is not None:
+        return response.end
+    if not response.transitions:
+        return request.problem.start
+    last = response.transitions[-1]
+    return Point(time=last.time, state=last.state, mode=last.after)
+
+
+def _check(response: Response, request: Request) -> None:
+    """Refuse what contradicts the request, or itself.
+
+    Raises
+    ------
+    ContractError
+    """
+    start, until = request.problem.start, request.problem.until
+    slack = ROUNDINGS * sys.float_info.epsilon * max(abs(start.time), abs(until))
+    latest, mode = start.time, start.mode
+    for k, event in enumerate(response.transitions):
+        _check_point(f"transitions.{k}", event.time, event.state, request)
+        if event.time < latest - slack:
+            raise _refused(f"transitions.{k}.time", f"{event.time!r} is before {latest!r}, the time of the one before")
+        if event.before != mode:
+            raise _refused(f"transitions.{k}.before", f"{event.before} is not {mode}, the mode that the run was in")
+        latest, mode = max(latest, event.time), event.after
+    if response.end is not None:
+        _check_point("end", response.end.time, response.end.state, request)
+    if response.status != "ok":
+        return
+    end = _end(response, request)
+    if end.time < until - slack or end.mode != mode:
+        raise _refused("end", f"a run that is ok ends at {until!r} in mode {mode}, not at {end.time!r} in {end.mode}")
+    if len(response.wall_s) != request.timed:
+        raise _refused("wall_s", f"{len(response.wall_s)} times, wanted {request.timed}, one a timed run")
+
+
+def _check_point(place: str, time: float, state: Sequence[float], request: Request) -> None:
+    """Refuse a time outside of the run, and a state that is not one number a state."""
+    start, until = request.problem.start.time, request.problem.until
+    slack = ROUNDINGS * sys.float_info.epsilon * max(abs(start), abs(until))
+    if not start - slack <= time <= until + slack:
+        raise _refused(f"{place}.time", f"{time!r} is not from {start!r} to {until!r}")
+    if len(state) != len(request.problem.states) or not all(map(math.isfinite, state)):
+        raise _refused(f"{place}.state", f"{len(state)} numbers, wanted {len(request.problem.states)}, one a state")
+
+
+def _refused(place: str, words: str) -> ContractError:
+    return ContractError(short_line(f"the program's response is refused: {place}: {words}"))

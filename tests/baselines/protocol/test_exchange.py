@@ -1,0 +1,177 @@
+"""Whatever a program does, an exchange gives its output or one sentence, in bounded time, and leaves nothing behind."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+
+import pytest
+from programs import FINE, PRELUDE, answer, program, ramp
+
+import henon_ref
+from baselines.protocol import exchange as module
+from baselines.protocol.exchange import Limits, ProgramError, ProgramTimeoutError, exchange
+from henon_ref.errors import ContractError, UnavailableError
+from henon_ref.solver import SelfTimedRun, Solver
+
+SHORT = Limits(seconds=1.0, output=10_000)
+CASE = """
+schema: 1
+name: ramp
+title: A state that crosses zero once
+source: none
+system: {state: [x], surfaces: {s: x}, field: ["1"]}
+initial: {t: 0, x: -1}
+until: 2
+exact: {transition_times: ["1"]}
+tolerances: [1e-6]
+"""
+
+
+def say(code: str, limits: Limits = SHORT, request: bytes = b"{}") -> bytes:
+    return exchange((sys.executable, "-c", PRELUDE + code), request, limits)
+
+
+def test_a_program_gets_the_request_and_its_output_comes_back() -> None:
+    assert say("print(request['a'])", request=b'{"a": "\xc3\xa9"}') == "é\n".encode()
+
+
+def test_a_request_that_nobody_reads_is_no_matter() -> None:
+    large = b" " * 2_000_000
+    assert exchange((sys.executable, "-c", "print(1)"), large, SHORT) == b"1\n"
+
+
+def test_a_program_that_hangs_is_stopped() -> None:
+    with pytest.raises(ProgramTimeoutError, match=r"no response within 2.5 s"):
+        say("time.sleep(1000)")
+
+
+def test_a_program_that_computes_for_ever_is_stopped_by_its_processor_time(monkeypatch) -> None:
+    monkeypatch.setattr(module, "WALL", 200.0)
+    with pytest.raises(ProgramTimeoutError, match="stopped after 1 s of processor time"):
+        say("\nwhile True: pass")
+
+
+def test_a_program_that_closes_its_output_and_goes_on_is_stopped() -> None:
+    with pytest.raises(ProgramTimeoutError, match="did not end"):
+        say("os.close(1); os.close(2); time.sleep(1000)")
+
+
+def test_a_flood_is_cut_off() -> None:
+    with pytest.raises(ProgramError, match="more than 10000 bytes"):
+        say("\nwhile True: print('x' * 1000)", Limits(seconds=30.0, output=10_000))
+
+
+def test_a_flood_of_errors_is_no_matter_where_there_is_a_response() -> None:
+    assert say("sys.stderr.write('x' * 1_000_000); print(2)", Limits(seconds=30.0)) == b"2\n"
+
+
+def test_a_crash_is_told_by_its_signal_and_last_words() -> None:
+    with pytest.raises(ProgramError, match=r"the program crashed, SIGSEGV: last words"):
+        say("sys.stderr.write('last words'); sys.stderr.flush(); os.kill(os.getpid(), 11)")
+
+
+def test_an_exit_status_is_told_with_what_was_said() -> None:
+    with pytest.raises(ProgramError, match=r"the program ended with exit status 3: no� licence"):
+        say("sys.stderr.buffer.write(b'no\\xff\\nlicence'); sys.exit(3)", Limits(seconds=30.0))
+
+
+def test_memory_is_bounded() -> None:
+    with pytest.raises(ProgramError, match="MemoryError"):
+        say("x = bytearray(10**10)", Limits(seconds=30.0, memory=2**29))
+
+
+def test_what_a_program_has_started_ends_with_it() -> None:
+    code = (
+        "import subprocess; p = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(1000)']); print(p.pid)"
+    )
+    pid = int(say(code, Limits(seconds=60.0)))
+    until = time.monotonic() + 30.0
+    while _is_alive(pid) and time.monotonic() < until:
+        time.sleep(0.02)
+    assert not _is_alive(pid)
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        with open(f"/proc/{pid}/stat", encoding="ascii") as stream:
+            return stream.read().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_a_program_that_is_not_there_is_unavailable() -> None:
+    with pytest.raises(UnavailableError, match="/no/such/program cannot be started: No such file"):
+        exchange(("/no/such/program",), b"{}", SHORT)
+    with pytest.raises(UnavailableError, match="no program /no/such/program"):
+        henon_ref.ProgramSolver("none", ("/no/such/program",), landing="none").check()
+
+
+def test_a_program_is_a_solver_and_its_run_is_timed_by_itself() -> None:
+    solver = program(answer())
+    assert isinstance(solver, Solver)
+    run = solver.prepare(ramp(), rtol=1e-6)
+    assert isinstance(run, SelfTimedRun)
+    found = run()
+    assert [(event.kind, event.time, event.state) for event in found.transitions] == [("crossing", 1.0, (0.0,))]
+    assert run.wall_s == FINE["wall_s"][0]
+    assert run.times(3) == (1e-3, 1e-3, 1e-3)
+
+
+def test_a_time_that_is_missing_is_told() -> None:
+    with pytest.raises(ContractError, match="wall_s: 1 times, wanted 3"):
+        program(answer(wall_s=[0.5])).prepare(ramp(), rtol=1e-6).times(3)
+
+
+BAD = {
+    "hang": ("time.sleep(1000)", "timeout", "gave no response within"),
+    "flood": ("sys.stdout.write('x' * 10**8)", "failed", "the program wrote more than"),
+    "garbage": ("sys.stdout.buffer.write(bytes(range(256)) * 9)", "failed", "is refused: Invalid JSON"),
+    "crash": ("os.abort()", "failed", "the program crashed, SIGABRT"),
+    "nothing": ("pass", "failed", "the program wrote nothing"),
+    "partial": ("sys.stdout.write(json.dumps(request)[:40])", "failed", "is refused: Invalid JSON: EOF"),
+    "utf8": ('sys.stdout.buffer.write(b\'{"protocol": "\\xff\\xfe"}\')', "failed", "is refused: Invalid JSON"),
+    "nan": (answer(end={"time": 2.0, "state": [float("nan")], "mode": 1}), "failed", "end.state.0: Input should be"),
+    "types": (answer(transitions="none"), "failed", "transitions: Input should be a valid"),
+    "text": (answer(wall_s=["0.1"]), "failed", "wall_s.0: Input should be a valid number, not '0.1'"),
+    "unknown": (answer(colour="red"), "failed", "colour: Extra inputs are not permitted"),
+    "order": (
+        answer(
+            transitions=[
+                {"time": 1.5, "before": -1, "after": 1, "state": [0.0]},
+                {"time": 0.5, "before": 1, "after": -1, "state": [0.0]},
+            ]
+        ),
+        "failed",
+        "transitions.1.time: 0.5 is before 1.5",
+    ),
+    "unsupported": (answer(status="unsupported", reason="no odd numbers"), "unsupported", "no odd numbers"),
+    "unavailable": (answer(status="unavailable", reason="no licence"), "unavailable", "no licence"),
+}
+
+
+def test_each_failure_is_a_row_that_says_so_and_the_others_stand() -> None:
+    solvers = [program(code, name) for name, (code, *_) in BAD.items()]
+    found = henon_ref.compare(
+        henon_ref.parse_case(CASE), solvers=[*solvers, program(answer(), "fine")], repeats=2, timeout=1.0
+    )
+    rows = found.runs.set_index("solver")
+    assert rows.loc["fine", ["status", "verdict", "wall_s", "timed_runs"]].tolist() == ["ok", "right", 1e-3, 2]
+    assert rows.loc["fine", "max_time_error_s"] == 0.0
+    for name, (_, status, words) in BAD.items():
+        assert rows.loc[name, "status"] == status, (name, rows.loc[name, "status_reason"])
+        assert words in rows.loc[name, "status_reason"], (name, rows.loc[name, "status_reason"])
+
+
+def test_a_step_or_a_tolerance_that_is_not_wanted_is_refused() -> None:
+    with pytest.raises(henon_ref.errors.UnsupportedError, match="fake is driven by rtol"):
+        program(answer()).prepare(ramp(), step=0.1)
+
+
+def test_descriptors_are_given_back() -> None:
+    before = len(os.listdir("/proc/self/fd"))
+    for _ in range(5):
+        with pytest.raises(ProgramError):
+            say("sys.exit(1)", Limits(seconds=30.0))
+    assert len(os.listdir("/proc/self/fd")) == before

@@ -1,0 +1,51 @@
+"""Programs that stand for solvers in other languages: each is a line of Python, run by the tests' own interpreter."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import sympy as sp
+
+from baselines.protocol.messages import VERSION, Request
+from baselines.protocol.problem_text import problem_text
+from baselines.protocol.program import ProgramSolver
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem
+
+PRELUDE = "import json, os, sys, time; request = json.load(sys.stdin); "
+FINE = {
+    "protocol": 1,
+    "program": {"name": "fake", "version": "1"},
+    "status": "ok",
+    "transitions": [{"time": 1.0, "before": -1, "after": 1, "state": [0.0]}],
+    "end": {"time": 2.0, "state": [1.0], "mode": 1},
+    "wall_s": [0.001],
+}
+"""A right response to :func:`ramp`."""
+
+
+def ramp() -> Problem:
+    """x' = 1 from -1 to t = 2: one crossing of x = 0, at t = 1."""
+    x, s = sp.symbols("x s", real=True)
+    system = FilippovSystem((x,), (s,), (x,), (sp.Integer(1),))
+    return Problem(system, sp.Integer(0), (sp.Integer(-1),), sp.Integer(2))
+
+
+def request(problem: Problem | None = None, **changes: object) -> Request:
+    """The request for a problem whose start is on the negative side."""
+    text = problem_text(problem or ramp(), (-1,))
+    given = {"rtol": 1e-6, "atol": 1e-6, "step": None, "untimed": 0, "timed": 1, "seconds": 1.0}
+    return Request(protocol=VERSION, problem=text, most_transitions=100, **(given | changes))
+
+
+def program(code: str, name: str = "fake") -> ProgramSolver:
+    """A solver whose program is this code; ``request`` is the request that it has read."""
+    return ProgramSolver(name, (sys.executable, "-c", PRELUDE + code), landing="none")
+
+
+def answer(**changes: object) -> str:
+    """Code of a program that writes :data:`FINE` with these changes, and as many times as were wanted."""
+    found = FINE | changes
+    times = "" if "wall_s" in changes else "; found['wall_s'] = [1e-3] * request['timed']"
+    return f"found = json.loads({json.dumps(found)!r}){times}; print(json.dumps(found))"
