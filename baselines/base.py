@@ -23,6 +23,7 @@ from baselines.callbacks import LastSeen, counted_field
 from baselines.driver import prepared, tolerances
 from baselines.flow import Flow, Library, Stop
 from baselines.mode_functions import EPSILON, ModeFunctions
+from baselines.mode_table import ModeTable
 from baselines.restart import STOPPED, Fresh, GatedGuards, Restart, Watcher
 from baselines.work import Stalled, Work
 from henon_ref.errors import ContractError, UnavailableError
@@ -66,10 +67,16 @@ class Adapter(ABC):
         step: float | None = None,
         sample_times: NDArray[np.float64] | None = None,
         deadline: float | None = None,
+        known: ModeTable | None = None,
     ) -> Run:
-        """Make every mode ready (lambdify, compile); see :meth:`henon_ref.solver.Solver.prepare`."""
+        """Make every mode ready (lambdify, compile); see :meth:`henon_ref.solver.Solver.prepare`.
+
+        ``known`` are modes of the same system on another library, whose callables are used again.
+        """
         library = self.library(*tolerances(self.name, rtol, atol, step))
-        return prepared(problem, library, sample_times=sample_times, deadline=deadline, warm_up=self.warm_up)
+        return prepared(
+            problem, library, sample_times=sample_times, deadline=deadline, warm_up=self.warm_up, known=known
+        )
 
     def library(self, rtol: float, atol: float) -> ConfiguredLibrary:
         """The library at these tolerances, for the driver.

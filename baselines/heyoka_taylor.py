@@ -13,7 +13,8 @@ with a second integrator without events; ``direction`` and ``none`` show what ha
 An exact double root inside a step is not seen. A root very early in a long step (a ballistic return within 1e-4
 of the step) is now and then lost with the guard's start; the driver says so where the guard then stays below
 zero. heyoka keeps its time as two doubles, and so do the
-transitions here (``time_low``). heyoka has one tolerance: it gets ``rtol``; ``atol`` is not used.
+transitions here (``time_low``). heyoka has one tolerance: it gets ``rtol``; ``atol`` is not used. Which of its
+documentation's advice is followed: ``docs/solvers.md``.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import sympy as sp
@@ -56,6 +57,9 @@ class HeyokaTaylor(Adapter):
     restart: Restart = field(default="offset", kw_only=True)
     fast_math: bool = False
     """Let the compiler reorder sums (heyoka's own switch, off by default there too)."""
+    cooldown: Literal["none", "automatic"] = "none"
+    """How long an event is ignored after it: not at all, or as long as heyoka deduces from the tolerance and the
+    event's slope, into the next visit of the mode."""
     landing = "taylor"
     distribution = "heyoka"
     warm_up = True
@@ -103,6 +107,7 @@ class _Flow:
         self._moving = [(k, g) for k, g in enumerate(model.guard_expressions) if not g.is_number]
         self._slots = {k: slot for slot, (k, _) in enumerate(self._moving)}
         self._guards = len(self._moving)
+        self._forgets = self._guards > 0 and solver.cooldown == "none"
         names = [f"x{k}" for k in range(len(model.states))]
         variables = {x: hy.expression(name) for x, name in zip(model.states, names, strict=True)}
         equations = [
@@ -121,8 +126,9 @@ class _Flow:
         if self._guards:
             direction = hy.event_direction.any if solver.restart == "none" else hy.event_direction.negative
             # A cooldown of zero: after an event the state goes to another mode, or starts this one afresh.
+            cooldown = {"cooldown": 0.0} if solver.cooldown == "none" else {}
             options["t_events"] = [
-                hy.t_event(to_heyoka(g, variables) + hy.par[slot], direction=direction, cooldown=0.0)
+                hy.t_event(to_heyoka(g, variables) + hy.par[slot], direction=direction, **cooldown)
                 for slot, (_, g) in enumerate(self._moving)
             ]
         self._taylor = hy.taylor_adaptive(equations, start, **options)
@@ -160,7 +166,7 @@ class _Flow:
         state = self._state
         for k, value in enumerate(x):
             state[k] = value
-        if self._guards:
+        if self._forgets:
             self._taylor.reset_cooldowns()
 
     def _propagate(self, t: float, low: float, x: Sequence[float], until: float) -> Stop:

@@ -1,10 +1,11 @@
 """SUNDIALS CVODE by scikit-sundae, with its own rootfinding: Adams and BDF.
 
 At its starting point CVODE takes an event function that is exactly zero out of play until it has left zero,
-so it does not fire again there; one that is a rounding off zero it takes at its sign. The first steps
-(order 1, with Newton's iteration stopped at a part of the tolerance) move a guard by about the tolerance,
-which after a tangential release can make a root that the solution does not have. Hence the event-free step
-as default (:mod:`baselines.restart`), long enough for the guard to leave the tolerance behind.
+so it does not fire again there; one that is a rounding off zero it takes at its sign. Hence ``direction`` as default
+(:mod:`baselines.restart`): the guard as it is, falling roots alone. No restart is right more often over the suite; an
+event-free step is so less often, since a guard that stays at zero is not out of play behind it. The first steps
+(order 1, with Newton's iteration stopped at a part of the tolerance) move a guard by about the tolerance. Which of the
+documentation's advice is followed: ``docs/solvers.md``.
 
 Roots are located by the Illinois method on the Nordsieck polynomial to ``100 eps (abs(t) + abs(h))``; a
 pair of roots inside one step is not seen. scikit-sundae keeps the events of earlier calls of one object, so
@@ -15,7 +16,7 @@ the deadline does, inside the callbacks.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from baselines.base import ConfiguredLibrary
 from baselines.callbacks import filling_field
 from baselines.mode_functions import ModeFunctions
+from baselines.restart import Restart
 from baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function
 from baselines.work import Work
 from henon_ref.filippov.callables import Callbacks
@@ -39,6 +41,7 @@ class SundialsCvode(SundialsAdapter):
     """
 
     method: Literal["Adams", "BDF"]
+    restart: Restart = field(default="direction", kw_only=True)
     callbacks: Callbacks = "python"
     """Right-hand side and Jacobian in plain Python or compiled; the event function is plain Python."""
 

@@ -12,7 +12,8 @@ sign), so no initial-condition solve is needed. At a root at the starting point 
 zero is out of play until it leaves zero, and the first steps (order 1, Newton stopped at a part of the
 tolerance) move a guard by the tolerance; hence the event-free step as default (:mod:`baselines.restart`).
 Roots are located by the Illinois method to ``100 eps (abs(t) + abs(h))``; a pair inside one step is not
-seen; a new object for every run of a mode, as for CVODE.
+seen; a new object for every run of a mode, as for CVODE. Which of the documentation's advice is followed:
+``docs/solvers.md``.
 """
 
 from __future__ import annotations

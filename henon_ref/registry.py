@@ -58,14 +58,14 @@ _BUILT_IN = {
     "henon-rk4": Entry("henon_ref.henon.rk4:RK4", "henon-ref", fixed_step=True),
     "henon-listing": Entry("henon_ref.henon.listing:LISTING", "henon-ref", fixed_step=True, by_default=False),
     "heyoka": Entry("baselines.heyoka_taylor:HEYOKA", "heyoka", restart="offset"),
-    "cvode-adams": Entry("baselines.sundials_cvode:ADAMS", "scikit-sundae", restart="event-free-step"),
-    "cvode-bdf": Entry("baselines.sundials_cvode:BDF", "scikit-sundae", restart="event-free-step"),
+    "cvode-adams": Entry("baselines.sundials_cvode:ADAMS", "scikit-sundae", restart="direction"),
+    "cvode-bdf": Entry("baselines.sundials_cvode:BDF", "scikit-sundae", restart="direction"),
     "ida": Entry("baselines.sundials_ida:IDA", "scikit-sundae", restart="event-free-step"),
-    "scipy-rk45": Entry("baselines.scipy_ivp:RK45", "scipy", restart="event-free-step"),
-    "scipy-dop853": Entry("baselines.scipy_ivp:DOP853", "scipy", restart="event-free-step"),
-    "scipy-radau": Entry("baselines.scipy_ivp:RADAU", "scipy", restart="event-free-step"),
-    "scipy-bdf": Entry("baselines.scipy_ivp:BDF", "scipy", restart="event-free-step"),
-    "scipy-lsoda": Entry("baselines.scipy_ivp:LSODA", "scipy", restart="event-free-step"),
+    "scipy-rk45": Entry("baselines.scipy_ivp:RK45", "scipy", restart="offset"),
+    "scipy-dop853": Entry("baselines.scipy_ivp:DOP853", "scipy", restart="offset"),
+    "scipy-radau": Entry("baselines.scipy_ivp:RADAU", "scipy", restart="offset"),
+    "scipy-bdf": Entry("baselines.scipy_ivp:BDF", "scipy", restart="offset"),
+    "scipy-lsoda": Entry("baselines.scipy_ivp:LSODA", "scipy", restart="offset"),
     "cvode-c-adams": Entry("baselines.cvode_c.solver:ADAMS", SUNDIALS, _SUNDIALS_VERSION),
     "cvode-c-bdf": Entry("baselines.cvode_c.solver:BDF", SUNDIALS, _SUNDIALS_VERSION),
     "octave-ode45": Entry(
@@ -75,21 +75,19 @@ _BUILT_IN = {
     "scipy-sign": Entry("baselines.scipy_naive:SIGN", "scipy"),
     "heyoka+fastmath": Entry("baselines.heyoka_taylor:HEYOKA_FAST_MATH", "heyoka", by_default=False, restart="offset"),
     "cvode-adams+numba": Entry(
-        "baselines.sundials_cvode:ADAMS_NUMBA", "scikit-sundae", by_default=False, restart="event-free-step"
+        "baselines.sundials_cvode:ADAMS_NUMBA", "scikit-sundae", by_default=False, restart="direction"
     ),
     "cvode-bdf+numba": Entry(
-        "baselines.sundials_cvode:BDF_NUMBA", "scikit-sundae", by_default=False, restart="event-free-step"
+        "baselines.sundials_cvode:BDF_NUMBA", "scikit-sundae", by_default=False, restart="direction"
     ),
     "ida+numba": Entry(
         "baselines.sundials_ida:IDA_NUMBA", "scikit-sundae", by_default=False, restart="event-free-step"
     ),
-    "scipy-rk45+numba": Entry("baselines.scipy_ivp:RK45_NUMBA", "scipy", by_default=False, restart="event-free-step"),
-    "scipy-dop853+numba": Entry(
-        "baselines.scipy_ivp:DOP853_NUMBA", "scipy", by_default=False, restart="event-free-step"
-    ),
-    "scipy-radau+numba": Entry("baselines.scipy_ivp:RADAU_NUMBA", "scipy", by_default=False, restart="event-free-step"),
-    "scipy-bdf+numba": Entry("baselines.scipy_ivp:BDF_NUMBA", "scipy", by_default=False, restart="event-free-step"),
-    "scipy-lsoda+numba": Entry("baselines.scipy_ivp:LSODA_NUMBA", "scipy", by_default=False, restart="event-free-step"),
+    "scipy-rk45+numba": Entry("baselines.scipy_ivp:RK45_NUMBA", "scipy", by_default=False, restart="offset"),
+    "scipy-dop853+numba": Entry("baselines.scipy_ivp:DOP853_NUMBA", "scipy", by_default=False, restart="offset"),
+    "scipy-radau+numba": Entry("baselines.scipy_ivp:RADAU_NUMBA", "scipy", by_default=False, restart="offset"),
+    "scipy-bdf+numba": Entry("baselines.scipy_ivp:BDF_NUMBA", "scipy", by_default=False, restart="offset"),
+    "scipy-lsoda+numba": Entry("baselines.scipy_ivp:LSODA_NUMBA", "scipy", by_default=False, restart="offset"),
 }
 
 

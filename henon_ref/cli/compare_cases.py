@@ -29,13 +29,13 @@ from henon_ref.report.text.gate import bounds_left_out, why_unchecked
 from henon_ref.report.text.index import write_index
 from henon_ref.report.text.markdown import environment
 from henon_ref.report.text.paired_times import FOLDER as PAIRED_TIMES
+from henon_ref.report.text.restarts import FOLDER as RESTARTS
 from henon_ref.score.gate import Demand, Tally, demand, gate_tally
 from henon_ref.studies.atlas.page import FOLDER as ATLAS
 from henon_ref.studies.atlas.run import run_atlas
 from henon_ref.studies.causes import FOLDER as CAUSES
 from henon_ref.studies.causes import write_causes
 from henon_ref.studies.price.report_pairs import run_paired_times
-from henon_ref.studies.restarts.page import FOLDER as RESTARTS
 from henon_ref.studies.restarts.run import run_restarts
 from henon_ref.text import message
 
@@ -167,7 +167,7 @@ def experiments(
 
 def discard(out: Path, cases: Sequence[Case]) -> None:
     """Remove the journals: everything that they hold is written."""
-    for folder in (out, out / ATLAS, out / RESTARTS):
+    for folder in (out, out / ATLAS):
         for case in cases:
             (folder / case.name / FILE).unlink(missing_ok=True)
             if folder != out:

@@ -2,7 +2,7 @@
 
 ``python -m henon_ref.prune CASE... [--reports DIR]``: the folders of these cases stay, without their rows of
 transitions and raw samples; those of all other cases go, and live on in the matrix, from which the index is made.
-The rows of every run behind the atlas, the restart habits and the price list go, too. Links to what has gone become
+The rows of every run behind the atlas, the restarts and the price list go, too. Links to what has gone become
 text.
 """
 
@@ -21,8 +21,8 @@ from henon_ref.report.files.folder_lock import locked_for_a_moment
 from henon_ref.report.files.links import without_dead_links
 from henon_ref.report.files.write import MANIFEST, ROWS, RUNS, check_index, replace_file
 from henon_ref.report.text.index import write_index
+from henon_ref.report.text.restarts import FOLDER as RESTARTS
 from henon_ref.studies.atlas.page import FOLDER as ATLAS
-from henon_ref.studies.restarts.page import FOLDER as RESTARTS
 
 PAGE_ROWS = (f"{ATLAS}/{RUNS}", f"{RESTARTS}/{RUNS}", "price/price.csv", "price/samples.csv")
 """Files that hold every run behind a page."""

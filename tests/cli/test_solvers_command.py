@@ -19,7 +19,7 @@ def test_every_solver_is_listed_with_version_and_options(capsys):
     assert listed == list(registry.names())
     by_name = {line.split()[0]: " ".join(line.split()) for line in lines}
     scipy = metadata.version("scipy")
-    assert by_name["scipy-dop853"] == f"scipy-dop853 scipy {scipy} tolerances event-free-step by default"
+    assert by_name["scipy-dop853"] == f"scipy-dop853 scipy {scipy} tolerances offset by default"
     assert by_name["scipy-sign"] == f"scipy-sign scipy {scipy} tolerances by default"
     assert by_name["henon-rk4"].endswith(" step by default")
     assert by_name["henon-brent"].endswith(" tolerances when named")

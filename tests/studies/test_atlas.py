@@ -16,7 +16,6 @@ from henon_ref.report.files.manifest import provenance
 from henon_ref.studies.atlas.family import TOLERANCES, defects, family_of, outcome_of
 from henon_ref.studies.atlas.figure import COLOURS, draw_atlas
 from henon_ref.studies.atlas.run import families, run_atlas
-from henon_ref.studies.restarts.run import run_restarts
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -85,19 +84,6 @@ def test_the_page_and_its_figure_are_made_of_runs(tmp_path: Path) -> None:
     assert "![" in text
     assert "(grazing.svg)" in text
     assert "relative tolerance" in page.with_name("grazing.svg").read_text(encoding="utf-8")
-
-
-def test_restarts_are_compared_on_the_cases_that_are_there(tmp_path: Path) -> None:
-    """heyoka restarted at an exact zero, with roots of either direction, never gets away from it."""
-    pytest.importorskip("heyoka")
-    case = load_case(CASES / "free_coulomb.yaml")
-    page = run_restarts([case], Options(solvers=("heyoka",), processes=1), provenance("x"), tmp_path, Silent())
-    assert page is not None
-    restarts = {str(own["solver"]).partition("@")[2]: own["verdict"] for own in read_rows(page.with_name("runs.csv"))}
-    assert restarts["offset"] == restarts["event-free-step"] == "right"
-    assert restarts["none"] == "solver defect"
-    (line,) = [own for own in page.read_text(encoding="utf-8").splitlines() if own.startswith("| `heyoka` | `none` |")]
-    assert line.endswith("| 2 |")
 
 
 def test_neighbours_of_one_outcome_are_one_shape() -> None:

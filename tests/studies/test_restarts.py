@@ -6,10 +6,13 @@ from typing import get_args
 
 import pytest
 
+from henon_ref import registry
 from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.registry import RESTARTS
+from henon_ref.report.text.restarts import suite_rows
 from henon_ref.studies.atlas.family import outcome_of
-from henon_ref.studies.restarts.page import ENDINGS, default_table, ending, libraries_of, summary_table
+from henon_ref.studies.restarts.options import options_of
+from henon_ref.studies.restarts.page import ENDINGS, default_table, ending, option_table, summary_table
 from henon_ref.trajectory import Status
 
 
@@ -61,31 +64,43 @@ def test_runs_that_another_restart_gets_right_are_counted() -> None:
     assert counted == {("`heyoka`", "`none`"): "1"}
 
 
-def test_a_default_is_set_against_the_restart_that_is_right_most_often() -> None:
-    """Sequences that only one of them gets, and digits where both do: rounding is no digit."""
+def test_a_default_is_set_against_the_best_other_restart() -> None:
+    """Runs that only one of them gets right, and the digits of all right runs: rounding is no digit."""
+    default, other = registry.restart_of("heyoka"), "none"
     rows = [
-        *(run("heyoka@offset", "failed", reading=f"late{k}") for k in range(2)),
-        *(run("heyoka@event-free-step", reading=f"late{k}") for k in range(2)),
-        run("heyoka@offset", reading="gained"),
-        run("heyoka@event-free-step", "wrong", reading="gained"),
-        run("heyoka@offset", reading="near", digits=15.9),
-        run("heyoka@event-free-step", reading="near", digits=3.0),
-        run("heyoka@offset", reading="rounding", digits=13.0),
-        run("heyoka@event-free-step", reading="rounding", digits=15.9),
-        run("heyoka@offset", reading="idle", digits=None),
-        run("heyoka@event-free-step", reading="idle", digits=None),
-        run("heyoka@none", "failed", reading="near"),
+        *(run(f"heyoka@{default}", "failed", reading=f"late{k}") for k in range(2)),
+        *(run(f"heyoka@{other}", reading=f"late{k}") for k in range(2)),
+        run(f"heyoka@{default}", reading="gained"),
+        run(f"heyoka@{other}", "wrong", reading="gained"),
+        run(f"heyoka@{default}", reading="rounding", digits=13.0),
+        run(f"heyoka@{other}", reading="rounding", digits=15.9),
+        run(f"heyoka@{default}", reading="idle", digits=None),
+        run(f"heyoka@{other}", reading="idle", digits=None),
+        run("heyoka@direction", "failed", reading="gained"),
     ]
-    assert default_table(rows).rows == [("`heyoka`", "`offset`", "`event-free-step`", "1", "2", "1", "")]
-    assert libraries_of(rows) == ["heyoka"]
+    (line,) = default_table(rows, suite_rows(rows)).rows
+    assert line[:4] == ("`heyoka`", f"`{default}`", "3", "21")
+    assert line[5:8] == ("`none`", "4", "30")
+    assert line[-2:] == ("1", "2")
 
 
-def test_of_restarts_that_are_right_as_often_the_one_with_more_digits_counts() -> None:
-    rows = [run(f"cvode-bdf@{restart}", digits=5.0) for restart in ("event-free-step", "offset", "none")]
-    assert default_table([*rows, run("cvode-bdf@direction")]).rows[0][2:] == ("`direction`", "", "", "", "1")
+def test_an_option_is_set_beside_the_library_as_it_is() -> None:
+    """Of runs that were made with and without it."""
+    option = next(iter(options_of(["scipy-rk45"])))
+    without, with_it = option.without.name, option.with_it.name
+    rows = [
+        run(without, digits=9.0),
+        run(with_it, digits=9.5),
+        run(without, "wrong", reading="gained"),
+        run(with_it, reading="gained"),
+        run(without, reading="alone"),
+    ]
+    (line,) = option_table([option], rows).rows
+    assert line[0] == "`scipy-rk45`"
+    assert line[2:] == ("2", "2", "2", "", "1", "9.0", "9.5")
 
 
 @pytest.mark.parametrize("library", ["heyoka", "cvode-bdf", "scipy-rk45"])
 def test_a_default_s_own_row_is_bold(library: str) -> None:
     bold = [line[1] for line in summary_table([run(f"{library}@none")]).rows if line[1].startswith("**")]
-    assert bold == ["**`offset`**" if library == "heyoka" else "**`event-free-step`**"]
+    assert bold == [f"**`{registry.restart_of(library)}`**"]

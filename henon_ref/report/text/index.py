@@ -19,8 +19,9 @@ from henon_ref.report.text.markdown import environment
 from henon_ref.report.text.matrix import KEY
 from henon_ref.report.text.matrix_page import reading_table, solver_table, titles
 from henon_ref.report.text.matrix_rows import MATRIX_COLUMNS, read_matrix, rows_of_report
-from henon_ref.report.text.paired_times import cheapest, read_ratios
+from henon_ref.report.text.paired_times import cheapest, own_words, read_ratios
 from henon_ref.report.text.ranking import NOT_RUN, name, number
+from henon_ref.report.text.restarts import WHY, beaten_table, read_suite
 from henon_ref.score.kinds import CLOSE
 from henon_ref.text import code, message
 
@@ -28,7 +29,7 @@ PAGES = {
     "price": "[Price list](price/README.md): what accuracy costs in time, from one transition to a million seconds",
     "rivals": "[Times in turn](rivals/README.md): `henon` against heyoka and whichever other solver is the cheapest",
     "atlas": "[Atlas](atlas/README.md): tolerance against distance from a graze, or between two roots of one step",
-    "restarts": "[Restart habits](restarts/README.md): which way of restarting a library after an event breaks which",
+    "restarts": "[How libraries are restarted](restarts/README.md) after an event: each way over all cases",
     "causes": "[Causes](causes/README.md): what the libraries do by themselves, each shown by the library alone",
     "paper": "[The paper](paper/README.md): every number and equation of the paper, computed again",
 }
@@ -100,11 +101,18 @@ def index_text(rows: Sequence[Row], folder: Path) -> str:
     folder : Path
         Where it lies: links lead only to what is there.
     """
+    suite = read_suite(folder)
+    beaten = beaten_table(suite)
     text = (
         environment()
         .get_template("index.md.j2")
         .render(
+            restarts=beaten.markdown if beaten.rows else "",
+            why={
+                restart: words for restart, words in WHY.items() if any(f"`{restart}`" in row[2] for row in beaten.rows)
+            },
             choice=choice_table(rows).markdown,
+            own=own_words(read_ratios(folder)),
             figure=FIGURE if is_drawn(rows) else "",
             cases=case_table(rows).markdown,
             counted=counted(rows),

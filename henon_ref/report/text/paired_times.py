@@ -26,12 +26,14 @@ RATIOS = "ratios.csv"
 SECOND, OTHERS, LIBRARIES = "heyoka", "the cheapest other", "compiled callbacks"
 """What the reference is set against on every reading: the next best, whichever of all others is the cheapest, and
 whichever of the libraries with compiled callbacks is."""
+OWN = "rival_own_s"
 COLUMNS = (
     "case", "reading", "digits", "against", "rtol", "rival", "rival_rtol", "rival_step_s", "wall_s", "rival_wall_s",
-    "ratio", "ratio_low", "ratio_high", "rounds",
+    "ratio", "ratio_low", "ratio_high", "rounds", OWN,
 )  # fmt: skip
 """Columns of a pair's row: digits (none where there is no transition), settings, medians, their ratio and
-its 95 % bootstrap interval."""
+its 95 % bootstrap interval; and what of the rival's time its library takes itself, without the mode switches in Python
+that a compiled program does not pay (heyoka's alone is known; files of earlier versions do not have it)."""
 
 
 def read_ratios(folder: Path) -> list[Row]:
@@ -40,7 +42,28 @@ def read_ratios(folder: Path) -> list[Row]:
         rows = read_rows(folder / FOLDER / RATIOS)
     except (OSError, ValueError, csv.Error):
         return []
-    return rows if all(set(COLUMNS) <= set(row) for row in rows) else []
+    known = set(COLUMNS) - {OWN}
+    return [dict.fromkeys(COLUMNS) | row for row in rows] if all(known <= set(row) for row in rows) else []
+
+
+def own_ratio(row: Row) -> float | None:
+    """Time of the rival's own library over the reference's whole run; None where it is not known."""
+    return None if row[OWN] is None else number(row, OWN) / number(row, "wall_s")
+
+
+def own_words(rows: Sequence[Row]) -> str:
+    """In a sentence, what of heyoka's times is heyoka's; empty where that is not known."""
+    found = [row for row in rows if row["against"] == SECOND and row[OWN] is not None]
+    if not found:
+        return ""
+    part = np.median([number(row, OWN) / number(row, "rival_wall_s") for row in found])
+    whole = np.median([1.0 / number(row, "ratio") for row in found])
+    own = np.median([number(row, OWN) / number(row, "wall_s") for row in found])
+    return (
+        f"In turn {code(SECOND)} takes {significant(float(whole), 2)} times as long as {code(FIRST)} (median over "
+        f"readings and digits), of which its own calls of `propagate_until` are {part:.0%}: a program that switches "
+        f"modes in compiled code would take {significant(float(own), 2)} times as long."
+    )
 
 
 def cheapest(rows: Sequence[Row]) -> dict[tuple[str, str, int], str]:
@@ -64,11 +87,28 @@ def spread_table(rows: Sequence[Row]) -> Table:
                 quantiles = (significant(value) for value in np.quantile(found, [0.0, 0.25, 0.5, 0.75, 1.0]))
                 faster = sum(times < 1 for times in found)
                 lines.append((label, bound(digits), f"{len(found)}", *quantiles, f"{faster}"))
+        if against == SECOND:
+            lines += _own_lines(rows)
     headings = (
         "solver", "digits", "readings", "times as long, least", "lower quartile", "median", "upper quartile", "most",
         f"faster than {code(FIRST)} in",
     )  # fmt: skip
     return Table(headings, "l" + "r" * (len(headings) - 1), lines)
+
+
+def _own_lines(rows: Sequence[Row]) -> list[tuple[str, ...]]:
+    """The same for what heyoka takes itself, where that is known."""
+    lines = []
+    for digits in (*LEVELS, None):
+        own = [own_ratio(row) for row in rows if (row["against"], row["digits"]) == (SECOND, digits)]
+        found = [ratio for ratio in own if ratio is not None]
+        if found:
+            quantiles = (significant(value) for value in np.quantile(found, [0.0, 0.25, 0.5, 0.75, 1.0]))
+            faster = sum(times < 1 for times in found)
+            lines.append(
+                (f"{code(SECOND)}, its own calls alone", bound(digits), f"{len(found)}", *quantiles, f"{faster}")
+            )
+    return lines
 
 
 def slower_table(rows: Sequence[Row], runs: Sequence[Row], reports: str = "../") -> Table:

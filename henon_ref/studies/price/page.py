@@ -11,7 +11,7 @@ from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.text.formats import duration
-from henon_ref.report.text.paired_times import COLUMNS
+from henon_ref.report.text.paired_times import COLUMNS, own_words
 from henon_ref.report.text.ranking import readings_of
 from henon_ref.studies.page import write
 from henon_ref.studies.price import tables
@@ -74,6 +74,7 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
         "deadline": f"{TIMEOUT:g}",
         "fewest": FEWEST,
         "rivals": tables.rival_table(found.pairs).markdown,
+        "own": own_words(found.pairs),
         "callbacks": tables.callback_costs(found.rows).markdown,
         "failed": [markdown(words) for words in found.failed],
         "ready": tables.ready_table(found.ready).markdown,

@@ -15,10 +15,12 @@ from henon_ref.campaign.timing import median_interval
 from henon_ref.campaign.worker import Failure, Job, WorkerState
 from henon_ref.columns import Row
 from henon_ref.filippov.problem import Problem
+from henon_ref.report.text.paired_times import OWN
 from henon_ref.score.errors import score
 from henon_ref.score.reference import Expected
 from henon_ref.score.verdict import RIGHT
 from henon_ref.solver import Run
+from henon_ref.studies.price.own_calls import ClockedHeyoka, clocked, own_part
 from henon_ref.studies.price.pairs import Candidate, Pair
 
 SAMPLES, RIVAL_SAMPLES = "samples_s", "rival_samples_s"
@@ -29,6 +31,8 @@ TURN = 1e-3
 """Seconds for which a short run is repeated when it is its turn."""
 PREPARE_SECONDS = 300.0
 """Processor time that the preparation of all settings may take [s]: compiled callbacks take some seconds each."""
+OWN_ROUNDS = 20
+"""Rounds at most in which a library's own calls are clocked."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -79,15 +83,28 @@ class PairedTiming(Job):
             pairs = _able(pairs, digits)
         timed = dict.fromkeys(candidate for pair in pairs for candidate in (*pair.own, *pair.rival))
         times = interleaved({candidate: runs[candidate] for candidate in timed}, rounds=self.rounds, turn=TURN)
-        return [self._row(pair, times) for pair in pairs], refused
+        own_times: dict[Candidate, float | None] = {}
+        for pair in pairs:
+            rival = min(pair.rival, key=times.median)
+            if rival not in own_times:
+                own_times[rival] = self._own_time(rival, runs[rival], times)
+        return [self._row(pair, times, own_times) for pair in pairs], refused
 
-    def _prepared(self, candidate: Candidate) -> Run:
+    def _prepared(self, candidate: Candidate, solver: ClockedHeyoka | None = None) -> Run:
         own = candidate.setting
-        return registry.solver(candidate.solver).prepare(
+        return (solver or registry.solver(candidate.solver)).prepare(
             self.problem, rtol=own.rtol, atol=own.atol, step=own.step, deadline=self.deadline
         )
 
-    def _row(self, pair: Pair, times: Turns[Candidate]) -> Row:
+    def _own_time(self, rival: Candidate, run: Run, times: Turns[Candidate]) -> float | None:
+        """Time of a run that is the library's own [s]; None where that is not known."""
+        solver = clocked(registry.solver(rival.solver))
+        if solver is None:
+            return None
+        part = own_part(run, self._prepared(rival, solver), solver.clock, rounds=min(self.rounds, OWN_ROUNDS))
+        return part * times.median(rival)
+
+    def _row(self, pair: Pair, times: Turns[Candidate], own_times: Mapping[Candidate, float | None]) -> Row:
         own, rival = (min(candidates, key=times.median) for candidates in (pair.own, pair.rival))
         low, high = median_interval(times.ratios(own, rival))
         return {
@@ -105,6 +122,7 @@ class PairedTiming(Job):
             "ratio_low": low,
             "ratio_high": high,
             "rounds": self.rounds,
+            OWN: own_times[rival],
             SAMPLES: times.times[own],
             RIVAL_SAMPLES: times.times[rival],
         }

@@ -9,7 +9,7 @@ from henon_ref.columns import Row
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.text import formats as words
-from henon_ref.report.text.paired_times import COLUMNS, LIBRARIES, RATIOS, slower_table, spread_table
+from henon_ref.report.text.paired_times import COLUMNS, LIBRARIES, RATIOS, own_words, slower_table, spread_table
 from henon_ref.report.text.ranking import LEVELS, number, readings_of
 from henon_ref.studies.page import write
 from henon_ref.text import markdown
@@ -51,6 +51,7 @@ def write_page(
         "left": left,
         "fewest": LEVELS[0],
         "levels": words.listing([f"{digits}" for digits in compiled_levels(rows)]),
+        "own": own_words(rows),
         "spread": spread_table(rows).markdown,
         "slower": slower.markdown if slower.rows else "",
         "failed": [markdown(each) for each in failed],

@@ -14,6 +14,7 @@ from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
 from henon_ref.studies.price.fit import Fit, power
 from henon_ref.studies.price.orbit import orbit_problem
+from henon_ref.studies.price.own_calls import clocked, own_part
 from henon_ref.trajectory import Trajectory
 
 BLOCKS = (1, 2, 4, 8, 16, 32, 64)
@@ -52,6 +53,8 @@ class Size:
     smooth_ratio: float
     agrees: bool
     """Whether its transitions and last states are those of the first solver."""
+    own_s: float = math.nan
+    """What of the run with transitions its library's own calls take [s]; NaN where that is not known."""
 
     @property
     def per_second(self) -> float:
@@ -107,8 +110,11 @@ def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> l
         for name in solvers:
             registry.solver(name).prepare(problem, rtol=RTOL)()
     for count in blocks:
-        ready, ends, times = _timed(chain(count), solvers)
-        _, smooth_ends, smooth_times = _timed(chain(count, belt=FAST, until=SMOOTH_S), solvers)
+        problem = chain(count)
+        ready, runs, times = _timed(problem, solvers)
+        ends = {name: run() for name, run in runs.items()}
+        _, smooth_runs, smooth_times = _timed(chain(count, belt=FAST, until=SMOOTH_S), solvers)
+        smooth_ends = {name: run() for name, run in smooth_runs.items()}
         first = solvers[0]
         for name in solvers:
             found.append(
@@ -125,13 +131,14 @@ def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> l
                     agrees=_agree(ends[first], ends[name])
                     and _agree(smooth_ends[first], smooth_ends[name])
                     and not smooth_ends[name].transitions,
+                    own_s=_own_part(problem, name, runs[name]) * times.median(name),
                 )
             )
     return found
 
 
-def _timed(problem: Problem, solvers: Sequence[str]) -> tuple[dict[str, float], dict[str, Trajectory], Turns[str]]:
-    """Each solver's preparation time [s], its trajectory, and its times in interleaved runs."""
+def _timed(problem: Problem, solvers: Sequence[str]) -> tuple[dict[str, float], dict[str, Run], Turns[str]]:
+    """Each solver's preparation time [s], its run, and its times in interleaved runs."""
     runs: dict[str, Run] = {}
     ready: dict[str, float] = {}
     for name in solvers:
@@ -139,8 +146,15 @@ def _timed(problem: Problem, solvers: Sequence[str]) -> tuple[dict[str, float], 
         runs[name] = registry.solver(name).prepare(problem, rtol=RTOL)
         runs[name]()  # modes are made ready where they are first met
         ready[name] = time.perf_counter() - began
-    ends = {name: run() for name, run in runs.items()}
-    return ready, ends, interleaved(runs, rounds=ROUNDS)
+    return ready, runs, interleaved(runs, rounds=ROUNDS)
+
+
+def _own_part(problem: Problem, name: str, run: Run) -> float:
+    """What part of a run its library's own calls are; NaN where that is not known."""
+    solver = clocked(registry.solver(name))
+    if solver is None:
+        return math.nan
+    return own_part(run, solver.prepare(problem, rtol=RTOL), solver.clock, rounds=ROUNDS)
 
 
 def _agree(first: Trajectory, other: Trajectory) -> bool:

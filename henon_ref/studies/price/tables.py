@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from henon_ref.columns import Row
 from henon_ref.report.text.formats import duration, error, setting, significant
-from henon_ref.report.text.paired_times import FIRST, bound
+from henon_ref.report.text.paired_times import FIRST, OWN, SECOND, bound, own_ratio
 from henon_ref.report.text.ranking import LEVELS, by_solver, number, readings_of
 from henon_ref.report.text.tables import Table
 from henon_ref.studies.price import effects
@@ -63,8 +63,12 @@ def rival_table(found: Sequence[Row]) -> Table:
     lines = []
     for (case, reading, digits), own in ratios.items():
         cells = [_times_as_long(own[rival]) if rival in own else "" for rival in LISTED]
-        lines.append((title(case, reading), digits, *cells))
-    return Table(("reading", "digits", *(f"`{rival}`" for rival in LISTED)), "lr" + "r" * len(LISTED), lines)
+        ratio = own_ratio(own[SECOND]) if SECOND in own else None
+        alone = "" if ratio is None else significant(ratio, 2)
+        lines.append((title(case, reading), digits, *cells[:1], alone, *cells[1:]))
+    headings = [f"`{rival}`" for rival in LISTED]
+    headings.insert(1, f"`{SECOND}`, its own calls alone")
+    return Table(("reading", "digits", *headings), "lr" + "r" * len(headings), lines)
 
 
 def _times_as_long(row: Row) -> str:
@@ -92,10 +96,13 @@ def price_table(pairs: Sequence[Row], reading: tuple[str, str]) -> Table:
                 *_side(first, rows, second),
                 *_side(second, rows, first),
                 significant(more / least),
+                duration(rows[second][OWN]) if second in rows and rows[second][OWN] is not None else "",
             )
         )
-    headings = ("digits", "cheapest", "tolerance", "time", "next", "tolerance", "time", "times as long")
-    return Table(headings, "rlrrlrrr", lines)
+    headings = (
+        "digits", "cheapest", "tolerance", "time", "next", "tolerance", "time", "times as long", "its own calls alone",
+    )  # fmt: skip
+    return Table(headings, "rlrrlrrrr", lines)
 
 
 def _side(solver: str, rows: dict[str, Row], other: str) -> tuple[str, str, str]:
@@ -214,11 +221,12 @@ def size_table(found: Sequence[Size]) -> Table:
             for value in (lambda s: s.wall_s, lambda s: s.smooth_s, lambda s: s.ready_s)
         )
         ratios = [f"{value:.2g}" for value in (own["heyoka"].ratio, own["heyoka"].smooth_ratio)]
-        first = own[FIRST]
-        lines.append((f"{states}", f"{first.transitions}", *runs, ratios[0], *smooth, ratios[1], *ready))
+        first, alone = own[FIRST], own["heyoka"].own_s
+        calls = "" if math.isnan(alone) else duration(alone)
+        lines.append((f"{states}", f"{first.transitions}", *runs, ratios[0], calls, *smooth, ratios[1], *ready))
     names = [f"`{solver}`" for solver in solvers]
     headings = (
-        "states", "transitions", *(f"run, {n}" for n in names), "`henon` / `heyoka`",
+        "states", "transitions", *(f"run, {n}" for n in names), "`henon` / `heyoka`", "run, `heyoka`'s own calls alone",
         *(f"without transitions, {n}" for n in names), "`henon` / `heyoka`", *(f"ready, {n}" for n in names),
     )  # fmt: skip
     return Table(headings, "r" * len(headings), lines)

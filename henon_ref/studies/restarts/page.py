@@ -1,4 +1,4 @@
-"""The page on how libraries are restarted: outcomes by library and way, over all readings and reading by reading."""
+"""The page on how libraries are restarted: outcomes by library and restart over the suite, and where they differ."""
 
 from __future__ import annotations
 
@@ -10,53 +10,61 @@ from henon_ref import registry
 from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
-from henon_ref.report.files.write import REPORT, RUNS
-from henon_ref.report.text.formats import setting
-from henon_ref.report.text.ranking import LEVELS, number
+from henon_ref.report.files.write import RUNS
+from henon_ref.report.text import restarts
+from henon_ref.report.text.formats import duration
+from henon_ref.report.text.ranking import number
+from henon_ref.report.text.restarts import COLUMNS, MOST, QUICKER, SUITE, WHY, beaten_table, libraries_of, merits
 from henon_ref.report.text.tables import Table
 from henon_ref.score.errors import EARLY
 from henon_ref.studies.atlas.family import outcome_of
 from henon_ref.studies.page import write
+from henon_ref.studies.restarts.options import Option
+from henon_ref.studies.restarts.runs import LIMIT, LONGER, Study
+from henon_ref.text import code
 
-FOLDER = "restarts"
-MOST = LEVELS[-1]
-"""Digits that are counted: more are rounding."""
 ENDINGS = ("right", "wrong", "ended early", "failed")
 """How a run may end: with the exact run's transitions, with others, before its time, or not at all."""
 
 
-def write_page(rows: Sequence[Row], origin: Provenance, folder: Path) -> Path:
-    """Write runs and page.
+def write_page(study: Study, options: Sequence[Option], tried: Sequence[Row], origin: Provenance, folder: Path) -> Path:
+    """Write runs, suite and page.
 
     Parameters
     ----------
-    rows : sequence of Row
-        A run a reading, library, way of restarting and tolerance.
+    study : Study
+        A run a reading, library, restart and tolerance.
+    options : sequence of Option
+    tried : sequence of Row
+        A run a reading, tolerance and library, as it is and with each of its options.
     origin : Provenance
     folder : Path
-        The experiment's own folder; made if need be.
+        The study's own folder; made if need be.
 
     Raises
     ------
     OSError
         Where it cannot be written.
     """
+    rows, suite = study.rows, restarts.suite_rows(study.rows)
     context = {
         "runs": len(rows),
         "readings": len({(row["case"], row["reading"]) for row in rows}),
+        "cases": len({row["case"] for row in rows}),
+        "cut": study.cut,
+        "limit": f"{LIMIT:g}",
+        "longer": f"{LIMIT * LONGER:g}",
         "summary": summary_table(rows).markdown,
         "most": MOST,
-        "defaults": default_table(rows).markdown,
-        "details": detail_table(rows).markdown,
+        "quicker": round(100 * (1 - QUICKER)),
+        "defaults": default_table(rows, suite).markdown,
+        "beaten": beaten_table(suite, "../").markdown,
+        "why": WHY,
+        "options": option_table(options, tried).markdown if options else "",
         "origin": origin,
     }
-    return write(folder, "restarts", context, {RUNS: csv_text(RUN_COLUMNS, rows)})
-
-
-def libraries_of(rows: Sequence[Row]) -> list[str]:
-    """Solvers without what they are restarted by, in the registry's order."""
-    present = {registry.base_name(str(row["solver"])) for row in rows}
-    return [name for name in registry.names() if name in present]
+    files = {RUNS: csv_text(RUN_COLUMNS, rows), SUITE: csv_text(COLUMNS, suite)}
+    return write(folder, "restarts", context, files)
 
 
 def of_restart(rows: Sequence[Row], library: str, restart: str) -> list[Row]:
@@ -86,7 +94,7 @@ def summary_table(rows: Sequence[Row]) -> Table:
 def broken_runs(rows: Sequence[Row], library: str, restart: str) -> int:
     """How many runs of one restart are not right although another one gets the same reading and tolerance right."""
     others = [row for other in registry.RESTARTS if other != restart for row in of_restart(rows, library, other)]
-    right = set(_by_problem([row for row in others if outcome_of(row) == "right"]))
+    right = {_problem(row) for row in others if outcome_of(row) == "right"}
     return sum(outcome_of(row) != "right" and _problem(row) in right for row in of_restart(rows, library, restart))
 
 
@@ -98,42 +106,26 @@ def ending(row: Row) -> str:
     return "ended early" if row["status"] in EARLY else "wrong"
 
 
-def default_table(rows: Sequence[Row]) -> Table:
-    """Each library's default against the best other restart: runs that one alone gets right, or to a digit more."""
+def default_table(rows: Sequence[Row], suite: Sequence[Row]) -> Table:
+    """Each library's default and its best other restart: right runs, digits, time, and what one alone gets right."""
     lines = []
     for library in libraries_of(rows):
-        own = registry.restart_of(library)
-        others = [restart for restart in registry.RESTARTS if restart != own]
-        best = max(others, key=lambda restart: _merit(of_restart(rows, library, restart)))
-        mine, other = (_by_problem(of_restart(rows, library, restart)) for restart in (own, best))
-        pairs = [(mine[problem], other[problem]) for problem in mine.keys() & other.keys()]
-        counts = (
-            sum(_gains(ours, theirs) for ours, theirs in pairs),
-            sum(_gains(theirs, ours) for ours, theirs in pairs),
-            sum(_digit_better(ours, theirs) for ours, theirs in pairs),
-            sum(_digit_better(theirs, ours) for ours, theirs in pairs),
-        )
-        lines.append((f"`{library}`", f"`{own}`", f"`{best}`", *(f"{n or ''}" for n in counts)))
-    headings = (
-        "library", "default", "other", "right by the default alone", "by the other alone",
-        "right by both, by the default a digit closer", "by the other a digit closer",
-    )  # fmt: skip
-    return Table(headings, "lllrrrr", lines)
-
-
-def _merit(rows: Sequence[Row]) -> tuple[int, int]:
-    """How many runs are right, and whole digits in all of these."""
-    good = [row for row in rows if ending(row) == "right"]
-    return len(good), sum(int(_counted_digits(row)) for row in good if row["digits"] is not None)
-
-
-def _counted_digits(row: Row) -> float:
-    """Digits up to MOST; more are rounding."""
-    return min(number(row, "digits"), MOST)
-
-
-def _by_problem(rows: Sequence[Row]) -> dict[tuple[object, ...], Row]:
-    return {_problem(row): row for row in rows}
+        found, own = merits(suite, library), registry.restart_of(library)
+        others = [restart for restart in found if restart != own]
+        if own not in found or not others:
+            continue
+        best = next(r for r in others if not any(found[other].beats(found[r]) for other in others))
+        mine, theirs = ({_problem(row): row for row in of_restart(rows, library, r)} for r in (own, best))
+        pairs = [(mine[problem], theirs[problem]) for problem in mine.keys() & theirs.keys()]
+        alone = sum(_gains(a, b) for a, b in pairs), sum(_gains(b, a) for a, b in pairs)
+        cells = [
+            (code(restart), f"{found[restart].right}", f"{found[restart].digits:.0f}", duration(found[restart].wall_s))
+            for restart in (own, best)
+        ]
+        lines.append((code(library), *cells[0], *cells[1], *(f"{n or ''}" for n in alone)))
+    side = ("right", "digits", "time")
+    headings = ("library", "default", *side, "best other", *side, "right by the default alone", "by the other alone")
+    return Table(headings, "llrrrlrrrrr", lines)
 
 
 def _problem(row: Row) -> tuple[object, ...]:
@@ -146,38 +138,30 @@ def _gains(row: Row, other: Row) -> bool:
     return ending(row) == "right" != ending(other)
 
 
-def _digit_better(row: Row, other: Row) -> bool:
-    """Whether both are right, and this one gets a digit more."""
-    return ending(row) == ending(other) == "right" and _counted_digits(row) - _counted_digits(other) >= 1.0
-
-
-def detail_table(rows: Sequence[Row]) -> Table:
-    """Every reading, library and restart that is not right at every tolerance."""
+def option_table(options: Sequence[Option], rows: Sequence[Row]) -> Table:
+    """Options of the libraries' event handling: right runs without and with, and what either alone gets right."""
     lines = []
-    keys = dict.fromkeys((str(row["case"]), str(row["reading"])) for row in rows)
-    for case, reading in keys:
-        own = [row for row in rows if (row["case"], row["reading"]) == (case, reading)]
-        for library in libraries_of(own):
-            cells = [_cell(of_restart(own, library, restart)) for restart in registry.RESTARTS]
-            if any(cells):
-                text = case if reading == "default" else f"{case}, {reading}"
-                anchor = "" if reading == "default" else f"#{reading}"
-                lines.append((f"[{text}](../{case}/{REPORT}{anchor})", f"`{library}`", *(c or "right" for c in cells)))
-    return Table(("reading", "library", *(f"`{restart}`" for restart in registry.RESTARTS)), "llllll", lines)
-
-
-def _cell(rows: Sequence[Row]) -> str:
-    """What went wrong, with the tolerances at which it did; empty where nothing did."""
-    found: dict[str, list[str]] = {}
-    for row in rows:
-        if outcome_of(row) != "right":
-            found.setdefault(_how(row), []).append(setting(row["rtol"], row["step_s"]))
-    return "; ".join(f"{how} ({', '.join(at)})" for how, at in found.items())
-
-
-def _how(row: Row) -> str:
-    edits = Counter({c: int(v) for c in ("missed", "spurious") if isinstance(v := row[c], int | float) and v})
-    words = [f"{number} {column}" for column, number in edits.items()]
-    if row["status"] not in ("ok", "wrong"):
-        words.insert(0, str(row["status"]))
-    return ", ".join(words) or str(row["status"])
+    for option in options:
+        without, with_it = (
+            {_problem(row): row for row in rows if row["solver"] == adapter.name and outcome_of(row) is not None}
+            for adapter in (option.without, option.with_it)
+        )
+        pairs = [(without[problem], with_it[problem]) for problem in without.keys() & with_it.keys()]
+        right = [pair for pair in pairs if all(ending(row) == "right" for row in pair)]
+        digits = (
+            sum(min(number(pair[side], "digits"), MOST) for pair in right if pair[side]["digits"] is not None)
+            for side in (0, 1)
+        )
+        counts = (
+            sum(ending(row) == "right" for row in without.values()),
+            sum(ending(row) == "right" for row in with_it.values()),
+            sum(_gains(a, b) for a, b in pairs),
+            sum(_gains(b, a) for a, b in pairs),
+        )
+        cells = (f"{len(pairs)}", *(f"{n or ''}" for n in counts), *(f"{n:.1f}" for n in digits))
+        lines.append((code(option.without.name), option.words, *cells))
+    headings = (
+        "library", "option", "runs", "right without", "right with", "right without alone", "right with alone",
+        "digits where both are right, without", "with",
+    )  # fmt: skip
+    return Table(headings, "ll" + "r" * 7, lines)

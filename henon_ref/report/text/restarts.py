@@ -1,0 +1,176 @@
+"""How often each library is right in each restart over the suite, as the index and a page of its own show it."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from henon_ref import registry
+from henon_ref.columns import Row
+from henon_ref.report.files.csv_files import read_rows
+from henon_ref.report.files.write import REPORT
+from henon_ref.report.text.ranking import LEVELS, NOT_RUN, name, number
+from henon_ref.report.text.tables import Table
+from henon_ref.text import code, markdown
+
+FOLDER = "restarts"
+"""Where the page on restarts lies in a folder of reports."""
+SUITE = "suite.csv"
+MOST = LEVELS[-1]
+"""Digits that are counted: more are rounding."""
+QUICKER = 0.8
+"""Of as many right runs with as many digits those are better that take less than this part of the time: what the
+machine does meanwhile changes times by less."""
+COLUMNS = ("case", "solver", "restart", "runs", "right", "digits", "wall_s", "otherwise")
+"""A row a case, library and restart, over the case's readings and tolerances.
+
+* ``runs``: that were made; ``right``: of these;
+* ``digits``: of the right runs, each counted up to MOST, in all; ``wall_s``: their wall times, in all [s];
+* ``otherwise``: how the others ended, with what they missed and invented.
+"""
+WHY = {
+    "event-free-step": "what happens within the event-free step is seen at its end, and a guard that stays at zero "
+    "behind it is watched with its rounding",
+    "offset": "the next root comes late by the lift over the guard's rate, and one that the lift covers does not come",
+    "direction": "a guard that starts one rounding below zero hides the first root of the first step",
+    "none": "the root at the start is an event again",
+}
+"""What a restart gets wrong where another one does not."""
+
+
+@dataclass(frozen=True)
+class Merit:
+    """What the runs of one restart come to; a greater one is better."""
+
+    right: int
+    digits: float
+    wall_s: float
+
+    def beats(self, other: Merit) -> bool:
+        """Whether it is right more often; else, as often, to more digits; else to as many in clearly less time."""
+        if self.right != other.right:
+            return self.right > other.right
+        if round(self.digits) != round(other.digits):
+            return self.digits > other.digits
+        return self.wall_s < QUICKER * other.wall_s
+
+
+def suite_rows(runs: Iterable[Row]) -> list[Row]:
+    """Rows of the suite from rows of runs, whose solvers are named with their restarts."""
+    own: dict[tuple[str, str, str], list[Row]] = {}
+    for row in runs:
+        if row["status"] not in NOT_RUN:
+            key = str(row["case"]), registry.base_name(name(row)), registry.restart_of(name(row))
+            own.setdefault(key, []).append(row)
+    found: list[Row] = []
+    for (case, library, restart), rows in own.items():
+        right = [row for row in rows if row["verdict"] == "right"]
+        digits = sum(min(number(row, "digits"), MOST) for row in right if row["digits"] is not None)
+        wall = sum(number(row, "wall_s") for row in right if row["wall_s"] is not None)
+        counts = {"runs": len(rows), "right": len(right), "digits": round(digits, 2), "wall_s": float(f"{wall:.4g}")}
+        ends = _otherwise([row for row in rows if row["verdict"] != "right"])
+        found.append({"case": case, "solver": library, "restart": restart, **counts, "otherwise": ends})
+    return found
+
+
+def _otherwise(rows: Sequence[Row]) -> str | None:
+    """How runs that are not right ended."""
+    ends = Counter(str(row["status"]) for row in rows if row["status"] not in ("ok", "wrong"))
+    words = [f"{count} {end}" for end, count in ends.items()]
+    for column in ("missed", "spurious"):
+        edits = sum(int(number(row, column)) for row in rows if row[column] is not None)
+        words += [f"{edits} {column}"] if edits else []
+    return ", ".join(words) or ("another end or state" if rows else None)
+
+
+def read_suite(folder: Path) -> list[Row]:
+    """The suite's rows in a folder of reports; none where they are not there, or are no such rows."""
+    try:
+        rows = read_rows(folder / FOLDER / SUITE)
+    except (OSError, ValueError, csv.Error):
+        return []
+    return rows if all(set(COLUMNS) <= set(row) for row in rows) else []
+
+
+def libraries_of(rows: Sequence[Row]) -> list[str]:
+    """Libraries of some rows, with or without their restarts, in the registry's order."""
+    present = {registry.base_name(name(row)) for row in rows}
+    return [library for library in registry.names() if library in present]
+
+
+def merits(rows: Sequence[Row], library: str) -> dict[str, Merit]:
+    """What each restart of a library comes to over some rows of the suite, the default first."""
+    found = {}
+    for restart in sorted(registry.RESTARTS, key=lambda restart: restart != registry.restart_of(library)):
+        own = [row for row in rows if (row["solver"], row["restart"]) == (library, restart)]
+        if own:
+            right, digits, wall = (sum(number(row, column) for row in own) for column in ("right", "digits", "wall_s"))
+            found[restart] = Merit(int(right), digits, wall)
+    return found
+
+
+def best_restart(found: dict[str, Merit]) -> str:
+    """The first restart that no other one beats."""
+    return next(restart for restart, own in found.items() if not any(one.beats(own) for one in found.values()))
+
+
+def wrong_defaults(rows: Sequence[Row]) -> list[str]:
+    """A sentence for each library whose default is beaten over the suite by another of its restarts."""
+    found = []
+    for library in libraries_of(rows):
+        own, default = merits(rows, library), registry.restart_of(library)
+        better = [restart for restart, merit in own.items() if default not in own or merit.beats(own[default])]
+        if better:
+            best = best_restart(own)
+            found.append(
+                f"{library}: its default is {default or 'none at all'} ({_said(own.get(default))}), "
+                f"better is {best} ({_said(own[best])})"
+            )
+    return found
+
+
+def _said(merit: Merit | None) -> str:
+    return "not run" if merit is None else f"right in {merit.right}, {merit.digits:.1f} digits, {merit.wall_s:.3g} s"
+
+
+def beaten_table(rows: Sequence[Row], reports: str = "") -> Table:
+    """Cases in which another restart is right more often than a library's default: both side by side.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        Of the suite.
+    reports : str
+        The folder of the reports, as links have it.
+    """
+    cases: dict[str, list[Row]] = {}
+    for row in rows:
+        cases.setdefault(str(row["case"]), []).append(row)
+    lines = []
+    for case, own in cases.items():
+        groups: dict[tuple[str, ...], list[str]] = {}
+        for library in libraries_of(own):
+            if cells := _beaten(own, library):
+                groups.setdefault(cells, []).append(library)
+        link = f"[{markdown(case)}]({reports}{case}/{REPORT})"
+        lines += [(link, ", ".join(map(code, libraries)), *cells) for cells, libraries in groups.items()]
+    headings = ("case", "library", "default", "right", "best", "right", "what goes wrong by default")
+    return Table(headings, "lllrlrl", lines)
+
+
+def _beaten(rows: Sequence[Row], library: str) -> tuple[str, ...] | None:
+    """Default and best in one case, where they differ in how many runs they get right."""
+    found, default = merits(rows, library), registry.restart_of(library)
+    if default not in found:
+        return None
+    most = max(merit.right for merit in found.values())
+    if found[default].right == most:
+        return None
+    best = [restart for restart, merit in found.items() if merit.right == most]
+    mine = next(row for row in rows if (row["solver"], row["restart"]) == (library, default))
+    runs = f" of {number(mine, 'runs'):.0f}"
+    right = f"{found[default].right}{runs}", f"{most}{runs}"
+    return code(default), right[0], ", ".join(map(code, best)), right[1], str(mine["otherwise"] or "")

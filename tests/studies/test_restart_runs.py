@@ -1,0 +1,116 @@
+"""The runs behind the study of restarts: a worker a reading, what is cut, and a library that takes its worker along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+from fakes import Fake, case, expected, statement
+
+from henon_ref import registry
+from henon_ref.campaign.options import Options, Silent
+from henon_ref.campaign.settings import Setting
+from henon_ref.campaign.worker import WorkerState
+from henon_ref.casefile.case import load_case
+from henon_ref.report.files.csv_files import read_rows
+from henon_ref.report.files.manifest import provenance
+from henon_ref.report.text.restarts import SUITE
+from henon_ref.studies.restarts import runs
+from henon_ref.studies.restarts.run import run_restarts
+from henon_ref.studies.restarts.runs import LIMIT, LONGER, Restarted, run_all
+
+CASES = Path(__file__).parents[2] / "cases"
+OPTIONS = Options(processes=1)
+
+
+def test_every_restart_runs_on_every_reading_at_its_tolerances(tmp_path: Path) -> None:
+    """heyoka restarted at an exact zero, with roots of either direction, never gets away from it."""
+    pytest.importorskip("heyoka")
+    case = load_case(CASES / "free_coulomb.yaml")
+    options = replace(OPTIONS, solvers=("heyoka",))
+    page = run_restarts([case], options, provenance("x"), tmp_path, Silent())
+    assert page is not None
+    rows = read_rows(page.with_name("runs.csv"))
+    assert {(row["solver"], row["rtol"]) for row in rows} == {
+        (f"heyoka@{restart}", rtol) for restart in registry.RESTARTS for rtol in case.readings[0].tolerances
+    }
+    verdicts = {str(row["solver"]).partition("@")[2]: row["verdict"] for row in rows}
+    assert verdicts["offset"] == verdicts["event-free-step"] == "right"
+    assert verdicts["none"] == "solver defect"
+    suite = {row["restart"]: row for row in read_rows(page.with_name(SUITE))}
+    assert [suite[restart]["right"] for restart in registry.RESTARTS] == [3, 3, 3, 0]
+    assert suite["none"]["otherwise"] == "3 failed, 12 missed"
+    assert "`cooldown`" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("tolerances", [None, (1e-4,)])
+def test_a_run_is_the_campaign_s_own(tolerances: tuple[float, ...] | None) -> None:
+    """Equations that all libraries share change nothing: the same transitions, steps and digits as a run alone."""
+    case = load_case(CASES / "free_coulomb.yaml")
+    names = ("scipy-rk45@offset", "cvode-adams@offset")
+    study = run_all([case], [(name,) for name in names], replace(OPTIONS, tolerances=tolerances), Silent())
+    problem = case.readings[0].problem
+    assert len(study.rows) == 2 * len(tolerances or case.readings[0].tolerances)
+    for row in study.rows:
+        alone = registry.solver(str(row["solver"])).prepare(problem, rtol=row["rtol"], atol=row["atol"])()
+        assert (alone.counts.steps, len(alone.transitions)) == (row["steps"], row["found_transitions"])
+        assert alone.end_time == row["end_time_s"]
+
+
+@dataclass(frozen=True)
+class Slow(Fake):
+    """Out of time under a limit, or always."""
+
+    needs: float = 0.0
+
+    def prepare(self, problem, *, deadline=None, **options):
+        run = super().prepare(problem, **options)
+        return run if deadline >= self.needs else lambda: run()._replace(status="timeout", transitions=())
+
+
+def job(*solvers: Fake) -> list[str]:
+    """Statuses of the rows of a job."""
+    made_up = case()
+    own = Restarted(made_up.name, made_up.readings[0], expected(), Setting(1e-6, 1e-6), solvers)
+    return [str(row["status"]) for row in own.run(WorkerState(lambda kind, value: None))]
+
+
+def test_a_slow_restart_gets_more_time_where_another_one_is_right() -> None:
+    slow, slower = Slow("slow", needs=LONGER * LIMIT), Slow("slower", needs=LONGER * LIMIT + 1)
+    assert job(slow, slower, Fake()) == ["ok", "timeout", "ok"]
+    assert job(slow, slower) == ["timeout", "timeout"]
+    assert job(slow, Fake(what="misses")) == ["timeout", "wrong"]
+
+
+def test_what_a_library_raises_is_a_row() -> None:
+    assert job(Fake("a", "raises"), Fake("b", "unsupported")) == ["failed", "unsupported"]
+
+
+def outcome(monkeypatch: pytest.MonkeyPatch, *group: Fake) -> runs.Study:
+    """The study of one group on the made-up case, whose tolerances are 1e-3 and 1e-6."""
+    monkeypatch.setattr(registry, "base_name", lambda name: "heyoka")  # one of those that the case is for
+    monkeypatch.setattr(runs, "stored_statement", statement)
+    return run_all([case()], [group], OPTIONS, Silent())
+
+
+def test_a_tolerance_is_cut_for_all_where_none_is_right_and_one_is_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    late = Slow("a", needs=1e9)
+    cut = outcome(monkeypatch, late, Fake("b", "misses"))
+    assert cut.cut == 1
+    assert [(row["solver"], row["rtol"]) for row in cut.rows] == [("a", 1e-3), ("b", 1e-3)]
+    whole = outcome(monkeypatch, late, Fake("b"))
+    assert whole.cut == 0
+    assert [(row["solver"], row["rtol"]) for row in whole.rows] == [("a", 1e-3), ("b", 1e-3), ("a", 1e-6), ("b", 1e-6)]
+
+
+def test_a_library_that_ends_its_worker_takes_no_other_one_along(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Then each runs in a worker of its own."""
+    found = outcome(monkeypatch, Fake("a"), Fake("b", "crashes"))
+    assert [(row["solver"], row["status"]) for row in found.rows] == 2 * [("a", "ok"), ("b", "failed")]
+    assert all("SIGSEGV" in str(row["status_reason"]) for row in found.rows if row["solver"] == "b")
+
+
+def test_a_reading_without_a_truth_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runs, "stored_statement", lambda case, reading: None)
+    assert run_all([case()], [("heyoka",)], OPTIONS, Silent()).rows == []
