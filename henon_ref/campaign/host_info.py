@@ -18,6 +18,7 @@ import numpy as np
 DISTRIBUTIONS = (
     "henon-ref", "numpy", "scipy", "sympy", "numba", "llvmlite", "heyoka", "scikit-sundae", "python-flint",
     "pandas", "matplotlib", "jinja2", "pydantic", "ruamel.yaml",
+    "diffrax", "jax", "jaxlib", "optimistix", "nosnoc", "casadi", "pydiffsol",
 )  # fmt: skip
 """Packages whose versions a result depends on."""
 BUILDS = ("numpy", "scipy", "scikit_sundae")
