@@ -45,6 +45,8 @@ class Adapter(ABC):
     landing: ClassVar[str]
     distribution: ClassVar[str]
     """The package that has to be installed, as messages name it."""
+    extra: ClassVar[str] = ""
+    """The extra of this project that brings it; empty where the project itself does."""
     least_rtol: ClassVar[float] = 0.0
     """A smaller ``rtol`` is raised to this."""
     warm_up: ClassVar[bool] = False
@@ -89,7 +91,8 @@ class Adapter(ABC):
         try:
             module = self.load()
         except ImportError as error:
-            raise UnavailableError(f"{self.distribution} is not installed") from error
+            line = f": pip install 'henon-ref[{self.extra}]'" if self.extra else ""
+            raise UnavailableError(f"{self.distribution} is not installed{line}") from error
         return ConfiguredLibrary(self, module, max(rtol, self.least_rtol), atol)
 
     @abstractmethod

@@ -11,6 +11,7 @@ are not listed by :func:`names`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import import_module
@@ -24,6 +25,8 @@ from henon_ref.text import did_you_mean, listed
 GROUP = "henon_ref.solvers"
 RESTARTS = ("event-free-step", "offset", "direction", "none")
 """Ways of restarting a library on the surface it has just left; described in :mod:`baselines.restart`."""
+ALL = "all"
+"""In place of a solver's name: those that run by default, and the peers that are installed."""
 AT = "@"
 """Between a solver's name and its restart."""
 COMPILED = "+numba"
@@ -45,6 +48,8 @@ class Entry:
     """Run where neither the case nor the command names solvers."""
     restart: str = ""
     """Its default restart; empty for a solver that has no library to restart."""
+    peer: bool = False
+    """Its library comes with an extra of this project: it runs where it is named, or with ``all`` where it is there."""
 
 
 SUNDIALS = "sundials"
@@ -73,6 +78,13 @@ _BUILT_IN = {
     ),
     "scipy-smoothed": Entry("baselines.scipy_naive:SMOOTHED", "scipy"),
     "scipy-sign": Entry("baselines.scipy_naive:SIGN", "scipy"),
+    "diffrax-dopri8": Entry("baselines.diffrax_ode:DOPRI8", "diffrax", restart="offset", by_default=False, peer=True),
+    "diffrax-kvaerno5": Entry(
+        "baselines.diffrax_ode:KVAERNO5", "diffrax", restart="offset", by_default=False, peer=True
+    ),
+    "diffsol-tsit45": Entry("baselines.diffsol_ode:TSIT45", "pydiffsol", restart="offset", by_default=False, peer=True),
+    "diffsol-bdf": Entry("baselines.diffsol_ode:BDF", "pydiffsol", restart="offset", by_default=False, peer=True),
+    "nosnoc": Entry("baselines.nosnoc_fesd:NOSNOC", "nosnoc", by_default=False, peer=True),
     "heyoka+fastmath": Entry("baselines.heyoka_taylor:HEYOKA_FAST_MATH", "heyoka", by_default=False, restart="offset"),
     "cvode-adams+numba": Entry(
         "baselines.sundials_cvode:ADAMS_NUMBA", "scikit-sundae", by_default=False, restart="direction"
@@ -104,6 +116,13 @@ def names() -> tuple[str, ...]:
 def default_names() -> tuple[str, ...]:
     """The solvers that run where nobody names any."""
     return tuple(name for name in names() if name not in _BUILT_IN or _BUILT_IN[name].by_default)
+
+
+def expanded(wanted: Sequence[str]) -> tuple[str, ...]:
+    """The names, ``all`` replaced by the solvers that run by default and the peers that are installed."""
+    peers = tuple(name for name, entry in _BUILT_IN.items() if entry.peer and library_version(name))
+    every = (*default_names(), *peers)
+    return tuple(dict.fromkeys(name for entry in wanted for name in (every if entry == ALL else (entry,))))
 
 
 def check(name: str) -> str:

@@ -20,6 +20,7 @@ from henon_ref.registry import program_versions
 DISTRIBUTIONS = (
     "henon-ref", "numpy", "scipy", "sympy", "numba", "llvmlite", "heyoka", "scikit-sundae", "python-flint",
     "pandas", "matplotlib", "jinja2", "pydantic", "ruamel.yaml",
+    "diffrax", "jax", "jaxlib", "optimistix", "nosnoc", "casadi", "pydiffsol",
 )  # fmt: skip
 """Packages whose versions a result depends on."""
 BUILDS = ("numpy", "scipy", "scikit_sundae")

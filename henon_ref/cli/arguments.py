@@ -48,7 +48,12 @@ def main(
     cases: Cases,
     out: Annotated[Path, typer.Option(help="Folder of the reports.", parser=_folder, metavar="FOLDER")] = Path("out"),
     solvers: Annotated[
-        str | None, typer.Option(help="Names with commas; all that a case lists if left out.", metavar="NAMES")
+        str | None,
+        typer.Option(
+            help="Names with commas; all that a case lists if left out. 'all' stands for those that run by default and "
+            "the peers that are installed (henon-ref[peers]).",
+            metavar="NAMES",
+        ),
     ] = None,
     tolerances: Annotated[
         str | None,

@@ -69,7 +69,7 @@ def run(request: Request) -> Unmet:
     cases = load_cases(request.cases)
     options = Options(
         keep_journals=True,
-        solvers=request.solvers,
+        solvers=None if request.solvers is None else registry.expanded(request.solvers),
         restarts=request.restarts,
         tolerances=request.tolerances,
         repeats=request.repeats,
