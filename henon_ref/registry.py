@@ -71,10 +71,10 @@ _BUILT_IN = {
     "scipy-radau": Entry("baselines.scipy_ivp:RADAU", "scipy", restart="offset"),
     "scipy-bdf": Entry("baselines.scipy_ivp:BDF", "scipy", restart="offset"),
     "scipy-lsoda": Entry("baselines.scipy_ivp:LSODA", "scipy", restart="offset"),
-    "cvode-c-adams": Entry("baselines.cvode_c.solver:ADAMS", SUNDIALS, _SUNDIALS_VERSION),
-    "cvode-c-bdf": Entry("baselines.cvode_c.solver:BDF", SUNDIALS, _SUNDIALS_VERSION),
+    "cvode-c-adams": Entry("baselines.cvode_c.solver:ADAMS", SUNDIALS, _SUNDIALS_VERSION, by_default=False, peer=True),
+    "cvode-c-bdf": Entry("baselines.cvode_c.solver:BDF", SUNDIALS, _SUNDIALS_VERSION, by_default=False, peer=True),
     "octave-ode45": Entry(
-        "baselines.octave.solver:ODE45", "octave", "baselines.octave.solver:octave_version", by_default=False
+        "baselines.octave.solver:ODE45", "octave", "baselines.octave.solver:octave_version", by_default=False, peer=True
     ),
     "scipy-smoothed": Entry("baselines.scipy_naive:SMOOTHED", "scipy"),
     "scipy-sign": Entry("baselines.scipy_naive:SIGN", "scipy"),
