@@ -20,7 +20,8 @@ from henon_ref.report.files.write import MANIFEST, PAGE, RUNS
 from henon_ref.report.html.case_file import read_case_file
 from henon_ref.report.html.colours import solver_lines
 from henon_ref.report.html.embedded import read_embedded
-from henon_ref.report.html.packed_runs import FIELDS, Words, field_values, packed, rounded, trimmed, unpacked
+from henon_ref.report.html.packed_runs import FIELDS, Words, field_values, packed, trimmed, unpacked
+from henon_ref.report.html.rounding import rounded
 from henon_ref.report.text.choice import UNKNOWN, by_kind
 from henon_ref.report.text.matrix import solvers_of
 from henon_ref.report.text.matrix_page import by_reading

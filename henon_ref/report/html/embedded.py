@@ -6,13 +6,11 @@ import json
 import re
 from typing import Any
 
-from markupsafe import Markup
-
 _BLOCK = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
 _ESCAPES = {ord(mark): f"\\u{ord(mark):04x}" for mark in "<>&\u2028\u2029"}
 
 
-def embedded(data: Any) -> Markup:
+def embedded(data: Any) -> str:
     """Data as JSON that may stand in a page: whatever is in it, it ends no element and begins none.
 
     Examples
@@ -21,7 +19,7 @@ def embedded(data: Any) -> Markup:
     {"name":"\\u003c/script\\u003e\\u003cb\\u003e"}
     """
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return Markup(text.translate(_ESCAPES))
+    return text.translate(_ESCAPES)
 
 
 def read_embedded(page: str) -> Any:

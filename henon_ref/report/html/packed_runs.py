@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from henon_ref.columns import Row
+from henon_ref.report.html.rounding import rounded
 from henon_ref.report.text.formats import setting
 from henon_ref.text import one_line
 
@@ -69,14 +70,6 @@ def trimmed(values: list[Any]) -> list[Any]:
     while values and values[-1] is None:
         values.pop()
     return values
-
-
-def rounded(value: object, places: int) -> float | int | None:
-    """A number to so many significant places, a whole one without a point; None where it is missing."""
-    if not isinstance(value, float | int):
-        return None
-    short = float(f"{value:.{places}g}")
-    return int(short) if short.is_integer() and abs(short) < 1e15 else short
 
 
 def _floored(digits: object) -> object:

@@ -7,8 +7,6 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from markupsafe import Markup
-
 from henon_ref.report.html.embedded import embedded
 
 if TYPE_CHECKING:
@@ -32,11 +30,11 @@ def rendered(template: str, style: str, scripts: Sequence[str], data: Any, **con
     data
         What the script draws, fit for JSON.
     context
-        What else the template shows; all of it is escaped.
+        What else the template shows; all of it is escaped, but for style, script and data.
     """
     code = "\n".join(source(name).strip() for name in scripts)
     made = _environment().get_template(template)
-    return made.render(style=Markup(style), script=Markup(code), data=embedded(data), **context).strip() + "\n"
+    return made.render(style=style, script=code, data=embedded(data), **context).strip() + "\n"
 
 
 def source(name: str) -> str:

@@ -19,7 +19,17 @@ from henon_ref.score.kinds import CLOSE
 
 DIGITS = 9
 """Digits that the page begins with."""
-SCRIPTS = ("dom.js", "numbers.js", "axes.js", "data.js", "choice.js", "matrix.js", "run.js", "reports.js")
+SCRIPTS = (
+    "dom.js",
+    "numbers.js",
+    "axes.js",
+    "portrait.js",
+    "data.js",
+    "choice.js",
+    "matrix.js",
+    "run.js",
+    "reports.js",
+)
 HEADINGS = (
     "kind of case", "readings", "take", "gets", "time", "other package", "gets", "times as long",
 )  # fmt: skip

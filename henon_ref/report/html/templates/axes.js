@@ -3,10 +3,10 @@
 /**
  * Begin a figure.
  * wanted: {height, left, x: {low, high, log, label, text}, y: {...}, label}; text(value) writes a tick (log: an exponent).
- * Returns the SVG, its group for what is drawn, and at(x, y) in pixels.
+ * bare: no grid across what is drawn. Returns the SVG, its group for what is drawn, and at(x, y) in pixels.
  */
 function begin(holder, wanted) {
-  const width = Math.max(holder.clientWidth, 260);
+  const width = widthOf(holder);
   const edge = { left: wanted.left || 58, right: 14, top: 10, bottom: 44 };
   const inner = { width: width - edge.left - edge.right, height: wanted.height - edge.top - edge.bottom };
   const x = scale(wanted.x, edge.left, edge.left + inner.width);
@@ -15,12 +15,12 @@ function begin(holder, wanted) {
   const frame = shape("g", { "aria-hidden": "true" });
   for (const tick of ticks(wanted.x, Math.max(2, Math.floor(inner.width / 75)))) {
     const at = x(tick.value);
-    frame.append(shape("line", { class: "grid", x1: at, x2: at, y1: edge.top, y2: bottom }),
+    frame.append(shape("line", { class: "grid", x1: at, x2: at, y1: wanted.bare ? bottom : edge.top, y2: bottom + 4 }),
       shape("text", { class: "tick", x: at, y: bottom + 16, "text-anchor": "middle" }, tick.text));
   }
   for (const tick of ticks(wanted.y, Math.max(2, Math.floor(inner.height / 34)))) {
     const at = y(tick.value);
-    frame.append(shape("line", { class: "grid", x1: edge.left, x2: edge.left + inner.width, y1: at, y2: at }),
+    frame.append(shape("line", { class: "grid", x1: edge.left - 4, x2: wanted.bare ? edge.left : edge.left + inner.width, y1: at, y2: at }),
       shape("text", { class: "tick", x: edge.left - 7, y: at + 4, "text-anchor": "end" }, tick.text));
   }
   frame.append(
@@ -69,12 +69,20 @@ function ticks(axis, most) {
   return found;
 }
 
+const WIDTHS = new Map();
+
+/** The width of a holder, looked up once: to ask for it again would lay out the whole page. */
+function widthOf(holder) {
+  if (!WIDTHS.has(holder)) WIDTHS.set(holder, holder.clientWidth);
+  return Math.max(WIDTHS.get(holder), 260);
+}
+
 /** Draw again whenever the width of a holder changes. */
 function onWidth(holder, drawAgain) {
-  let width = 0;
-  new ResizeObserver(() => {
-    if (holder.clientWidth && holder.clientWidth !== width) {
-      width = holder.clientWidth;
+  new ResizeObserver((entries) => {
+    const width = Math.round(entries.at(-1).contentRect.width);
+    if (width && width !== WIDTHS.get(holder)) {
+      WIDTHS.set(holder, width);
       drawAgain();
     }
   }).observe(holder);

@@ -106,7 +106,7 @@ function drawReaches(digits, kind) {
 const ROW = 20;
 
 function drawBars(holder, lines, label) {
-  const width = Math.max(holder.clientWidth, 260);
+  const width = widthOf(holder);
   const names = Math.min(132, 0.34 * width);
   const middle = names + (width - names) * 0.52;
   const bars = { from: names + 6, to: middle - 46 };

@@ -16,7 +16,10 @@ function makeMatrix() {
     body.append(node);
   }
   MATRIX.body = body;
-  byId("matrix").replaceChildren(make("table", null, make("thead", null, make("tr", null, heads)), body));
+  const widths = make("colgroup", null, make("col", { class: "name" }), make("col", { class: "kind" }), SOLVERS.map(() => make("col")));
+  const whole = make("table", { style: `--solvers:${SOLVERS.length}` }, widths, make("thead", null, make("tr", null, heads)), body);
+  whole.addEventListener("pointerover", sayCell);
+  byId("matrix").replaceChildren(whole);
   const first = body.querySelector("a");
   if (first) first.setAttribute("tabindex", "0");
   arrowKeys(byId("matrix"), "a");
@@ -32,6 +35,15 @@ function cellNode(cell) {
   if (!cell) return { cell: null, node: make("td", { class: "cell none" }) };
   const link = make("a", { id: cell.id, href: `#${cell.id}`, tabindex: "-1" });
   return { cell, link, node: make("td", { class: "cell" }, link) };
+}
+
+const STANDINGS = { reached: "gets there", fewer: "right, with fewer digits", wrong: "not right", none: "not judged" };
+
+/** The title of a cell, made when the pointer comes to it. */
+function sayCell(event) {
+  const link = event.target.closest("a");
+  const cell = link && PLACES.get(link.id);
+  if (cell) link.title = `${cell.solver.name} on ${cell.reading.label}: ${STANDINGS[standing(cell, Number(byId("digits").value))]}`;
 }
 
 /** What a cell says: digits, or the time for the digits wanted. */
@@ -55,8 +67,6 @@ function standing(cell, digits) {
   return isJudged(cell) && !["ill-conditioned", "not unique"].includes(cell.verdict) ? "wrong" : "none";
 }
 
-const STANDINGS = { reached: "gets there", fewer: "right, with fewer digits", wrong: "not right", none: "not judged" };
-
 /** Texts and colours of all cells. */
 function colourMatrix(digits, shown) {
   for (const row of MATRIX.rows) {
@@ -67,7 +77,6 @@ function colourMatrix(digits, shown) {
       if (link.textContent !== text) link.textContent = text;
       const name = `cell ${own}${MATRIX.shown === cell ? " shown" : ""}`;
       if (node.className !== name) node.className = name;
-      link.title = `${cell.solver.name} on ${cell.reading.label}: ${STANDINGS[own]}`;
     }
   }
 }
@@ -98,7 +107,8 @@ function isWanted(reading, solvers, digits, which) {
 function showSolver(index, shown) {
   if (shown) MATRIX.hidden.delete(index);
   else MATRIX.hidden.add(index);
-  byId("columns").textContent = [...MATRIX.hidden].map((k) => `#matrix tr > :nth-child(${k + 3}) { display: none; }`).join("\n");
+  byId("matrix").querySelector("table").style.setProperty("--solvers", SOLVERS.length - MATRIX.hidden.size);
+  byId("columns").textContent = [...MATRIX.hidden].map((k) => `#matrix tr > :nth-child(${k + 3}), #matrix col:nth-child(${k + 3}) { display: none; }`).join("\n");
 }
 
 /** Sort by a column; once more turns it round. */

@@ -13,7 +13,7 @@ function followDigits() {
   drawChoice(digits, kind);
   colourMatrix(digits, shown);
   if (which !== "all") filterMatrix(settings());
-  if (RUN.cell) drawWork();
+  drawLevel();
 }
 
 function followFilters() {

@@ -40,17 +40,6 @@ function runWords(reading) {
       .filter(Boolean).join(" "))].filter(Boolean);
 }
 
-/** Whole numbers of a portrait's points, as places within its limits (0 to 1). */
-function pointsOf(text) {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  const numbers = new DataView(bytes.buffer);
-  return Array.from({ length: bytes.length / 4 }, (_, k) =>
-    [numbers.getInt16(4 * k, true) / 4096, numbers.getInt16(4 * k + 2, true) / 4096]);
-}
-
-const pieceClass = (label) =>
-  label === "stick" ? "stick" : label === "surface" ? "surface" : label.endsWith("−1") ? "minus" : "plus";
-
 /** The phase portrait of a case, drawn from its packed points. */
 function drawPortrait(reading) {
   const holder = byId("portrait");
@@ -68,33 +57,6 @@ function drawPortrait(reading) {
   byId("portrait-key").replaceChildren(...portraitKey(portrait));
 }
 
-function portraitFigure(holder, portrait, height) {
-  const [[left, right], [low, high]] = portrait.limits;
-  const names = portrait.names.map((name) => (name === "t" ? "time t [s]" : name));
-  const frame = begin(holder, {
-    height, label: `Phase portrait: ${names[1]} over ${names[0]}`,
-    x: { low: left, high: right, label: names[0] }, y: { low, high, label: names[1] },
-  });
-  const at = ([x, y]) => [frame.x(left + x * (right - left)), frame.y(low + y * (high - low))];
-  const pieces = [...portrait.surfaces.map((text) => ["surface", text]), ...portrait.pieces];
-  pieces.sort((a, b) => (a[0] === "stick") - (b[0] === "stick"));
-  for (const [label, text] of pieces) {
-    const points = pointsOf(text).map(at);
-    const size = Math.max(...points.map(([x, y]) => Math.hypot(x - points[0][0], y - points[0][1])));
-    if (label === "stick" && size < 2) frame.inside.append(shape("circle", { class: "rest", cx: points[0][0], cy: points[0][1], r: 4 }));
-    else frame.inside.append(shape("path", { class: `piece ${pieceClass(label)}`, d: `M${points.map((p) => p.map((v) => v.toFixed(1))).join("L")}` }));
-  }
-  return frame;
-}
-
-function portraitKey(portrait) {
-  const labels = [...new Set(portrait.pieces.map(([label]) => label))].sort();
-  if (portrait.surfaces.length) labels.push("surface");
-  return labels.map((label) => make("span", null,
-    shape("svg", { class: "swatch", viewBox: "0 0 26 12", "aria-hidden": "true" },
-      shape("path", { class: `piece ${pieceClass(label)}`, d: "M1,6H25" })), label === "surface" ? "surface h = 0" : label));
-}
-
 /** Runs of a reading that have a time and an error, by solver. */
 function laddersOf(reading) {
   return reading.cells.filter((cell) => cell.runs).map((cell) => ({
@@ -109,6 +71,7 @@ function drawWork() {
   const ladders = laddersOf(reading);
   drawSwitches(ladders);
   const drawn = ladders.filter((ladder) => !RUN.hidden.has(ladder.solver.index));
+  RUN.frame = null;
   if (!drawn.length) {
     const why = !reading.cells.some((cell) => cell.runs) ? "The runs of this case are not kept." :
       ladders.length ? "No solver is switched on." : "No run of this reading has both a time and an error: it has no transition to time.";
@@ -123,7 +86,10 @@ function drawWork() {
     x: { ...around(runs.map((run) => run.wall_s), 1), log: true, label: "wall time of one run", text: decadeOfTime },
     y: { ...around(runs.map(error), 1), log: true, label: "worst error of a transition time [s]" },
   });
-  drawLevel(frame, (reading.unit || 1) * 10 ** -Number(byId("digits").value));
+  RUN.frame = frame;
+  RUN.level = shape("g");
+  frame.inside.append(RUN.level);
+  drawLevel();
   for (const ladder of [...drawn].sort((a, b) => (a.solver === solver) - (b.solver === solver))) {
     const group = shape("g", { class: ladder.solver === solver || ladder.cell.best >= 0 ? null : "faint" });
     const { colour } = ladder.solver;
@@ -156,12 +122,16 @@ function around(values, least) {
 }
 
 /** The error that the digits wanted allow, as a line. */
-function drawLevel(frame, error) {
-  const y = frame.y(error);
-  if (Number(byId("digits").value) === 0 || y < frame.edge.top || y > frame.edge.top + frame.inner.height) return;
-  frame.inside.append(shape("line", { class: "level", x1: frame.edge.left, x2: frame.edge.left + frame.inner.width, y1: y, y2: y }),
-    shape("text", { class: "tick", x: frame.edge.left + frame.inner.width - 4, y: y - 4, "text-anchor": "end" },
-      count(Number(byId("digits").value), "digit")));
+function drawLevel() {
+  const { frame, level, cell } = RUN;
+  if (!frame) return;
+  level.replaceChildren();
+  const digits = Number(byId("digits").value);
+  const y = frame.y((cell.reading.unit || 1) * 10 ** -digits);
+  const [left, right] = [frame.edge.left, frame.edge.left + frame.inner.width];
+  if (digits === 0 || y < frame.edge.top || y > frame.edge.top + frame.inner.height) return;
+  level.append(shape("line", { class: "level", x1: left, x2: right, y1: y, y2: y }),
+    shape("text", { class: "tick", x: right - 4, y: y - 4, "text-anchor": "end" }, count(digits, "digit")));
 }
 
 /** A checkbox a solver, with how it is drawn. */
