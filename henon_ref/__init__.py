@@ -33,11 +33,11 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
     )
     from henon_ref.filippov.problem import Problem
     from henon_ref.filippov.system import FilippovSystem
+    from henon_ref.report.sweep import sweep
     from henon_ref.simulation.simulate import simulate, stream
     from henon_ref.simulation.solution import Solution
     from henon_ref.simulation.system import System
     from henon_ref.solver import Solver
-    from henon_ref.sweeps.sweep import sweep
     from henon_ref.trajectory import Counts, Trajectory, Transition
 
 __version__ = "0.1.0"
@@ -63,7 +63,7 @@ _HOME = {
     "System": "simulation.system",
     "simulate": "simulation.simulate",
     "stream": "simulation.simulate",
-    "sweep": "sweeps.sweep",
+    "sweep": "report.sweep",
     "lyapunov_exponents": "analysis.lyapunov",
     "periodic_orbit": "analysis.periodic_orbit",
     "tangent_points": "analysis.tangent",

@@ -27,8 +27,11 @@ from henon_ref.errors import CaseError
 from henon_ref.report.case_report import write_report
 from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import provenance
-from henon_ref.report.files.write import MANIFEST, REPORT, ROWS, RUNS
+from henon_ref.report.files.write import MANIFEST, MATRIX, PAGE, REPORT, ROWS, RUNS
+from henon_ref.report.html.content import content
+from henon_ref.report.html.embedded import embedded, read_embedded
 from henon_ref.report.text.formats import setting
+from henon_ref.report.text.matrix_rows import read_matrix
 from henon_ref.report.text.ranking import floor, number
 
 FACTOR = 10.0
@@ -92,6 +95,16 @@ def text_differences(stored: Path, fresh: Path) -> list[str]:
     return [f"{name}: the text differs" for name in old | new if old.get(name) != new.get(name)]
 
 
+def page_differences(reports: Path) -> list[str]:
+    """Whether the page of a folder shows what matrix and reports beside it say; a folder may have no page."""
+    page = reports / PAGE
+    if not page.exists():
+        return []
+    shown = read_embedded(page.read_text(encoding="utf-8"))
+    made = json.loads(embedded(content(reports, read_matrix(reports))))
+    return [] if shown == made else [f"{page} does not show what {MATRIX} and the reports beside it say"]
+
+
 def _sections(text: str) -> dict[str, str]:
     """The title, and the text under every heading Truth and Model, by reading and heading."""
     found = {"title": text.split("\n", 1)[0]}
@@ -122,7 +135,8 @@ def check(cases: Sequence[Path], reports: Path, fresh: Path | None) -> list[str]
         missing = [case.name for case in loaded if not (fresh / case.name / RUNS).exists()]
         if missing:
             raise CaseError(f"{fresh} has no report of {', '.join(missing)}")
-        return [f"{c.name}: {w}" for c in loaded for w in differences(reports / c.name, fresh / c.name)]
+        found = [f"{c.name}: {w}" for c in loaded for w in differences(reports / c.name, fresh / c.name)]
+        return found + page_differences(reports)
     with tempfile.TemporaryDirectory() as made:
         origin = provenance("")
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from henon_ref import registry
 from henon_ref.campaign.case_files import load_cases
 from henon_ref.campaign.comparison import Comparison, compare_all
 from henon_ref.campaign.journal import FILE, read
@@ -25,8 +26,8 @@ from henon_ref.report.files.figure_jobs import figure_job, preload
 from henon_ref.report.files.folder_lock import locked, locked_for_a_moment
 from henon_ref.report.files.manifest import Provenance, provenance
 from henon_ref.report.files.write import check_index, check_writable, remove_if_empty
+from henon_ref.report.folder_report import write_folder_report
 from henon_ref.report.text.gate import bounds_left_out, why_unchecked
-from henon_ref.report.text.index import write_index
 from henon_ref.report.text.markdown import environment
 from henon_ref.report.text.paired_times import FOLDER as PAIRED_TIMES
 from henon_ref.report.text.restarts import FOLDER as RESTARTS
@@ -112,7 +113,7 @@ def _compared(cases: Sequence[Case], options: Options, request: Request, outputs
         if request.whole:
             written += experiments(cases, options, origin, request.out, shown)
     with locked_for_a_moment(request.out):
-        index = write_index(request.out)
+        index = write_folder_report(request.out)
     discard(request.out, cases)
     where = written[0] if len(written) == 1 else index
     tally = sum(tallies, Tally())

@@ -20,7 +20,7 @@ from henon_ref.cli.exit_status import DONE, exit_status, parsed, say
 from henon_ref.report.files.folder_lock import locked_for_a_moment
 from henon_ref.report.files.links import without_dead_links
 from henon_ref.report.files.write import MANIFEST, ROWS, RUNS, check_index, replace_file
-from henon_ref.report.text.index import write_index
+from henon_ref.report.folder_report import write_folder_report
 from henon_ref.report.text.restarts import FOLDER as RESTARTS
 from henon_ref.studies.atlas.page import FOLDER as ATLAS
 
@@ -50,7 +50,7 @@ def prune(folder: Path, kept: Sequence[str]) -> int:
     """
     check_index(folder)
     with locked_for_a_moment(folder):
-        write_index(folder)  # the matrix has every row before a folder goes
+        write_folder_report(folder)  # the matrix has every row, the page every run, before a folder goes
         for manifest in folder.glob(f"*/{MANIFEST}"):
             if manifest.parent.name not in kept and manifest.with_name(RUNS).exists():
                 shutil.rmtree(manifest.parent)
@@ -61,7 +61,7 @@ def prune(folder: Path, kept: Sequence[str]) -> int:
             live = without_dead_links(text, page.parent)
             if live != text:
                 replace_file(page, live.encode())
-        write_index(folder)
+        write_folder_report(folder)
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
 
 

@@ -53,6 +53,7 @@ def main(
     """Run one system at many points, observe each run, and write the results as Parquet files."""
     from henon_ref.report.files.folder_lock import locked
     from henon_ref.report.files.write import check_writable
+    from henon_ref.report.html.sweep_page import write_sweep_page
     from henon_ref.sweeps.executors import processors
     from henon_ref.sweeps.sweep_file import load_sweep
 
@@ -68,6 +69,7 @@ def main(
             from henon_ref.sweeps.pictures import draw
 
             draw(sweep.plan, folder)
+        write_sweep_page(folder)
     return DONE
 
 

@@ -139,14 +139,14 @@ def draw_portrait(reading: Reading, motion: Motion) -> Figure | None:
 
 def portrait(axes: Axes, system: FilippovSystem, motion: Motion, pair: tuple[int, int]) -> tuple[_Plane, bool]:
     """Phase portrait in the plane of two states, with a legend above it; how it is drawn, and whether surfaces are."""
-    plane = _plane(system, *pair)
+    plane = plane_of(system, *pair)
     drawn = _draw_pieces(axes, motion, plane)
     _draw_arrows(axes, motion, plane)
     for values, set_limits in (
         (motion.states[:, plane.x], axes.set_xlim),
         (motion.states[:, plane.y], axes.set_ylim),
     ):
-        set_limits(*_limits(values))
+        set_limits(*limits_around(values))
     boundary = _draw_boundary(axes, system, plane)
     axes.set_xlabel(_symbol(system, plane.x))
     axes.set_ylabel(_symbol(system, plane.y))
@@ -158,17 +158,17 @@ def state_over_time(axes: Axes, system: FilippovSystem, motion: Motion) -> None:
     """The first state over time, for a system that has no plane."""
     axes.plot(motion.times, motion.states[:, 0], color=style.BLUE)
     axes.set(xlabel="time t [s]", ylabel=_symbol(system, 0), xlim=motion.times[[0, -1]])
-    axes.set_ylim(*_limits(motion.states[:, 0]))
+    axes.set_ylim(*limits_around(motion.states[:, 0]))
 
 
-def _plane(system: FilippovSystem, x: int, y: int) -> _Plane:
+def plane_of(system: FilippovSystem, x: int, y: int) -> _Plane:
     inside = {system.states[x], system.states[y]}
     every = [(k, sign.name) for k, sign in enumerate(system.signs)]
-    curves = [(k, name) for k, name in every if _states_in(system, k) <= inside]
+    curves = [(k, name) for k, name in every if states_in(system, k) <= inside]
     return _Plane(x, y, tuple(curves or every))
 
 
-def _states_in(system: FilippovSystem, k: int) -> set[sp.Basic]:
+def states_in(system: FilippovSystem, k: int) -> set[sp.Basic]:
     """What a surface depends on, parameters apart."""
     return set(system.numeric(system.surfaces[k]).free_symbols)
 
@@ -223,7 +223,7 @@ def _draw_boundary(axes: Axes, system: FilippovSystem, plane: _Plane) -> list[tu
     bottom, top = axes.get_ylim()
     grid = np.meshgrid(np.linspace(left, right, 201), np.linspace(bottom, top, 201))
     for k, surface in enumerate(system.surfaces):
-        if not _states_in(system, k) or not _states_in(system, k) <= set(pair):
+        if not states_in(system, k) or not states_in(system, k) <= set(pair):
             continue
         values = sp.lambdify(pair, system.numeric(surface), np)(*grid)
         values = np.broadcast_to(np.asarray(values, dtype=float), grid[0].shape)
@@ -280,7 +280,7 @@ def _draw_surface(axes: Axes, system: FilippovSystem, motion: Motion, k: int) ->
             axes.axvspan(motion.times[begin], motion.times[end], color=shades[entries[begin]], lw=0, zorder=0)
     axes.axhline(0.0, color=style.GREY, lw=0.8, ls="--", zorder=1)
     axes.plot(motion.times, values, color=style.BLACK, lw=1.1, zorder=2)
-    axes.set_ylim(*_limits(values))
+    axes.set_ylim(*limits_around(values))
     axes.grid(visible=False)
     surface = system.surfaces[k]
     formula = f" = {latex(surface)}" if size(surface, LONGEST_LABEL) <= LONGEST_LABEL else ""
@@ -310,7 +310,7 @@ def _legend(axes: Axes, entries: list[tuple[str, str, float, str]]) -> None:
     axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.2)
 
 
-def _limits(values: NDArray[np.float64]) -> tuple[float, float]:
+def limits_around(values: NDArray[np.float64]) -> tuple[float, float]:
     """Limits around a curve with a little room; a curve that blows up is cut where it leaves the rest behind."""
     usual = float(np.percentile(np.abs(values), 95))
     if np.abs(values).max() > BLOW_UP * usual > 0:

@@ -16,6 +16,7 @@ from henon_ref.report.files.folder_lock import locked_for_a_moment
 from henon_ref.report.files.manifest import Provenance, manifest_text, samples_text
 from henon_ref.report.files.svg import svg
 from henon_ref.report.files.write import MANIFEST, REPORT, RUNS, SAMPLES, STICKS, TRANSITIONS, write_through
+from henon_ref.report.html.case_file import CASE_FILE, case_text
 from henon_ref.report.text.markdown import report_text
 from henon_ref.report.text.overview import is_drawn, judged
 
@@ -28,6 +29,7 @@ def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]
         TRANSITIONS: csv_text(comparison.transition_columns, comparison.transition_rows).encode(),
         STICKS: csv_text(STICK_COLUMNS, comparison.stick_rows).encode(),
         SAMPLES: samples_text(comparison).encode(),
+        CASE_FILE: case_text(comparison).encode(),
     }
     for result in comparison.readings:
         files.update(result.figures)

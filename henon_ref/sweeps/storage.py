@@ -22,6 +22,8 @@ from henon_ref.sweeps.runs import Columns
 
 POINTS = "points"
 MANIFEST = "manifest.json"
+PAGE = "index.html"
+"""The page of a finished sweep, which :mod:`henon_ref.report` writes."""
 KEPT = "finished chunks are kept: --resume (resume=True) goes on from them"
 OTHER = "holds another sweep, or one of other chunks; remove it, or name another folder"
 
@@ -61,7 +63,7 @@ class SweepFolder:
                 raise CaseError("this folder holds files, and no sweep's; name another one", file=str(self.path))
             if resume and before is not None and before.get("content") != self.content:
                 raise CaseError(f"this folder {OTHER}", file=str(self.path))
-            for pattern in ("*/.*.part",) if resume else ("*/.*.part", "*/*.parquet"):
+            for pattern in ("*/.*.part",) if resume else ("*/.*.part", "*/*.parquet", PAGE):
                 for file in self.path.glob(pattern):
                     file.unlink()
             self.path.mkdir(parents=True, exist_ok=True)

@@ -22,7 +22,10 @@ SAMPLES = "samples.csv"
 ROWS = (TRANSITIONS, SAMPLES)
 """Files of a report that are too long to be kept in a repository."""
 MATRIX, MATRIX_PAGE = "matrix.csv", "matrix.md"
-"""The matrix of all reports in a folder, and its page."""
+"""The matrix of all reports in a folder, and its page in markdown."""
+PAGE = "index.html"
+"""The page to click through, of a folder of reports or of a sweep."""
+PAGE_BEGINNING = "<!doctype html>\n<!-- henon_ref "
 _OWN = re.compile(
     r"# (Reports\n\n(\| solver \| right in \| run on \||\d+ readings? of \d+ cases?\.)"
     r"|(What accuracy costs in time|Atlas of grazes|What the libraries do by themselves|The paper, computed again)\n"
@@ -35,8 +38,9 @@ _BEGINNINGS = {
     INDEX: (re.compile("# Reports\n\nWhich solver to take"), _OWN),
     MATRIX: (re.compile("case,title,reading,kind,solver,"),),
     MATRIX_PAGE: (re.compile("# Digits reached\n"),),
+    PAGE: (re.compile(PAGE_BEGINNING),),
 }
-"""How the present version's index, its matrix and the matrix's page begin, and any of the above."""
+"""How the present version's index, its matrix and the pages of both begin, and any of the above."""
 
 
 def write_through(path: Path, content: bytes) -> None:
@@ -85,7 +89,7 @@ def check_writable(folder: Path) -> None:
 
 
 def check_index(folder: Path) -> None:
-    """See that a folder's README.md and matrix may be replaced: there is none, or this package wrote it.
+    """See that a folder's README.md, matrix and page may be replaced: there is none, or this package wrote it.
 
     Raises
     ------

@@ -93,7 +93,7 @@ def _choice(rows: Sequence[Row], column: str) -> str:
         return ""
     first = found[0]
     words = f"{code(first.solver)} {len(first.walls)}"
-    others = reaches([row for row in rows if _package(name(row)) != _package(first.solver)], column)
+    others = reaches([row for row in rows if package_of(name(row)) != package_of(first.solver)], column)
     if not others:
         return words
     other = others[0]
@@ -102,7 +102,7 @@ def _choice(rows: Sequence[Row], column: str) -> str:
     return f"{words}; {code(other.solver)} {len(other.walls)}{longer}"
 
 
-def _package(solver: str) -> str:
+def package_of(solver: str) -> str:
     """The package that a solver belongs to: solvers of one are not set against each other."""
     return registry.distribution(solver) or solver
 

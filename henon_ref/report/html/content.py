@@ -1,0 +1,166 @@
+"""Everything that the page of a folder of reports shows, as JSON: the matrix, and what is known of each case.
+
+The details of a case (its runs, its portrait) come from its folder; of a case whose folder is gone, from the page that
+stands there already, so that the page forgets no more than the matrix does.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from baselines.causes import CAUSES
+from henon_ref import registry
+from henon_ref.columns import RUN_COLUMNS, Row
+from henon_ref.report.files.csv_files import read_rows
+from henon_ref.report.files.write import MANIFEST, PAGE, RUNS
+from henon_ref.report.html.case_file import read_case_file
+from henon_ref.report.html.colours import solver_lines
+from henon_ref.report.html.embedded import read_embedded
+from henon_ref.report.html.packed_runs import FIELDS, Words, field_values, packed, trimmed, unpacked
+from henon_ref.report.html.rounding import rounded
+from henon_ref.report.text.choice import UNKNOWN, by_kind
+from henon_ref.report.text.matrix import solvers_of
+from henon_ref.report.text.matrix_page import by_reading
+from henon_ref.report.text.ranking import LEVELS, by_solver, floor, name
+from henon_ref.text import one_line
+
+FORMAT = 1
+CELL = ("settings", "judged", "right", "status", "verdict", "digits", "wall_s", *(f"wall_{d}_s" for d in LEVELS))
+"""Columns of the matrix that a cell has, behind its solver."""
+SHOWN_FILES = (".md", ".csv", ".svg")
+Details = dict[str, Any]
+"""What is known of a case: ``words`` of its file, ``files`` beside its report, ``readings`` by name."""
+
+
+def content(folder: Path, rows: Sequence[Row]) -> dict[str, Any]:
+    """The page's data.
+
+    Parameters
+    ----------
+    folder : Path
+        Of reports.
+    rows : sequence of Row
+        Of its matrix.
+    """
+    words, earlier = Words(), earlier_details(folder)
+    solvers, kinds = solvers_of(rows), list(by_kind(rows))
+    lines = solver_lines(solvers)
+    cases: dict[str, list[tuple[str, list[Row]]]] = {}
+    for (case, reading), own in by_reading(rows).items():
+        cases.setdefault(case, []).append((reading, own))
+    made = []
+    for case, readings in cases.items():
+        details = details_of(folder / case) or earlier.get(case, {})
+        own_readings = [_reading(*one, details, solvers, kinds, words) for one in readings]
+        known = {key: value for key, value in details.items() if key != "readings"}
+        made.append({"name": case, "title": one_line(str(readings[0][1][0]["title"])), **known,
+                     "readings": own_readings})  # fmt: skip
+    return {
+        "format": FORMAT,
+        "levels": list(LEVELS),
+        "fields": list(FIELDS),
+        "cell": list(CELL),
+        "solvers": [{"name": s, "package": registry.distribution(s) or s, **lines[s]} for s in solvers],
+        "kinds": kinds,
+        "causes": {cause: CAUSES[cause].title for cause in CAUSES if cause in words.listed},
+        "cases": made,
+        "words": words.listed,
+    }
+
+
+def _reading(
+    reading: str, rows: Sequence[Row], details: Details, solvers: Sequence[str], kinds: Sequence[str], words: Words
+) -> dict[str, Any]:
+    own = details.get("readings", {}).get(reading, {})
+    runs = own.get("runs", {})
+    return {
+        "name": reading,
+        "kind": kinds.index(str(rows[0]["kind"] or UNKNOWN)),
+        "commit": str(rows[0]["commit"] or ""),
+        **{key: value for key, value in own.items() if key != "runs"},
+        "cells": [[solvers.index(name(row)), *_cell(row, words)] for row in rows],
+        "runs": {str(solvers.index(s)): [packed(r, words) for r in runs[s]] for s in runs if s in solvers},
+    }
+
+
+def _cell(row: Row, words: Words) -> list[Any]:
+    return trimmed([words.number(row[c]) if c in ("status", "verdict") else rounded(row[c], 6) for c in CELL])
+
+
+def details_of(folder: Path) -> Details | None:
+    """What a case's folder says of it; None where there is no report in it."""
+    if not (folder / RUNS).exists() or not (folder / MANIFEST).exists():
+        return None
+    try:
+        manifest = _mapping(json.loads((folder / MANIFEST).read_text(encoding="utf-8")))
+        rows = read_rows(folder / RUNS)
+    except (OSError, RecursionError, ValueError, csv.Error):
+        return None  # the index names it, and leaves it out
+    if any(column not in row for row in rows for column in RUN_COLUMNS):
+        return None
+    readings: dict[str, list[Row]] = {}
+    for row in rows:
+        readings.setdefault(str(row["reading"]), []).append(row)
+    told, known = read_case_file(folder), _mapping(manifest.get("readings"))
+    return {
+        **{key: told[key] for key in ("tags", "source", "portrait") if told.get(key)},
+        "files": sorted(one_line(path.name) for path in folder.iterdir() if path.suffix in SHOWN_FILES),
+        "readings": {
+            reading: _told_of(_mapping(known.get(reading)), _mapping(told.get("stories")).get(reading, ""), own)
+            for reading, own in readings.items()
+        },
+    }
+
+
+def _mapping(value: object) -> Mapping[str, Any]:
+    """What should be one, in a file that somebody may have changed."""
+    return value if isinstance(value, dict) else {}
+
+
+def _told_of(manifest: Mapping[str, Any], story: str, rows: Sequence[Row]) -> Details:
+    """What manifest and rows say of a reading."""
+    truth = _mapping(manifest.get("truth"))
+    told = {
+        "title": one_line(str(manifest.get("title") or "")),
+        "story": story,
+        "unit": rounded(next((row["time_unit_s"] for row in rows if row["time_unit_s"] is not None), None), 6),
+        "floor": rounded(max((floor(row) for row in rows), default=0.0), 2),
+        "transitions": truth.get("transitions"),
+        "ends": truth.get("status"),
+        "proven": truth.get("certified"),
+    }
+    return {
+        **{key: value for key, value in told.items() if value not in (None, "")},
+        "runs": {solver: [field_values(row) for row in own] for solver, own in by_solver(rows).items()},
+    }
+
+
+def earlier_details(folder: Path) -> dict[str, Details]:
+    """What the page that stands in a folder knows of each case; nothing where it is of another version."""
+    try:
+        data = read_embedded((folder / PAGE).read_text(encoding="utf-8"))
+    except (FileNotFoundError, UnicodeDecodeError):
+        return {}
+    if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("fields") != list(FIELDS):
+        return {}
+    try:
+        names, words = [solver["name"] for solver in data["solvers"]], data["words"]
+        return {case["name"]: _known(case, names, words) for case in data["cases"]}
+    except (IndexError, KeyError, TypeError):
+        return {}  # somebody has changed it
+
+
+def _known(case: Mapping[str, Any], solvers: Sequence[str], words: Sequence[str]) -> Details:
+    """What a page knows of a case whose folder may be gone."""
+    known = {key: case[key] for key in ("tags", "source", "portrait") if key in case}
+    return {**known, "readings": {own["name"]: _unpacked(own, solvers, words) for own in case["readings"]}}
+
+
+def _unpacked(reading: Mapping[str, Any], solvers: Sequence[str], words: Sequence[str]) -> Details:
+    told = {key: value for key, value in reading.items() if key not in ("name", "kind", "commit", "cells", "runs")}
+    runs = {solvers[int(s)]: [unpacked(run, words) for run in own] for s, own in reading["runs"].items()}
+    return {**told, "runs": runs}

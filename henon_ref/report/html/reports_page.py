@@ -1,0 +1,111 @@
+"""The page of a folder of reports, ``index.html``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from henon_ref.columns import Row
+from henon_ref.report.files.write import INDEX, MATRIX, MATRIX_PAGE, PAGE, replace_file
+from henon_ref.report.html.content import content
+from henon_ref.report.html.rendering import rendered, source
+from henon_ref.report.text.choice import by_kind, key_of, package_of, reaches
+from henon_ref.report.text.formats import count, duration, significant
+from henon_ref.report.text.index import PAGES, commits
+from henon_ref.report.text.ranking import name
+from henon_ref.score.kinds import CLOSE
+
+DIGITS = 9
+"""Digits that the page begins with."""
+SCRIPTS = (
+    "dom.js",
+    "numbers.js",
+    "axes.js",
+    "portrait.js",
+    "data.js",
+    "choice.js",
+    "matrix.js",
+    "run.js",
+    "reports.js",
+)
+HEADINGS = (
+    "kind of case", "readings", "take", "gets", "time", "other package", "gets", "times as long",
+)  # fmt: skip
+NUMBERS = (2, 4, 5, 7, 8)
+"""Places of the columns of numbers, counted from 1."""
+
+
+def write_page(folder: Path, rows: Sequence[Row]) -> Path:
+    """Write the page of a folder of reports.
+
+    Parameters
+    ----------
+    folder : Path
+    rows : sequence of Row
+        Of its matrix.
+    """
+    replace_file(folder / PAGE, page_text(folder, rows).encode())
+    return folder / PAGE
+
+
+def page_text(folder: Path, rows: Sequence[Row]) -> str:
+    """The page as HTML; parameters as for :func:`write_page`."""
+    data = content(folder, rows)
+    cases, readings, solvers = (len({key(row) for row in rows}) for key in (_case, key_of, name))
+    return rendered(
+        "reports.html",
+        source("page.css") + source("reports.css") + _colours(data["solvers"]),
+        SCRIPTS,
+        data,
+        digits=DIGITS,
+        summary=f"{count(readings, 'reading')} of {count(cases, 'case')}, {count(solvers, 'solver')}; {commits(rows)}.",
+        choice={"headings": HEADINGS, "numbers": NUMBERS, "rows": choice_rows(rows, f"wall_{DIGITS}_s")},
+        mean_parts=round(1 / CLOSE),
+        files=_files(folder),
+    )
+
+
+def _case(row: Row) -> str:
+    return str(row["case"])
+
+
+def _colours(solvers: Sequence[dict[str, Any]]) -> str:
+    """A custom property a solver; the colours come from the figures' style."""
+    lines = (f"--s{k}: light-dark({own['light']}, {own['dark']});" for k, own in enumerate(solvers))
+    return f":root {{ {' '.join(lines)} }}\n"
+
+
+def choice_rows(rows: Sequence[Row], column: str) -> list[tuple[str, ...]]:
+    """The table of the page's beginning: a row a kind of case, as the index has it (:mod:`...text.choice`)."""
+    made: list[tuple[str, ...]] = []
+    for kind, own in by_kind(rows).items():
+        timed = {key_of(row) for row in own if row["digits"] is not None}
+        found = reaches(own, column)
+        if not found:
+            made.append((kind, f"{len(timed)}", "none", "", "", "", "", ""))
+            continue
+        first = found[0]
+        others = reaches([row for row in own if package_of(name(row)) != package_of(first.solver)], column)
+        times = others[0].against(first.walls) if others else None
+        made.append(
+            (
+                kind,
+                f"{len(timed)}",
+                first.solver,
+                f"{len(first.walls)}",
+                duration(median(first.walls.values())),
+                others[0].solver if others else "",
+                f"{len(others[0].walls)}" if others else "",
+                "" if times is None else f"×{significant(times, 2)}",
+            )
+        )
+    return made
+
+
+def _files(folder: Path) -> list[dict[str, str]]:
+    """What lies beside the page, as far as it is there."""
+    named = {INDEX: "index (markdown)", MATRIX_PAGE: "matrix (markdown)", MATRIX: "matrix (CSV)"}
+    named |= {f"{page}/{INDEX}": words.split("]")[0].strip("[").lower() for page, words in PAGES.items()}
+    return [{"href": href, "title": title} for href, title in named.items() if (folder / href).is_file()]

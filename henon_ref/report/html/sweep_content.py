@@ -1,0 +1,163 @@
+"""What the page of a sweep's folder draws, as JSON: columns of the points and tables, packed, and a few runs.
+
+It is made from the folder alone: ``sweep.yaml`` and the Parquet files.
+"""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from henon_ref.figures.sweeps import MOST_BASINS
+from henon_ref.sweeps.plan import Plan
+from henon_ref.sweeps.storage import POINTS
+from henon_ref.text import one_line
+
+POINT_BYTES, ROW_BYTES = 1_500_000, 550_000
+"""Bytes that the points, and the rows of all tables, may have before they are written as base64 text."""
+MOST_WORDS = 255
+"""Different texts that a column of the page may have."""
+LARGEST = 32767
+"""Whole numbers of a table's column go from minus this to this."""
+
+
+def kept_points(plan: Plan, bytes_a_point: int) -> NDArray[np.int64]:
+    """Numbers of the points that the page keeps: all, or as many as there is room for, evenly.
+
+    Of a grid some values of each axis are kept, so that it stays a grid.
+    """
+    most = max(POINT_BYTES // bytes_a_point, 1)
+    count = len(plan.points)
+    sizes = grid_sizes(plan)
+    if count <= most:
+        return np.arange(count)
+    if not sizes:
+        return np.arange(0, count, -(-count // most))
+    stride = 1
+    while np.prod([-(-size // stride) for size in sizes]) > most:
+        stride += 1
+    kept = np.meshgrid(*(np.arange(0, size, stride) for size in sizes), indexing="ij")
+    return np.ravel_multi_index([own.ravel() for own in kept], sizes).astype(np.int64)
+
+
+def grid_sizes(plan: Plan) -> tuple[int, ...]:
+    """Values of each axis of a grid; empty where the points are none."""
+    values = plan.points.values
+    sizes = tuple(len(np.unique(values[:, k])) for k in range(values.shape[1]))
+    whole = plan.points.chain == 1 and "grid" in plan.points.written and np.prod(sizes) == len(values)
+    return sizes if whole else ()
+
+
+def bytes_a_point(columns: Mapping[str, Any], swept: Sequence[str]) -> int:
+    """Bytes of a point's row: its number and its columns."""
+    return 4 + sum(8 if name in swept else 4 if _is_number(dtype) else 1 for name, dtype in columns.items())
+
+
+def point_columns(table: pd.DataFrame, swept: Sequence[str]) -> list[dict[str, Any]]:
+    """The columns of the points that are kept: swept values in full, other numbers as single precision, texts."""
+    made: list[dict[str, Any]] = []
+    for name in table.columns:
+        own = table[name]
+        if name in swept:
+            made.append({"name": one_line(name), "kind": "double", "data": packed_numbers(own, "<f8")})
+        elif _is_number(own.dtype):
+            with np.errstate(over="ignore"):
+                made.append({"name": one_line(name), "kind": "single", "data": packed_numbers(own, "<f4")})
+        elif own.nunique() < MOST_WORDS:
+            codes, words = pd.factorize(own.fillna(""), sort=True)
+            texts = [one_line(str(word)) for word in words]
+            made.append({"name": one_line(name), "kind": "word", "words": texts, "data": packed_numbers(codes, "u1")})
+    return made
+
+
+def coloured(table: pd.DataFrame, swept: Sequence[str]) -> str:
+    """What a map of two swept names shows first: a column of few texts, else one of numbers."""
+    others = [name for name in table.columns if name not in swept]
+    few = [name for name in others if not _is_number(table[name].dtype) and 1 < table[name].nunique() <= MOST_BASINS]
+    numbers = [name for name in others if _is_number(table[name].dtype) and table[name].nunique() > 1]
+    return str(one_line((few + numbers + [""])[0]))
+
+
+def frame_content(name: str, frame: pd.DataFrame, kept: NDArray[np.int64], tables: int) -> dict[str, Any]:
+    """A table with several rows a point: those of the points that are kept, evenly thinned where they are many.
+
+    Parameters
+    ----------
+    name : str
+    frame : DataFrame
+        Its column ``point`` says which point each row belongs to.
+    kept : ndarray of int
+        Numbers of the points that are kept, in order.
+    tables : int
+        Such tables of the sweep, which share the room.
+    """
+    place = np.searchsorted(kept, frame["point"].to_numpy())
+    there = kept[np.minimum(place, len(kept) - 1)] == frame["point"].to_numpy()
+    own, place = frame[there], place[there]
+    numbers = [column for column in own.columns if column != "point" and _is_number(own[column].dtype)]
+    most = max(ROW_BYTES // (tables * (4 + 2 * len(numbers))), 1)
+    stride = max(-(-len(own) // most), 1)
+    own, place = own.iloc[::stride], place[::stride]
+    return {
+        "name": one_line(name),
+        "rows": len(frame),
+        "point": packed_numbers(place, "<u4"),
+        "columns": [_whole(column, own[column].to_numpy(dtype=float)) for column in numbers],
+    }
+
+
+def _whole(name: str, values: NDArray[np.float64]) -> dict[str, Any]:
+    """Numbers as whole ones between two limits: to a 65,000th of what there is."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    share = np.nan_to_num((values - low) / ((high - low) or 1.0), posinf=1.0, neginf=0.0)
+    return {
+        "name": one_line(name),
+        "low": low,
+        "high": high,
+        "data": packed_numbers(np.rint((2 * share - 1) * LARGEST), "<i2"),
+    }
+
+
+def observed_rows(table: pd.DataFrame) -> list[tuple[str, ...]]:
+    """A row a column, over all points: how many have a value, least, median, greatest; of texts the shares."""
+    made = []
+    for name in table.columns:
+        own = table[name]
+        there = own.notna()
+        count = f"{int(there.sum()):,}"
+        if _is_number(own.dtype):
+            values = own[there].to_numpy(dtype=float)
+            cells = [f"{v:.6g}" for v in (values.min(), np.median(values), values.max())] if values.size else [""] * 3
+            made.append((one_line(name), count, *cells, ""))
+        else:
+            shares = own.value_counts(normalize=True)
+            told = ", ".join(f"{one_line(str(word))} {share:.2%}" for word, share in shares.head(6).items())
+            more = f" and {len(shares) - 6} more" if len(shares) > 6 else ""
+            made.append((one_line(name), count, "", "", "", told + more))
+    return made
+
+
+def read_table(folder: Path, name: str = POINTS) -> pd.DataFrame:
+    """A table of a sweep's folder, its chunks in order."""
+    return pd.concat([pd.read_parquet(file) for file in sorted((folder / name).glob("*.parquet"))], ignore_index=True)
+
+
+def tables_of(folder: Path) -> list[str]:
+    """Names of the tables with several rows a point."""
+    return sorted({file.parent.name for file in folder.glob("*/*.parquet")} - {POINTS})
+
+
+def _is_number(dtype: Any) -> bool:
+    return getattr(dtype, "kind", "O") in "iuf"
+
+
+def packed_numbers(values: Any, kind: str) -> str:
+    """Numbers of a NumPy kind, little-endian, as base64 text."""
+    return b64encode(np.asarray(values).astype(kind).tobytes()).decode("ascii")
