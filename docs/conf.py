@@ -24,7 +24,6 @@ myst_heading_anchors = 3
 suppress_warnings = ["myst.header"]  # sections of reports may skip a level
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the docstrings say types, with shapes and units
-autodoc_class_signature = "separated"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 root_doc = "docs/index"
@@ -32,6 +31,7 @@ include_patterns = ["docs/*.md", "reports/**.md", "cases/README.md"]
 exclude_patterns = ["**/.*", "docs/website"]
 
 html_theme = "furo"
+smartquotes = False  # options begin with two hyphens
 html_title = "henon_ref"
 html_math_renderer = "mathml"
 html_static_path = ["website/static"]

@@ -16,6 +16,7 @@ from website.mathml import visit_block, visit_inline
 
 DOCS = Path(__file__).resolve().parents[1]
 MAKERS: Mapping[str, Callable[[], str]] = {
+    "which solver, in words": solver_choice.answers,
     "which solver, in short": solver_choice.in_short,
     "which solver, by kind of case": solver_choice.by_kind_of_case,
     "what the numbers come from": solver_choice.origin,
@@ -57,9 +58,15 @@ def _read(app: Sphinx, name: str, source: list[str]) -> None:
         source[0] = "---\norphan: true\n---\n" + _ANCHOR.sub(r"(\1)=", source[0])
 
 
+def _always_new(app: Sphinx, *changes: object) -> list[str]:
+    """Pages with marks: what is made in them may have changed although they have not."""
+    return [f"{PAGES}{path.stem}" for path in DOCS.glob("*.md") if _MARK.search(path.read_text(encoding="utf-8"))]
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Called by Sphinx."""
     app.add_html_math_renderer("mathml", (visit_inline, None), (visit_block, None))
     app.add_lexer("csv", TextLexer)  # which has no colours
     app.connect("source-read", _read)
+    app.connect("env-get-outdated", _always_new)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

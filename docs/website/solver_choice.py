@@ -17,6 +17,7 @@ from henon_ref.report.text.matrix_rows import read_matrix
 from henon_ref.report.text.ranking import LEVELS, name
 from henon_ref.report.text.tables import Table
 from henon_ref.text import code
+from website.tolerance_table import loosest
 
 REPORTS = Path(__file__).resolve().parents[2] / "reports"
 ANY = "wall_s"
@@ -49,9 +50,33 @@ def in_short() -> str:
         column = ANY if kind in WITHOUT_TIMES else f"wall_{IN_SHORT}_s"
         best = _fastest(rows, column)
         own = [_cell(reaches([row for row in rows if _package(row) == package], column), best) for package in packages]
-        lines.append((f"[{kind}](#{kind.replace(' ', '-')})", str(_readings(rows)), *own))
+        counted = _readings(rows if kind in WITHOUT_TIMES else _timed(rows))
+        lines.append((f"[{kind}](#{kind.replace(' ', '-')})", str(counted), *own))
     headings = ("kind of case", "readings", *(f"best of {package}" for package in packages))
     return Table(headings, "lr" + "l" * len(packages), lines).markdown
+
+
+def answers() -> str:
+    """A line a kind with transitions to time: the solver, the tolerance to begin with, and the best one elsewhere."""
+    lines = []
+    for kind, rows in by_kind(_rows()).items():
+        best = _fastest(rows, f"wall_{IN_SHORT}_s")
+        if best is None or kind in WITHOUT_TIMES:
+            continue
+        own = next(_package(row) for row in rows if name(row) == best.solver)
+        other = _fastest([row for row in rows if _package(row) != own], f"wall_{IN_SHORT}_s")
+        counted = _readings(_timed(rows))
+        words = f"- **{kind.capitalize()}, {IN_SHORT} digits:** take {code(best.solver)}{_tolerance(best.solver)}. "
+        words += f"At one of its settings it gets there in {len(best.walls)} of {counted} readings."
+        if other is not None:
+            words += f" Of the other packages: {code(other.solver)}, in {len(other.walls)}{_tolerance(other.solver)}."
+        lines.append(words)
+    return "\n".join(lines)
+
+
+def _tolerance(solver: str) -> str:
+    found = loosest(solver, IN_SHORT)
+    return f", beginning with a relative tolerance of {found}" if found else ""
 
 
 def by_kind_of_case() -> str:
@@ -64,7 +89,8 @@ def _section(kind: str, rows: Sequence[Row]) -> Iterator[str]:
     if kind not in WITHOUT_TIMES:
         columns |= {f"{level} digits": f"wall_{level}_s" for level in LEVELS}
     yield f"### {kind.capitalize()}"
-    yield f"{MEANINGS.get(kind, '')} {_readings(rows)} readings.".strip()
+    timed = "" if kind in WITHOUT_TIMES else f", {_readings(_timed(rows))} of them with a transition to time"
+    yield f"{MEANINGS.get(kind, '')} {_readings(rows)} readings{timed}.".strip()
     by_solver: dict[str, list[Row]] = {}
     for row in rows:
         by_solver.setdefault(name(row), []).append(row)
@@ -99,6 +125,12 @@ def origin() -> str:
         f"{_readings(rows)} readings of {len({row['case'] for row in rows})} cases, by {commits(rows)}, "
         f"on {' and '.join(sorted(machines))}."
     )
+
+
+def _timed(rows: Sequence[Row]) -> list[Row]:
+    """Rows of readings with a transition to time: some solver has digits in them."""
+    timed = {key_of(row) for row in rows if row["digits"] is not None}
+    return [row for row in rows if key_of(row) in timed]
 
 
 def _readings(rows: Sequence[Row]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from statistics import median
 
@@ -20,23 +21,34 @@ MANY = 0.5
 
 def table() -> str:
     """A row a solver, a column a tolerance, as markdown."""
-    rows = [
-        row
-        for file in sorted(REPORTS.glob(f"*/{RUNS}"))
-        for row in read_rows(file)
-        if row["rtol"] is not None and row["status"] not in NOT_RUN
-    ]
-    cells: dict[str, dict[float, list[Row]]] = {}
-    for row in rows:
-        cells.setdefault(name(row), {}).setdefault(number(row, "rtol"), []).append(row)
-    tried = {rtol for own in cells.values() for rtol in own}
-    most = {rtol: max(len(own.get(rtol, ())) for own in cells.values()) for rtol in tried}
-    shown = sorted((rtol for rtol in tried if most[rtol] >= MANY * max(most.values())), reverse=True)
+    cells = _cells()
+    most = {rtol: max(len(own.get(rtol, ())) for own in cells.values()) for own in cells.values() for rtol in own}
+    shown = sorted((rtol for rtol in most if most[rtol] >= MANY * max(most.values())), reverse=True)
     lines = [(code(solver), *(_cell(own.get(rtol, [])) for rtol in shown)) for solver, own in cells.items()]
     return Table(("solver", *(exponential(rtol, 1) for rtol in shown)), "l" + "r" * len(shown), lines).markdown
 
 
+def loosest(solver: str, wanted: float) -> str:
+    """The loosest tolerance at which the median of a solver's digits is at least so many; empty where there is none."""
+    able = [rtol for rtol, rows in _cells().get(solver, {}).items() if median(_digits(rows) or [0.0]) >= wanted]
+    return exponential(max(able), 1) if able else ""
+
+
+@cache
+def _cells() -> dict[str, dict[float, list[Row]]]:
+    """Rows by solver and tolerance."""
+    cells: dict[str, dict[float, list[Row]]] = {}
+    for file in sorted(REPORTS.glob(f"*/{RUNS}")):
+        for row in read_rows(file):
+            if row["rtol"] is not None and row["status"] not in NOT_RUN:
+                cells.setdefault(name(row), {}).setdefault(number(row, "rtol"), []).append(row)
+    return cells
+
+
+def _digits(rows: list[Row]) -> list[float]:
+    return [number(row, "digits") for row in rows if row["verdict"] == "right" and row["digits"] is not None]
+
+
 def _cell(rows: list[Row]) -> str:
-    right = [number(row, "digits") for row in rows if row["verdict"] == "right" and row["digits"] is not None]
     counted = f"({sum(row['verdict'] == 'right' for row in rows)} of {len(rows)})"
-    return f"{digits(median(right))} {counted}" if right else counted
+    return f"{digits(median(_digits(rows)))} {counted}" if _digits(rows) else counted
