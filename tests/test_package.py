@@ -6,16 +6,17 @@ import inspect
 import subprocess
 import sys
 from pathlib import Path
-from textwrap import dedent
 from typing import Any
 
 import pytest
+from pages import blocks
 
 import henon_ref
 from henon_ref.casefile.case import parse_case
 from henon_ref.henon.solver import HENON_SOLVER
 
 ROOT = Path(__file__).parent.parent
+README = ROOT / "README.md"
 
 HEAVY = ("numpy", "sympy", "pandas", "numba", "pydantic", "ruamel.yaml", "matplotlib", "heyoka", "typer")
 
@@ -63,20 +64,34 @@ def test_importing_the_library_sets_no_environment_variable() -> None:
     assert fresh(code) == "True"
 
 
+def shown(language: str) -> str:
+    """The one block of README in a language."""
+    (found,) = [block.code for block in blocks(README.read_text(encoding="utf-8")) if block.language == language]
+    return found
+
+
 def test_the_case_that_readme_shows_runs_and_sticks() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    shown = text[text.index("    schema: 1\n") : text.index("    .venv/bin/python -m henon_ref.compare my_belt.yaml")]
-    case = parse_case(dedent(shown))
+    case = parse_case(shown("yaml"))
     run = HENON_SOLVER.prepare(case.readings[0].problem, rtol=1e-12)()
     assert run.status == "ok"
     assert {"stick", "release"} <= {t.kind for t in run.transitions}
 
 
 def test_the_run_and_the_sweep_that_readme_shows_run() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    section = text[text.index("## One run, or a million") : text.index("A system is compiled once")]
     found: dict[str, Any] = {}
-    exec(dedent(section.partition("\n")[2]), found)
+    exec(shown("python"), found)
     assert found["run"].status == "ok"
     assert len(found["run"].sticks) > 0
     assert list(found["table"]["status"]) == ["ok"] * 1000
+
+
+def test_readme_is_short_and_has_the_lines_that_ci_and_a_reader_take_from_it() -> None:
+    text = README.read_text(encoding="utf-8")
+    assert len(text.split()) <= 900
+    lines = [line for line in text.splitlines() if line.startswith("python3 -m venv ")]
+    assert [line.rpartition("python -m ")[2] for line in lines] == [
+        "henon_ref.compare cases/fig8.yaml", "pytest -q",
+    ]  # fmt: skip
+    report = (ROOT / "reports/fig8/report.md").read_text(encoding="utf-8")
+    table = text[text.index("| digits | cheapest") : text.index("\n\n## One run")]
+    assert table in report, "README shows a table that is no longer that of reports/fig8"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from textwrap import dedent
 
 import pytest
+from pages import blocks
 
 from baselines.base import ModeSolver
 from henon_ref.casefile.case import parse_case
@@ -20,7 +20,8 @@ DOCS = Path(__file__).parent.parent / "docs"
 
 def first_case() -> str:
     page = (DOCS / "first_case.md").read_text(encoding="utf-8")
-    return dedent(page[page.index("    schema: 1\n") : page.index("\n`source` and")])
+    (found,) = [block.code for block in blocks(page) if block.file == "pendulum.yaml"]
+    return found
 
 
 def sticks(run: Trajectory) -> list[float]:

@@ -334,9 +334,9 @@ def test_an_expectation_needs_no_reason_and_is_of_an_end_at_the_horizon(
     assert (found.status, found.reason, found.verdict) == (status, reason, verdict)
 
 
-def test_the_expectations_of_the_readme_are_read() -> None:
-    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    examples = re.findall(r"`(expect: \{.*?\})`", readme)
+def test_the_expectations_of_the_documentation_are_read() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "compare.md").read_text(encoding="utf-8")
+    examples = re.findall(r"`(expect: \{.*?\})`", page)
     assert len(examples) == 2
     for example in examples:
         assert parse_case(f"{SLIDE}{example}\n").readings[0].expect is not None

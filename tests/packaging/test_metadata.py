@@ -19,7 +19,12 @@ ROOT = Path(__file__).parents[2]
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 REQUIREMENTS = [Requirement(text) for text in PROJECT["dependencies"]]
 TESTS = [Requirement(text) for text in PROJECT["optional-dependencies"]["test"]]
-MODULES = {"scikit-sundae": "sksundae", "python-flint": "flint", "ruamel.yaml": "ruamel"}
+MODULES = {
+    "scikit-sundae": "sksundae",
+    "python-flint": "flint",
+    "ruamel.yaml": "ruamel",
+    "markdown-it-py": "markdown_it",
+}
 """Package -> module, where the names differ."""
 DOI = "10.1007/s11071-013-0826-7"
 

@@ -1,0 +1,1 @@
+"""What the documentation's build makes by itself: tables, lists and formulas."""

@@ -1,0 +1,75 @@
+"""The command reference, read off the commands themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib import import_module
+from typing import Any
+
+import typer
+
+from henon_ref.cli.main import SUBCOMMANDS, application
+from henon_ref.report.text.tables import Table
+from henon_ref.text import code
+
+OPTIONS = "Options"
+"""Panel of options that name none."""
+
+
+def page() -> str:
+    """A section a command: usage, arguments, options, examples."""
+    sections = [_section("henon-ref", typer.main.get_command(application([])), examples=True)]
+    for name, subcommand in SUBCOMMANDS.items():
+        sections.append(_section(f"henon-ref {name}", typer.main.get_command(_app(subcommand.target)), examples=True))
+    return "\n\n".join(sections)
+
+
+def _app(target: str) -> Any:
+    """The typer application of a subcommand; ``compare`` has its in a module of its own."""
+    module = target.partition(":")[0]
+    return import_module(f"henon_ref.cli.{'arguments' if module == 'compare' else module}").app
+
+
+def _section(name: str, command: Any, *, examples: bool) -> str:
+    parts = [f"## {code(name)}", _sentence(command.help), f"```text\n{_usage(name, command)}\n```"]
+    if hasattr(command, "commands"):
+        rows = [(f"[{code(key)}](#henon-ref-{key})", own.help) for key, own in command.commands.items()]
+        parts.append(Table(("subcommand", ""), "ll", rows).markdown)
+    parts += _options(command)
+    if examples and command.epilog:
+        lines = [line for line in command.epilog.splitlines() if line.startswith("henon-ref ")]
+        parts.append("```text\n" + "\n".join(lines) + "\n```")
+    return "\n\n".join(parts)
+
+
+def _usage(name: str, command: Any) -> str:
+    arguments = [parameter for parameter in command.params if parameter.param_type_name == "argument"]
+    words = [f"{own.metavar or own.name.upper()}{'...' if own.nargs == -1 else ''}" for own in arguments]
+    if hasattr(command, "commands"):
+        words.append("SUBCOMMAND ...")
+    return " ".join([name, "[OPTIONS]", *words])
+
+
+def _options(command: Any) -> Iterator[str]:
+    panels: dict[str, list[tuple[str, ...]]] = {}
+    for parameter in command.params:
+        if parameter.param_type_name == "argument":
+            words = code(parameter.metavar or parameter.name.upper())
+        else:
+            names = ", ".join([*parameter.opts, *parameter.secondary_opts])
+            words = code(f"{names} {parameter.metavar}".strip() if parameter.metavar else names)
+        panel = getattr(parameter, "rich_help_panel", None) or OPTIONS
+        panels.setdefault(panel, []).append((words, f"{parameter.help or ''}{_default(parameter)}"))
+    for panel, rows in panels.items():
+        yield Table((panel.lower(), "meaning"), "ll", rows).markdown
+
+
+def _default(parameter: Any) -> str:
+    """What holds where an option is left out, unless its text says so or it is a switch."""
+    if parameter.required or parameter.default is None or isinstance(parameter.default, bool):
+        return ""
+    return f" Default: {code(str(parameter.default))}."
+
+
+def _sentence(text: str | None) -> str:
+    return " ".join((text or "").split())

@@ -1,0 +1,146 @@
+"""Which solver to take, in numbers, from the matrix of the committed reports (``reports/matrix.csv``)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+
+from henon_ref import registry
+from henon_ref.columns import Row
+from henon_ref.report.files.write import MANIFEST
+from henon_ref.report.text.choice import Reach, by_kind, key_of, reaches
+from henon_ref.report.text.formats import significant
+from henon_ref.report.text.index import commits
+from henon_ref.report.text.matrix_rows import read_matrix
+from henon_ref.report.text.ranking import LEVELS, name
+from henon_ref.report.text.tables import Table
+from henon_ref.text import code
+from website.tolerance_table import loosest
+
+REPORTS = Path(__file__).resolve().parents[2] / "reports"
+ANY = "wall_s"
+"""Column of the shortest time of a right run, however few its digits."""
+IN_SHORT = 9
+"""Digits of the short table."""
+WITHOUT_TIMES = ("no transition",)
+"""Kinds in which there is no transition to time: right or not is all that is told of them."""
+MEANINGS: Mapping[str, str] = {
+    "stick-slip": "One surface, which the motion enters or leaves by sliding: a block with dry friction.",
+    "crossings": "One surface, which is only crossed: a relay, an elastic stop, a field that jumps.",
+    "several surfaces": "More than one surface: several contacts, friction and a stop, a chain of blocks.",
+    "graze or close roots": "A surface is touched, or nearly so, or crossed twice within a short time.",
+    "no transition": "Nothing happens, and nothing may be reported.",
+    "ends early": "The exact run stops before its horizon: the future is not unique, the model ends, the state "
+    "diverges.",
+}
+
+
+@cache
+def _rows() -> list[Row]:
+    return read_matrix(REPORTS)
+
+
+def in_short() -> str:
+    """A row a kind of case, a column a package: its best solver for nine digits of the worst transition time."""
+    packages = list(dict.fromkeys(_package(row) for row in _rows()))
+    lines = []
+    for kind, rows in by_kind(_rows()).items():
+        column = ANY if kind in WITHOUT_TIMES else f"wall_{IN_SHORT}_s"
+        best = _fastest(rows, column)
+        own = [_cell(reaches([row for row in rows if _package(row) == package], column), best) for package in packages]
+        counted = _readings(rows if kind in WITHOUT_TIMES else _timed(rows))
+        lines.append((f"[{kind}](#{kind.replace(' ', '-')})", str(counted), *own))
+    headings = ("kind of case", "readings", *(f"best of {package}" for package in packages))
+    return Table(headings, "lr" + "l" * len(packages), lines).markdown
+
+
+def answers() -> str:
+    """A line a kind with transitions to time: the solver, the tolerance to begin with, and the best one elsewhere."""
+    lines = []
+    for kind, rows in by_kind(_rows()).items():
+        best = _fastest(rows, f"wall_{IN_SHORT}_s")
+        if best is None or kind in WITHOUT_TIMES:
+            continue
+        own = next(_package(row) for row in rows if name(row) == best.solver)
+        other = _fastest([row for row in rows if _package(row) != own], f"wall_{IN_SHORT}_s")
+        counted = _readings(_timed(rows))
+        words = f"- **{kind.capitalize()}, {IN_SHORT} digits:** take {code(best.solver)}{_tolerance(best.solver)}. "
+        words += f"At one of its settings it gets there in {len(best.walls)} of {counted} readings."
+        if other is not None:
+            words += f" Of the other packages: {code(other.solver)}, in {len(other.walls)}{_tolerance(other.solver)}."
+        lines.append(words)
+    return "\n".join(lines)
+
+
+def _tolerance(solver: str) -> str:
+    found = loosest(solver, IN_SHORT)
+    return f", beginning with a relative tolerance of {found}" if found else ""
+
+
+def by_kind_of_case() -> str:
+    """A section a kind: every solver, and in how many readings it gets how many digits at what cost."""
+    return "\n\n".join(part for kind, rows in by_kind(_rows()).items() for part in _section(kind, rows))
+
+
+def _section(kind: str, rows: Sequence[Row]) -> Iterator[str]:
+    columns = {"right": ANY}
+    if kind not in WITHOUT_TIMES:
+        columns |= {f"{level} digits": f"wall_{level}_s" for level in LEVELS}
+    yield f"### {kind.capitalize()}"
+    timed = "" if kind in WITHOUT_TIMES else f", {_readings(_timed(rows))} of them with a transition to time"
+    yield f"{MEANINGS.get(kind, '')} {_readings(rows)} readings{timed}.".strip()
+    by_solver: dict[str, list[Row]] = {}
+    for row in rows:
+        by_solver.setdefault(name(row), []).append(row)
+    fastest = {column: _fastest(rows, column) for column in columns.values()}
+    lines = [
+        (code(solver), *(_cell(reaches(own, column), fastest[column], named=False) for column in columns.values()))
+        for solver, own in by_solver.items()
+    ]
+    yield Table(("solver", *columns), "l" + "r" * len(columns), lines).markdown
+
+
+def _fastest(rows: Sequence[Row], column: str) -> Reach | None:
+    """The solver to take: the fastest of those that get there in about the most readings."""
+    return next(iter(reaches(rows, column)), None)
+
+
+def _cell(found: Sequence[Reach], best: Reach | None, *, named: bool = True) -> str:
+    """The solver, in how many readings it gets there, and how many times as long as the best one it takes."""
+    if not found or best is None:
+        return "none" if named else "0"
+    first = found[0]
+    words = f"{code(first.solver)} {len(first.walls)}" if named else f"{len(first.walls)}"
+    times = first.against(best.walls)
+    return words if times is None else f"{words} (×{significant(times, 2)})"
+
+
+def origin() -> str:
+    """A sentence: how many readings of how many cases, of which commits, on which machine."""
+    rows = _rows()
+    machines = {_machine(path) for path in REPORTS.glob(f"*/{MANIFEST}")}
+    return (
+        f"{_readings(rows)} readings of {len({row['case'] for row in rows})} cases, by {commits(rows)}, "
+        f"on {' and '.join(sorted(machines))}."
+    )
+
+
+def _timed(rows: Sequence[Row]) -> list[Row]:
+    """Rows of readings with a transition to time: some solver has digits in them."""
+    timed = {key_of(row) for row in rows if row["digits"] is not None}
+    return [row for row in rows if key_of(row) in timed]
+
+
+def _readings(rows: Sequence[Row]) -> int:
+    return len({key_of(row) for row in rows})
+
+
+def _package(row: Row) -> str:
+    return registry.distribution(name(row)) or name(row)
+
+
+def _machine(manifest: Path) -> str:
+    own = json.loads(manifest.read_text(encoding="utf-8"))["machine"]
+    return f"{own['processor']} ({own['cores']} cores), {own['python']}"

@@ -1,0 +1,54 @@
+"""What a tolerance buys: digits of each solver by tolerance, from the rows of the committed reports."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from statistics import median
+
+from henon_ref.columns import Row
+from henon_ref.report.files.csv_files import read_rows
+from henon_ref.report.files.write import RUNS
+from henon_ref.report.text.formats import digits, exponential
+from henon_ref.report.text.ranking import NOT_RUN, name, number
+from henon_ref.report.text.tables import Table
+from henon_ref.text import code
+
+REPORTS = Path(__file__).resolve().parents[2] / "reports"
+MANY = 0.5
+"""Part of the readings from which on a tolerance has a column: some cases try further ones of their own."""
+
+
+def table() -> str:
+    """A row a solver, a column a tolerance, as markdown."""
+    cells = _cells()
+    most = {rtol: max(len(own.get(rtol, ())) for own in cells.values()) for own in cells.values() for rtol in own}
+    shown = sorted((rtol for rtol in most if most[rtol] >= MANY * max(most.values())), reverse=True)
+    lines = [(code(solver), *(_cell(own.get(rtol, [])) for rtol in shown)) for solver, own in cells.items()]
+    return Table(("solver", *(exponential(rtol, 1) for rtol in shown)), "l" + "r" * len(shown), lines).markdown
+
+
+def loosest(solver: str, wanted: float) -> str:
+    """The loosest tolerance at which the median of a solver's digits is at least so many; empty where there is none."""
+    able = [rtol for rtol, rows in _cells().get(solver, {}).items() if median(_digits(rows) or [0.0]) >= wanted]
+    return exponential(max(able), 1) if able else ""
+
+
+@cache
+def _cells() -> dict[str, dict[float, list[Row]]]:
+    """Rows by solver and tolerance."""
+    cells: dict[str, dict[float, list[Row]]] = {}
+    for file in sorted(REPORTS.glob(f"*/{RUNS}")):
+        for row in read_rows(file):
+            if row["rtol"] is not None and row["status"] not in NOT_RUN:
+                cells.setdefault(name(row), {}).setdefault(number(row, "rtol"), []).append(row)
+    return cells
+
+
+def _digits(rows: list[Row]) -> list[float]:
+    return [number(row, "digits") for row in rows if row["verdict"] == "right" and row["digits"] is not None]
+
+
+def _cell(rows: list[Row]) -> str:
+    counted = f"({sum(row['verdict'] == 'right' for row in rows)} of {len(rows)})"
+    return f"{digits(median(_digits(rows)))} {counted}" if _digits(rows) else counted
