@@ -178,7 +178,8 @@ class Driver:
                 if t > until:
                     return record.finish("ok", until, x, after_mode)
                 record.event(t, low, x, bouncing, after_mode, ())
-            reason = record.accumulated()
+            # Impacts that a rest follows accumulate, and end: they are told of up to their limit.
+            reason = "" if resets and all(map(self.table.system.rests, resets)) else record.accumulated()
             if reason:
                 return record.finish("failed", t, x, after_mode, reason)
             mode, entry = after_mode, self.table[after_mode]

@@ -11,13 +11,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib
-import numpy as np
 from matplotlib.figure import Figure
 
 from henon_ref.campaign.truth_job import stored_statement
 from henon_ref.casefile.case import Case, Reading, load_case
 from henon_ref.figures.description import description_of, with_description
-from henon_ref.figures.motion import Motion, draw_portrait
+from henon_ref.figures.motion import draw_portrait
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
 from henon_ref.text import markdown
@@ -88,10 +87,7 @@ def picture(case: Case) -> str:
     reading = case.readings[0]
     system = System.from_case(case.path or "", reading.name)
     run = simulate(system, system.initial, until=system.until, start=system.start, mode=system.mode)
-    assert run.sol is not None  # dense output was asked for
-    times = np.union1d(np.linspace(run.sol.start, run.sol.end, POINTS), run.transitions["time_s"])
-    modes = tuple(tuple(mode.values()) for mode in run.mode(times))
-    figure = draw_portrait(reading, Motion(times, run.sol(times).T, modes))
+    figure = draw_portrait(reading, run.motion(POINTS))
     assert figure is not None  # a scene has two states and more
     return _svg(figure)
 

@@ -178,7 +178,7 @@ class _Frame:
         flow.vectors = np.linalg.qr(np.random.default_rng(0).standard_normal((n, n)))[0]
         self.rank = n
         self.logs = np.zeros(n)
-        self._lose(n - sum(s == 0 for s in flow.mode))
+        self._lose(n - flow.lost)
         self.reset()
 
     def reset(self) -> None:

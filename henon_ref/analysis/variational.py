@@ -7,7 +7,12 @@ is multiplied by the saltation matrix
     S = I + (f_after - f_before) (grad g)^T / (grad g . f_before + dg/dt),
 
 g being the function whose zero ends the mode: the surface h for a crossing or a stick, and for an overridden
-sliding the function that releases it. A Filippov release is continuous in f, so S = I. Where the mode after
+sliding the function that releases it. Where the state jumps, x -> R(t, x), it is
+
+    S = dR/dx + (f_after - (dR/dx) f_before - dR/dt) (grad g)^T / (grad g . f_before + dg/dt),
+
+f_after being at the state after, in the mode that follows (at rest, where the impact takes all speed), all else before.
+ A Filippov release is continuous in f, so S = I. Where the mode after
 slides, ``(grad h)^T S = 0``: one direction of perturbations is lost for good, and one Lyapunov exponent is
 -infinity. See Leine and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (2004),
 Ch. 7, and di Bernardo et al., *Piecewise-smooth Dynamical Systems* (2008), Sec. 2.5.
@@ -15,16 +20,15 @@ Ch. 7, and di Bernardo et al., *Piecewise-smooth Dynamical Systems* (2008), Sec.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
+from henon_ref.analysis.saltation import Matrix, Saltation
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.equations import Guard, ModeEquations
+from henon_ref.filippov.equations import ModeEquations
 from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
@@ -33,11 +37,10 @@ from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
 from henon_ref.henon.solver import order_for
-from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition
 
-Matrix = NDArray[np.float64]
-_Function = Callable[..., list[float]]
+SINGULAR = 1e-13
+"""A jump whose derivative has a singular value this small, relative to the largest, takes a direction away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,7 @@ class AugmentedSystem(FilippovSystem):
             parameters=base.parameters,
             valid=base.valid,
             overrides=base.overrides,
+            resets=base.resets,
             effects=base.effects,
             base=base,
             columns=columns,
@@ -100,84 +104,6 @@ def _with_tangents(
     return tuple(rows)
 
 
-class Saltation:
-    """Saltation matrices of one system in double precision.
-
-    Parameters
-    ----------
-    system : FilippovSystem
-        The system itself, without tangent vectors.
-    """
-
-    def __init__(self, system: FilippovSystem) -> None:
-        self.system = system
-        self._fields: dict[Mode, _Function] = {}
-        self._guards: dict[sp.Expr, _Function] = {}
-
-    def matrix(self, transition: Transition) -> Matrix:
-        """The saltation matrix of a transition, shape (n, n).
-
-        A touch (``graze``) is given the identity: the limit from the side that misses the surface. From the
-        other side the flow is not differentiable there.
-
-        Raises
-        ------
-        UnsupportedError
-            Where several surfaces change at one instant: the flow has no derivative there, only one a
-            direction.
-        """
-        before, after = transition.from_mode, transition.to_mode
-        changed = [i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b]
-        if len(changed) > 1:
-            raise UnsupportedError(
-                f"{len(changed)} surfaces change at t = {transition.time:.17g}: the flow has no saltation matrix there"
-            )
-        identity = np.eye(len(self.system.states))
-        if not changed or self._continuous(transition):
-            return identity
-        t, x = transition.time, transition.state
-        f_before = np.array(self._field(before)(t, *x))
-        f_after = np.array(self._field(after)(t, *x))
-        _, rate, *gradient = self._guard(self._reached(transition))(t, *x)
-        normal = np.array(gradient)
-        return identity + np.outer(f_after - f_before, normal) / (normal @ f_before + rate)
-
-    def _continuous(self, transition: Transition) -> bool:
-        """A Filippov release: the equivalent sign reaches +-1, where the sliding field is the field beyond."""
-        return transition.kind == "release" and transition.surface not in self.system.overrides
-
-    def _reached(self, transition: Transition) -> sp.Expr:
-        """The function that fell to zero."""
-        index = transition.surface
-        if transition.kind != "release":
-            return self.system.surfaces[index]
-        ways: list[Guard] = [
-            g
-            for g in self.system.equations(transition.from_mode).guards
-            if g.kind == "release" and g.index == index and g.to_sign == transition.to_mode[index]
-        ]
-        return min((g.expression for g in ways), key=lambda e: abs(self._relative(e, transition)))
-
-    def _relative(self, expression: sp.Expr, transition: Transition) -> float:
-        value, rate, *gradient = self._guard(expression)(transition.time, *transition.state)
-        return value / (abs(rate) + sum(map(abs, gradient)) + 1e-300)
-
-    def _field(self, mode: Mode) -> _Function:
-        if mode not in self._fields:
-            self._fields[mode] = self._lambdified(list(self.system.equations(mode).field))
-        return self._fields[mode]
-
-    def _guard(self, g: sp.Expr) -> _Function:
-        """Value, rate of change in time, gradient."""
-        if g not in self._guards:
-            self._guards[g] = self._lambdified([g, sp.diff(g, TIME), *(sp.diff(g, x) for x in self.system.states)])
-        return self._guards[g]
-
-    def _lambdified(self, expressions: list[sp.Expr]) -> _Function:
-        numeric = [self.system.numeric(e) for e in expressions]
-        return cast(_Function, sp.lambdify([TIME, *self.system.states], numeric, "math", cse=True))
-
-
 @dataclass(frozen=True)
 class TangentTransition:
     """A transition that tangent vectors were carried through."""
@@ -186,7 +112,12 @@ class TangentTransition:
     saltation: Matrix
     """S, shape (n, n)."""
     sliding: int
-    """Surfaces that the state slides on afterwards: no more than n - sliding directions are left."""
+    """Directions that are lost: to surfaces that the state is on, two to each that a body rests on, or to the jump."""
+
+
+def lost(system: FilippovSystem, mode: Mode) -> int:
+    """Directions of perturbations lost in a mode: one to a surface slid on, two to one that a body rests on."""
+    return sum(1 + system.rests(i) for i, entry in enumerate(mode) if entry == 0)
 
 
 class TangentFlow:
@@ -200,15 +131,10 @@ class TangentFlow:
     tolerance : float
         Local error of a step, of states and tangent vectors alike, each relative to its own size.
 
-    Raises
-    ------
-    UnsupportedError
-        Where the state jumps.
     """
 
     def __init__(self, problem: Problem, *, columns: int | None = None, tolerance: float) -> None:
-        if problem.system.resets:
-            raise UnsupportedError("tangent vectors are not carried through jumps of the state yet")
+        self._system = problem.system
         n = len(problem.system.states)
         p = n if columns is None else columns
         self._n, self._p = n, p
@@ -228,6 +154,11 @@ class TangentFlow:
     def mode(self) -> Mode:
         """Present mode."""
         return self._run.mode
+
+    @property
+    def lost(self) -> int:
+        """Directions of perturbations that are lost in the present mode."""
+        return lost(self._system, self.mode)
 
     @property
     def state(self) -> Matrix:
@@ -262,13 +193,21 @@ class TangentFlow:
         """
         self._run.until = (until, 0.0) if isinstance(until, float) else double_double(sp.sympify(until))
         self._run.blocks.clear()  # transitions handed out already
+        self._run.jumped = None
         event = self._run.next_event()
         if isinstance(event, Trajectory):
             return event
-        transition = replace(event, state=event.state[: self._n])
-        matrix = self._saltation.matrix(transition)
+        transition, jumped = replace(event, state=event.state[: self._n]), self._run.jumped
+        if jumped is None:
+            matrix = self._saltation.matrix(transition)
+        elif transition.time > jumped.time:
+            raise UnsupportedError(f"impacts come to a limit after t = {jumped.time:.17g}: no derivative leads over it")
+        else:
+            own = jumped._replace(before=jumped.before[: self._n], after=jumped.after[: self._n])
+            matrix = self._saltation.of_jump(own, self.mode)
         self.vectors = matrix @ self.vectors
-        return TangentTransition(transition, matrix, sum(s == 0 for s in transition.to_mode))
+        taken = 0 if jumped is None else self._n - int(np.linalg.matrix_rank(matrix, rtol=SINGULAR))
+        return TangentTransition(transition, matrix, max(taken, self.lost))
 
 
 def fundamental_matrix(problem: Problem, since: sp.Expr, until: sp.Expr, *, tolerance: float) -> tuple[Matrix, int]:
@@ -297,7 +236,7 @@ def fundamental_matrix(problem: Problem, since: sp.Expr, until: sp.Expr, *, tole
     rank = n = len(problem.system.states)
     for stage in (since, until):
         flow.vectors = np.eye(n)
-        rank = n - sum(s == 0 for s in flow.mode)
+        rank = n - lost(problem.system, flow.mode)
         while isinstance(event := flow.advance(stage), TangentTransition):
             rank = min(rank, n - event.sliding)
         if event.status != "ok":

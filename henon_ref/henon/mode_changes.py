@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,21 @@ from henon_ref.trajectory import Status
 _events_accumulate = in_python(events_accumulate)
 
 
+class Jumped(NamedTuple):
+    """A jump of the state."""
+
+    surfaces: tuple[int, ...]
+    """Those that reset it."""
+    time: float
+    """[s]."""
+    before: tuple[float, ...]
+    """State before it."""
+    after: tuple[float, ...]
+    """State after it."""
+    mode: Mode
+    """Before it."""
+
+
 class ModeChanges(State):
     """The part of a run that changes its mode.
 
@@ -33,12 +49,15 @@ class ModeChanges(State):
         Transitions that have left the loop's own memory.
     step_blocks : list of ndarray
         Full blocks of steps: rows of :func:`henon_ref.henon.records.step_dtype`, as doubles.
+    jumped : Jumped or None
+        The last jump of the state; None before one, and where whoever reads it has set it so.
     """
 
-    __slots__ = ("_steps", "blocks", "step_blocks")
+    __slots__ = ("_steps", "blocks", "jumped", "step_blocks")
 
     blocks: list[NDArray[np.float64]]
     step_blocks: list[NDArray[np.float64]]
+    jumped: Jumped | None
     _steps: NDArray[np.float64] | None
     """The block of steps that is being filled; None where none is kept."""
 
@@ -115,7 +134,9 @@ class ModeChanges(State):
         until, until_low = self.until
         most = REMAINING * (until - self.start.time[0])
         after = self.start.constants.jumps.after(surfaces, hits, self.mode, time, state, most)
-        self.x[:] = [high for high, _ in after.state]
+        jumped = tuple(high for high, _ in after.state)
+        self.jumped = Jumped(surfaces, time[0], tuple(self.x.tolist()), jumped, self.mode)
+        self.x[:] = jumped
         self.x_low[:] = [low for _, low in after.state]
         ended, rest = self._change_mode(after.decision, after.known_zeros, (), surfaces), after.rest
         if ended is not None or rest is None:

@@ -96,6 +96,7 @@ class Run(ModeChanges):
             self.samples[:, 0] = sample_times
         self.blocks = []
         self.step_blocks = []
+        self.jumped = None
         self._steps = None
         self.ended: Trajectory | None = None
         if dense:

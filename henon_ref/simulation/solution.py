@@ -149,8 +149,22 @@ class Solution(Outcome):
         """
         if self.sol is None or self.sol.end <= self.sol.start:
             raise ArgumentError("nothing to plot: it takes dense output, and a run that has left its start")
-        times = np.union1d(np.linspace(self.sol.start, self.sol.end, PLOTTED), self.t)
-        return plotted(self.system.model, Motion(times, self.sol(times).T, tuple(self._modes(times))))
+        return plotted(self.system.model, self.motion(PLOTTED, self.t))
+
+    def motion(self, count: int, more: ArrayLike = ()) -> Motion:
+        """States and modes to be drawn: at a number of times, at each transition, and just before each jump.
+
+        Raises
+        ------
+        ArgumentError
+            Without dense output.
+        """
+        if self.sol is None:
+            raise ArgumentError("without dense output there is nothing to draw: simulate with dense_output=True")
+        changes = self._changes["time"]
+        jumps = np.nextafter(changes[self._changes["kind"] == RESET], -np.inf)
+        times = np.unique(np.concatenate([np.linspace(self.sol.start, self.sol.end, count), changes, jumps, more]))
+        return Motion(times, self.sol(times).T, tuple(self._modes(times)))
 
     def __repr__(self) -> str:
         end, changes = self.trajectory, len(self.trajectory.transitions)
