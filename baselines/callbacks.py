@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from baselines.flow import LIMIT
 from baselines.mode_functions import EPSILON, ModeFunctions
 from baselines.work import Stalled, Work
-from henon_ref.filippov.callables import ARITHMETIC, Callbacks, compiled, scalar
+from henon_ref.filippov.callables import ARITHMETIC, Callbacks
 
 STALL = 2000
 """Evaluations in a row, at accepted steps and while a root is sought, within four roundings of one time."""
@@ -35,7 +35,7 @@ def counted_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Fie
     n = len(model.unknowns)
     count = work.count_rhs
     if callbacks == "numba":
-        fill = compiled(model.unknowns, model.right)
+        fill, _ = model.compiled_derivatives()
         fill(0.0, np.ones(n), np.empty(n))  # compiles now, not in the run
 
         def jitted(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -45,7 +45,7 @@ def counted_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Fie
             return out
 
         return jitted
-    field, nowhere = scalar(model.unknowns, model.right), (math.nan,) * n
+    field, nowhere = model.derivatives, (math.nan,) * n
 
     def interpreted(t: float, x: NDArray[np.float64]) -> tuple[float, ...]:
         count()
@@ -64,11 +64,12 @@ def filling_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Cal
     the event function.
     """
     if callbacks == "numba":
-        fill = compiled(model.unknowns, model.right)
+        fill, whole = model.compiled_derivatives()
         point = np.ones(len(model.unknowns))
         point.flags.writeable = False  # as the library hands it in: a type of its own to numba
         fill(0.0, point, np.empty(point.size))
-        return fill
+        if whole:
+            return fill
     field = counted_field(model, callbacks, work)
 
     def rhs(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:

@@ -94,25 +94,35 @@ class HeyokaTaylor(Adapter):
         return _Flow(self, library, model, work, horizon)
 
 
-class _Flow:
-    """heyoka on one mode."""
+class _Integrators:
+    """heyoka's integrator, with and without events, of one mode or of all that have their equations in common.
+
+    Parameters
+    ----------
+    solver, library
+        heyoka and its options.
+    states : sequence of Symbol
+    field, guards : sequences of Expr
+    switches : sequence of Symbol
+        Symbols of these that tell modes apart: run-time parameters, behind the guards' lifts.
+    """
 
     def __init__(
-        self, solver: HeyokaTaylor, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float
+        self,
+        solver: HeyokaTaylor,
+        library: ConfiguredLibrary,
+        states: Sequence[sp.Symbol],
+        field: Sequence[sp.Expr],
+        guards: Sequence[sp.Expr],
+        switches: Sequence[sp.Symbol] = (),
     ) -> None:
         hy = library.module
-        self._model, self._work, self._horizon = model, work, horizon
-        self._policy, self._rtol = solver.restart, library.rtol
         # heyoka has no events on constants; a guard that never changes never falls either.
-        self._moving = [(k, g) for k, g in enumerate(model.guard_expressions) if not g.is_number]
-        self._slots = {k: slot for slot, (k, _) in enumerate(self._moving)}
-        self._guards = len(self._moving)
-        self._forgets = self._guards > 0 and solver.cooldown == "none"
-        names = [f"x{k}" for k in range(len(model.states))]
-        variables = {x: hy.expression(name) for x, name in zip(model.states, names, strict=True)}
-        equations = [
-            (variables[x], to_heyoka(f, variables)) for x, f in zip(model.states, model.field_expressions, strict=True)
-        ]
+        self.moving = [k for k, g in enumerate(guards) if not g.is_number]
+        """Guards that are events, by their places."""
+        variables = {x: hy.expression(f"x{k}") for k, x in enumerate(states)}
+        symbols = variables | {s: hy.par[len(self.moving) + k] for k, s in enumerate(switches)}
+        equations = [(variables[x], to_heyoka(f, symbols)) for x, f in zip(states, field, strict=True)]
         options: dict[str, Any] = {
             "tol": library.rtol,
             "fast_math": solver.fast_math,
@@ -120,18 +130,45 @@ class _Flow:
         }
         start = [0.0] * len(equations)
         # The twin without events takes the event-free step, and what is beyond the last event.
-        self._quiet: Any = (
+        self.quiet: Any = (
             hy.taylor_adaptive(equations, start, **options) if solver.restart == "event-free-step" else None
         )
-        if self._guards:
+        if self.moving:
             direction = hy.event_direction.any if solver.restart == "none" else hy.event_direction.negative
             # A cooldown of zero: after an event the state goes to another mode, or starts this one afresh.
             cooldown = {"cooldown": 0.0} if solver.cooldown == "none" else {}
             options["t_events"] = [
-                hy.t_event(to_heyoka(g, variables) + hy.par[slot], direction=direction, **cooldown)
-                for slot, (_, g) in enumerate(self._moving)
+                hy.t_event(to_heyoka(guards[k], symbols) + hy.par[slot], direction=direction, **cooldown)
+                for slot, k in enumerate(self.moving)
             ]
-        self._taylor = hy.taylor_adaptive(equations, start, **options)
+        self.taylor: Any = hy.taylor_adaptive(equations, start, **options)
+
+
+class _Flow:
+    """heyoka on one mode."""
+
+    def __init__(
+        self, solver: HeyokaTaylor, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float
+    ) -> None:
+        self._model, self._work, self._horizon = model, work, horizon
+        self._policy, self._rtol = solver.restart, library.rtol
+        if model.common is None:
+            made = _Integrators(solver, library, model.states, model.field_expressions, model.guard_expressions)
+        else:
+            name, common = (solver.name, solver.restart, solver.cooldown, library.rtol), model.common
+            if name not in common.kept:
+                common.kept[name] = _Integrators(
+                    solver, library, model.states, common.field_expressions, common.guard_expressions, common.symbols
+                )
+            made = common.kept[name]
+        self._switches = model.switches
+        guard_of = {row: k for k, row in enumerate(model.rows)}
+        self._hit = [guard_of.get(row, -1) for row in made.moving]
+        """Of each event the guard of the mode."""
+        self._slots = {k: slot for slot, k in enumerate(self._hit) if k >= 0}
+        self._guards = len(self._hit)
+        self._forgets = self._guards > 0 and solver.cooldown == "none"
+        self._quiet, self._taylor = made.quiet, made.taylor
         self._state, self._lifts = self._taylor.state, self._taylor.pars
         self._weights = [_constant_slope(model, g) for g in model.guard_expressions]
 
@@ -166,6 +203,8 @@ class _Flow:
         state = self._state
         for k, value in enumerate(x):
             state[k] = value
+        if self._switches:
+            self._lifts[self._guards : self._guards + len(self._switches)] = self._switches
         if self._forgets:
             self._taylor.reset_cooldowns()
 
@@ -183,7 +222,7 @@ class _Flow:
                 if not -LIMIT <= value <= LIMIT:
                     return self._overflow(t, low, x, until)
             if code > OUTCOMES:
-                return Stop("event", now, rest, point, (self._moving[-code - 1][0],))
+                return Stop("event", now, rest, point, (self._hit[-code - 1],))
             if code == TIME_LIMIT:
                 return Stop("horizon", now, rest, point)
             if now - t <= 4.0 * EPSILON * abs(now):
@@ -239,6 +278,8 @@ class _Flow:
         model, quiet = self._model, self._quiet
         levels = [model.size(guard, t, x, self._rtol, self._rtol) for guard, *_ in fresh]
         end = min(max(quiet_until(model, fresh, t, x, levels, 1e-3 * self._horizon)), until)
+        if self._switches:
+            quiet.pars[self._guards :] = self._switches
         quiet.dtime = (t, low)
         quiet.state[:] = x
         steps = quiet.propagate_until(end)[3]

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.filippov.callables import ARITHMETIC, Callbacks, Jacobian, Scalar, scalar
+from baselines.common_functions import CommonFunctions, common_functions
+from henon_ref.filippov.callables import ARITHMETIC, Callbacks, Jacobian, Scalar, compiled, scalar
 from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.mode_evaluation import ModeEvaluation
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.series import expand
@@ -27,6 +30,8 @@ class ModeFunctions:
     ----------
     system : FilippovSystem
     mode : Mode
+    evaluation : ModeEvaluation, optional
+        What makes the tapes of the system's modes.
 
     Raises
     ------
@@ -34,9 +39,10 @@ class ModeFunctions:
         Where the mode has no equations.
     """
 
-    def __init__(self, system: FilippovSystem, mode: Mode) -> None:
+    def __init__(self, system: FilippovSystem, mode: Mode, evaluation: ModeEvaluation | None = None) -> None:
         self.system = system
         self.mode = mode
+        self._evaluation = evaluation
         self.states = system.states
         self.equations = system.equations(mode)
         self.guards: tuple[Guard, ...] = self.equations.guards
@@ -45,6 +51,23 @@ class ModeFunctions:
         self._bends: dict[int, Scalar] = {}
         self._landings: dict[int, Landing] = {}
         self.surface_guard = {g.index: k for k, g in enumerate(self.guards) if g.kind == "surface"}
+
+    @cached_property
+    def common(self) -> CommonFunctions | None:
+        """Functions that all modes have in common; None where each has its own, or where guards are followed."""
+        found = None if self.system.shared is None else common_functions(self.system)
+        return None if found is None or self.followed else found
+
+    @cached_property
+    def switches(self) -> tuple[float, ...]:
+        """What tells this mode apart in :attr:`common`."""
+        return () if self.common is None else self.common.values(self.mode)
+
+    @cached_property
+    def rows(self) -> list[int]:
+        """Of each guard its place among those of :attr:`common`."""
+        shared = self.system.shared
+        return list(range(len(self.guards))) if shared is None else shared.rows(self.mode)
 
     @cached_property
     def followed(self) -> tuple[int, ...]:
@@ -80,7 +103,28 @@ class ModeFunctions:
     @cached_property
     def field(self) -> Scalar:
         """x' -> n floats."""
-        return scalar(self.states, self.field_expressions)
+        if self.common is None:
+            return scalar(self.states, self.field_expressions)
+        field, switches = self.common.field, self.switches
+        return lambda t, *x: field(t, *x, *switches)
+
+    @cached_property
+    def derivatives(self) -> Scalar:
+        """:attr:`right` as a function of the unknowns."""
+        return self.field if self.common is not None else scalar(self.unknowns, self.right)
+
+    def compiled_derivatives(self) -> tuple[Callable[[float, Any, Any], None], bool]:
+        """``fill(t, x, out)`` of the same, compiled; and whether it is machine code all through."""
+        if self.common is None:
+            return compiled(self.unknowns, self.right), True
+        fill, n = self.common.compiled_field, len(self.states)
+        point = np.array([0.0] * n + list(self.switches))
+
+        def bound(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+            point[:n] = x
+            fill(t, point, out)
+
+        return bound, False
 
     @cached_property
     def guard(self) -> tuple[Scalar, ...]:
@@ -90,6 +134,15 @@ class ModeFunctions:
     @cached_property
     def rates(self) -> Scalar:
         """All guards -> (g_0, dg_0/dt, g_1, dg_1/dt, ...) along this mode's own field."""
+        if self.common is not None:
+            rates, switches = self.common.rates, self.switches
+            chosen = [place for row in self.rows for place in (2 * row, 2 * row + 1)]
+
+            def picked(t: float, *x: float) -> tuple[float, ...]:
+                found = rates(t, *x, *switches)
+                return tuple([found[place] for place in chosen])
+
+            return picked
         pairs = [(g, self.along(g)) for g in self.guard_expressions]
         return scalar(self.states, [e for pair in pairs for e in pair])
 
@@ -115,6 +168,8 @@ class ModeFunctions:
 
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
         """Of :attr:`right` in :attr:`unknowns`."""
+        if self.common is not None:
+            return self.common.jacobian(callbacks).at(self.switches)
         return Jacobian(self.unknowns, self.right, callbacks)
 
     def landing(self, index: int) -> Landing:
@@ -132,6 +187,8 @@ class ModeFunctions:
 
     @cached_property
     def _tape(self) -> tuple[Tape, list[float]]:
+        if self._evaluation is not None and self.common is not None:
+            return self._evaluation.tape(self.mode)
         tape = build_tape(self.states, self.field_expressions, self.guard_expressions)
         return tape, [float(c) for c in tape.constants]
 

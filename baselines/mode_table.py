@@ -169,7 +169,7 @@ class ModeTable:
         if mode not in self._entries:
             with compiling():
                 if mode not in self._models:
-                    self._models[mode] = ModeFunctions(self.system, mode)
+                    self._models[mode] = ModeFunctions(self.system, mode, self.switching)
                 model = self._models[mode]
                 self._entries[mode] = ModeEntry(model, self._library.flow(model, self._work, self._horizon))
         return self._entries[mode]

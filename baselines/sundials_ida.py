@@ -88,9 +88,12 @@ class _Equations:
         """Number of unknowns that have a time derivative."""
         self.unknowns = (*system.states, *copies, *(system.signs[i] for i in self.sliding))
         self.right = (*field, *swings, *(condition(i) for i in self.sliding))
-        self.start = scalar(
-            system.states, [*guards, *signs, *model.field_expressions, *swings, *(model.along(e) for e in signs)]
-        )
+        self.alike = model.common is not None
+        """Whether all modes have their equations in common: no dry friction without static friction, no copies."""
+        self.values = model.field if self.alike else scalar(self.unknowns, self.right)
+        """(t, *y) -> f, c."""
+        started = [*guards, *signs, *model.field_expressions, *swings, *(model.along(e) for e in signs)]
+        self.start = model.field if self.alike else scalar(system.states, started)
         """(t, *x) -> (g, s, x', g', s')."""
 
     def by_sign(self, guard: Guard) -> bool:
@@ -115,7 +118,11 @@ class _Flow(SundialsFlow):
     ) -> None:
         super().__init__(library, model, work, horizon)
         self._equations = equations = _Equations(model)
-        jacobian = Jacobian(equations.unknowns, equations.right, adapter.callbacks)
+        jacobian = (
+            model.jacobian(adapter.callbacks)
+            if equations.alike
+            else Jacobian(equations.unknowns, equations.right, adapter.callbacks)
+        )
         self.function = _residual(equations, adapter.callbacks, work)
         moving = np.arange(equations.differential)
 
@@ -155,9 +162,9 @@ class _Flow(SundialsFlow):
 
 def _residual(equations: _Equations, callbacks: Callbacks, work: Work) -> Callable[..., None]:
     """``resfn(t, y, yp, res)``: y' - f(t, y) of the differential unknowns, then -c(t, y)."""
-    if callbacks == "numba":
+    if callbacks == "numba" and not equations.alike:
         return _compiled_residual(equations)
-    right = scalar(equations.unknowns, equations.right)
+    right = equations.values
     nowhere = (np.nan,) * len(equations.unknowns)
     count, n = work.count_rhs, equations.differential
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -178,9 +179,17 @@ class Jacobian:
     states, field : sequences of Symbol and Expr
         Unknowns, and the functions of them to differentiate.
     callbacks : {"python", "numba"}
+    switches : sequence of Symbol
+        Further symbols of the field, which :meth:`at` gives values.
     """
 
-    def __init__(self, states: Sequence[sp.Symbol], field: Sequence[sp.Expr], callbacks: Callbacks) -> None:
+    def __init__(
+        self,
+        states: Sequence[sp.Symbol],
+        field: Sequence[sp.Expr],
+        callbacks: Callbacks,
+        switches: Sequence[sp.Symbol] = (),
+    ) -> None:
         entries = [
             (i, k, slope)
             for i, f in enumerate(field)
@@ -190,12 +199,13 @@ class Jacobian:
         self.shape = (len(field), len(states))
         self._rows = np.array([i for i, _, _ in entries], dtype=np.intp)
         self._columns = np.array([k for _, k, _ in entries], dtype=np.intp)
-        slopes = [slope for _, _, slope in entries]
+        self._point = np.empty(len(states) + len(switches))
+        slopes, symbols = [slope for _, _, slope in entries], (*states, *switches)
         self._values: Callable[[float, NDArray[np.float64]], Any]
         if not entries:
             self._values = lambda t, x: ()
         elif callbacks == "numba":
-            fill = compiled(states, slopes)
+            fill = compiled(symbols, slopes)
             room = np.empty(len(slopes))
 
             def values(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -204,14 +214,25 @@ class Jacobian:
 
             self._values = values
         else:
-            function = scalar(states, slopes)
+            function = scalar(symbols, slopes)
             self._values = lambda t, x: function(t, *x.tolist())
+
+    def at(self, switches: Sequence[float]) -> Jacobian:
+        """The same with these values of the switches."""
+        found = copy(self)
+        found._point = self._point.copy()
+        found._point[self.shape[1] :] = switches
+        return found
 
     def fill(self, t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Write df/dx at (t, x), shape (n, n), into ``out`` (NaN where it has no value)."""
         out[:] = 0.0
+        point = x
+        if len(self._point) > self.shape[1]:
+            point = self._point
+            point[: self.shape[1]] = x
         try:
-            out[self._rows, self._columns] = self._values(t, x)
+            out[self._rows, self._columns] = self._values(t, point)
         except ARITHMETIC:
             out[self._rows, self._columns] = math.nan
 

@@ -4,21 +4,62 @@ With m surfaces there are 3^m modes. Where every surface is x_k = r(t), each in 
 acts on that state's rate alone (blocks on a belt, each with its own dry friction), sliding on one of them
 replaces one rate by dr/dt and leaves the others as they are. So one set of equations serves all modes, with
 numbers that switch: a rate is ``slip f + slide r'``, and a surface's two guards are ``slip s h - slide N(+1)``
-and ``slip + slide N(-1)``, N being dh/dt on the surface (Filippov's conditions, 1988, Sec. 2.10).
+and ``slip + slide N(-1)``, N being dh/dt on the surface (Filippov's conditions, 1988, Sec. 2.10). Of a contact with
+static friction the two ends of its hold zone stand in the place of ``-N(+1)`` and ``N(-1)``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import sympy as sp
 
-from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.bounds import put
+from henon_ref.filippov.equations import Guard, ModeEquations
 from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
+
+FEW = 3
+"""With more surfaces than these one set of equations serves all modes, where the contacts allow it."""
+
+
+class HeldContact(Protocol):
+    """What is read of a ``sliding`` override."""
+
+    @property
+    def field(self) -> tuple[sp.Expr, ...]: ...
+
+    @property
+    def entry(self) -> str: ...
+
+
+class Contacts(Protocol):
+    """What is read of a Filippov system."""
+
+    @property
+    def states(self) -> tuple[sp.Symbol, ...]: ...
+
+    @property
+    def signs(self) -> tuple[sp.Symbol, ...]: ...
+
+    @property
+    def surfaces(self) -> tuple[sp.Expr, ...]: ...
+
+    @property
+    def field(self) -> tuple[sp.Expr, ...]: ...
+
+    @property
+    def valid(self) -> tuple[sp.Expr, ...]: ...
+
+    @property
+    def overrides(self) -> Mapping[int, HeldContact]: ...
+
+    def hold_guards(self, index: int) -> tuple[Guard, ...]:
+        """The release guards of a surface's override."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -39,15 +80,49 @@ class ModeIndicators:
 
 
 @dataclass(frozen=True)
+class Contact:
+    """One surface's part of the equations."""
+
+    row: int
+    """The state whose rate its sign acts on."""
+    slipping: sp.Expr
+    """That rate in slip, with the sign."""
+    sliding: sp.Expr
+    """The rate that keeps the surface."""
+    ends: tuple[Guard, Guard]
+    """Ends of its sliding."""
+
+
+@dataclass(frozen=True)
 class SwitchedEquations:
     """Equations of every mode, in time, states, parameters and switches."""
 
-    system: FilippovSystem
+    system: Contacts
     switches: tuple[ModeIndicators, ...]
     """One a surface."""
-    field: tuple[sp.Expr, ...]
-    outputs: tuple[sp.Expr, ...]
-    """Two guards a surface, then the ``valid`` expressions; positive inside a mode."""
+    contacts: tuple[Contact, ...]
+
+    @cached_property
+    def field(self) -> tuple[sp.Expr, ...]:
+        """x' of all states."""
+        field = list(self.system.field)
+        for own, contact in zip(self.switches, self.contacts, strict=True):
+            field[contact.row] = own.slip * contact.slipping + own.slide * contact.sliding
+        return tuple(field)
+
+    @cached_property
+    def outputs(self) -> tuple[sp.Expr, ...]:
+        """Two guards a surface, then the ``valid`` expressions; positive inside a mode."""
+        outputs: list[sp.Expr] = []
+        for h, own, contact in zip(self.system.surfaces, self.switches, self.contacts, strict=True):
+            first, second = (end.expression for end in contact.ends)
+            outputs += [own.slip * own.sign * h - own.slide * (-first), own.slip + own.slide * second]
+        return (*outputs, *self.system.valid)
+
+    @cached_property
+    def entries(self) -> tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]:
+        """For every surface what its entry -1, 0 or +1 (in this order) puts for its switches."""
+        return tuple(tuple(own.values(s) for s in (-1, 0, 1)) for own in self.switches)
 
     @cached_property
     def owner(self) -> Mapping[sp.Symbol, int]:
@@ -57,15 +132,17 @@ class SwitchedEquations:
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """What each output stands for in a mode; a surface in slip has no second guard, its output stays at 1."""
         found = []
-        for i, entry in enumerate(mode):
+        for i, (entry, contact) in enumerate(zip(mode, self.contacts, strict=True)):
             first, second = self.outputs[2 * i : 2 * i + 2]
             if entry:
-                found.append(Guard("surface", i, -entry, first))
+                found += [Guard("surface", i, -entry, first), Guard("release", i, -1, second)]
             else:
-                found.append(Guard("release", i, 1, first))
-            found.append(Guard("release", i, -1, second))
-        valid = self.outputs[2 * len(mode) :]
-        return (*found, *(Guard("valid", i, 0, e, ends="invalid") for i, e in enumerate(valid)))
+                found += [replace(end, expression=e) for end, e in zip(contact.ends, (first, second), strict=True)]
+        return (*found, *self._valid)
+
+    @cached_property
+    def _valid(self) -> tuple[Guard, ...]:
+        return tuple(Guard("valid", i, 0, e, ends="invalid") for i, e in enumerate(self.system.valid))
 
     def places(self, mode: Mode) -> tuple[int, ...]:
         """Where each of :meth:`guards` stands among those of the mode's own equations; -1 where it does not."""
@@ -77,38 +154,90 @@ class SwitchedEquations:
             slips, slides = slips + abs(entry), slides + 1 - abs(entry)
         return (*found, *(count + 2 * slides + k for k in range(len(self.outputs) - 2 * len(mode))))
 
+    def rows(self, mode: Mode) -> list[int]:
+        """Of the guards of the mode's own equations, in their order, the place among the outputs."""
+        return [row for _, row in sorted((place, row) for row, place in enumerate(self.places(mode)) if place >= 0)]
 
-def switched_equations(system: FilippovSystem) -> SwitchedEquations | None:
+    def values(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
+        """What a mode puts for the switches."""
+        return {symbol: value for i, s in enumerate(mode) for symbol, value in self.entries[i][s + 1].items()}
+
+    def equations(self, mode: Mode) -> ModeEquations:
+        """Equations of one mode, put together from those of its contacts."""
+        field = list(self.system.field)
+        slips: list[Guard] = []
+        ends: list[Guard] = []
+        for i, (entry, contact) in enumerate(zip(mode, self.contacts, strict=True)):
+            field[contact.row] = self._slipping[i][entry] if entry else contact.sliding
+            if entry:
+                slips.append(Guard("surface", i, -entry, entry * self.system.surfaces[i]))
+            else:
+                ends += contact.ends
+        return ModeEquations(tuple(field), (*slips, *ends, *self._valid), {})
+
+    @cached_property
+    def _slipping(self) -> tuple[Mapping[int, sp.Expr], ...]:
+        """For each surface the rate in slip either way."""
+        pairs = zip(self.system.signs, self.contacts, strict=True)
+        return tuple({s: put(contact.slipping, {sign: sp.Integer(s)}) for s in (-1, 1)} for sign, contact in pairs)
+
+
+def switched_equations(system: Contacts) -> SwitchedEquations | None:
     """One set of equations for all modes; None where the surfaces act on each other or on several rates."""
-    if system.overrides:
-        return None
-    rows: list[int] = []
-    for h, sign in zip(system.surfaces, system.signs, strict=True):
-        row = _own_state(h, system)
-        acted_on = [k for k, f in enumerate(system.field) if f.has(sign)]
-        if row is None or acted_on != [row] or row in rows:
+    contacts: list[Contact] = []
+    for i in range(len(system.surfaces)):
+        contact = _contact(system, i)
+        if contact is None or any(contact.row == other.row for other in contacts):
             return None
-        rows.append(row)
-    if any(len(system.field[k].free_symbols & set(system.signs)) != 1 for k in rows):
+        contacts.append(contact)
+    if any(len(contact.slipping.free_symbols & set(system.signs)) != 1 for contact in contacts):
         return None
     switches = tuple(
         ModeIndicators(s, sp.Symbol(f"slip_{i}", real=True), sp.Symbol(f"slide_{i}", real=True))
         for i, s in enumerate(system.signs)
     )
-    field, outputs = list(system.field), []
-    for h, k, own in zip(system.surfaces, rows, switches, strict=True):
-        x = system.states[k]
-        slope = sp.diff(h, x)
-        there = sp.expand(x - h / slope)
-        speed = sp.diff(there, TIME)
-        field[k] = own.slip * field[k] + own.slide * speed
-        normal = sp.expand(slope * (system.field[k].xreplace({x: there}) - speed), deep=False)
-        outputs.append(own.slip * own.sign * h - own.slide * normal.xreplace({own.sign: sp.Integer(1)}))
-        outputs.append(own.slip + own.slide * normal.xreplace({own.sign: sp.Integer(-1)}))
-    return SwitchedEquations(system, switches, tuple(field), (*outputs, *system.valid))
+    return SwitchedEquations(system, switches, tuple(contacts))
 
 
-def _own_state(surface: sp.Expr, system: FilippovSystem) -> int | None:
+def _contact(system: Contacts, index: int) -> Contact | None:
+    h, sign = system.surfaces[index], system.signs[index]
+    row = _own_state(h, system)
+    if row is None or [k for k, f in enumerate(system.field) if f.has(sign)] != [row]:
+        return None
+    x, rate = system.states[row], system.field[row]
+    slope = sp.diff(h, x)
+    there = sp.expand(x - h / slope)
+    speed = sp.diff(there, TIME)
+    if index in system.overrides:
+        ends = _hold_zone(system, index, {x: there}, row, speed)
+        return None if ends is None else Contact(row, rate, speed, ends)
+    normal = sp.expand(slope * (rate.xreplace({x: there}) - speed), deep=False)
+    beyond, before = (normal.xreplace({sign: sp.Integer(side)}) for side in (1, -1))
+    return Contact(row, rate, speed, (Guard("release", index, 1, -beyond), Guard("release", index, -1, before)))
+
+
+def _hold_zone(
+    system: Contacts, index: int, there: Mapping[sp.Symbol, sp.Expr], row: int, speed: sp.Expr
+) -> tuple[Guard, Guard] | None:
+    """Ends of what static friction holds; None where its override moves other states than the surface does."""
+    own, ends = system.overrides[index], system.hold_guards(index)
+    if own.entry != "inside" or len(ends) != 2 or any(end.expression.has(*system.signs) for end in ends):
+        return None
+    kept = _on_surface(own.field, there)
+    moved = _on_surface(system.field, there)
+    if sp.expand(kept[row] - speed) != 0 or any(
+        a != b for k, (a, b) in enumerate(zip(kept, moved, strict=True)) if k != row
+    ):
+        return None
+    first, second = (replace(end, expression=put(end.expression, there)) for end in ends)
+    return first, second
+
+
+def _on_surface(field: Sequence[sp.Expr], there: Mapping[sp.Symbol, sp.Expr]) -> list[sp.Expr]:
+    return [put(rate, there) for rate in field]
+
+
+def _own_state(surface: sp.Expr, system: Contacts) -> int | None:
     """The one state of a surface that is linear in it with a constant factor."""
     own = [k for k, x in enumerate(system.states) if surface.has(x)]
     if len(own) != 1 or sp.diff(surface, system.states[own[0]]).free_symbols & {TIME, *system.states}:

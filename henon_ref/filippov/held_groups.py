@@ -67,10 +67,10 @@ def check_groups(system: FilippovSystem) -> None:
             )
 
 
-def held_together(system: FilippovSystem, active: Sequence[int]) -> bool:
-    """Whether surfaces in play are decided as groups: several, some with static friction, none that attracts."""
+def by_groups(system: FilippovSystem, active: Sequence[int]) -> bool:
+    """Whether surfaces in play are decided as groups: some have static friction, none attracts by its own rule."""
     own = [i for i in active if i in system.overrides]
-    return len(active) > 1 and bool(own) and all(system.held_inside(i) for i in own)
+    return bool(own) and all(system.held_inside(i) for i in own)
 
 
 def decide_groups(

@@ -6,6 +6,8 @@ Tapes are made once a mode and kept; a subclass may compute with other numbers.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
 from math import isfinite
 from typing import Any
 
@@ -14,6 +16,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.filippov.derivatives import leading, leading_sign, rate_of, scaled
 from henon_ref.filippov.equations import ModeEquations
+from henon_ref.filippov.mode_tape import ModeTape
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
@@ -70,6 +73,7 @@ class ModeEvaluation:
         self._numeric = (values or system).numeric
         self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[Any]] | None] = {}
         self._holds: dict[tuple[Mode, int], Callable[..., list[Any]] | None] = {}
+        self._numbers: dict[tuple[int, tuple[int, ...]], Any] = {}
         self._group_functions: dict[tuple[int, ...], tuple[Callable[..., list[Any]], list[int]]] = {}
         self.forget()
         normals = [system.normal_velocity(i) for i in range(len(system.surfaces))]
@@ -129,9 +133,41 @@ class ModeEvaluation:
     def _equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]] | None:
         if mode not in self._tapes:
             with one_at_a_time():
-                made = self._tape(mode)
-                self._tapes[mode] = None if made is None else (*made, self._constants(made[1]))
+                made = self._tape(mode) if self._shared is None else None
+                if made is not None:
+                    self._tapes[mode] = *made, self._constants(made[1])
+                else:
+                    self._tapes[mode] = self._shared_equations(mode) if self._shared is not None else None
         return self._tapes[mode]
+
+    def tape(self, mode: Mode) -> tuple[Tape, list[Any]]:
+        """Field and guards of a mode that has equations as a tape, and its constants."""
+        made = self._equations(mode)
+        assert made is not None
+        return made[1], made[2]
+
+    @cached_property
+    def _shared(self) -> ModeTape | None:
+        """The tape of a system whose modes have one in common."""
+        made = self.system.shared
+        return (
+            None if made is None else ModeTape(build_tape(self.system.states, made.field, made.outputs), made.entries)
+        )
+
+    def _shared_equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]]:
+        """A mode's equations, its own part of that tape, and its constants, each worked out once."""
+        shared, made = self._shared, self.system.shared
+        assert shared is not None
+        assert made is not None
+        own = tuple(shared.tape.outputs[row] for row in made.rows(mode))
+        numbers = []
+        for at, surfaces in enumerate(shared.owners):
+            key = at, tuple(mode[i] for i in surfaces)
+            if key not in self._numbers:
+                alone = replace(shared.tape, constants=(shared.constant(at, mode),))
+                self._numbers[key] = self._constants(alone)[0]
+            numbers.append(self._numbers[key])
+        return self.system.equations(mode), replace(shared.tape, outputs=own), numbers
 
     def _tape(self, mode: Mode) -> ModeWithTape | None:
         """Equations of a mode and their tape; None where it has none."""

@@ -23,7 +23,7 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision, ended, explained, with_entries, without_indeterminate
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
-from henon_ref.filippov.held_groups import decide_groups, held_together
+from henon_ref.filippov.held_groups import by_groups, decide_groups
 from henon_ref.filippov.mode_evaluation import ZERO, ModeEvaluation
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.taylor.tape import TIME
@@ -145,8 +145,10 @@ class Switching(ModeEvaluation):
         made = self._equations(mode)
         if made is None:
             return []
-        outputs, rate = self._expanded(mode, t, x)
         active, edges = set(active), set(edges)
+        if not edges and all(g.ends or g.index not in active or g.rising_only for g in made[0].guards):
+            return [0] * len(made[0].guards)
+        outputs, rate = self._expanded(mode, t, x)
         orders = []
         for guard, series in zip(made[0].guards, outputs, strict=True):
             first = 1 if guard.kind == "surface" else 0
@@ -185,7 +187,7 @@ class Switching(ModeEvaluation):
         return ended(self.system, mode, falling, _digits(t)) or decision
 
     def _decided(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:
-        if held_together(self.system, active):
+        if by_groups(self.system, active):
             return self._decided_in_groups(t, x, mode, active, zero)
         if len(active) > EXHAUSTIVE:
             return self._search(t, x, mode, active, zero)

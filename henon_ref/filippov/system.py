@@ -17,6 +17,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.bounds import put
+from henon_ref.filippov.decoupled_contacts import FEW, SwitchedEquations, switched_equations
 from henon_ref.filippov.equations import Guard, ModeEquations, along
 from henon_ref.filippov.held_contacts import held_field
 from henon_ref.filippov.modes import Mode
@@ -102,6 +103,8 @@ class FilippovSystem(SwitchedField):
         if key in self._cache:
             return self._cache[key]
         with one_at_a_time():
+            if self.shared is not None:
+                return self.shared.equations(mode)
             shared = self.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
             slip = {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
             self._cache[key] = ModeEquations(
@@ -117,6 +120,12 @@ class FilippovSystem(SwitchedField):
                 equivalent_signs={i: put(e, slip) for i, e in shared.equivalent_signs.items()},
             )
         return self._cache[key]
+
+    @cached_property
+    def shared(self) -> SwitchedEquations | None:
+        """One set of equations for all modes of many contacts with static friction that do not act on each other."""
+        many = self.overrides and len(self.surfaces) > FEW
+        return switched_equations(self) if many else None
 
     def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
         """Equations that all modes with this set of sliding surfaces share, slip signs kept as symbols.

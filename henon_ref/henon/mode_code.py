@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import sympy as sp
 
 from henon_ref.filippov.decoupled_contacts import SwitchedEquations
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.mode_tape import ModeTape
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.jit.ir_writer import declarations, row_length
 from henon_ref.jit.native_module import NativeModule
@@ -28,29 +28,6 @@ SAME_CODE = 64
 def native_module(ir: str) -> NativeModule:
     """Machine code of a text; the same for the same text."""
     return NativeModule(ir)
-
-
-@dataclass(frozen=True, eq=False)
-class ModeTape:
-    """A tape that several modes share, which the symbols of each surface's entry make that of one mode."""
-
-    tape: Tape
-    entries: tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
-    """For every surface what its entry -1, 0 or +1 (in this order) puts for its symbols."""
-
-    @cached_property
-    def owners(self) -> tuple[tuple[int, ...], ...]:
-        """Surfaces whose symbols stand in each constant."""
-        owner = {symbol: i for i, entries in enumerate(self.entries) for symbol in entries[0]}
-        found = ({owner[s] for s in c.free_symbols if s in owner} for c in self.tape.constants)
-        return tuple(tuple(sorted(surfaces)) for surfaces in found)
-
-    def constant(self, at: int, mode: Mode) -> sp.Expr:
-        """A constant in a mode, in parameters."""
-        values: dict[sp.Symbol, sp.Expr] = {}
-        for i in self.owners[at]:
-            values |= self.entries[i][mode[i] + 1]
-        return self.tape.constants[at].xreplace(values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +70,10 @@ def sliding_mode_code(system: FilippovSystem, sliding: frozenset[int], order: in
     return _mode_code(system, order, equations.field, outputs, _speeds(system, equations.guards), entries)
 
 
-def switched_mode_code(equations: SwitchedEquations, order: int) -> ModeCode:
+def switched_mode_code(system: FilippovSystem, equations: SwitchedEquations, order: int) -> ModeCode:
     """One code for the modes of all combinations of sliding surfaces."""
-    system = equations.system
     sides = _speeds(system, equations.guards((1,) * len(system.surfaces)))
-    entries = tuple(tuple(own.values(s) for s in (-1, 0, 1)) for own in equations.switches)
-    return _mode_code(system, order, equations.field, equations.outputs, sides, entries)
+    return _mode_code(system, order, equations.field, equations.outputs, sides, equations.entries)
 
 
 def _mode_code(

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
+from henon_ref.filippov.mode_tape import ModeTape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.jump import Jumps
-from henon_ref.henon.mode_code import ModeTape
 from henon_ref.henon.mode_table import CompiledModes, ModeTable
 from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
 from henon_ref.jit.processor_time import compiling

@@ -72,6 +72,7 @@ class ModeTable:
         self.index: dict[Mode, int] = {}
         """Row of each mode that is compiled."""
         surfaces = len(system.surfaces)
+        self._switched = switched_equations(system) if surfaces > SHAPES else None
         several = 1 < surfaces <= SURFACES and not (system.overrides or system.resets)
         self.compiled = CompiledModes(
             modes=(),
@@ -80,7 +81,6 @@ class ModeTable:
             signs=np.zeros((0, surfaces), dtype=np.int64),
             rows=np.full(3**surfaces if several else 0, -1, dtype=np.int64),
         )
-        self._switched = switched_equations(system) if surfaces > SHAPES else None
         self._codes: dict[frozenset[int], ModeCode] = {}
         self._guards: dict[Mode, tuple[Guard, ...]] = {}
         if surfaces == 1:
@@ -96,6 +96,8 @@ class ModeTable:
     def most_guards(self) -> int:
         """Guards of the largest mode."""
         system = self.system
+        if self._switched:
+            return len(self._switched.outputs)
         releases = sum(max(2, len(o.release)) for o in system.overrides.values())
         surfaces = len(system.surfaces)
         minors = 0 if self.decoupled else 2**surfaces - 1 if surfaces <= EXHAUSTIVE else surfaces + 1
@@ -144,7 +146,7 @@ class ModeTable:
         sliding = frozenset() if self._switched else frozenset(i for i, s in enumerate(mode) if s == 0)
         if sliding not in self._codes:
             self._codes[sliding] = (
-                switched_mode_code(self._switched, self.order)
+                switched_mode_code(self.system, self._switched, self.order)
                 if self._switched
                 else sliding_mode_code(self.system, sliding, self.order)
             )

@@ -52,6 +52,8 @@ TOLERANCE = 1e-12
 """Of the variational equations, relative and as a part of each number's size on the way."""
 AT_ONCE = 1e-9
 """A guard within this part of a mode's length of its root counts as fallen."""
+ALL: Mode = (1,)
+"""In the place of a mode where all have their equations in common."""
 
 
 def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -> list[float]:
@@ -132,6 +134,7 @@ class _Variations:
         self.system = system
         self._flows: dict[Mode, Callable[..., Any]] = {}
         self._functions: dict[Mode, Callable[..., Any]] = {}
+        self._shared = system.shared
 
     def derivative(self, mode: Mode, begin: float, state: Vector, end: float, landed: Vector) -> tuple[Vector, Vector]:
         """Phi, the derivative of the state at ``end`` with respect to that at ``begin`` within a mode; the state there.
@@ -141,10 +144,10 @@ class _Variations:
         n, length = len(state), end - begin
         if not length > 0:
             return np.eye(n), state
-        flow = self._flow(mode)
+        flow, switches = self._flow(mode), self._switches(mode)
 
         def rates(passed: float, values: Vector) -> Vector:
-            field, jacobian = flow(np.float64(begin + passed), *values[:n])
+            field, jacobian = flow(np.float64(begin + passed), *values[:n], *switches)
             growth = np.array(jacobian, dtype=float) @ values[n:].reshape(n, n)
             return np.concatenate([np.array(field, dtype=float), growth.ravel()])
 
@@ -256,27 +259,52 @@ class _Variations:
 
     def _at(self, mode: Mode, time: float, state: Vector) -> tuple[Vector, Vector, Vector, Vector]:
         """Field, and the guards' values, gradients and rates."""
-        if mode not in self._functions:
-            system, equations = self.system, self.system.equations(mode)
-            guards = [system.numeric(g.expression) for g in equations.guards]
+        key = mode if self._shared is None else ALL
+        if key not in self._functions:
+            system = self.system
+            written, ends = self._equations(mode)
+            guards = [system.numeric(g) for g in ends]
             entries = [
-                [system.numeric(f) for f in equations.field],
+                [system.numeric(f) for f in written],
                 guards,
-                [[sp.diff(g, x) for x in system.states] for g in guards],
+                [[sp.diff(g, x) if g.has(x) else sp.S.Zero for x in system.states] for g in guards],
                 [sp.diff(g, TIME) for g in guards],
             ]
-            self._functions[mode] = sp.lambdify([TIME, *system.states], entries, np, cse=True)
+            self._functions[key] = self._function(entries)
         with np.errstate(all="ignore"):
-            found = self._functions[mode](np.float64(time), *state)
+            found = self._functions[key](np.float64(time), *state, *self._switches(mode))
         field, values, gradients, drift = (np.array(part, dtype=float) for part in found)
         gradients = gradients.reshape(len(values), len(state))
-        return field, values, gradients, drift + gradients @ field
+        rates = drift + gradients @ field
+        if self._shared is None:
+            return field, values, gradients, rates
+        kept = np.array(self._shared.rows(mode))
+        return field, values[kept], gradients[kept], rates[kept]
 
     def _flow(self, mode: Mode) -> Callable[..., Any]:
-        """(t, state) -> field and its Jacobian, of a mode."""
-        if mode not in self._flows:
-            system = self.system
-            field = [system.numeric(f) for f in system.equations(mode).field]
-            jacobian = [[sp.diff(f, x) for x in system.states] for f in field]
-            self._flows[mode] = sp.lambdify([TIME, *system.states], [field, jacobian], np, cse=True)
-        return self._flows[mode]
+        """(t, state, switches) -> field and its Jacobian, of a mode."""
+        key = mode if self._shared is None else ALL
+        if key not in self._flows:
+            states = self.system.states
+            field = [self.system.numeric(f) for f in self._equations(mode)[0]]
+            jacobian = [[sp.diff(f, x) if f.has(x) else sp.S.Zero for x in states] for f in field]
+            self._flows[key] = self._function([field, jacobian])
+        return self._flows[key]
+
+    def _equations(self, mode: Mode) -> tuple[Sequence[sp.Expr], Sequence[sp.Expr]]:
+        """Field and guards of a mode, or those that all modes have in common."""
+        if self._shared is not None:
+            return self._shared.field, self._shared.outputs
+        equations = self.system.equations(mode)
+        return equations.field, [g.expression for g in equations.guards]
+
+    def _function(self, entries: Sequence[Any]) -> Callable[..., Any]:
+        names = [] if self._shared is None else list(self._shared.owner)
+        return sp.lambdify([TIME, *self.system.states, *names], entries, np, cse=True)
+
+    def _switches(self, mode: Mode) -> list[float]:
+        """What tells a mode apart where all have their equations in common."""
+        if self._shared is None:
+            return []
+        values = self._shared.values(mode)
+        return [float(values[symbol]) for symbol in self._shared.owner]

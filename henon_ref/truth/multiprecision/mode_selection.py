@@ -18,7 +18,7 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision, ended, explained, without_indeterminate
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
-from henon_ref.filippov.held_groups import decide_groups, held_together
+from henon_ref.filippov.held_groups import by_groups, decide_groups
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.switching import EXHAUSTIVE
 from henon_ref.filippov.system import FilippovSystem
@@ -148,7 +148,7 @@ class ModeSelection:
         return decision if decision.mode is not None else explained(decision, self.system, mode, active)
 
     def _decided(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
-        if held_together(self.system, active):
+        if by_groups(self.system, active):
             return self._decided_in_groups(point, mode, active)
         if len(active) > EXHAUSTIVE:
             return self._search(point, mode, active)

@@ -182,7 +182,8 @@ class _Simulation:
 
     @property
     def stepper(self) -> Stepper:
-        sliding = frozenset(i for i, s in enumerate(self.mode) if s == 0)
+        alike = self.problem.system.shared is not None
+        sliding = frozenset(() if alike else (i for i, s in enumerate(self.mode) if s == 0))
         if sliding not in self.steppers:
             self.steppers[sliding] = Stepper(self.problem.system, sliding, self.bits)
         return self.steppers[sliding]

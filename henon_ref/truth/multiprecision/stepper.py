@@ -1,4 +1,4 @@
-"""heyoka's Taylor steps in multiprecision, for all modes that share their sliding surfaces.
+"""heyoka's Taylor steps in multiprecision, for all modes that share their sliding surfaces, or their equations.
 
 The guards are integrated beside the state, so that heyoka itself delivers their Taylor polynomials; their roots
 are found by :mod:`henon_ref.truth.roots`. heyoka's own event detection is not used: it misses exact double
@@ -18,7 +18,7 @@ import sympy as sp
 from flint import arb
 from numpy.typing import NDArray
 
-from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.equations import Guard, along
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
@@ -71,7 +71,7 @@ def _integrator(variables: tuple[Any, ...], rhs: tuple[Any, ...], bits: int, par
 
 
 class Stepper:
-    """Integrates every mode in which exactly these surfaces slide.
+    """Integrates every mode in which exactly these surfaces slide; every mode of a system with equations for all.
 
     Parameters
     ----------
@@ -82,29 +82,35 @@ class Stepper:
     """
 
     def __init__(self, system: FilippovSystem, sliding: frozenset[int], bits: int) -> None:
-        equations = system.shared_equations(sliding)
-        self.bits = bits
-        self.guards: tuple[Guard, ...] = equations.guards
-        field = [system.numeric(f) for f in equations.field]
-        outputs = [system.numeric(g.expression) for g in equations.guards]
-        slopes = [
-            sp.diff(g, TIME) + sp.Add(*(sp.diff(g, x) * f for x, f in zip(system.states, field, strict=True)))
-            for g in outputs
-        ]
+        self.bits, self._system = bits, system
+        self._shared = system.shared
+        self.guards: tuple[Guard, ...] = ()
+        """Of the mode, in the order of its equations."""
+        if self._shared is not None:
+            written, ends = self._shared.field, self._shared.outputs
+        else:
+            equations = system.shared_equations(sliding)
+            written, self.guards = equations.field, equations.guards
+            ends = tuple(g.expression for g in self.guards)
+        field, outputs = [system.numeric(f) for f in written], [system.numeric(g) for g in ends]
+        slopes = [along(g, system.states, tuple(field)) for g in outputs]
         self._dimension = len(field)
+        self._rows = list(range(len(field), len(field) + len(outputs)))
+        """Rows of the guards' coefficients."""
         names = [f"y{i}" for i in range(len(field) + len(slopes))]
         variables = hy.make_vars(*names) if len(names) > 1 else [hy.make_vars(*names)]
         symbols: dict[sp.Symbol, Any] = {TIME: hy.time}
         symbols.update(zip(system.states, variables, strict=False))
         used = set().union(*(e.free_symbols for e in (*field, *slopes)))
-        self._signs = [i for i, s in enumerate(system.signs) if s in used]
-        """Surfaces whose sign the equations hold: heyoka's run-time parameters, in this order."""
-        symbols.update((system.signs[i], hy.par[k]) for k, i in enumerate(self._signs))
+        telling = system.signs if self._shared is None else tuple(self._shared.owner)
+        self._switches = [s for s in telling if s in used]
+        """Symbols that tell the modes apart: heyoka's run-time parameters, in this order."""
+        symbols.update((symbol, hy.par[k]) for k, symbol in enumerate(self._switches))
+        self._values: dict[sp.Symbol, sp.Expr] = {}
         self._rhs = [*field, *slopes]
-        self._system = system
-        self._numbers = RealParameters(bits, len(self._signs))
+        self._numbers = RealParameters(bits, len(self._switches))
         rhs = tuple([to_heyoka(e, symbols, self._numbers) for e in self._rhs])
-        self._integrator = _integrator(tuple(variables), rhs, bits, len(self._signs) + len(self._numbers.values))
+        self._integrator = _integrator(tuple(variables), rhs, bits, len(self._switches) + len(self._numbers.values))
 
     @property
     def order(self) -> int:
@@ -113,9 +119,16 @@ class Stepper:
 
     def start(self, mode: Mode, time: arb, state: Sequence[arb], guards: Sequence[arb]) -> None:
         """Set a mode, a point, and the guards' values there."""
-        integrator = self._integrator
-        integrator.pars[:] = [hy.real(str(mode[i]), self.bits) for i in self._signs] + self._numbers.values
-        integrator.state[:] = [to_real(v, self.bits) for v in (*state, *guards)]
+        integrator, outputs = self._integrator, list(guards)
+        if self._shared is None:
+            self._values = {s: sp.Integer(v) for s, v in zip(self._system.signs, mode, strict=True)}
+        else:
+            self.guards = self._system.equations(mode).guards
+            self._rows = [self._dimension + row for row in self._shared.rows(mode)]
+            outputs = [guards[place] if place >= 0 else arb(1) for place in self._shared.places(mode)]
+            self._values = self._shared.values(mode)
+        integrator.pars[:] = [hy.real(str(self._values[s]), self.bits) for s in self._switches] + self._numbers.values
+        integrator.state[:] = [to_real(v, self.bits) for v in (*state, *outputs)]
         integrator.time = to_real(time, self.bits)
 
     def step(self, limit: arb) -> Step:
@@ -158,10 +171,7 @@ class Stepper:
         box = [to_ball(c) + arb(0, 1.01 * v) for c, v in zip(step.coefficients[:, 0], variations, strict=True)]
         length = to_ball(step.length)
         time = (to_ball(step.time) + length / 2) + arb(0, length.upper() / 2)
-        signs = {
-            self._system.signs[i]: sp.Integer(round(float(self._integrator.pars[k]))) for k, i in enumerate(self._signs)
-        }
-        rhs = [e.xreplace(signs) for e in self._rhs]
+        rhs = [e.xreplace(self._values) for e in self._rhs]
         n = self._dimension
         try:
             slopes = series.along(rhs[:n], [rhs[i] for i in rows], self._system.states, time, box[:n], bits=self.bits)
@@ -184,7 +194,7 @@ class Stepper:
 
     def guard_polynomial(self, step: Step, guard: int) -> list[arb]:
         """Coefficients of a guard on a step, in units of the step."""
-        return [to_ball(c) for c in step.coefficients[self._dimension + guard]]
+        return [to_ball(c) for c in step.coefficients[self._rows[guard]]]
 
     def sizes(self, step: Step) -> list[float]:
         """Largest value that each state can have reached on a step."""
@@ -198,7 +208,7 @@ class Stepper:
         skipped : int
             Leading coefficients that are known to be zero.
         """
-        c = step.rough[self._dimension + guard, skipped:]
+        c = step.rough[self._rows[guard], skipped:]
         if not np.isfinite(c).all():
             return False
         middles = END * (np.arange(PIECES) + 0.5) / PIECES

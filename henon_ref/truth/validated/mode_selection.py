@@ -18,7 +18,7 @@ from flint import arb, ctx
 from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import ended
 from henon_ref.filippov.equations import Guard, Refusal
-from henon_ref.filippov.held_groups import decide_groups, held_together
+from henon_ref.filippov.held_groups import by_groups, decide_groups
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import Jump
@@ -243,7 +243,7 @@ class _Judge:
     def unique(self, mode: Mode, active: tuple[int, ...]) -> Entry:
         """The one consistent mode among all choices for the active surfaces."""
         names = self.model.system.sign_names
-        if held_together(self.model.system, active):
+        if by_groups(self.model.system, active):
             return self._grouped(mode, active)
         if len(active) > EXHAUSTIVE:
             raise UndecidedError(f"{len(active)} surfaces in play at once: too many modes to try", "mode")
