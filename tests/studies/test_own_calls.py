@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import pytest
 
 from henon_ref import registry
+from henon_ref.campaign.settings import Setting
+from henon_ref.campaign.worker import WorkerState
 from henon_ref.casefile.case import load_case
 from henon_ref.report.text.paired_times import COLUMNS, OWN, own_words, spread_table
+from henon_ref.studies.price import own_calls
 from henon_ref.studies.price.own_calls import Clock, clocked, own_part
+from henon_ref.studies.price.paired_times import PairedTiming
+from henon_ref.studies.price.pairs import Candidate, Pair
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -28,7 +32,7 @@ def test_a_clocked_run_is_the_same_run_and_its_calls_take_a_part_of_it() -> None
     assert list(first.transitions) == list(second.transitions)
     assert first.counts == second.counts
     assert own.clock.spent_s > 0.0
-    assert 0.0 < own_part(run, again, own.clock, rounds=5) < 1.0
+    assert own_part(run, again, own.clock, rounds=5) > 0.0
 
 
 def test_other_solvers_are_not_clocked() -> None:
@@ -36,14 +40,26 @@ def test_other_solvers_are_not_clocked() -> None:
     assert clocked(registry.solver("henon")) is None
 
 
-def test_the_part_is_the_calls_of_one_run_over_a_whole_one() -> None:
-    """Two sleeps in a row: what is clocked is a half of the whole, and what was clocked before does not count."""
-    clock = Clock(spent_s=100.0)
+def test_the_part_is_the_calls_of_one_run_over_a_whole_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The median over rounds behind the first, and what was clocked before a run does not count."""
+    clock, wholes, owns = Clock(spent_s=100.0), iter([1.0, 8.0, 4.0, 2.0]), iter([1.0, 1.0, 1.0, 1.0])
+    monkeypatch.setattr(own_calls, "timed", lambda run: next(wholes))
 
     def clocked_run() -> None:
-        clock.spent_s += 0.02
+        clock.spent_s += next(owns)
 
-    assert own_part(lambda: time.sleep(0.04), clocked_run, clock, rounds=3) == pytest.approx(0.5, abs=0.25)
+    assert own_part(lambda: None, clocked_run, clock, rounds=3) == 0.25
+
+
+def test_a_pair_with_heyoka_is_timed_with_its_own_calls_and_no_other_one_is() -> None:
+    pytest.importorskip("heyoka")
+    problem = load_case(CASES / "free_coulomb.yaml").readings[0].problem
+    fast, own, slow = (Candidate(name, Setting(1e-9, 1e-9), 1e-3) for name in ("scipy-rk45", "heyoka", "scipy-dop853"))
+    pairs = (Pair(6, "heyoka", (fast,), (own,)), Pair(6, "scipy-dop853", (fast,), (slow,)))
+    rows, refused = PairedTiming("c", "r", problem, pairs, 0.01, 20.0, fewest=3).run(WorkerState(lambda *_: None))
+    assert refused == []
+    assert rows[0][OWN] > 0.0
+    assert rows[1][OWN] is None
 
 
 def pair(digits: int, *, wall: float = 1e-4, own: float | None = 4e-4) -> dict[str, object]:

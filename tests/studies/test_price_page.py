@@ -8,7 +8,7 @@ from pathlib import Path
 from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import provenance
-from henon_ref.report.text.paired_times import COLUMNS
+from henon_ref.report.text.paired_times import COLUMNS, OWN
 from henon_ref.studies.price.compiling import Ready
 from henon_ref.studies.price.growth import Horizon
 from henon_ref.studies.price.landings import Landed
@@ -28,7 +28,7 @@ def prices() -> Prices:
     pair = dict.fromkeys(COLUMNS) | {
         "case": "c", "reading": "late", "digits": 9, "against": "heyoka", "rtol": 1e-9, "rival": "heyoka",
         "rival_rtol": 1e-9, "wall_s": 1e-5, "rival_wall_s": 4e-5, "ratio": 0.25, "ratio_low": 0.2, "ratio_high": 0.3,
-        "rounds": 3, SAMPLES: [1e-5] * 3, RIVAL_SAMPLES: [4e-5] * 3,
+        "rounds": 3, OWN: 2e-5, SAMPLES: [1e-5] * 3, RIVAL_SAMPLES: [4e-5] * 3,
     }  # fmt: skip
     landings = ("henon", "henon-newton", "henon-brent")
     return Prices(
@@ -56,7 +56,10 @@ def test_every_link_of_the_page_leads_to_a_file(tmp_path: Path) -> None:
 def test_the_page_shows_what_was_measured(tmp_path: Path) -> None:
     text = write_page(prices(), provenance("make it again"), tmp_path).read_text(encoding="utf-8")
     assert "## c, late" in text
-    assert "| 4 (3.3 to 5) |" in text
+    assert "| 4 (3.3 to 5) | 2 |" in text
+    assert "| `heyoka`, its own calls alone |  |  | 2 |  |" in text
+    assert "| 4 | 20 µs |" in text
+    assert "its own calls of `propagate_until` are 50%" in text
     assert "Times in the figure: 3; 1 scatter" in text
     assert "1 rest on one or two runs" in text
     assert "| 0.75 |  |\n" in text

@@ -14,6 +14,7 @@ from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.write import REPORT
 from henon_ref.report.text.ranking import LEVELS, NOT_RUN, name, number
 from henon_ref.report.text.tables import Table
+from henon_ref.score.errors import EARLY
 from henon_ref.text import code, markdown
 
 FOLDER = "restarts"
@@ -24,12 +25,15 @@ MOST = LEVELS[-1]
 QUICKER = 0.8
 """Of as many right runs with as many digits those are better that take less than this part of the time: what the
 machine does meanwhile changes times by less."""
-COLUMNS = ("case", "solver", "restart", "runs", "right", "digits", "wall_s", "otherwise")
+ENDINGS = ("right", "wrong", "ended_early", "failed")
+"""How a run may end: with the exact run's transitions, with others, before its time, or not at all."""
+COLUMNS = ("case", "solver", "restart", "runs", *ENDINGS, "missed", "spurious", "elsewhere", "digits", "wall_s")
 """A row a case, library and restart, over the case's readings and tolerances.
 
-* ``runs``: that were made; ``right``: of these;
-* ``digits``: of the right runs, each counted up to MOST, in all; ``wall_s``: their wall times, in all [s];
-* ``otherwise``: how the others ended, with what they missed and invented.
+* ``runs``: that were made; then how many ended in each way;
+* ``missed``, ``spurious``: transitions, in all runs;
+* ``elsewhere``: runs that are not right though another restart of the library is, on the same reading and tolerance;
+* ``digits``: of the right runs, each counted up to MOST, in all; ``wall_s``: their wall times, in all [s].
 """
 WHY = {
     "event-free-step": "what happens within the event-free step is seen at its end, and a guard that stays at zero "
@@ -61,29 +65,47 @@ class Merit:
 def suite_rows(runs: Iterable[Row]) -> list[Row]:
     """Rows of the suite from rows of runs, whose solvers are named with their restarts."""
     own: dict[tuple[str, str, str], list[Row]] = {}
+    solved: dict[tuple[object, ...], set[str]] = {}
     for row in runs:
         if row["status"] not in NOT_RUN:
             key = str(row["case"]), registry.base_name(name(row)), registry.restart_of(name(row))
             own.setdefault(key, []).append(row)
+            if row["verdict"] == "right":
+                solved.setdefault(_problem(row), set()).add(name(row))
     found: list[Row] = []
     for (case, library, restart), rows in own.items():
         right = [row for row in rows if row["verdict"] == "right"]
         digits = sum(min(number(row, "digits"), MOST) for row in right if row["digits"] is not None)
         wall = sum(number(row, "wall_s") for row in right if row["wall_s"] is not None)
-        counts = {"runs": len(rows), "right": len(right), "digits": round(digits, 2), "wall_s": float(f"{wall:.4g}")}
-        ends = _otherwise([row for row in rows if row["verdict"] != "right"])
-        found.append({"case": case, "solver": library, "restart": restart, **counts, "otherwise": ends})
+        ends = Counter(map(ending, rows))
+        edits = {c: sum(int(number(row, c)) for row in rows if row[c] is not None) for c in ("missed", "spurious")}
+        elsewhere = sum(bool(solved.get(_problem(row), set()) - {name(row)}) for row in rows if row not in right)
+        names: Row = {"case": case, "solver": library, "restart": restart, "runs": len(rows)}
+        counts: Row = {**{end: ends[end] for end in ENDINGS}, **edits, "elsewhere": elsewhere}
+        found.append(names | counts | {"digits": round(digits, 2), "wall_s": float(f"{wall:.4g}")})
     return found
 
 
-def _otherwise(rows: Sequence[Row]) -> str | None:
-    """How runs that are not right ended."""
-    ends = Counter(str(row["status"]) for row in rows if row["status"] not in ("ok", "wrong"))
-    words = [f"{count} {end}" for end, count in ends.items()]
-    for column in ("missed", "spurious"):
-        edits = sum(int(number(row, column)) for row in rows if row[column] is not None)
-        words += [f"{edits} {column}"] if edits else []
-    return ", ".join(words) or ("another end or state" if rows else None)
+def _problem(row: Row) -> tuple[object, ...]:
+    """What a library is to solve: reading and tolerance."""
+    return row["case"], row["reading"], row["rtol"], registry.base_name(name(row))
+
+
+def ending(row: Row) -> str:
+    """How a run that was made ended."""
+    if row["verdict"] == "right":
+        return "right"
+    if row["status"] in ("failed", "timeout") or row["missed"] is None:
+        return "failed"
+    return "ended_early" if row["status"] in EARLY else "wrong"
+
+
+def merged(fresh: Sequence[Row], earlier: Sequence[Row]) -> list[Row]:
+    """Fresh rows and, of libraries that have none, earlier ones, in the registry's order of libraries."""
+    present = {row["solver"] for row in fresh}
+    rows = [*fresh, *(row for row in earlier if row["solver"] not in present)]
+    order = {solver: place for place, solver in enumerate(registry.names())}
+    return sorted(rows, key=lambda row: (str(row.get("case", "")), order.get(name(row), len(order))))
 
 
 def read_suite(folder: Path) -> list[Row]:
@@ -173,4 +195,10 @@ def _beaten(rows: Sequence[Row], library: str) -> tuple[str, ...] | None:
     mine = next(row for row in rows if (row["solver"], row["restart"]) == (library, default))
     runs = f" of {number(mine, 'runs'):.0f}"
     right = f"{found[default].right}{runs}", f"{most}{runs}"
-    return code(default), right[0], ", ".join(map(code, best)), right[1], str(mine["otherwise"] or "")
+    return code(default), right[0], ", ".join(map(code, best)), right[1], _wrong(mine)
+
+
+def _wrong(row: Row) -> str:
+    """What goes wrong in the runs of a row of the suite."""
+    counts = [(column, int(number(row, column))) for column in (*ENDINGS[1:], "missed", "spurious")]
+    return ", ".join(f"{n} {column.replace('_', ' ')}" for column, n in counts if n)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from henon_ref.columns import Row
-from henon_ref.report.text.paired_times import FIRST
+from henon_ref.report.text.paired_times import FIRST, SECOND, own_ratio
 from henon_ref.report.text.ranking import name, number, reaching, readings_of
 from henon_ref.studies.price.ladder import TIMEOUT
 
@@ -26,6 +26,15 @@ def mean_costs(found: Sequence[Row], digits: int) -> dict[str, float]:
     each = [costs(found, reading, digits) for reading in readings]
     common = [solver for solver in dict.fromkeys(s for own in each for s in own) if all(solver in own for own in each)]
     return {solver: math.exp(sum(math.log(own[solver]) for own in each) / len(each)) for solver in common}
+
+
+def mean_own_cost(found: Sequence[Row], digits: int) -> float | None:
+    """The same mean for heyoka's own calls alone; None where they are not known in every reading of its mean."""
+    own = [own_ratio(row) for row in found if (row["rival"], row["digits"]) == (SECOND, digits)]
+    known = [ratio for ratio in own if ratio]
+    if not known or len(known) < len(own) or SECOND not in mean_costs(found, digits):
+        return None
+    return math.exp(sum(map(math.log, known)) / len(known))
 
 
 def why_not(rows: Sequence[Row], solver: str, digits: int) -> str:

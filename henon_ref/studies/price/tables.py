@@ -12,7 +12,7 @@ from henon_ref.report.text.ranking import LEVELS, by_solver, number, readings_of
 from henon_ref.report.text.tables import Table
 from henon_ref.studies.price import effects
 from henon_ref.studies.price.compiling import AGAINST, Ready, paid_after
-from henon_ref.studies.price.costs import costs, mean_costs, why_not
+from henon_ref.studies.price.costs import costs, mean_costs, mean_own_cost, why_not
 from henon_ref.studies.price.effects import Step
 from henon_ref.studies.price.growth import Horizon
 from henon_ref.studies.price.landings import Landed
@@ -39,6 +39,9 @@ def whole_table(rows: Sequence[Row], pairs: Sequence[Row]) -> Table:
             for level, own in means.items()
         ]
         lines.append((f"`{solver}`", *cells))
+        if solver == SECOND and any(alone := [mean_own_cost(pairs, level) for level in LEVELS]):
+            words = (significant(cost, 2) if cost else "" for cost in alone)
+            lines.append((f"`{SECOND}`, its own calls alone", *words))
     return Table(("solver", *(f"{level} digits" for level in LEVELS)), "l" + "r" * len(LEVELS), lines)
 
 

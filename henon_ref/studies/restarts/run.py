@@ -9,8 +9,7 @@ from henon_ref import registry
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.casefile.case import Case
 from henon_ref.report.files.manifest import Provenance
-from henon_ref.report.text.restarts import FOLDER
-from henon_ref.studies.restarts.options import options_of
+from henon_ref.studies.restarts.options import option_rows, options_of
 from henon_ref.studies.restarts.page import write_page
 from henon_ref.studies.restarts.runs import Entry, run_all
 
@@ -45,7 +44,7 @@ def run_restarts(
     study = run_all(cases, groups, options, observer)
     if not study.rows:
         return None
-    tried = options_of(list(found))
-    pairs: list[tuple[Entry, ...]] = [(option.without, option.with_it) for option in tried]
-    rows = run_all(cases, pairs, options, observer).rows if tried else []
-    return write_page(study, tried, rows, origin, out / FOLDER)
+    options_tried = options_of(list(found))
+    pairs: list[tuple[Entry, ...]] = [(option.without, option.with_it) for option in options_tried]
+    runs = run_all(cases, pairs, options, observer).rows if pairs else []
+    return write_page(study, option_rows(options_tried, runs), origin, out)
