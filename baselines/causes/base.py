@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 
 class ClaimError(AssertionError):
@@ -35,3 +36,22 @@ def holds(condition: object, words: str) -> None:
     """
     if not condition:
         raise ClaimError(words)
+
+
+def elsewhere(check: Callable[[], str]) -> Callable[[], str]:
+    """The check in a process of its own: for a library whose threads a process that forks must not have, or that may
+    end the process.
+
+    Parameters
+    ----------
+    check : callable
+        A function of a module, without arguments.
+    """
+    return partial(_elsewhere, check)
+
+
+def _elsewhere(check: Callable[[], str]) -> str:
+    from loky import ProcessPoolExecutor
+
+    with ProcessPoolExecutor(1) as pool:
+        return str(pool.submit(check).result())

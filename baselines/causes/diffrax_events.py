@@ -1,0 +1,186 @@
+"""diffrax's ``Event`` with a root finder. Each check runs in a process of its own: jax starts threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from baselines.causes.base import Cause, elsewhere, holds
+
+DOCS = "https://docs.kidger.site/diffrax/api/events/"
+ISSUES = "https://github.com/patrick-kidger/diffrax/issues"
+TOLERANCE = 1e-12
+
+
+def solve(
+    field: Callable[..., Any],
+    start: list[float],
+    until: float,
+    conditions: Any,
+    *,
+    finder: Any = None,
+    direction: bool | None = None,
+    step: float | None = None,
+    solver: Any = None,
+) -> Any:
+    """``diffeqsolve`` with an event: Dopri8, in steps of one length or adaptive, Newton's method as its page has it."""
+    import diffrax
+    import jax
+    import optimistix
+
+    jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_platforms", "cpu")
+    controller = diffrax.PIDController(rtol=TOLERANCE, atol=TOLERANCE) if step is None else diffrax.ConstantStepSize()
+    return diffrax.diffeqsolve(
+        diffrax.ODETerm(lambda t, y, args: jax.numpy.array(field(t, y), dtype=float)),
+        solver or diffrax.Dopri8(),
+        0.0,
+        until,
+        step,
+        jax.numpy.array(start),
+        stepsize_controller=controller,
+        event=diffrax.Event(conditions, finder or optimistix.Newton(TOLERANCE, TOLERANCE), direction),
+        throw=False,
+    )
+
+
+def _one(t: Any, y: Any) -> list[float]:
+    return [1.0]
+
+
+def _oscillator(t: Any, y: Any) -> list[Any]:
+    return [y[1], -y[0]]
+
+
+def _ball(t: Any, y: Any) -> list[Any]:
+    return [y[1], -1.0]
+
+
+def last_root() -> str:
+    """y' = 1 from 0 through (1 - y)(2 - y)(3 - y), in one step to 4."""
+
+    def condition(t: Any, y: Any, args: Any, **_: Any) -> Any:
+        return (1.0 - y[0]) * (2.0 - y[0]) * (3.0 - y[0])
+
+    newton = float(solve(_one, [0.0], 4.0, condition, step=4.0).ts[0])
+    holds(abs(newton - 3) < 1e-9, f"Newton's method stops it at {newton}")
+    return f"of roots at 1, 2 and 3 in a step from 0 to 4 Newton's method gives {newton:.6f}"
+
+
+def pair_in_one_step() -> str:
+    """y' = 1 through (1 - y)^2 = d^2/4: two roots, and no step ends between them."""
+    found = solve(_one, [0.0], 2.0, lambda t, y, args, **_: (y[0] - 1.0) ** 2 - 2.5e-5, step=0.3)
+    holds(float(found.ts[0]) == 2.0, f"it stops at {found.ts[0]}")
+    return "roots at t = 0.995 and 1.005, in one of steps of 0.3, are not reported; the run ends at 2"
+
+
+def first_in_the_list() -> str:
+    """Two conditions that change in one step, in either order."""
+    late, early = (lambda t, y, args, **_: y[0] - 1.0), (lambda t, y, args, **_: y[0] - 0.5)
+    one, other = (float(solve(_one, [0.0], 4.0, pair, step=2.0).ts[0]) for pair in ((late, early), (early, late)))
+    holds(abs(one - 1) < 1e-9 and abs(other - 0.5) < 1e-9, f"it stops at {one} and {other}")
+    return f"roots at t = 0.5 and 1 in one step: the run stops at {one:g} or {other:g}, by the order of the conditions"
+
+
+def start_on_the_surface() -> str:
+    """A ball at its surface, without a direction and with one."""
+    def height(t: Any, y: Any, args: Any, **_: Any) -> Any:
+        return y[0]
+
+    either = solve(_ball, [0.0, 1.0], 3.0, height)
+    falling = solve(_ball, [0.0, 1.0], 3.0, height, direction=False)
+    lifted = solve(_ball, [1e-12, 1.0], 3.0, height, direction=False)
+    stops = [float(found.ts[0]) for found in (either, falling, lifted)]
+    steps = int(either.stats["num_steps"])
+    holds(abs(stops[0]) < 1e-9 or steps == 1, f"without a direction it stops at {stops[0]} after {steps} steps")
+    holds(abs(stops[2] - 2) < 1e-6, f"lifted, with a direction, it stops at {stops[2]}")
+    return (
+        f"thrown up from its surface at t = 0, a ball that comes down at 2 is stopped at {stops[0]:.3g} after {steps} "
+        f"step without a direction, at {stops[1]:.6g} with one; started 1e-12 above it comes down at {stops[2]:.6f}"
+    )
+
+
+def bisection_has_units() -> str:
+    """y' = 1 through 1 - y, in two units of the condition."""
+    import diffrax
+    import optimistix
+
+    results = []
+    for unit in (1.0, 1e6):
+        found = solve(
+            _one, [0.0], 3.0, lambda t, y, args, unit=unit, **_: unit * (1.0 - y[0]) + 0.1 * unit * (1.0 - y[0]) ** 3,
+            finder=optimistix.Bisection(1e-13, 1e-13), step=0.7,
+        )  # fmt: skip
+        results.append(bool(found.result == diffrax.RESULTS.event_occurred))
+    holds(results == [True, False], f"an event is reported: {results}")
+    return "the root of a condition is found in one unit, and 1e6 times it ends the run with the root finder's failure"
+
+
+def dense_output_of_lower_order() -> str:
+    """cos(t): its value where a step ends at pi/2, and the root that an event finds there."""
+    import math
+
+    quarter = math.pi / 2
+    ended = solve(_oscillator, [1.0, 0.0], quarter, lambda t, y, args, **_: y[0] + 2.0)
+    event = solve(_oscillator, [1.0, 0.0], 3.0, lambda t, y, args, **_: y[0])
+    state, time = abs(float(ended.ys[0][0])), abs(float(event.ts[0]) - quarter)
+    holds(time > 20 * state, f"error of the state {state}, of the event {time}")
+    return f"cos(t) by Dopri8 at 1e-12: a step to pi/2 ends {state:.1e} off, an event finds the root {time:.1e} s off"
+
+
+DIFFRAX = (
+    Cause(
+        "diffrax-last-root",
+        "diffrax",
+        "The last root of a step, not the first",
+        "The root finder starts at the step's end: Newton's method goes to the root there, bisection to some root of "
+        "the step. The adapter takes bisection; of three roots in a step it may take any.",
+        elsewhere(last_root),
+        (DOCS, "https://github.com/patrick-kidger/diffrax/pull/644"),
+    ),
+    Cause(
+        "diffrax-pair",
+        "diffrax",
+        "diffrax: two roots in one step cancel",
+        "Signs of a condition are compared at the two ends of a step. An even number of roots in between leaves no "
+        "trace.",
+        elsewhere(pair_in_one_step),
+        (DOCS,),
+    ),
+    Cause(
+        "diffrax-list-order",
+        "diffrax",
+        "Of several conditions the first in the list counts",
+        "Where two conditions change sign in one step, the run stops at the root of the one that is listed first, "
+        "though the other's may be earlier. The adapter gives one condition, the minimum of all guards.",
+        elsewhere(first_in_the_list),
+        (f"{ISSUES}/639",),
+    ),
+    Cause(
+        "diffrax-start",
+        "diffrax",
+        "A zero at the start is a change of sign",
+        "A condition that is exactly zero where a run starts has changed its sign by the end of the first step. The "
+        "adapter starts every guard clearly above zero, and counts falling roots only.",
+        elsewhere(start_on_the_surface),
+        (DOCS,),
+    ),
+    Cause(
+        "diffrax-bisection-units",
+        "diffrax",
+        "Bisection ends by the size of the condition, too",
+        "optimistix's bisection ends only where the interval is small and the condition below the absolute tolerance; "
+        "where rounding keeps the condition above, the run fails. The adapter scales the condition down.",
+        elsewhere(bisection_has_units),
+        ("https://docs.kidger.site/optimistix/api/root_find/",),
+    ),
+    Cause(
+        "diffrax-dense-output",
+        "diffrax",
+        "Events on a dense output of lower order",
+        "An event is located on the step's dense output, whose order is below the step's (5 for Dopri8, 3 for "
+        "Kvaerno5): its time, and the state there, are less accurate than what the steps carry.",
+        elsewhere(dense_output_of_lower_order),
+        (DOCS,),
+    ),
+)

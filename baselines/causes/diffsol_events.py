@@ -1,0 +1,140 @@
+"""diffsol by pydiffsol and its stop functions. Some checks run in a process of their own, which the library ends."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+
+from baselines.causes.base import Cause, holds
+
+DIFFSL = "https://martinjrobins.github.io/diffsl"
+
+
+def solve(text: str, until: float, method: str = "tsit45") -> Any:
+    """A model in DiffSL to its horizon or its first stop, at 1e-10."""
+    import pydiffsol
+
+    ode = pydiffsol.Ode(text, ode_solver=getattr(pydiffsol, method))
+    ode.rtol = ode.atol = 1e-10
+    return ode.solve(np.array([]), until)
+
+
+def pair_in_one_step() -> str:
+    """y' = 1 through y^2 = d^2/4: two roots, and no step ends between them."""
+    for method in ("tsit45", "bdf"):
+        found = solve("u_i { y = -1.0 } F_i { 1.0 } stop_i { y * y - 1e-12 }", 2.0, method)
+        holds(found.ts[-1] == 2.0, f"{method} stops at {found.ts[-1]}")
+    return "roots at t = 1 - 1e-6 and 1 + 1e-6 are reported neither by tsit45 nor by bdf; the run ends at 2"
+
+
+def any_direction() -> str:
+    """A ball that starts one rounding below its surface, upwards, and one exactly on it."""
+    below = solve("u_i { x = -1e-15, v = 1.0 } F_i { v, -1.0 } stop_i { x }", 3.0)
+    on = solve("u_i { x = 0.0, v = 1.0 } F_i { v, -1.0 } stop_i { x }", 3.0)
+    holds(below.ts[-1] < 1e-9 and abs(on.ts[-1] - 2) < 1e-9, f"they stop at {below.ts[-1]} and {on.ts[-1]}")
+    return (
+        f"thrown up from 1e-15 below its surface a ball is stopped at t = {below.ts[-1]:.1e}; from the surface itself "
+        f"it comes down at {on.ts[-1]:.6f}"
+    )
+
+
+def bounce_falls_through() -> str:
+    """A ball dropped from 1, with ``reset_i { x, -0.8 * v }`` at ``stop_i { x }``."""
+    text = "u_i { x = 1.0, v = 0.0 } F_i { v, -9.81 } stop_i { x } reset_i { x, -0.8 * v }"
+    found = solve(text, 4.0, "bdf")
+    lowest = float(np.asarray(found.ys)[0].min())
+    holds(lowest < -1.0, f"its lowest point is {lowest}")
+    return f"a ball dropped from 1 m onto a floor at 0, restitution 0.8, is at {lowest:.1f} m by t = 4 s"
+
+
+TAN = "import pydiffsol; pydiffsol.Ode('u_i { y = 0.5 } F_i { tan(y) }'); print('made')"
+
+
+def tangent_ends_the_process() -> str:
+    """A model with ``tan``, in a process of its own."""
+    done = subprocess.run([sys.executable, "-c", TAN], capture_output=True, text=True, check=False, timeout=120)
+    holds(done.returncode != 0 and "made" not in done.stdout, f"exit status {done.returncode}")
+    said = next((line.strip() for line in done.stderr.splitlines() if "Enzyme" in line), "")
+    holds(bool(said), f"it says {done.stderr[-200:]}")
+    return f"`F_i {{ tan(y) }}` ends the process with status {done.returncode}: {said.rpartition(': ')[2]}"
+
+
+def number_that_is_none() -> str:
+    """h' = -sqrt(h) from 1: h = (1 - t/2)^2, and nothing is left at t = 2."""
+    found = solve("u_i { h = 1.0 } F_i { -sqrt(h) } stop_i { h + 1.0 }", 4.0)
+    heights = np.asarray(found.ys)[0]
+    holds(found.ts[-1] == 4.0 and not np.isfinite(heights[-1]), f"h({found.ts[-1]}) = {heights[-1]}")
+    try:
+        solve("u_i { h = 1.0 } F_i { -sqrt(h) } stop_i { h + 1.0 }", 4.0, "bdf")
+    except RuntimeError as error:
+        return f"tsit45 goes on to t = 4 with h = nan and reports nothing; bdf ends: {error}"
+    return holds(False, "bdf says nothing") or ""
+
+
+def blow_up_is_a_small_step() -> str:
+    """x' = x^2 from 1 ends at t = 1."""
+    try:
+        found = solve("u_i { x = 1.0 } F_i { x * x }", 2.0, "bdf")
+    except RuntimeError as error:
+        holds("Step size is too small" in str(error), str(error))
+        return f"bdf on x' = x²: {error}; what it had computed is lost"
+    return holds(False, f"it goes on to {found.ts[-1]}") or ""
+
+
+DIFFSOL = (
+    Cause(
+        "diffsol-pair",
+        "pydiffsol",
+        "diffsol: two roots in one step cancel",
+        "Signs of a stop function are compared at the two ends of a step. An even number of roots in between leaves "
+        "no trace.",
+        pair_in_one_step,
+    ),
+    Cause(
+        "diffsol-any-direction",
+        "pydiffsol",
+        "A stop at every change of sign, and by nobody knows which",
+        "A stop function has no direction, and the result does not say which of several stopped the run. One that is "
+        "exactly zero at the start is out of play; a rounding below it stops the run as it rises. The adapter starts "
+        "guards above zero and goes on where one has risen.",
+        any_direction,
+        (f"{DIFFSL}/odes.html",),
+    ),
+    Cause(
+        "diffsol-reset",
+        "pydiffsol",
+        "A bounce falls through the floor",
+        "`reset_i` leaves the state where the stop was found, a rounding beyond the surface: the stop function is "
+        "negative from there on, and changes its sign no more. The adapter resets nothing: the driver puts the state "
+        "on the surface and starts another mode.",
+        bounce_falls_through,
+        (f"{DIFFSL}/odes.html",),
+    ),
+    Cause(
+        "diffsol-tan",
+        "pydiffsol",
+        "tan ends the process",
+        "Enzyme, which differentiates the model, does not know LLVM's intrinsic for the tangent, and aborts. The "
+        "adapter writes a quotient.",
+        tangent_ends_the_process,
+        (f"{DIFFSL}/functions.html",),
+    ),
+    Cause(
+        "diffsol-nan",
+        "pydiffsol",
+        "tsit45 takes a NaN for a state",
+        "Where the field has no value, tsit45 goes on with a state that is no number, to the horizon, and reports "
+        "success.",
+        number_that_is_none,
+    ),
+    Cause(
+        "diffsol-small-step",
+        "pydiffsol",
+        "A blow-up is a step that is too small",
+        "diffsol has no word for divergence; the error holds the time and nothing of what was computed before.",
+        blow_up_is_a_small_step,
+    ),
+)

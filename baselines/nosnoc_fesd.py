@@ -1,0 +1,289 @@
+"""nosnoc: finite elements with switch detection (FESD), the one peer with a Filippov method of its own.
+
+It runs without the driver: the case's field in each region of its surfaces goes to nosnoc as it is (one ``F`` column
+a combination of signs), the sliding is nosnoc's own (Stewart's or Heaviside's complementarity system; here Heaviside
+steps, whose alpha is a sign's weight), and transitions are read off the ends of its finite elements: where alpha goes
+from 0 to 1, and where it lies in between.
+
+nosnoc has no error control. Its user chooses a grid, the number of stages of Radau IIA (order 2 n - 1) and the
+tolerance of the complementarity. Here the tolerance of a row chooses the last two (:data:`STAGES`), and the grid is the
+same for all: as many equal control steps as SciPy's RK45 takes steps at 1e-3, two finite elements each, so that motion
+and events are resolved; a control step has room for one switch. So a tolerance of a row is a level of effort, not a
+bound on an error. A coarser grid is silently wrong (:mod:`baselines.causes.nosnoc_grid`).
+
+The homotopy starts at 1e-2 and falls by 1e-4 a step, a quarter of the work of the default. Where IPOPT calls a control
+step infeasible, the step is halved, up to three times, and then tried with slower homotopies, the last of them nosnoc's
+default. Where that fails, too, nosnoc itself prints a warning and goes on; the run ends here.
+"""
+
+from __future__ import annotations
+
+import copy
+import io
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from importlib import metadata
+from importlib.util import find_spec
+from itertools import product
+from math import ceil
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from baselines.driver import Driver, tolerances
+from baselines.flow import LIMIT
+from baselines.record import Record
+from baselines.scipy_ivp import RK45
+from baselines.work import DeadlinePassed, Work
+from henon_ref.errors import UnavailableError, UnsupportedError
+from henon_ref.filippov.callables import rounded
+from henon_ref.filippov.kinks import visible
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.problem import Problem
+from henon_ref.solver import Run
+from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Trajectory
+
+STAGES = ((1e-7, 3), (1e-10, 4), (0.0, 5))
+"""Tolerances above the first number have so many stages: 3 at 1e-6, 4 at 1e-9, 5 at 1e-12."""
+COMPLEMENTARITY = (1e-12, 1e-8)
+"""The complementarity's tolerance is a hundredth of the row's, within these."""
+GRID = 1e-3
+"""Tolerance of the run whose steps are counted for the grid."""
+FEWEST, MOST = 20, 20_000
+"""Control steps of a run."""
+ELEMENTS = 2
+"""Finite elements of a control step."""
+HOMOTOPIES = ((1e-2, 1e-4), (1e-1, 1e-2), (1.0, 0.1))
+"""Start and factor of the homotopy, tried in turn; the last is nosnoc's default."""
+HALVINGS = 3
+"""So often a control step is halved where IPOPT finds none."""
+ITERATIONS = 100
+"""Most iterations of IPOPT."""
+MOST_SURFACES = 3
+"""The regions are 2 to this power."""
+EMPTY = 1e-9
+"""A finite element shorter than this part of its control step holds no mode."""
+FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
+
+
+@dataclass(frozen=True)
+class Nosnoc:
+    """nosnoc's solver, one control step after another.
+
+    Counts: ``steps`` are finite elements; nosnoc counts no right-hand sides (0), and there are no event functions.
+    """
+
+    name: str
+    fixed_step: bool = False
+    landing: str = "switch detection"
+
+    @property
+    def version(self) -> str:
+        """nosnoc's version, empty where it is not installed."""
+        try:
+            return metadata.version("nosnoc")
+        except metadata.PackageNotFoundError:
+            return ""
+
+    def unavailable(self) -> str:
+        """Why it cannot be had; empty where it can."""
+        return "" if find_spec("nosnoc") else "nosnoc is not installed: pip install 'henon-ref[peers]'"
+
+    def prepare(
+        self,
+        problem: Problem,
+        *,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        sample_times: NDArray[np.float64] | None = None,
+        deadline: float | None = None,
+    ) -> Run:
+        """Build the nonlinear program; see :meth:`henon_ref.solver.Solver.prepare`. There are no samples.
+
+        Raises
+        ------
+        UnavailableError
+        UnsupportedError
+            Where a surface has its own sliding, the model ends, or there are too many surfaces.
+        """
+        rtol, _ = tolerances(self.name, rtol, atol, step)
+        system = problem.system
+        if system.overrides:
+            raise UnsupportedError("nosnoc slides by Filippov's combination only, and the case replaces it")
+        if system.valid:
+            raise UnsupportedError("nosnoc has no word for the end of a model ('valid')")
+        if not 1 <= len(system.surfaces) <= MOST_SURFACES:
+            raise UnsupportedError(f"{len(system.surfaces)} surfaces: the adapter gives nosnoc 1 to {MOST_SURFACES}")
+        if self.unavailable():
+            raise UnavailableError(self.unavailable())
+        return _Simulation(problem, rtol, self.landing, deadline).run
+
+
+class _Simulation:
+    """One problem, ready to run again and again."""
+
+    def __init__(self, problem: Problem, rtol: float, landing: str, deadline: float | None) -> None:
+        import casadi
+        import nosnoc
+
+        self.problem, self.landing = problem, landing
+        self.work = Work(deadline)
+        self.start, self.until = float(problem.start), float(problem.until)
+        self.success = nosnoc.Status.SUCCESS
+        self.steps = _control_steps(problem, deadline)
+        self.length = (self.until - self.start) / self.steps
+        self.clocked = any(e.has(TIME) for e in (*problem.system.field, *problem.system.surfaces))
+        initial = [float(v) for v in problem.initial]
+        self.initial = np.array([*initial, self.start] if self.clocked else initial)
+        self.solvers = []
+        for level in range(HALVINGS + 1):
+            model = nosnoc.NosnocModel(x0=self.initial, **_model(casadi, problem, self.clocked))
+            options = _options(nosnoc, rtol, self.length / 2**level)
+            self.solvers.append(nosnoc.NosnocSolver(options, model))
+
+    def run(self) -> Trajectory:
+        """The whole run, afresh."""
+        system, self.largest = self.problem.system, np.full(len(self.problem.system.surfaces), 1e-300)
+        self.work.start()
+        states = len(system.states)
+        record = Record(self.work, len(system.surfaces), states, self.until - self.start, None, self.landing, 0.0)
+        with threadpool_limits(1):
+            found = self._march(record, states)
+        return found._replace(transitions=visible(system, found.transitions))
+
+    def _march(self, record: Record, states: int) -> Trajectory:
+        x, mode = self.initial, (0,) * len(self.problem.system.surfaces)
+        for k in range(self.steps):
+            t = self.start + k * self.length
+            try:
+                self.work.check()
+            except DeadlinePassed:
+                return record.finish("timeout", t, x[:states].tolist(), mode, f"stopped after {self.work.deadline:g} s")
+            elements = self._step(x, 0)
+            if elements is None:
+                return record.finish("failed", t, x[:states].tolist(), mode, f"IPOPT finds no step from t = {t:.17g}")
+            for at, element in enumerate(elements):
+                if element.length > EMPTY * self.length:
+                    after = self._mode(element)
+                    if after != mode and (k or at):
+                        record.event(t, 0.0, tuple(x[:states].tolist()), mode, after, ())
+                    mode = after
+                    record.drift = max([record.drift, *element.off[[s == 0 for s in mode], -1]])
+                t, x = t + element.length, element.x
+            if not np.abs(x).max() <= LIMIT:
+                return record.finish("diverged", t, x[:states].tolist(), mode, f"the state passed {LIMIT:g} at t = {t:.17g}")
+        return record.finish("ok", self.until, tuple(x[:states].tolist()), mode)
+
+    def _step(self, x: NDArray[np.float64], level: int) -> list[SimpleNamespace] | None:
+        """The finite elements of one control step, halved so often; None where IPOPT finds none."""
+        for homotopy in HOMOTOPIES if level == HALVINGS else HOMOTOPIES[:1]:
+            found = self._solved(x, level, *homotopy)
+            if found is not None:
+                return found
+        if level == HALVINGS:
+            return None
+        first = self._step(x, level + 1)
+        second = None if first is None else self._step(first[-1].x, level + 1)
+        return None if first is None or second is None else first + second
+
+    def _solved(self, x: NDArray[np.float64], level: int, sigma: float, factor: float) -> list[SimpleNamespace] | None:
+        solver = self.solvers[level]
+        options = solver.opts
+        options.sigma_0, options.homotopy_update_slope = sigma, factor
+        options.max_iter_homotopy = ceil(np.log(options.sigma_N / sigma) / np.log(factor)) + 1
+        solver.set("x0", x)
+        with redirect_stdout(io.StringIO()):  # it prints that IPOPT failed
+            result = solver.solve()
+        if result["status"] != self.success:
+            return None
+        self.work.steps += ELEMENTS
+        return _elements(solver.problem, result)
+
+    def _mode(self, element: SimpleNamespace) -> Mode:
+        """A surface slides where its weight is between 0 and 1 by more than the state is off it.
+
+        Of the two, which complement each other, one is zero but for the complementarity's tolerance; the state's
+        distance is taken as a part of the largest one so far.
+        """
+        weight, off = element.weight, element.off.max(axis=1)
+        self.largest = np.maximum(self.largest, off)
+        between = np.minimum(weight, 1.0 - weight).max(axis=1)
+        slides = between > off / self.largest
+        sides = np.where(weight.mean(axis=1) > 0.5, 1, -1)
+        return tuple(int(side) for side in np.where(slides, 0, sides))
+
+
+def _elements(problem: Any, result: dict[str, Any]) -> list[SimpleNamespace]:
+    """Length, state at the end, and weights and surfaces at the stages, shape (surfaces, stages), of each element."""
+    found = result["w_sol"]
+    by_stage = [
+        np.array([[found[stage[0]] for stage in element] for element in index[0]]).swapaxes(1, 2)
+        for index in (problem.ind_alpha, problem.ind_lambda_p, problem.ind_lambda_n)
+    ]
+    return [
+        SimpleNamespace(length=float(length), x=np.asarray(x), weight=weight, off=np.maximum(above, below))
+        for length, x, weight, above, below in zip(result["time_steps"], result["x_list"], *by_stage, strict=True)
+    ]
+
+
+def _control_steps(problem: Problem, deadline: float | None) -> int:
+    """Steps that RK45 takes at a loose tolerance, over the whole horizon."""
+    scout = Driver(problem, RK45.library(GRID, GRID), Work(deadline))
+    found = scout.run()
+    done = (found.end_time - scout.start) / (scout.until - scout.start)
+    return min(max(ceil(found.counts.steps / max(done, 1e-3)), FEWEST), MOST)
+
+
+def _options(nosnoc: Any, rtol: float, length: float) -> Any:
+    """nosnoc's options for a row's tolerance."""
+    options = nosnoc.NosnocOpts()
+    # The class's own dictionary is shared by all objects, with the tolerance that the first of them set.
+    options.opts_casadi_nlp = copy.deepcopy(nosnoc.NosnocOpts.opts_casadi_nlp)
+    options.opts_casadi_nlp["show_eval_warnings"] = False
+    options.irk_scheme = nosnoc.IrkSchemes.RADAU_IIA
+    options.irk_representation = nosnoc.IrkRepresentation.DIFFERENTIAL
+    options.pss_mode = nosnoc.PssMode.STEP
+    options.n_s = next(stages for bound, stages in STAGES if rtol > bound)
+    options.N_finite_elements = ELEMENTS
+    options.terminal_time = length
+    least, most = COMPLEMENTARITY
+    options.comp_tol = options.sigma_N = min(max(1e-2 * rtol, least), most)
+    options.tol_ipopt = 1e-2 * options.comp_tol
+    options.nlp_max_iter = ITERATIONS
+    options.sigma_0, options.homotopy_update_slope = HOMOTOPIES[0]
+    return options
+
+
+def _model(casadi: Any, problem: Problem, clocked: bool) -> dict[str, Any]:
+    """nosnoc's description: state, surfaces, regions by their signs, and the field in each."""
+    system = problem.system
+    names = [*system.states, *([TIME] if clocked else [])]
+    state = casadi.vertcat(*(casadi.SX.sym(f"x{k}") for k in range(len(names))))
+    regions = list(product((1, -1), repeat=len(system.surfaces)))
+
+    def converted(expressions: list[sp.Expr]) -> Any:
+        exprs = [rounded(system.numeric(e)) for e in expressions]
+        functions = {name: getattr(casadi, name) for name in FUNCTIONS}
+        values = sp.lambdify(names, exprs, modules=[functions], cse=True, dummify=True)(*casadi.vertsplit(state))
+        return casadi.vertcat(*values)
+
+    def field(region: tuple[int, ...]) -> Any:
+        signs = {s: sp.Integer(value) for s, value in zip(system.signs, region, strict=True)}
+        rates = converted([f.xreplace(signs) for f in system.field])
+        return casadi.vertcat(rates, 1.0) if clocked else rates
+
+    return {
+        "x": state,
+        "F": [casadi.horzcat(*map(field, regions))],
+        "S": [np.array(regions)],
+        "c": [converted(list(system.surfaces))],
+    }
+
+
+NOSNOC = Nosnoc("nosnoc")
