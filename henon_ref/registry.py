@@ -71,6 +71,13 @@ _BUILT_IN = {
     "octave-ode45": Entry(
         "baselines.octave.solver:ODE45", "octave", "baselines.octave.solver:octave_version", by_default=False
     ),
+    "siconos": Entry(
+        "baselines.siconos.solver:RELAY",
+        "siconos",
+        "baselines.siconos.solver:siconos_version",
+        fixed_step=True,
+        by_default=False,
+    ),
     "scipy-smoothed": Entry("baselines.scipy_naive:SMOOTHED", "scipy"),
     "scipy-sign": Entry("baselines.scipy_naive:SIGN", "scipy"),
     "heyoka+fastmath": Entry("baselines.heyoka_taylor:HEYOKA_FAST_MATH", "heyoka", by_default=False, restart="offset"),
