@@ -76,6 +76,13 @@ _BUILT_IN = {
     "octave-ode45": Entry(
         "baselines.octave.solver:ODE45", "octave", "baselines.octave.solver:octave_version", by_default=False, peer=True
     ),
+    "siconos": Entry(
+        "baselines.siconos.solver:RELAY",
+        "siconos",
+        "baselines.siconos.solver:siconos_version",
+        fixed_step=True,
+        by_default=False,
+    ),
     "scipy-smoothed": Entry("baselines.scipy_naive:SMOOTHED", "scipy"),
     "scipy-sign": Entry("baselines.scipy_naive:SIGN", "scipy"),
     "diffrax-dopri8": Entry("baselines.diffrax_ode:DOPRI8", "diffrax", restart="offset", by_default=False, peer=True),

@@ -49,11 +49,13 @@ class ProgramSolver:
     fixed_step: bool = False
     environment: Mapping[str, str] = field(default_factory=dict, hash=False)
     """Variables that the program gets besides ours."""
+    library_version: str = ""
+    """Of the library in it, for the results; empty where that is not known."""
 
     @property
     def version(self) -> str:
         """Of the library in it, empty where that is not known."""
-        return ""
+        return self.library_version
 
     def prepare(
         self,
@@ -111,7 +113,7 @@ class ProgramRun:
     """
 
     def __init__(self, solver: ProgramSolver, command: tuple[str, ...], problem: Problem, request: Request) -> None:
-        self._solver, self._command, self._problem, self._request = solver, command, problem, request
+        self._solver, self._command, self._problem, self.request = solver, command, problem, request
         self.wall_s = math.nan
         """Wall time of the latest run by the program's own clock [s]; NaN where it did not say."""
 
@@ -125,7 +127,7 @@ class ProgramRun:
         UnsupportedError, UnavailableError
             Where the program says so.
         """
-        request, start = self._request, self._request.problem.start
+        request, start = self.request, self.request.problem.start
         self.wall_s = math.nan
         try:
             response = self._response(request)
@@ -143,7 +145,7 @@ class ProgramRun:
         ContractError
             As for a run, and where it does not give so many times.
         """
-        response = self._response(self._request.model_copy(update={"untimed": 1, "timed": count}))
+        response = self._response(self.request.model_copy(update={"untimed": 1, "timed": count}))
         if len(response.wall_s) != count:
             raise ContractError(f"the program gives {len(response.wall_s)} times of {count} runs")
         self.wall_s = response.wall_s[-1]

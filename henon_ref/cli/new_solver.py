@@ -1,9 +1,10 @@
-"""The command ``new-solver``: a package with a solver to fill in, which works as it stands."""
+"""The command ``new-solver``: a package with a solver to fill in, which works as it stands, or that names a program."""
 
 from __future__ import annotations
 
 import os
 import re
+import shlex
 import sys
 from collections.abc import Sequence
 from importlib.metadata import packages_distributions
@@ -37,6 +38,13 @@ def main(
     out: Annotated[
         Path | None, typer.Option(metavar="PATH", help="Folder to write, ./NAME if left out.", show_default=False)
     ] = None,
+    program: Annotated[
+        str | None,
+        typer.Option(
+            metavar="COMMAND",
+            help="A program in any language that speaks the protocol, in place of a method in Python.",
+        ),
+    ] = None,
 ) -> int:
     """Write a package with a solver of your own, which works as it stands and has one method to fill in.
 
@@ -44,8 +52,9 @@ def main(
     """
     check_name(name)
     folder = out if out is not None else Path(name)
-    write_package(name, folder)
-    print(message(f"{folder}: {', '.join(package_files(name))}"))
+    words = command_words(program) if program is not None else ()
+    write_package(name, folder, words)
+    print(message(f"{folder}: {', '.join(package_files(name, words))}"))
     print(message(f"next: pip install -e {folder}, then henon-ref compare CASE.yaml --solvers {name}"))
     return DONE
 
@@ -81,8 +90,25 @@ def check_name(name: str) -> None:
         raise CaseError(f"an installed package has a module '{module}'; take another name")
 
 
-def package_files(name: str) -> dict[str, str]:
-    """Path of every file of the package -> its text.
+def command_words(command: str) -> tuple[str, ...]:
+    """The words of a command line, paths of files that are there made absolute.
+
+    Raises
+    ------
+    CaseError
+        Where it has none, or a quotation mark is left open.
+    """
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise CaseError(f"--program {shortened(command)}: {error}") from error
+    if not words:
+        raise CaseError('--program is empty; wanted a command line: --program "julia solver.jl"')
+    return tuple(str(Path(word).absolute()) if Path(word).is_file() else word for word in words)
+
+
+def package_files(name: str, words: tuple[str, ...] = ()) -> dict[str, str]:
+    """Path of every file of the package -> its text; ``words``: the command of a program, where it names one.
 
     The module lies below ``src``: the package's own folder, seen from the folder that it is in, would be taken for the
     module where both have one name.
@@ -94,16 +120,16 @@ def package_files(name: str) -> dict[str, str]:
     files = {
         "pyproject.toml": "pyproject.toml",
         "README.md": "README.md",
-        f"src/{module}.py": "module.py",
+        f"src/{module}.py": "program.py" if words else "module.py",
         f"tests/test_{module}.py": "test_module.py",
     }
     return {
-        path: environment.get_template(f"{template}.j2").render(name=name, module=module)
+        path: environment.get_template(f"{template}.j2").render(name=name, module=module, command=words)
         for path, template in files.items()
     }
 
 
-def write_package(name: str, folder: Path) -> None:
+def write_package(name: str, folder: Path, words: tuple[str, ...] = ()) -> None:
     """Write the package, whole or not at all.
 
     Raises
@@ -116,7 +142,7 @@ def write_package(name: str, folder: Path) -> None:
     try:
         with TemporaryDirectory(prefix=".new-solver-", dir=folder.parent) as place:
             whole = Path(place) / "package"
-            for path, text in package_files(name).items():
+            for path, text in package_files(name, words).items():
                 (whole / path).parent.mkdir(parents=True, exist_ok=True)
                 (whole / path).write_text(text, encoding="utf-8")
             whole.rename(folder)

@@ -142,3 +142,45 @@ def test_a_folder_that_cannot_be_written_is_one_message_and_leaves_nothing(tmp_p
 def test_help_is_no_failure(capsys):
     assert command(["--help"]) == 0
     assert "--solvers" in capsys.readouterr().out
+
+
+def test_a_program_in_another_language_is_named_on_the_command_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import json, sys\n"
+        "request = json.load(sys.stdin)\n"
+        "until = request['problem']['until']\n"
+        "times = [1e-3] * request['timed']\n"
+        "end = {'time': until, 'state': [until - 1], 'mode': 1}\n"
+        "events = [{'time': 1.0, 'before': -1, 'after': 1, 'state': [0.0]}]\n"
+        "found = {'protocol': 1, 'program': {'name': 'p', 'version': '2'}, 'status': 'ok'}\n"
+        "print(json.dumps(found | {'transitions': events, 'end': end, 'wall_s': times}))\n"
+    )
+    assert command(["my-program", "--program", f"{sys.executable} program.py"]) == 0
+    folder = tmp_path / "my-program"
+    assert f"COMMAND = ('{sys.executable}', '{program}')" in (folder / "src/my_program.py").read_text()
+    assert "names its program" in (folder / "README.md").read_text()
+    installed(folder, "my-program")
+    (tmp_path / "ramp.yaml").write_text(
+        'schema: 1\nname: ramp\ntitle: Up\nsystem: {state: [x], surfaces: {s: x}, field: ["1"]}\n'
+        'initial: {t: 0, x: -1}\nuntil: 2\nexact: {transition_times: ["1"]}\ntolerances: [1e-6]\n'
+    )
+    options = ["--solvers", "my-program", "--require", "my-program", "--repeats", "2", "--no-figures"]
+    subprocess.run(
+        [sys.executable, "-m", "henon_ref.compare", "ramp.yaml", *options],
+        check=True,
+        cwd=tmp_path,
+        env=with_path(folder),
+    )
+    with (tmp_path / "out/ramp/runs.csv").open() as file:
+        (row,) = csv.DictReader(file)
+    assert (row["status"], row["verdict"], float(row["wall_s"]), row["timed_runs"]) == ("ok", "right", 1e-3, "2")
+
+
+@pytest.mark.parametrize(("words", "said"), [("", "--program is empty"), ("a 'b", "No closing quotation")])
+def test_a_command_line_that_is_none_is_refused(tmp_path, monkeypatch, capsys, words, said):
+    monkeypatch.chdir(tmp_path)
+    assert command(["my-program", "--program", words]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "my-program").exists()

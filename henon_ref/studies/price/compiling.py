@@ -26,6 +26,7 @@ AGAINST = {
     "heyoka": ("scipy-dop853",),
     "scipy-dop853+numba": ("scipy-dop853",),
     "cvode-adams+numba": ("cvode-adams",),
+    "cvode-c-adams": ("cvode-adams",),
 }
 """Solvers that compile, and those that each is set against: quicker to prepare, slower to run."""
 WARM_RUNS = 3

@@ -15,17 +15,20 @@ LADDER = tuple(10.0**-k for k in range(3, 16))
 """Relative tolerances. A library that refuses one says so, and the row with it."""
 TIMEOUT = 4.0
 """Seconds that one run may take: a slower one is never the cheapest where any other gets there."""
+WHEN_NAMED = ("octave-ode45",)
+"""Solvers that run when named, which belong here all the same."""
 SAMPLES = ("case", "reading", "against", "digits", "solver", "rtol", "step_s", "samples_us")
 """Columns of the raw samples; against: the pair that a setting was timed in, empty for the ladder's own times."""
 
 
 def solvers() -> tuple[str, ...]:
-    """Names of the solvers: those that run by default, and each with compiled callbacks.
+    """Names of the solvers: those that run by default, each with compiled callbacks, and :data:`WHEN_NAMED`.
 
     Solvers of a fixed step run at the steps that the case names.
     """
     known = registry.names()
-    return tuple(n for own in registry.default_names() for n in (own, own + registry.COMPILED) if n in known)
+    own = (*registry.default_names(), *WHEN_NAMED)
+    return tuple(name for solver in own for name in (solver, solver + registry.COMPILED) if name in known)
 
 
 @dataclass(frozen=True)

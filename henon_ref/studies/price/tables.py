@@ -18,7 +18,7 @@ from henon_ref.studies.price.growth import Horizon
 from henon_ref.studies.price.landings import Landed
 from henon_ref.studies.price.states import Size
 
-LISTED = ("heyoka", "scipy-dop853", "scipy-dop853+numba", "cvode-adams", "cvode-adams+numba")
+LISTED = ("heyoka", "cvode-c-adams", "cvode-adams", "cvode-adams+numba", "scipy-dop853", "scipy-dop853+numba")
 """Rivals whose pairs are shown reading by reading; those of all are in the file."""
 
 
@@ -246,4 +246,4 @@ def callback_costs(rows: Sequence[Row], digits: int = 9) -> Table:
             least = min(able, key=lambda r: number(r, "wall_s"), default=None)
             cells.append("" if least is None else duration(number(least, "wall_s") / number(least, "rhs_evaluations")))
         lines.append((title(case, reading), *cells))
-    return Table(("reading", *(f"`{solver}`" for solver in LISTED[1:])), "lrrrr", lines)
+    return Table(("reading", *(f"`{solver}`" for solver in LISTED[1:])), "l" + "r" * len(LISTED[1:]), lines)

@@ -1,0 +1,1 @@
+"""Siconos: relay and time stepping, run by the Python that it is installed for."""

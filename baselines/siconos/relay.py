@@ -1,0 +1,254 @@
+"""Siconos by the protocol: the sign as a relay, Moreau's time stepping in steps of one length.
+
+This file is run by the Python that Siconos is installed for, not imported: it needs Siconos and NumPy alone. The
+request is read from standard input and the response written to standard output (docs/protocol.md).
+
+With f+ and f- the fields on the two sides, x' = (f+ + f-)/2 + s (f+ - f-)/2 with s in sgn(h(x)) is Filippov's system;
+Siconos has the relay with the opposite sign, lambda = -s. The time is a further state, so that nothing depends on it.
+A mode is read off lambda at the end of each step: -1 or +1 where it is at an end of the relay, a slide (0) between. A
+slide of a single step between two sides is how a crossing looks in time stepping, and is told as one.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "pow")
+AT_AN_END = 1e-9
+"""A relay closer to its end than this is at it."""
+THETA = 1.0
+"""Of the theta method."""
+DIFFERENCE = 1e-6
+"""Reach of a difference quotient, as a part of 1 and the state."""
+NEWTON = 1e-12
+"""Residual at which Newton's iteration of a step ends, in units of the state."""
+ITERATIONS = 30
+LIMIT = 1e100
+
+
+class TimePassedError(Exception):
+    """The time that a run may take has passed."""
+
+
+def made(texts: list[str], names: dict[str, str]) -> Callable[..., Any]:
+    """Texts of the request as one function of (x, p) that gives a tuple; the time is the last entry of x."""
+    pattern = re.compile(r"(?<![\w.])[A-Za-z]\w*")
+    body = ", ".join(pattern.sub(lambda word: names.get(word[0], word[0]), text) for text in texts)
+    found: Callable[..., Any] = eval(f"lambda x, p: ({body},)", {name: getattr(math, name) for name in FUNCTIONS})
+    return found
+
+
+class Equations:
+    """The problem with the time as a further state: half sums and half differences of the two fields."""
+
+    def __init__(self, problem: Any) -> None:
+        names = {name: f"x[{k}]" for k, name in enumerate(problem["states"])}
+        names |= {name: f"p[{k}]" for k, name in enumerate(problem["parameters"])}
+        names["t"] = f"x[{len(problem['states'])}]"
+        self.p = list(problem["parameters"].values())
+        self.size = len(problem["states"]) + 1
+        modes = {mode["mode"]: mode for mode in problem["modes"]}
+        self.below, self.above = (made(modes[side]["field"], names) for side in (-1, 1))
+        self.surface = made([problem["surface"]["expression"]], names)
+        self.gradient = made(problem["surface"]["gradient"], names)
+        guards = [guard for mode in modes.values() for guard in mode["guards"]]
+        self.valid = made([guard["expression"] for guard in guards if guard["kind"] == "valid"] or ["1.0"], names)
+        self.own_slide = any(not guard["armed"] for guard in guards)
+
+    def on_surface(self, x: list[float]) -> list[float]:
+        """The point nearest to x on the surface, to first order; the time stays."""
+        h, slopes = self.surface(x, self.p)[0], self.gradient(x, self.p)
+        square = sum(slope * slope for slope in slopes)
+        return (
+            [value - h * slope / square for value, slope in zip(x, slopes, strict=False)] + [x[-1]]
+            if square
+            else list(x)
+        )
+
+    def sides(self, x: list[float]) -> Iterator[tuple[float, float]]:
+        """The fields below and above: that of the other side, which may end not far behind the surface, from there."""
+        beyond = self.on_surface(x)
+        below, above = (beyond, x) if self.surface(x, self.p)[0] > 0.0 else (x, beyond)
+        return zip(self.below(below, self.p), self.above(above, self.p), strict=True)
+
+    def mean(self, x: list[float]) -> list[float]:
+        """(f+ + f-)/2, and 1 for the time."""
+        return [(a + b) / 2 for b, a in self.sides(x)] + [1.0]
+
+    def half(self, x: list[float]) -> list[float]:
+        """(f+ - f-)/2, and 0 for the time."""
+        return [(a - b) / 2 for b, a in self.sides(x)] + [0.0]
+
+    def slopes(self, function: Callable[[list[float]], list[float]], x: list[float]) -> list[tuple[float, ...]]:
+        """Rows of a function's derivatives, by central differences: Newton's iteration needs no more."""
+        columns = []
+        for k in range(self.size):
+            reach = DIFFERENCE * (1.0 + abs(x[k]))
+            low, high = ([*x[:k], x[k] + way * reach, *x[k + 1 :]] for way in (-1, 1))
+            pairs = zip(function(low), function(high), strict=True)
+            columns.append([(after - before) / (2 * reach) for before, after in pairs])
+        return list(zip(*columns, strict=True))
+
+
+def simulation(
+    kernel: Any, numerics: Any, numpy: Any, own: Equations, problem: Any, step: float
+) -> tuple[Any, Any, Any]:
+    """Dynamical system, interaction and time stepping of Siconos."""
+    n = own.size
+
+    class Field(kernel.FirstOrderNonLinearDS):
+        def computef(self, time: Any, x: Any) -> None:
+            self.f()[:] = own.mean(list(x))
+
+        def computeJacobianfx(self, time: Any, x: Any) -> None:  # noqa: N802
+            jacobian = self.jacobianfx()
+            jacobian[:] = 0.0
+            for i, row in enumerate(own.slopes(own.mean, list(x))):
+                for k, slope in enumerate(row):
+                    jacobian[i, k] = slope
+
+    class Sign(kernel.FirstOrderNonLinearR):
+        def computeh(self, time: Any, x: Any, lam: Any, z: Any, y: Any) -> None:
+            y[0] = own.surface(x, own.p)[0]
+
+        def computeg(self, time: Any, x: Any, lam: Any, z: Any, r: Any) -> None:
+            r[:] = [-half * lam[0] for half in own.half(list(x))]
+
+        def computeJachx(self, time: Any, x: Any, lam: Any, z: Any, c: Any) -> None:  # noqa: N802
+            c[:] = 0.0
+            for k, slope in enumerate(own.gradient(x, own.p)):
+                c[0, k] = slope
+
+        def computeJacglambda(self, time: Any, x: Any, lam: Any, z: Any, b: Any) -> None:  # noqa: N802
+            for i, half in enumerate(own.half(list(x))):
+                b[i, 0] = -half
+
+        def computeJacgx(self, time: Any, x: Any, lam: Any, z: Any, k: Any) -> None:  # noqa: N802
+            k[:] = 0.0
+            for i, row in enumerate(own.slopes(own.half, list(x))):
+                for j, slope in enumerate(row):
+                    k[i, j] = -slope * lam[0]
+
+        def computeJachlambda(self, time: Any, x: Any, lam: Any, z: Any, d: Any) -> None:  # noqa: N802
+            d[:] = 0.0
+
+    start = [*problem["start"]["state"], problem["start"]["time"]]
+    system = Field(start)
+    system.setFPtr(own.mean(start))
+    system.setJacobianfxPtr(numpy.zeros((n, n)))
+    relation = Sign()
+    interaction = kernel.Interaction(kernel.RelayNSL(1, -1.0, 1.0), relation)
+    model = kernel.NonSmoothDynamicalSystem(problem["start"]["time"], problem["until"])
+    model.insertDynamicalSystem(system)
+    model.link(interaction, system)
+    clock = kernel.TimeDiscretisation(problem["start"]["time"], step)
+    relay = kernel.Relay(numerics.SICONOS_RELAY_LEMKE)
+    stepping = kernel.TimeStepping(model, clock, kernel.EulerMoreauOSI(THETA), relay)
+    stepping.setComputeResiduY(True)
+    stepping.setComputeResiduR(True)
+    stepping.setNewtonTolerance(NEWTON)
+    stepping.setNewtonMaxIteration(ITERATIONS)
+    return system, interaction, stepping
+
+
+def mode_of(sign: float) -> int:
+    """The mode that the relay's value tells."""
+    return 0 if abs(sign) < 1.0 - AT_AN_END else (1 if sign > 0 else -1)
+
+
+def steps_of(siconos: tuple[Any, Any, Any], own: Equations, request: Any) -> Iterator[tuple[float, list[float], int]]:
+    """(time, state, mode) after each step; raises where a run has to end."""
+    problem, step = request["problem"], request["step"]
+    system, interaction, stepping = simulation(*siconos, own, problem, step)
+    stop_at = time.process_time() + request["seconds"]
+    keep = (system, interaction, stepping)  # SWIG's objects do not keep each other
+    done, start = 0, problem["start"]["time"]
+    while stepping.hasNextEvent() and start + (done + 0.5) * step < problem["until"]:
+        stepping.advanceToEvent()
+        done += 1
+        state = [float(value) for value in system.x()[: own.size - 1]]
+        yield min(start + done * step, problem["until"]), state, mode_of(-float(interaction.lambda_(0)[0]))
+        stepping.nextStep()
+        if time.process_time() > stop_at:
+            raise TimePassedError
+    del keep
+
+
+def run(siconos: tuple[Any, Any, Any], own: Equations, request: Any) -> tuple[str, str, list[Any], Any, int]:
+    """Status, reason, transitions, end, and the number of steps."""
+    start = request["problem"]["start"]
+    before, done = start["mode"], 0
+    events: list[Any] = []
+    end = {"time": start["time"], "state": start["state"], "mode": before}
+    status, reason = "ok", ""
+    try:
+        for at, state, mode in steps_of(siconos, own, request):
+            done += 1
+            if not all(math.isfinite(value) for value in state):
+                return "failed", "the state is not finite", events, end, done
+            if sum(map(abs, state)) > LIMIT:
+                return "diverged", "a state passed 1e100", events, end, done
+            if min(own.valid([*state, at], own.p)) <= 0.0:
+                return "invalid", "the model ends: its valid expression fell to 0", events, end, done
+            if mode != before:
+                event = {"time": at, "before": before, "after": mode, "state": state}
+                if events and before == 0 and at - events[-1]["time"] < 1.5 * request["step"]:
+                    first = events.pop()
+                    event |= {"time": first["time"], "state": first["state"], "before": first["before"]}
+                if event["before"] != event["after"]:
+                    events.append(event)
+                before = mode
+            if len(events) > request["most_transitions"]:
+                return "failed", "more transitions than the request allows", events, end, done
+            end = {"time": at, "state": state, "mode": before}
+    except TimePassedError:
+        status, reason = "timeout", "the time that a run may take has passed"
+    except (ArithmeticError, ValueError, RuntimeError) as error:
+        status, reason = "failed", f"{type(error).__name__}: {' '.join(str(error).split())}"[:300]
+    if status == "ok":
+        end["time"] = request["problem"]["until"]
+    return status, reason, events, end, done
+
+
+def respond(stream: Any, version: str, status: str, reason: str = "", **found: Any) -> None:
+    """Write the response."""
+    message = {"protocol": 1, "program": {"name": "relay.py", "version": version}, "status": status, "reason": reason}
+    stream.write(json.dumps(message | found) + "\n")
+    stream.flush()
+
+
+def main() -> None:
+    """Read the request, make its runs, write the response: Siconos itself writes to standard error meanwhile."""
+    stream = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    request = json.load(sys.stdin)
+    try:
+        import numpy
+        import siconos.kernel as kernel
+        import siconos.numerics as numerics
+    except ImportError as error:
+        return respond(stream, "", "unavailable", f"Siconos cannot be imported: {error}")
+    version = sys.argv[1] if len(sys.argv) > 1 else ""
+    own = Equations(request["problem"])
+    if request["step"] is None:
+        return respond(stream, version, "unsupported", "time stepping is driven by a step")
+    if own.own_slide:
+        return respond(stream, version, "unsupported", "a relay has Filippov's slides, no other ones")
+    times: list[float] = []
+    for number in range(1 - request["untimed"], request["timed"] + 1):
+        began = time.monotonic()
+        status, reason, events, end, done = run((kernel, numerics, numpy), own, request)
+        if number > 0:
+            times.append(time.monotonic() - began)
+    return respond(stream, version, status, reason, transitions=events, end=end, wall_s=times, work={"steps": done})
+
+
+if __name__ == "__main__":
+    main()

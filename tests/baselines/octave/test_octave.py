@@ -1,0 +1,72 @@
+"""Octave's ``ode45`` by the protocol: every transition, off by what its straight lines leave."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import henon_ref
+from baselines.octave import solver as module
+from baselines.octave.solver import ODE45, octave_version
+from henon_ref import registry
+from henon_ref.campaign.truth_job import stored_statement
+from henon_ref.errors import UnavailableError
+from henon_ref.score.errors import score
+
+pytestmark = pytest.mark.skipif(not octave_version(), reason="Octave is not installed")
+BLOCK = """
+schema: 1
+name: block
+title: A block that friction of 1/4 brings to rest
+system:
+  state: [x, v]
+  surfaces: {s: v}
+  field: [v, "-x - s/4"]
+initial: {t: 0, x: 1, v: 0}
+until: 10
+"""
+
+
+@pytest.mark.parametrize("name", ["free_coulomb", "leaving_slide"])
+def test_every_transition_is_found(name: str) -> None:
+    case = henon_ref.load_case(name)
+    statement = stored_statement(case, case.readings[0])
+    assert statement is not None
+    assert statement.expected is not None
+    found = ODE45.prepare(case.readings[0].problem, rtol=1e-9, atol=1e-9)()
+    scored = score(found, statement.expected, tolerance=1e-9)
+    assert (found.status, scored.status) == ("ok", "ok")
+    assert scored.max_time_error is not None
+    assert scored.max_time_error < 1e-3
+
+
+def test_a_closed_form() -> None:
+    found = ODE45.prepare(henon_ref.parse_case(BLOCK).readings[0].problem, rtol=1e-9, atol=1e-9)()
+    assert [event.kind for event in found.transitions] == ["crossing", "stick"]
+    assert [event.time for event in found.transitions] == pytest.approx([math.pi, 2 * math.pi], abs=1e-3)
+    assert found.counts.steps > 10
+
+
+def test_a_run_past_its_time_says_so() -> None:
+    problem = henon_ref.parse_case(BLOCK).readings[0].problem
+    found = ODE45.prepare(problem, rtol=1e-12, atol=1e-12, deadline=1e-3)()
+    assert (found.status, found.reason) == ("timeout", "the time that a run may take has passed")
+
+
+def test_a_root_of_a_negative_number_is_no_complex_number() -> None:
+    case = henon_ref.load_case("hard/running_dry")
+    found = ODE45.prepare(case.readings[0].problem, rtol=1e-6, atol=1e-6, deadline=60.0)()
+    assert found.status == "failed"
+    assert found.end_time == pytest.approx(2.0, abs=0.05)
+
+
+def test_its_version_is_told() -> None:
+    assert registry.library_version("octave-ode45") == ODE45.version == octave_version()
+    assert registry.program_versions()["octave"] == octave_version()
+
+
+def test_without_octave_it_is_unavailable(monkeypatch) -> None:
+    monkeypatch.setattr(module, "octave_version", lambda: "")
+    with pytest.raises(UnavailableError, match="octave-cli is not installed"):
+        ODE45.prepare(henon_ref.parse_case(BLOCK).readings[0].problem, rtol=1e-9)

@@ -1,0 +1,69 @@
+"""Siconos by the protocol: the right sequence, at times that are off by about a step."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import henon_ref
+from baselines.siconos.solver import DEFAULT, RELAY, VARIABLE, siconos_version
+from henon_ref import registry
+from henon_ref.errors import UnavailableError, UnsupportedError
+
+installed = pytest.mark.skipif(not siconos_version(), reason="Siconos is not installed")
+BLOCK = """
+schema: 1
+name: block
+title: A block that friction of 1/4 brings to rest away from the middle
+system:
+  state: [x, v]
+  surfaces: {s: v}
+  field: [v, "-x - s/4"]
+initial: {t: 0, x: 11/10, v: 0}
+until: 10
+"""
+
+
+@installed
+@pytest.mark.parametrize("step", [1e-2, 5e-3])
+def test_a_closed_form(step: float) -> None:
+    problem = henon_ref.parse_case(BLOCK).readings[0].problem
+    found = RELAY.prepare(problem, step=step)()
+    assert (found.status, found.reason) == ("ok", "")
+    assert [event.kind for event in found.transitions] == ["crossing", "stick"]
+    assert [event.time for event in found.transitions] == pytest.approx([math.pi, 2 * math.pi], abs=2 * step)
+    assert found.end_state == pytest.approx((0.1, 0.0), abs=3 * step)
+    assert found.counts.steps == round(10 / step)
+
+
+@installed
+def test_a_slide_that_ends_and_a_field_with_a_pole_beyond_the_surface() -> None:
+    text = BLOCK.replace('[v, "-x - s/4"]', '[v, "-x - s/(1 + 3*s*(v - 1/5))"]').replace("{s: v}", "{s: v - 1/5}")
+    problem = henon_ref.parse_case(text).readings[0].problem
+    exact = registry.solver("henon").prepare(problem, rtol=1e-12, atol=1e-12)()
+    found = RELAY.prepare(problem, step=1e-2)()
+    assert [event.kind for event in found.transitions] == [event.kind for event in exact.transitions]
+    assert [event.time for event in found.transitions] == pytest.approx(
+        [event.time for event in exact.transitions], abs=0.1
+    )
+
+
+@installed
+def test_a_slide_that_is_not_filippov_s_is_not_supported() -> None:
+    problem = henon_ref.load_case("static_belt").readings[0].problem
+    with pytest.raises(UnsupportedError, match="Filippov's slides"):
+        RELAY.prepare(problem, step=1e-2)()
+
+
+@installed
+def test_its_version_is_told() -> None:
+    assert registry.library_version("siconos") == RELAY.version == siconos_version()
+
+
+def test_without_siconos_it_is_unavailable(monkeypatch) -> None:
+    monkeypatch.setenv(VARIABLE, "/no/such/python")
+    assert RELAY.version == ""
+    with pytest.raises(UnavailableError, match="/no/such/python has no siconos"):
+        RELAY.prepare(henon_ref.parse_case(BLOCK).readings[0].problem, step=1e-2)
+    assert DEFAULT != "/no/such/python"
