@@ -19,7 +19,10 @@ ROOT = Path(__file__).parents[2]
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 REQUIREMENTS = [Requirement(text) for text in PROJECT["dependencies"]]
 TESTS = [Requirement(text) for text in PROJECT["optional-dependencies"]["test"]]
-MODULES = {"scikit-sundae": "sksundae", "python-flint": "flint", "ruamel.yaml": "ruamel"}
+MODULES = {
+    "scikit-sundae": "sksundae", "python-flint": "flint", "ruamel.yaml": "ruamel",
+    "axe-playwright-python": "axe_playwright_python",
+}  # fmt: skip
 """Package -> module, where the names differ."""
 DOI = "10.1007/s11071-013-0826-7"
 
@@ -100,7 +103,8 @@ def test_all_folders_of_the_package_and_the_cases_are_in_a_wheel() -> None:
     )
     packages = set(done.stdout.split())
     files = [file for top in ("henon_ref", "baselines", "cases") for file in (ROOT / top).rglob("*.*")]
-    kept = [f.parent.relative_to(ROOT).as_posix() for f in files if f.suffix in (".py", ".j2", ".yaml", ".json")]
+    suffixes = (".py", ".j2", ".html", ".css", ".js", ".yaml", ".json")
+    kept = [f.parent.relative_to(ROOT).as_posix() for f in files if f.suffix in suffixes]
     assert {re.sub(r"^cases\b", "henon_ref/cases", folder).replace("/", ".") for folder in kept} <= packages
     assert "henon_ref.cases.truth.fig8" in packages
     assert {package.split(".")[0] for package in packages} == {"henon_ref", "baselines"}
