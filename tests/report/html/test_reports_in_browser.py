@@ -169,9 +169,12 @@ def test_every_cell_leads_to_its_run(chromium: Any, reports: Path) -> None:
 def test_a_run_says_what_went_wrong(chromium: Any, reports: Path) -> None:
     with opened(chromium, reports, at="#run-second-default-heyoka") as seen:
         page = seen.page
-        assert page.locator("#run-title").inner_text() == "heyoka on second"
+        page.get_by_text("heyoka on second").wait_for()
+        page.wait_for_function("document.activeElement.id === 'run-title'")
+        assert page.evaluate("document.getElementById('run').getBoundingClientRect().top < window.innerHeight / 2")
         assert "wrong: 1 missed, 0 spurious" in page.locator("#run-tables").inner_text()
     with opened(chromium, reports, at="#run-first-default-ida") as seen:
+        seen.page.get_by_text("ida on first").wait_for()
         assert "it is not installed" in seen.page.locator("#run-tables").inner_text()
 
 
