@@ -40,7 +40,9 @@ def test_a_sweep_is_written_and_summed_up(belts: Path, capsys: pytest.CaptureFix
     points = pd.read_parquet("out/belts/points")
     assert list(points.columns[:4]) == ["point", "vb", "x", "status"]
     assert points["point"].tolist() == list(range(15))
-    assert {p.name for p in Path("out/belts").iterdir()} == {"manifest.json", "points", "section", "sweep.yaml"}
+    assert {p.name for p in Path("out/belts").iterdir()} == {
+        "index.html", "manifest.json", "points", "section", "sweep.yaml",
+    }  # fmt: skip
 
 
 def test_what_it_wrote_runs_again_from_its_own_folder(belts: Path, monkeypatch: pytest.MonkeyPatch) -> None:

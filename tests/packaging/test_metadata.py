@@ -24,6 +24,7 @@ MODULES = {
     "python-flint": "flint",
     "ruamel.yaml": "ruamel",
     "markdown-it-py": "markdown_it",
+    "axe-playwright-python": "axe_playwright_python",
 }
 """Package -> module, where the names differ."""
 DOI = "10.1007/s11071-013-0826-7"
@@ -105,7 +106,8 @@ def test_all_folders_of_the_package_and_the_cases_are_in_a_wheel() -> None:
     )
     packages = set(done.stdout.split())
     files = [file for top in ("henon_ref", "baselines", "cases") for file in (ROOT / top).rglob("*.*")]
-    kept = [f.parent.relative_to(ROOT).as_posix() for f in files if f.suffix in (".py", ".j2", ".yaml", ".json")]
+    suffixes = (".py", ".j2", ".html", ".css", ".js", ".yaml", ".json")
+    kept = [f.parent.relative_to(ROOT).as_posix() for f in files if f.suffix in suffixes]
     assert {re.sub(r"^cases\b", "henon_ref/cases", folder).replace("/", ".") for folder in kept} <= packages
     assert "henon_ref.cases.truth.fig8" in packages
     assert {package.split(".")[0] for package in packages} == {"henon_ref", "baselines"}

@@ -104,6 +104,7 @@ function drawReaches(digits, kind) {
 }
 
 const ROW = 20;
+const shortName = (name) => (name.length > 18 ? `${name.slice(0, 17)}…` : name);
 
 function drawBars(holder, lines, label) {
   const width = widthOf(holder);
@@ -130,7 +131,7 @@ function drawBars(holder, lines, label) {
       (line.slower ? `\n×${significant(line.slower, 2)} as long as the fastest (median)` : "");
     const row = shape("g", null,
       shape("rect", { x: 0, y, width, height: ROW, fill: "transparent" }),
-      shape("text", { x: names, y: y + 14, "text-anchor": "end" }, line.solver.name),
+      shape("text", { x: names, y: y + 14, "text-anchor": "end" }, shortName(line.solver.name)),
       shape("rect", { class: "bar-all", x: bars.from, y: y + 4, width: bars.to - bars.from, height: ROW - 8 }),
       shape("rect", { class: "bar-in", x: bars.from, y: y + 4, width: (bars.to - bars.from) * line.share, height: ROW - 8 }),
       shape("text", { class: "tick", x: bars.to + 5, y: y + 14 }, percent));

@@ -86,7 +86,8 @@ function start() {
   const shown = READINGS.find((reading) => reading.of.portrait && laddersOf(reading).length) || READINGS[0];
   showRun(shown.cells[0], { scroll: false });
   window.addEventListener("hashchange", followAddress);
-  followAddress();
+  // The browser itself goes to the cell that the address names, once all is loaded: the run comes after that.
+  window.addEventListener("load", () => setTimeout(followAddress));
   onWidth(byId("reaches"), () => drawChoice(settings().digits, settings().kind));
   onWidth(byId("work"), () => { drawPortrait(RUN.cell.reading); drawWork(); });
 }

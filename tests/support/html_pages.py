@@ -1,0 +1,131 @@
+"""A folder of made-up reports with a page, and Chromium to look at it with."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fakes import CASE, case, statement
+from made_reports import ORIGIN, made
+
+from henon_ref.campaign.comparison import Comparison
+from henon_ref.campaign.options import Options
+from henon_ref.campaign.results import ReadingResult
+from henon_ref.casefile.case import Case
+from henon_ref.report.case_report import write_report
+from henon_ref.report.folder_report import write_folder_report
+from henon_ref.trajectory import Samples
+
+SIZES = ((400, 800), (1400, 900))
+"""Widths and heights of the windows in which a page is looked at [px]."""
+SCHEMES = ("light", "dark")
+TAGS = 'tags: [{}]\nstory: "A made-up story, 1 < 2."\n'
+RUNS = {
+    "first": {
+        "henon": ("right", 2e-4),
+        "heyoka": ("right", 1e-3),
+        "scipy-rk45": ("right", 0.1),
+        "ida": ("unavailable", 0.0),
+    },
+    "second": {
+        "henon": ("right", 3e-4),
+        "heyoka": ("misses", 2e-3),
+        "scipy-rk45": ("right", 0.2),
+        "ida": ("right", 0.05),
+    },
+}
+"""What each solver does on each case, and its time [s]; ``ida`` is not there for the first."""
+
+
+def comparison(name: str, own: Case | None = None, solvers: dict[str, tuple[str, float]] | None = None) -> Comparison:
+    """A comparison of a case of this name, with a portrait: three solvers right to 6 and 12 digits, or as told."""
+    own = own or case(name, CASE + TAGS.format(f"made-up, {name}"))
+    reading = own.readings[0]
+    times = np.linspace(0.0, 5.0, 101)
+    samples = Samples(times, np.cos(times)[:, None], None)
+    result = ReadingResult(reading, statement(None, None), samples=samples)
+    records = [
+        made(solver, rtol, wall, what=what, reading=reading)
+        for solver, (what, wall) in (solvers or RUNS[name]).items()
+        for rtol in (1e-6, 1e-12)
+    ]
+    for record in records:
+        record.run["case"] = own.name
+    return Comparison(replace(own, name=name), [result], records, Options())
+
+
+def made_folder(folder: Path) -> Path:
+    """Two cases, their reports, and the page over them; the page's path."""
+    for name in RUNS:
+        write_report(comparison(name), ORIGIN, folder)
+    write_folder_report(folder)
+    return folder / "index.html"
+
+
+def chromium() -> str | None:
+    """The path of a Chromium of this machine; None where there is none."""
+    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+@contextmanager
+def browser() -> Iterator[Any]:
+    """A headless Chromium; the test is skipped where there is none, or Playwright or axe-core is not installed."""
+    path = chromium()
+    if path is None:
+        pytest.skip("no Chromium is found: apt-get install chromium")
+    pytest.importorskip("axe_playwright_python", exc_type=ImportError)
+    api = pytest.importorskip("playwright.sync_api", exc_type=ImportError)
+
+    with api.sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield started
+        started.close()
+
+
+@dataclass
+class Seen:
+    """A page that is open, and what it has said and asked for."""
+
+    page: Any
+    said: list[str] = field(default_factory=list)
+    """Messages on the console, and errors."""
+    loaded: list[str] = field(default_factory=list)
+    """Addresses that were asked for."""
+
+
+@contextmanager
+def opened(
+    browser: Any, file: Path, *, size: tuple[int, int] = SIZES[1], scheme: str = "light", at: str = ""
+) -> Iterator[Seen]:
+    """Open a file of the disk; nothing may be said on the console, and nothing else loaded."""
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]}, color_scheme=scheme)
+    seen = Seen(page)
+    page.on("console", lambda message: seen.said.append(message.text))
+    page.on("pageerror", lambda error: seen.said.append(str(error)))
+    page.on("request", lambda request: seen.loaded.append(request.url))
+    address = f"file://{os.path.abspath(file)}"
+    page.goto(address + at)
+    yield seen
+    assert seen.said == []
+    assert {url.partition("#")[0] for url in seen.loaded if not url.startswith(("data:", "blob:"))} == {address}
+    page.close()
+
+
+def serious(page: Any) -> list[tuple[str, str]]:
+    """What axe-core finds that is serious or critical: its rule, and the first element."""
+    from axe_playwright_python.sync_playwright import Axe
+
+    found = Axe().run(page).response["violations"]
+    return [(own["id"], own["nodes"][0]["html"]) for own in found if own["impact"] in ("serious", "critical")]
+
+
+def sideways(page: Any) -> int:
+    """Pixels by which a page is wider than its window."""
+    return int(page.evaluate("document.documentElement.scrollWidth - window.innerWidth"))
