@@ -31,7 +31,6 @@ include_patterns = ["docs/*.md", "reports/**.md", "cases/README.md"]
 exclude_patterns = ["**/.*", "docs/website"]
 
 html_theme = "furo"
-smartquotes = False  # options begin with two hyphens
 html_title = "henon_ref"
 html_math_renderer = "mathml"
 html_static_path = ["website/static"]
