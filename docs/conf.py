@@ -37,3 +37,4 @@ html_static_path = ["website/static"]
 html_css_files = ["site.css"]
 html_extra_path = ["website/top", "../cases/case.schema.json"]  # beside docs/
 html_copy_source = False
+html_search_scorer = str(HERE / "website/search_order.js")
