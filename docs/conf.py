@@ -27,7 +27,7 @@ autodoc_typehints = "none"  # the docstrings say types, with shapes and units
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 root_doc = "docs/index"
-include_patterns = ["docs/*.md", "reports/**.md", "cases/README.md"]
+include_patterns = ["docs/**.md", "reports/**.md", "cases/README.md"]
 exclude_patterns = ["**/.*", "docs/website"]
 
 html_theme = "furo"

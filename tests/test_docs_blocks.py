@@ -11,7 +11,7 @@ from pages import PICTURES, ROOT, blocks, pictures, run_page
 
 from henon_ref.truth import store
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SAME = 10
 """Root mean square of what a picture may differ by, of 255: fonts and line ends, no other curve."""
 
