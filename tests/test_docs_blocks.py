@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from doc_pages import PICTURES, ROOT, blocks, pictures, run_page
 from matplotlib import pyplot as plt
 from matplotlib.testing.compare import compare_images
-from pages import PICTURES, ROOT, blocks, pictures, run_page
 
 from henon_ref.truth import store
 
@@ -28,7 +28,7 @@ def test_every_block_runs_and_prints_what_the_page_shows(
     plt.close("all")
     for name in pictures(page):
         difference = compare_images(str(PICTURES / name), str(tmp_path / name), SAME)
-        assert difference is None, f"{difference}\nrun python -m tests.support.pages docs/{page.name}"
+        assert difference is None, f"{difference}\nrun python -m tests.support.doc_pages docs/{page.name}"
 
 
 def test_every_picture_is_shown_by_one_page() -> None:
