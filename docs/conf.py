@@ -27,14 +27,14 @@ autodoc_typehints = "none"  # the docstrings say types, with shapes and units
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 root_doc = "docs/index"
-include_patterns = ["docs/*.md", "reports/**.md", "cases/README.md"]
+include_patterns = ["docs/**.md", "reports/**.md", "cases/README.md"]
 exclude_patterns = ["**/.*", "docs/website"]
 
 html_theme = "furo"
-smartquotes = False  # options begin with two hyphens
 html_title = "henon_ref"
 html_math_renderer = "mathml"
 html_static_path = ["website/static"]
 html_css_files = ["site.css"]
 html_extra_path = ["website/top", "../cases/case.schema.json"]  # beside docs/
 html_copy_source = False
+html_search_scorer = str(HERE / "website/search_order.js")

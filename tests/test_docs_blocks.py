@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from doc_pages import PICTURES, ROOT, blocks, pictures, run_page
 from matplotlib import pyplot as plt
 from matplotlib.testing.compare import compare_images
-from pages import PICTURES, ROOT, blocks, pictures, run_page
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+from henon_ref.truth import store
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SAME = 10
 """Root mean square of what a picture may differ by, of 255: fonts and line ends, no other curve."""
 
@@ -21,11 +23,12 @@ def test_every_block_runs_and_prints_what_the_page_shows(
     for library in ("heyoka", "sksundae"):  # whose rows pages show
         pytest.importorskip(library)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / ".cache"))
+    monkeypatch.setattr(store, "user_folder", lambda: tmp_path / ".cache" / "henon_ref" / "truth")  # the shell's, too
     run_page(page, tmp_path)
     plt.close("all")
     for name in pictures(page):
         difference = compare_images(str(PICTURES / name), str(tmp_path / name), SAME)
-        assert difference is None, f"{difference}\nrun python -m tests.support.pages docs/{page.name}"
+        assert difference is None, f"{difference}\nrun python -m tests.support.doc_pages docs/{page.name}"
 
 
 def test_every_picture_is_shown_by_one_page() -> None:

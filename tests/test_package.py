@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from pages import blocks
+from doc_pages import blocks
 
 import henon_ref
 from henon_ref.casefile.case import parse_case

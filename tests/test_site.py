@@ -96,7 +96,7 @@ def test_formulas_are_drawn_by_the_browser(site: Path) -> None:
 
 def test_every_page_is_in_the_contents(pages: dict[Path, Page], site: Path) -> None:
     first = pages[(site / "docs/index.html").resolve()]
-    written = {path.stem for path in (ROOT / "docs").glob("*.md")} - {"index"}
+    written = {path.stem for path in (ROOT / "docs").rglob("*.md")} - {"index"}
     assert written <= {Path(urlsplit(link).path).stem for link in first.links}
 
 

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from pages import blocks
+from doc_pages import blocks
 
 from baselines.base import ModeSolver
 from henon_ref.casefile.case import parse_case

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from importlib import import_module
 from typing import Any
@@ -12,6 +13,8 @@ from henon_ref.cli.main import SUBCOMMANDS, application
 from henon_ref.report.text.tables import Table
 from henon_ref.text import code
 
+_OPTION = re.compile(r"(?<!\S)--[a-z-]+( [a-z]+@[a-z]+)?")
+"""An option that a text names, with a value such as ``heyoka@direction``."""
 OPTIONS = "Options"
 """Panel of options that name none."""
 
@@ -59,7 +62,7 @@ def _options(command: Any) -> Iterator[str]:
             names = ", ".join([*parameter.opts, *parameter.secondary_opts])
             words = code(f"{names} {parameter.metavar}".strip() if parameter.metavar else names)
         panel = getattr(parameter, "rich_help_panel", None) or OPTIONS
-        panels.setdefault(panel, []).append((words, f"{parameter.help or ''}{_default(parameter)}"))
+        panels.setdefault(panel, []).append((words, f"{_sentence(parameter.help)}{_default(parameter)}"))
     for panel, rows in panels.items():
         yield Table((panel.lower(), "meaning"), "ll", rows).markdown
 
@@ -72,4 +75,4 @@ def _default(parameter: Any) -> str:
 
 
 def _sentence(text: str | None) -> str:
-    return " ".join((text or "").split())
+    return _OPTION.sub(lambda found: code(found[0]), " ".join((text or "").split()))

@@ -60,7 +60,8 @@ def _read(app: Sphinx, name: str, source: list[str]) -> None:
 
 def _always_new(app: Sphinx, *changes: object) -> list[str]:
     """Pages with marks: what is made in them may have changed although they have not."""
-    return [f"{PAGES}{path.stem}" for path in DOCS.glob("*.md") if _MARK.search(path.read_text(encoding="utf-8"))]
+    pages = [path for path in DOCS.rglob("*.md") if _MARK.search(path.read_text(encoding="utf-8"))]
+    return [path.relative_to(DOCS.parent).with_suffix("").as_posix() for path in pages]
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -16,5 +16,5 @@ def entries(docs: Path) -> str:
         The folder of the pages.
     """
     named = {line.strip() for line in (docs / INDEX).read_text(encoding="utf-8").splitlines()}
-    pages = sorted(page.stem for page in docs.glob("*.md") if page.name != INDEX)
-    return "\n".join(page for page in pages if page not in named)
+    pages = sorted(page.relative_to(docs).with_suffix("").as_posix() for page in docs.rglob("*.md"))
+    return "\n".join(page for page in pages if page not in {*named, Path(INDEX).stem})

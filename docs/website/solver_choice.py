@@ -51,7 +51,7 @@ def in_short() -> str:
         best = _fastest(rows, column)
         own = [_cell(reaches([row for row in rows if _package(row) == package], column), best) for package in packages]
         counted = _readings(rows if kind in WITHOUT_TIMES else _timed(rows))
-        lines.append((f"[{kind}](#{kind.replace(' ', '-')})", str(counted), *own))
+        lines.append((f"[{kind}](#{_place(kind)})", str(counted), *own))
     headings = ("kind of case", "readings", *(f"best of {package}" for package in packages))
     return Table(headings, "lr" + "l" * len(packages), lines).markdown
 
@@ -66,12 +66,20 @@ def answers() -> str:
         own = next(_package(row) for row in rows if name(row) == best.solver)
         other = _fastest([row for row in rows if _package(row) != own], f"wall_{IN_SHORT}_s")
         counted = _readings(_timed(rows))
-        words = f"- **{kind.capitalize()}, {IN_SHORT} digits:** take {code(best.solver)}{_tolerance(best.solver)}. "
+        words = f"- **[{kind.capitalize()}](#{_place(kind)}), {IN_SHORT} digits:** "
+        words += f"take {code(best.solver)}{_tolerance(best.solver)}. "
         words += f"At one of its settings it gets there in {len(best.walls)} of {counted} readings."
         if other is not None:
             words += f" Of the other packages: {code(other.solver)}, in {len(other.walls)}{_tolerance(other.solver)}."
+        if kind in MEANINGS:
+            words += f" ({MEANINGS[kind]})"
         lines.append(words)
     return "\n".join(lines)
+
+
+def _place(kind: str) -> str:
+    """Where the page has a kind's section."""
+    return kind.replace(" ", "-")
 
 
 def _tolerance(solver: str) -> str:

@@ -179,7 +179,7 @@ class System:
 
     @property
     def parameters(self) -> dict[str, Number]:
-        """Name -> exact number (a copy: :meth:`with_parameters` makes a system with others)."""
+        """Name -> exact number, as a copy (:meth:`with_parameters` makes a system with others)."""
         return {name: python_number(value) for name, value in self._names.values.items()}
 
     def with_parameters(self, parameters: Mapping[Any, Any]) -> System:

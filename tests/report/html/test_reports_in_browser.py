@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 from fakes import CASE, case
-from made_reports import ORIGIN
 from html_pages import RUNS, SCHEMES, SIZES, comparison, opened, serious, sideways
+from made_reports import ORIGIN
 from test_reports_page import SHOWN
 
 from henon_ref.report.case_report import write_report

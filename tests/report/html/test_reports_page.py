@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fakes import CASE, case
-from made_reports import ORIGIN
 from html_pages import comparison, made_folder
+from made_reports import ORIGIN
 
 from henon_ref.cli.check import page_differences
 from henon_ref.errors import CaseError

@@ -1,7 +1,7 @@
 """A program and what the tests use of it: runs the blocks of the documentation's pages, as a reader would.
 
-``python -m tests.support.pages docs/bifurcation.md ...`` runs pages and puts the pictures that their blocks save where
-the pages show them, in ``docs/pictures``.
+``python -m tests.support.doc_pages docs/bifurcation.md ...`` runs pages, and puts the pictures that their blocks save
+where the pages show them, in ``docs/pictures``.
 
 * ``python`` blocks run one after the other with the same names, ``bash`` blocks under ``bash -euo pipefail``, in a
   folder of the page's own, where ``cases`` is the repository's and ``.venv/bin`` leads to this Python. A ``text`` block
