@@ -28,7 +28,7 @@ from baselines.flow import LIMIT, Library, Stop
 from baselines.mode_functions import EPSILON
 from baselines.mode_table import ModeEntry, ModeTable
 from baselines.record import Record
-from baselines.restart import Fresh
+from baselines.restart import MARGIN, Fresh
 from baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.filippov.callables import ARITHMETIC, Scalar
@@ -36,6 +36,7 @@ from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resets import resetting
 from henon_ref.solver import Run
 from henon_ref.trajectory import Trajectory
 
@@ -47,6 +48,8 @@ FALLING = 1e-6
 """A rate of a guard below minus this part of its surface's normal velocities is no rounding."""
 LATE = 1e3
 """A guard below zero by so many times what the tolerances make of it has been stepped over."""
+BACK = 2.0
+"""A body does not come back to a surface so many times as fast as it left it, within its first short flight."""
 RUSH = 1e-3
 """... and would change by this part within 1024 units in the last place of the time."""
 
@@ -154,7 +157,11 @@ class Driver:
                 hits, unsettled, missed = self._together(entry, stop, fresh)
                 if missed:
                     return record.finish("failed", t, x, mode, record.explained("failed", missed))
-            t, low, x = stop.t, stop.low, stop.x
+            begun, (t, low, x) = t, (stop.t, stop.low, stop.x)
+            if len(hits) == 1 and t > begun and self._has_not_left(entry, hits[0], fresh, t - begun, t, x):
+                x, drift = self.table.on_surface(entry.model.guards[hits[0]].index, t, x)
+                record.drift = max(record.drift, drift)
+                continue
             if not hits:
                 record.drift = max(record.drift, self.table.drift(entry, t, x))
                 return record.finish("ok", t, x, mode)
@@ -178,12 +185,31 @@ class Driver:
                 if t > until:
                     return record.finish("ok", until, x, after_mode)
                 record.event(t, low, x, bouncing, after_mode, ())
-            # Impacts that a rest follows accumulate, and end: they are told of up to their limit.
-            reason = "" if resets and all(map(self.table.system.rests, resets)) else record.accumulated()
+            reason = record.accumulated()
             if reason:
                 return record.finish("failed", t, x, after_mode, reason)
             mode, entry = after_mode, self.table[after_mode]
             fresh = starting + entry.still_fresh(before, unsettled, starting) if unsettled else starting
+
+    def _has_not_left(
+        self, entry: ModeEntry, guard: int, fresh: Sequence[Fresh], length: float, t: float, x: Sequence[float]
+    ) -> bool:
+        """Whether a fall of a guard that resets the state is noise: the surface was left tangentially, just now.
+
+        A body that an impact leaves no speed, or that has lifted off, leaves the surface by its acceleration alone. It
+        does not come back faster than it left within the tolerance, nor where the guard rises.
+        """
+        model = entry.model
+        started = next((rate for k, _, rate in fresh if k == guard), None)
+        if started is None or not resetting(model.system, model.mode, [model.guards[guard]]):
+            return False
+        try:
+            value, rate = model.rates(t, *x)[2 * guard : 2 * guard + 2]
+        except ARITHMETIC:
+            return False
+        noise = MARGIN * model.size(guard, t, x, *self.library.accuracy)
+        too_fast = -rate > BACK * max(started, 0.0) and -rate * length <= noise
+        return bool(too_fast or (rate >= 0.0 and -value <= noise))
 
     def _together(
         self, entry: ModeEntry, stop: Stop, fresh: Sequence[Fresh]

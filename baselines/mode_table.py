@@ -16,13 +16,13 @@ from baselines.flow import Flow, Library
 from baselines.mode_functions import EPSILON, ModeFunctions, projected
 from baselines.restart import Fresh
 from baselines.work import Work
-from henon_ref.filippov.after_jump import after_jump
+from henon_ref.filippov.after_jump import after_jump, without_speed
 from henon_ref.filippov.callables import ARITHMETIC, Scalar, scalar
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.resets import resetting
-from henon_ref.filippov.resting import REMAINING
+from henon_ref.filippov.resting import REMAINING, impact_of
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.filippov.two_signs import CLEAR, sign_after
@@ -95,7 +95,12 @@ class ModeEntry:
     def _exit(self, guard: Guard) -> Exit | None:
         model, mode, i = self.model, self.model.mode, guard.index
         sliding = [j for j, s in enumerate(mode) if s == 0]
-        if guard.ends or resetting(model.system, mode, [guard]) or model.system.decided_together(guard, sliding):
+        if (
+            guard.ends
+            or resetting(model.system, mode, [guard])
+            or (guard.kind == "release" and model.system.rests(i))
+            or model.system.decided_together(guard, sliding)
+        ):
             return None
         landing = model.landing(i).values
         stick, slip = replaced(mode, i, 0), {s: replaced(mode, i, s) for s in (-1, 1)}
@@ -185,6 +190,9 @@ class ModeTable:
         guards = [model.guards[k] for k in hits]
         involved = {g.index for g in guards if g.ends is None} | {i for i, s in enumerate(model.mode) if s == 0}
         x, drift = projected([self._surface(i) for i in sorted(involved)], t, x)
+        for i, entry_now in enumerate(model.mode):  # what errors have made of the speed of a body at rest
+            impact = impact_of(self.system, i) if entry_now == 0 and self.system.rests(i) else None
+            x = x if impact is None else tuple(without_speed(impact, self, t, x))
         if resets := resetting(self.system, model.mode, guards):
             return self._jumped(resets, guards, model.mode, t, x, drift)
         decision = self.switching.after_event(t, x, model.mode, guards)
@@ -232,6 +240,10 @@ class ModeTable:
     def text(self, t: float) -> str:
         """A time as messages have it."""
         return f"{t:.17g}"
+
+    def on_surface(self, index: int, t: float, x: Sequence[float]) -> tuple[tuple[float, ...], float]:
+        """A state put on a surface, and how far from it it was."""
+        return projected([self._surface(index)], t, x)
 
     def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]) -> tuple[Fresh, ...]:
         """Guards of a mode that start at zero: of the surfaces just left, and any other within rounding of it."""

@@ -47,6 +47,9 @@ class Solver(Protocol):
       JIT. Its time is reported as ``compile_s``; the run's time does not hold it.
     * The returned callable does the whole run and has no memory of earlier calls.
     * Transitions come in order of time; every one of them is reported, also after a failure.
+    * Where ``problem.system.resets`` holds a surface, the state jumps as it falls through zero: a transition ``reset``
+      with the state after, also where the mode stays. Impacts that accumulate are reported until all later ones last
+      less than 2^-26 of the run; their limit is a ``stick`` on that surface (:mod:`henon_ref.filippov.resting`).
     * What the run returns is checked (:mod:`henon_ref.campaign.contract_check`): a :class:`Trajectory`, an entry a
       state and a surface, times in order and from the start to the horizon; with status ``ok`` the end at the horizon
       and finite states; no more transitions than ten times the truth's and 100000. NumPy's numbers will do, and words

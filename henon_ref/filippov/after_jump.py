@@ -96,6 +96,12 @@ def after_jump(
     return _Rule(system, numbers, mode, surfaces, t, x).after({g.index for g in hits if g.kind == "surface"}, most)
 
 
+def without_speed(impact: Impact, numbers: Arithmetic, t: Any, x: Sequence[Any]) -> list[Any]:
+    """A state whose h' a force of the surface has taken, on which a body can rest."""
+    speed, *push = numbers.values((impact.speed, *impact.push), t, x)
+    return [value - speed * p for value, p in zip(x, push, strict=True)]
+
+
 class _Rule:
     """The rule at one jump."""
 
@@ -239,7 +245,7 @@ class _Rule:
         system, numbers = self.system, self.numbers
         x = list(after)
         for i in surfaces:
-            x = self._without_speed(i, self.t, x)
+            x = without_speed(self.impacts[i], numbers, self.t, x)
         field = numbers.values(system.equations(stuck).field, self.t, x)
         x = [value + time * rate for value, rate in zip(x, field, strict=True)]
         for i in surfaces:
@@ -247,14 +253,8 @@ class _Rule:
             h, *gradient = numbers.values((surface, *(sp.diff(surface, s) for s in system.states)), self.t + time, x)
             size = sum((g * g for g in gradient), 0 * h)
             x = [value - h * g / size for value, g in zip(x, gradient, strict=True)]
-            x = self._without_speed(i, self.t + time, x)
+            x = without_speed(self.impacts[i], numbers, self.t + time, x)
         return x
-
-    def _without_speed(self, index: int, t: Any, x: Sequence[Any]) -> list[Any]:
-        """A state whose h' a force of the surface has taken."""
-        impact: Impact = self.impacts[index]
-        speed, *push = self.numbers.values((impact.speed, *impact.push), t, x)
-        return [value - speed * p for value, p in zip(x, push, strict=True)]
 
     @staticmethod
     def _refused(reason: str) -> Decision:

@@ -24,8 +24,9 @@ class Problem:
     Every number is an exact SymPy number (``Rational(1, 10)``, ``sqrt(3)/9``); a solver rounds it once.
 
     :meth:`right_hand_side`, :meth:`guards` and :meth:`jacobian` are the smooth equations of one mode as functions of
-    arrays, parameters put in. These three are unstable: their names and shapes may change until scenes have a numeric
-    form of their own. Derive them once a mode, not once a step: each call derives and compiles anew.
+    arrays, parameters put in; :meth:`reset` is a jump of the state. These four are unstable: their names and shapes may
+    change until scenes have a numeric form of their own. Derive them once a mode, not once a step: each call derives
+    and compiles anew.
     """
 
     system: FilippovSystem
@@ -135,3 +136,34 @@ class Problem:
         """
         field = [self.system.numeric(f) for f in self.system.equations(mode).field]
         return Jacobian(self.system.states, field, "python")
+
+    def reset(self, surface: int) -> ArrayFunction:
+        """The jump of the state where a surface falls through zero (unstable).
+
+        Parameters
+        ----------
+        surface : int
+            Index of one that ``system.resets`` holds.
+
+        Returns
+        -------
+        callable
+            ``R(t, x)`` -> the state after, shape (n,), from the state before; all NaN where it has no value.
+
+        Raises
+        ------
+        KeyError
+            Where that surface resets nothing.
+
+        Examples
+        --------
+        >>> from henon_ref.filippov.system import Reset
+        >>> x, v, s = sp.symbols("x v s", real=True)
+        >>> gravity = (v, sp.Integer(-10))
+        >>> ball = FilippovSystem((x, v), (s,), (x,), gravity, resets={0: Reset({v: -v / 2})})
+        >>> problem = Problem(ball, sp.Integer(0), (sp.Integer(1), sp.Integer(0)), sp.Integer(1))
+        >>> problem.reset(0)(0.5, np.array([0.0, -4.0]))
+        array([0., 2.])
+        """
+        own = self.system.resets[surface].map
+        return vector(self.system.states, [self.system.numeric(own.get(x, x)) for x in self.system.states])
