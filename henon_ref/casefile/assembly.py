@@ -117,11 +117,12 @@ class Scene:
             on_surface = {p.velocity: q.velocity}
             load = f_p - p.inertia * q.acceleration
             held = {p.name: q.acceleration}
-        else:
-            assert q.inertia is not None
+        elif q.inertia is not None:
             on_surface = {q.velocity: p.velocity}
             load = q.inertia * p.acceleration - f_q
             held = {q.name: p.acceleration}
+        else:  # whose motion is given, at one velocity: nothing to carry
+            on_surface, load, held = {}, sp.Integer(0), {}
         load, limit = load.xreplace(on_surface), hold.limit.xreplace(on_surface)
         return SlidingOverride(
             field=self._field(on_surface, held),

@@ -178,3 +178,5 @@ class Kind:
     """Adds its terms to a connection under construction."""
     on: Literal["", "mass", "rotor"] = ""
     """The kind of body that it acts on alone, named by ``on``; empty: it acts between two, named by ``between``."""
+    between_given: bool = False
+    """Whether it may stand between two bodies whose motion is given, where it acts on nothing but has a mode."""

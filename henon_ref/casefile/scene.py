@@ -178,7 +178,8 @@ class _Reader:
         p, q = (self._body((*path, i)) for i in range(2))
         if p is q:
             raise self.source.error((*path, 1), f"'{p.name}' cannot be connected to itself; name another body")
-        if p.inertia is None and q.inertia is None:
+        given = KINDS[name].between_given and not p.kind == q.kind == "fixed"
+        if p.inertia is None and q.inertia is None and not given:
             which = "both are fixed" if p.kind == q.kind == "fixed" else "the motion of both is given"
             message = f"the {name} between '{p.name}' and '{q.name}' acts on nothing, {which}; name a mass or a rotor"
             raise self.source.error(path, message)

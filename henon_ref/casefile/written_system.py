@@ -186,7 +186,9 @@ def _override(source: Source, sign: str, form: SlidingForm, names: Names) -> Sli
         )
     field = [names.smooth(source, ("sliding", sign, "field", i), signs=others) for i in range(len(form.field))]
     releases = [
-        Release(names.smooth(source, ("sliding", sign, "release", i, "when")), release.direction, release.to)
+        Release(
+            names.smooth(source, ("sliding", sign, "release", i, "when"), signs=others), release.direction, release.to
+        )
         for i, release in enumerate(form.release)
     ]
     return SlidingOverride(tuple(field), tuple(releases), form.entry)

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.filippov.decision import Decision, with_entries
+from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.modes import Mode, mode_text
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.text import listed
@@ -171,7 +172,8 @@ def _possible(
     system: FilippovSystem, mode: Mode, group: tuple[int, ...], evaluate: Evaluate, negative: Negative
 ) -> tuple[list[tuple[int, ...]], bool]:
     """Assignments of a group that are not clearly refused, and whether the first is the one that counts."""
-    choices = sorted(product((-1, 0, 1), repeat=len(group)), key=lambda choice: -choice.count(0))
+    entries = [(0,) if _never_left(system, i) else (-1, 0, 1) for i in group]
+    choices = sorted(product(*entries), key=lambda choice: -choice.count(0))
     balance = _balance(mode, group, evaluate, negative)
     if balance is None:
         return choices, False
@@ -185,6 +187,12 @@ def _possible(
             open_ones.append(choice)
             settled.append(clear)
     return open_ones, settled == [True]
+
+
+def _never_left(system: FilippovSystem, index: int) -> bool:
+    """Whether a surface is zero at all times, as between two bodies that are given one velocity."""
+    number = system.numeric(system.surfaces[index])
+    return bool(number.is_number and exact_sign(number) == 0)
 
 
 def _balance(mode: Mode, group: tuple[int, ...], evaluate: Evaluate, negative: Negative) -> Balance | None:

@@ -12,6 +12,7 @@ import pytest
 import sympy as sp
 from flint import arb, ctx
 from multiprecision import simulate
+from random_stacks import runs
 
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import ModelError, UnsupportedError
@@ -220,3 +221,11 @@ def test_a_ball_that_holds_zero_is_undecided_not_told() -> None:
     proof = certify(problem)
     assert (proof.status, proof.mode) == ("certified", (1, 0))
     assert proof.time.overlaps(arb("0.1"))
+
+
+def test_random_stacks_run_to_their_end_or_to_where_the_sets_are_named() -> None:
+    """The first of those that docs/scenes.md counts."""
+    ended = list(runs(12))
+    assert {run.status for run in ended} == {"ok", "nonunique"}
+    for run in ended:
+        assert run.reason.endswith("{s_a_floor} or {s_b_a}") == (run.status == "nonunique"), run.reason

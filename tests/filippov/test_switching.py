@@ -11,7 +11,7 @@ from problems import make_problem
 from runs import kinds, run
 
 from henon_ref import registry
-from henon_ref.filippov import switching
+from henon_ref.filippov import mode_evaluation
 from henon_ref.filippov.derivatives import leading, rate_of
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.switching import Switching
@@ -106,7 +106,7 @@ def test_a_run_does_not_live_on_what_an_earlier_one_worked_out(monkeypatch: pyte
         made += 1
         return expand(*arguments)
 
-    monkeypatch.setattr(switching, "expand", counted)
+    monkeypatch.setattr(mode_evaluation, "expand", counted)
     for solver in (HENON_SOLVER, registry.solver("scipy-dop853")):
         run = solver.prepare(problem, rtol=1e-9)
         counts = []

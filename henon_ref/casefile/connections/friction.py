@@ -9,9 +9,11 @@ from __future__ import annotations
 import sympy as sp
 
 from henon_ref.casefile.connection import Key, Kind, Link
+from henon_ref.taylor.tape import TIME
 
 LAWS = {"coulomb": None, "stribeck": "slope", "stribeck_exp": "velocity"}
 """Law -> the key that it alone needs."""
+TIMES = (sp.Rational(1, 3), sp.Rational(7, 5), sp.Rational(29, 11))
 UNITS = {"slope": "s/m, between rotors s/rad", "velocity": "m/s, between rotors rad/s"}
 
 
@@ -19,6 +21,9 @@ def _add(link: Link) -> None:
     law = _checked_law(link)
     given = link.values
     velocity = link.velocity
+    alone = all(body.inertia is None for body in link.ends)
+    if alone and _is_constant(velocity.xreplace(link.kinks.parameters)):
+        velocity = velocity.xreplace({TIME: sp.Integer(0)})
     sign = link.sign("s", velocity)
     normal = link.positive_part(given["normal"]) if "normal" in given else sp.Integer(1)
     speed = sign * velocity  # abs(v): smooth as text in each mode
@@ -33,8 +38,16 @@ def _add(link: Link) -> None:
         link.push(-(normal * sign * carried))
     if "viscous" in given:
         link.push(-given["viscous"] * velocity)
-    if static is not None and law != "stribeck_exp":  # which slides with 'static' where it comes to rest
+    if alone and not velocity.has(TIME):  # it acts on nothing; with both at one velocity it holds
+        link.hold(sign, normal * (force if static is None else static))
+    elif not alone and static is not None and law != "stribeck_exp":  # which slides with 'static' as it comes to rest
         link.hold(sign, normal * static)
+
+
+def _is_constant(velocity: sp.Expr) -> bool:
+    """Whether a velocity that is given is the same at all times: an analytic function whose rate is zero at some."""
+    rate = sp.diff(velocity, TIME)
+    return all(abs(sp.N(rate.xreplace({TIME: time}), 40)) < sp.Float("1e-30") for time in TIMES)
 
 
 def _checked_law(link: Link) -> str:
@@ -59,4 +72,5 @@ KIND = Kind(
         Key("normal", "N", "N m", "load on the contact, in t and states; 0 below 0", optional=True, of="states"),
     ),
     add=_add,
+    between_given=True,
 )
