@@ -8,11 +8,15 @@ reports run them and print what they say, and :mod:`henon_ref.campaign.causes` d
 from __future__ import annotations
 
 from baselines.causes.base import Cause, ClaimError
+from baselines.causes.diffrax_events import DIFFRAX
+from baselines.causes.diffsol_events import DIFFSOL
 from baselines.causes.heyoka_events import HEYOKA
 from baselines.causes.naive import NAIVE
+from baselines.causes.nosnoc_grid import NOSNOC
 from baselines.causes.scipy_events import SCIPY
 from baselines.causes.sundials_events import SUNDIALS
 
-CAUSES: dict[str, Cause] = {cause.name: cause for cause in (*SCIPY, *SUNDIALS, *HEYOKA, *NAIVE)}
+ALL = (*SCIPY, *SUNDIALS, *HEYOKA, *DIFFRAX, *DIFFSOL, *NOSNOC, *NAIVE)
+CAUSES: dict[str, Cause] = {cause.name: cause for cause in ALL}
 
 __all__ = ["CAUSES", "Cause", "ClaimError"]

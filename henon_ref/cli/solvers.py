@@ -76,13 +76,14 @@ def listed_solvers() -> list[Listed]:
 def _unavailable(name: str) -> str:
     """Why a solver's rows would say that it is unavailable; empty where they would not."""
     from baselines.base import Adapter
+    from baselines.nosnoc_fesd import Nosnoc
     from henon_ref import registry
     from henon_ref.errors import UnavailableError
 
     try:
         solver = registry.solver(name)
-        if isinstance(solver, Adapter):
-            solver.library(1e-6, 1e-6)  # imports it, at whatever tolerances
+        if isinstance(solver, Adapter | Nosnoc):
+            return solver.unavailable()
     except UnavailableError as error:
         return str(error)
     return ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 
 import pytest
 
@@ -12,12 +13,15 @@ from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.studies import causes as page
 
 MODULES = {"heyoka": "heyoka"} | dict.fromkeys(("cvode", "ida", "sundials", "sundae"), "sksundae")
+MODULES |= {"diffrax": "diffrax", "diffsol": "pydiffsol", "nosnoc": "nosnoc"}
 """First word of a cause's name -> what it is shown by, where that is not SciPy."""
 
 
 @pytest.mark.parametrize("cause", CAUSES.values(), ids=lambda cause: cause.name)
 def test_the_library_alone_does_what_is_claimed(cause: Cause) -> None:
-    pytest.importorskip(MODULES.get(cause.name.split("-")[0], "scipy"))
+    # Not imported here: processes that fork must not have jax's threads.
+    if importlib.util.find_spec(MODULES.get(cause.name.split("-")[0], "scipy")) is None:
+        pytest.skip(f"{cause.package} is not installed")
     assert cause.check()
 
 
@@ -83,6 +87,21 @@ def test_a_polynomial_goes_past_the_end_of_what_it_stands_for() -> None:
     assert cause_of(run_row(solver="scipy-rk45", **past), []) is None
     assert cause_of(run_row(solver="heyoka", **past | {"missed": 1}), []) is None
     assert cause_of(run_row(solver="heyoka", **past | {"expected_status": "diverged"}), []) is None
+
+
+def test_what_peers_do_is_explained_by_peers() -> None:
+    for solver in ("diffrax-dopri8", "diffrax-kvaerno5@none", "diffsol-bdf", "nosnoc"):
+        assert cause_of(run_row(solver=solver), PAIR) == {"diffrax": "diffrax-pair", "diffsol": "diffsol-pair"}.get(
+            solver.split("-")[0], "nosnoc-grid"
+        )
+    lost = {"status": "failed", "status_reason": "the state is not finite after t = 0.9; 1 missed", "missed": 1}
+    assert cause_of(run_row(solver="diffsol-tsit45", **lost), []) == "diffsol-nan"
+    assert cause_of(run_row(solver="diffsol-bdf", **lost), []) is None
+    ended = {"status": "failed", "status_reason": "IPOPT finds no step from t = 3", "missed": 1}
+    assert cause_of(run_row(solver="nosnoc", **ended), []) == "nosnoc-infeasible"
+    assert cause_of(run_row(solver="nosnoc", **ended | {"spurious": 1}), []) is None
+    slow = run_row(solver="nosnoc", status="timeout", verdict="not judged", missed=0)
+    assert cause_of(slow, []) == "nosnoc-cost"
 
 
 def test_the_page_says_so_where_a_claim_does_not_hold(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
