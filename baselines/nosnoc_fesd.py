@@ -175,7 +175,9 @@ class _Simulation:
                     record.drift = max([record.drift, *element.off[[s == 0 for s in mode], -1]])
                 t, x = t + element.length, element.x
             if not np.abs(x).max() <= LIMIT:
-                return record.finish("diverged", t, x[:states].tolist(), mode, f"the state passed {LIMIT:g} at t = {t:.17g}")
+                return record.finish(
+                    "diverged", t, x[:states].tolist(), mode, f"the state passed {LIMIT:g} at t = {t:.17g}"
+                )
         return record.finish("ok", self.until, tuple(x[:states].tolist()), mode)
 
     def _step(self, x: NDArray[np.float64], level: int) -> list[SimpleNamespace] | None:

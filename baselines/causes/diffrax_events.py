@@ -84,6 +84,7 @@ def first_in_the_list() -> str:
 
 def start_on_the_surface() -> str:
     """A ball at its surface, without a direction and with one."""
+
     def height(t: Any, y: Any, args: Any, **_: Any) -> Any:
         return y[0]
 

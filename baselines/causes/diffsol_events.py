@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines.causes.base import Cause, holds
+from baselines.causes.base import Cause, ClaimError, holds
 
 DIFFSL = "https://martinjrobins.github.io/diffsl"
 
@@ -71,7 +71,7 @@ def number_that_is_none() -> str:
         solve("u_i { h = 1.0 } F_i { -sqrt(h) } stop_i { h + 1.0 }", 4.0, "bdf")
     except RuntimeError as error:
         return f"tsit45 goes on to t = 4 with h = nan and reports nothing; bdf ends: {error}"
-    return holds(False, "bdf says nothing") or ""
+    raise ClaimError("bdf says nothing")
 
 
 def blow_up_is_a_small_step() -> str:
@@ -81,7 +81,7 @@ def blow_up_is_a_small_step() -> str:
     except RuntimeError as error:
         holds("Step size is too small" in str(error), str(error))
         return f"bdf on x' = x²: {error}; what it had computed is lost"
-    return holds(False, f"it goes on to {found.ts[-1]}") or ""
+    raise ClaimError(f"it goes on to {found.ts[-1]}")
 
 
 DIFFSOL = (

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from henon_ref import registry
 from henon_ref.campaign.case_files import load_cases
 from henon_ref.campaign.comparison import Comparison, compare_all
 from henon_ref.campaign.journal import FILE, read
