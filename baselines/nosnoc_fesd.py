@@ -8,8 +8,8 @@ from 0 to 1, and where it lies in between.
 nosnoc has no error control. Its user chooses a grid, the number of stages of Radau IIA (order 2 n - 1) and the
 tolerance of the complementarity. Here the tolerance of a row chooses the last two (:data:`STAGES`), and the grid is the
 same for all: twice as many equal control steps as SciPy's RK45 takes steps at 1e-3, two finite elements each, so that
-motion and events are resolved; a control step has room for one switch. So a tolerance of a row is a level of effort, not a
-bound on an error. A coarser grid is silently wrong (:mod:`baselines.causes.nosnoc_grid`).
+motion and events are resolved; a control step has room for one switch. So a tolerance of a row is a level of effort,
+not a bound on an error. A coarser grid is silently wrong (:mod:`baselines.causes.nosnoc_grid`).
 
 The homotopy starts at 1e-2 and falls by 1e-4 a step, a quarter of the work of the default. Where IPOPT calls a control
 step infeasible, the step is halved, up to twice, and then tried with slower homotopies, the last of them nosnoc's
@@ -175,9 +175,8 @@ class _Simulation:
                     record.drift = max([record.drift, *element.off[[s == 0 for s in mode], -1]])
                 t, x = t + element.length, element.x
             if not np.abs(x).max() <= LIMIT:
-                return record.finish(
-                    "diverged", t, x[:states].tolist(), mode, f"the state passed {LIMIT:g} at t = {t:.17g}"
-                )
+                words = f"the state passed {LIMIT:g} at t = {t:.17g}"
+                return record.finish("diverged", t, x[:states].tolist(), mode, words)
         return record.finish("ok", self.until, tuple(x[:states].tolist()), mode)
 
     def _step(self, x: NDArray[np.float64], level: int) -> list[SimpleNamespace] | None:

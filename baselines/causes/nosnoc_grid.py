@@ -80,7 +80,7 @@ def infeasible_goes_on() -> str:
     states = [status.name for status in found["status"]]
     end = float(found["X_sim"][-1][0])
     holds("INFEASIBLE" in states, f"statuses {states}")
-    return f"in two steps with room for one switch each the statuses are {states}; it goes on all the same, to x = {end:.2f}"
+    return f"in two steps with room for one switch each the statuses are {states}; it goes on, to x = {end:.2f}"
 
 
 def steps_are_programs() -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing import get_context
 from typing import Any
 
 import systems
-from loky import ProcessPoolExecutor
 
 from henon_ref import registry
 
@@ -15,7 +16,7 @@ from henon_ref import registry
 @contextmanager
 def child() -> Iterator[ProcessPoolExecutor]:
     """A process that keeps what it has compiled."""
-    with ProcessPoolExecutor(1) as pool:
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         yield pool
 
 
