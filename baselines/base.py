@@ -80,6 +80,21 @@ class Adapter(ABC):
             problem, library, sample_times=sample_times, deadline=deadline, warm_up=self.warm_up, known=known
         )
 
+    def unavailable(self) -> str:
+        """Why the library cannot be had; empty where it can. One that comes with an extra is not imported for it."""
+        if self.extra:
+            return "" if self.version else self._absent
+        try:
+            self.load()
+        except ImportError:
+            return self._absent
+        return ""
+
+    @property
+    def _absent(self) -> str:
+        line = f": pip install 'henon-ref[{self.extra}]'" if self.extra else ""
+        return f"{self.distribution} is not installed{line}"
+
     def library(self, rtol: float, atol: float) -> ConfiguredLibrary:
         """The library at these tolerances, for the driver.
 
@@ -91,8 +106,7 @@ class Adapter(ABC):
         try:
             module = self.load()
         except ImportError as error:
-            line = f": pip install 'henon-ref[{self.extra}]'" if self.extra else ""
-            raise UnavailableError(f"{self.distribution} is not installed{line}") from error
+            raise UnavailableError(self._absent) from error
         return ConfiguredLibrary(self, module, max(rtol, self.least_rtol), atol)
 
     @abstractmethod

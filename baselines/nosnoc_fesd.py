@@ -7,12 +7,12 @@ from 0 to 1, and where it lies in between.
 
 nosnoc has no error control. Its user chooses a grid, the number of stages of Radau IIA (order 2 n - 1) and the
 tolerance of the complementarity. Here the tolerance of a row chooses the last two (:data:`STAGES`), and the grid is the
-same for all: as many equal control steps as SciPy's RK45 takes steps at 1e-3, two finite elements each, so that motion
-and events are resolved; a control step has room for one switch. So a tolerance of a row is a level of effort, not a
-bound on an error. A coarser grid is silently wrong (:mod:`baselines.causes.nosnoc_grid`).
+same for all: twice as many equal control steps as SciPy's RK45 takes steps at 1e-3, two finite elements each, so that
+motion and events are resolved; a control step has room for one switch. So a tolerance of a row is a level of effort,
+not a bound on an error. A coarser grid is silently wrong (:mod:`baselines.causes.nosnoc_grid`).
 
 The homotopy starts at 1e-2 and falls by 1e-4 a step, a quarter of the work of the default. Where IPOPT calls a control
-step infeasible, the step is halved, up to three times, and then tried with slower homotopies, the last of them nosnoc's
+step infeasible, the step is halved, up to twice, and then tried with slower homotopies, the last of them nosnoc's
 default. Where that fails, too, nosnoc itself prints a warning and goes on; the run ends here.
 """
 
@@ -50,20 +50,18 @@ from henon_ref.trajectory import Trajectory
 
 STAGES = ((1e-7, 3), (1e-10, 4), (0.0, 5))
 """Tolerances above the first number have so many stages: 3 at 1e-6, 4 at 1e-9, 5 at 1e-12."""
-COMPLEMENTARITY = (1e-12, 1e-8)
+COMPLEMENTARITY = (1e-11, 1e-8)
 """The complementarity's tolerance is a hundredth of the row's, within these."""
-GRID = 1e-3
-"""Tolerance of the run whose steps are counted for the grid."""
+GRID, REFINED = 1e-3, 2
+"""Tolerance of the run whose steps are counted for the grid, and control steps for each of them."""
 FEWEST, MOST = 20, 20_000
 """Control steps of a run."""
 ELEMENTS = 2
 """Finite elements of a control step."""
 HOMOTOPIES = ((1e-2, 1e-4), (1e-1, 1e-2), (1.0, 0.1))
 """Start and factor of the homotopy, tried in turn; the last is nosnoc's default."""
-HALVINGS = 3
+HALVINGS = 2
 """So often a control step is halved where IPOPT finds none."""
-ITERATIONS = 100
-"""Most iterations of IPOPT."""
 MOST_SURFACES = 3
 """The regions are 2 to this power."""
 EMPTY = 1e-9
@@ -177,22 +175,20 @@ class _Simulation:
                     record.drift = max([record.drift, *element.off[[s == 0 for s in mode], -1]])
                 t, x = t + element.length, element.x
             if not np.abs(x).max() <= LIMIT:
-                return record.finish(
-                    "diverged", t, x[:states].tolist(), mode, f"the state passed {LIMIT:g} at t = {t:.17g}"
-                )
+                words = f"the state passed {LIMIT:g} at t = {t:.17g}"
+                return record.finish("diverged", t, x[:states].tolist(), mode, words)
         return record.finish("ok", self.until, tuple(x[:states].tolist()), mode)
 
     def _step(self, x: NDArray[np.float64], level: int) -> list[SimpleNamespace] | None:
-        """The finite elements of one control step, halved so often; None where IPOPT finds none."""
-        for homotopy in HOMOTOPIES if level == HALVINGS else HOMOTOPIES[:1]:
-            found = self._solved(x, level, *homotopy)
-            if found is not None:
-                return found
-        if level == HALVINGS:
-            return None
-        first = self._step(x, level + 1)
-        second = None if first is None else self._step(first[-1].x, level + 1)
-        return None if first is None or second is None else first + second
+        """The finite elements of a control step that was halved so often; None where IPOPT finds none."""
+        found = self._solved(x, level, *HOMOTOPIES[0])
+        if found is None and level < HALVINGS:
+            first = self._step(x, level + 1)
+            second = None if first is None else self._step(first[-1].x, level + 1)
+            found = None if first is None or second is None else first + second
+        for homotopy in HOMOTOPIES[1:]:
+            found = found or self._solved(x, level, *homotopy)
+        return found
 
     def _solved(self, x: NDArray[np.float64], level: int, sigma: float, factor: float) -> list[SimpleNamespace] | None:
         solver = self.solvers[level]
@@ -239,7 +235,7 @@ def _control_steps(problem: Problem, deadline: float | None) -> int:
     scout = Driver(problem, RK45.library(GRID, GRID), Work(deadline))
     found = scout.run()
     done = (found.end_time - scout.start) / (scout.until - scout.start)
-    return min(max(ceil(found.counts.steps / max(done, 1e-3)), FEWEST), MOST)
+    return min(max(ceil(REFINED * found.counts.steps / max(done, 1e-3)), FEWEST), MOST)
 
 
 def _options(nosnoc: Any, rtol: float, length: float) -> Any:
@@ -257,7 +253,6 @@ def _options(nosnoc: Any, rtol: float, length: float) -> Any:
     least, most = COMPLEMENTARITY
     options.comp_tol = options.sigma_N = min(max(1e-2 * rtol, least), most)
     options.tol_ipopt = 1e-2 * options.comp_tol
-    options.nlp_max_iter = ITERATIONS
     options.sigma_0, options.homotopy_update_slope = HOMOTOPIES[0]
     return options
 

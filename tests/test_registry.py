@@ -88,7 +88,8 @@ def test_every_own_solver_is_found_under_its_name(name):
 def test_every_built_in_solver_is_there_where_its_library_is(name):
     library = registry.library_version(name)
     if not library:
-        with pytest.raises(UnavailableError, match=f"^{registry.distribution(name)} is not installed$"):
+        line = r"(: pip install 'henon-ref\[peers\]')?"
+        with pytest.raises(UnavailableError, match=f"^{registry.distribution(name)} is not installed{line}$"):
             registry.solver(name).prepare(systems.leaving_slide(), rtol=1e-6)
         return
     found = registry.solver(name)
@@ -99,6 +100,22 @@ def test_every_built_in_solver_is_there_where_its_library_is(name):
 def test_the_listing_and_other_landings_run_only_where_they_are_named():
     assert not {"henon-listing", "henon-newton", "henon-brent"} & set(registry.default_names())
     assert "henon" in registry.default_names()
+
+
+def test_all_stands_for_the_default_and_the_peers_that_are_installed(monkeypatch):
+    monkeypatch.setattr(registry, "library_version", lambda name: "1" if name.startswith("diffsol") else "")
+    assert registry.expanded(["all"]) == (*registry.default_names(), "diffsol-tsit45", "diffsol-bdf")
+    assert registry.expanded(["nosnoc", "henon", "nosnoc"]) == ("nosnoc", "henon")
+
+
+def test_no_peer_runs_by_default_and_none_is_imported_with_its_adapter():
+    peers = ["diffrax-dopri8", "diffrax-kvaerno5", "nosnoc", "diffsol-tsit45", "diffsol-bdf"]
+    assert set(peers) <= set(registry.names()) - set(registry.default_names())
+    lines = ["import sys", "from henon_ref import registry", "import henon_ref.compare"]
+    lines += [f"registry.solver({name!r})" for name in peers]
+    lines += ["print(sorted({'jax', 'diffrax', 'nosnoc', 'casadi', 'pydiffsol'} & set(sys.modules)))"]
+    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
 
 
 @pytest.mark.parametrize("attribute", ["READY", "make"])

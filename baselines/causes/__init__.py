@@ -9,12 +9,16 @@ from __future__ import annotations
 
 from baselines.causes.base import Cause, ClaimError
 from baselines.causes.cvode_c_events import CVODE_C
+from baselines.causes.diffrax_events import DIFFRAX
+from baselines.causes.diffsol_events import DIFFSOL
 from baselines.causes.heyoka_events import HEYOKA
 from baselines.causes.naive import NAIVE
+from baselines.causes.nosnoc_grid import NOSNOC
 from baselines.causes.octave_events import OCTAVE
 from baselines.causes.scipy_events import SCIPY
 from baselines.causes.sundials_events import SUNDIALS
 
-CAUSES: dict[str, Cause] = {cause.name: cause for cause in (*SCIPY, *SUNDIALS, *CVODE_C, *OCTAVE, *HEYOKA, *NAIVE)}
+ALL = (*SCIPY, *SUNDIALS, *CVODE_C, *OCTAVE, *HEYOKA, *DIFFRAX, *DIFFSOL, *NOSNOC, *NAIVE)
+CAUSES: dict[str, Cause] = {cause.name: cause for cause in ALL}
 
 __all__ = ["CAUSES", "Cause", "ClaimError"]

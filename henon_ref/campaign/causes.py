@@ -18,6 +18,9 @@ PAIR_BY_PACKAGE = {"cvode-adams": "cvode-pair", "cvode-bdf": "cvode-pair", "ida"
 SCIPY = ("scipy-rk45", "scipy-dop853", "scipy-radau", "scipy-bdf", "scipy-lsoda")
 PAIR_BY_PACKAGE |= {"cvode-c-adams": "cvode-c-pair", "cvode-c-bdf": "cvode-c-pair", "octave-ode45": "octave-pair"}
 PAIR_BY_PACKAGE |= dict.fromkeys(SCIPY, "scipy-pair")
+DIFFRAX = ("diffrax-dopri8", "diffrax-kvaerno5")
+DIFFSOL = ("diffsol-tsit45", "diffsol-bdf")
+PAIR_BY_PACKAGE |= dict.fromkeys(DIFFRAX, "diffrax-pair") | dict.fromkeys(DIFFSOL, "diffsol-pair")
 TOO_SMALL = "Required step size is less than spacing between numbers"
 NOT_FINITE = "the state is not finite"
 LATE = 1e8
@@ -103,7 +106,8 @@ def cause_of(run: Row, transitions: Sequence[Row]) -> str | None:
 def _restart(seen: Seen) -> str | None:
     """A restart that keeps no root out: the library stops where it starts, or loses the next root."""
     if seen.restart == "none" and "accumulate" in seen.reason:
-        return "heyoka-start" if seen.solver == "heyoka" else "scipy-fires-at-start" if seen.solver in SCIPY else None
+        fires = {"heyoka": "heyoka-start"} | dict.fromkeys(SCIPY, "scipy-fires-at-start")
+        return (fires | dict.fromkeys(DIFFRAX, "diffrax-start")).get(seen.solver)
     if seen.restart == "direction" and seen.solver == "heyoka" and "stepped over" in seen.reason:
         return "heyoka-start"
     return None
@@ -143,6 +147,26 @@ def _small_step(seen: Seen) -> str | None:
     if abs(seen.number("end_time_s")) >= LATE:
         return "scipy-late"
     return None
+
+
+def _diffsol(seen: Seen) -> str | None:
+    """A blow-up whose last step was refused; a state that is no number, which tsit45 alone accepts."""
+    if seen.solver not in DIFFSOL or not seen.right_so_far:
+        return None
+    if "Step size is too small" in seen.reason and seen.run["expected_status"] == "diverged":
+        return "diffsol-small-step"
+    return "diffsol-nan" if seen.solver == "diffsol-tsit45" and seen.reason.startswith(NOT_FINITE) else None
+
+
+def _nosnoc(seen: Seen) -> str | None:
+    """nosnoc without a solution of a step, out of time, or with a pair that one step has no room for."""
+    if seen.solver != "nosnoc":
+        return None
+    if "IPOPT finds no step" in seen.reason and seen.right_so_far:
+        return "nosnoc-infeasible"
+    if seen.run["status"] == "timeout" and seen.right_so_far:
+        return "nosnoc-cost"
+    return "nosnoc-grid" if seen.missed_pairs else None
 
 
 def _slow(seen: Seen) -> str | None:
@@ -199,6 +223,8 @@ RULES: tuple[Callable[[Seen], str | None], ...] = (
     _heyoka_polynomial,
     _bracket,
     _small_step,
+    _diffsol,
+    _nosnoc,
     _slow,
     _no_number,
     _past_the_end,
@@ -211,5 +237,7 @@ NAMES = (
     "scipy-radau-order", "scipy-bdf-order", "scipy-lsoda-nan", "heyoka-start", "heyoka-double-root",
     "heyoka-hidden-drive", "heyoka-event-polynomial", "heyoka-past-end", "sign-chatter", "smoothed-creep",
     "cvode-c-pair", "cvode-c-late-end", "octave-pair", "octave-blow-up", "octave-nan", "octave-line",
+    "diffrax-pair", "diffrax-start", "diffsol-pair", "diffsol-small-step", "diffsol-nan",
+    "nosnoc-infeasible", "nosnoc-cost", "nosnoc-grid",
 )  # fmt: skip
 """Every name that a rule may give."""

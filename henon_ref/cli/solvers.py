@@ -76,15 +76,16 @@ def listed_solvers() -> list[Listed]:
 def _unavailable(name: str) -> str:
     """Why a solver's rows would say that it is unavailable; empty where they would not."""
     from baselines.base import Adapter
+    from baselines.nosnoc_fesd import Nosnoc
     from baselines.protocol.program import ProgramSolver
     from henon_ref import registry
     from henon_ref.errors import UnavailableError
 
     try:
         solver = registry.solver(name)
-        if isinstance(solver, Adapter):
-            solver.library(1e-6, 1e-6)  # imports it, at whatever tolerances
-        elif isinstance(solver, ProgramSolver):
+        if isinstance(solver, Adapter | Nosnoc):
+            return solver.unavailable()
+        if isinstance(solver, ProgramSolver):
             solver.check()
     except UnavailableError as error:
         return str(error)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 
 import pytest
 
@@ -14,6 +15,7 @@ from henon_ref.registry import program_versions
 from henon_ref.studies import causes as page
 
 MODULES = {"heyoka": "heyoka"} | dict.fromkeys(("cvode", "ida", "sundials", "sundae"), "sksundae")
+MODULES |= {"diffrax": "diffrax", "diffsol": "pydiffsol", "nosnoc": "nosnoc"}
 """First word of a cause's name -> what it is shown by, where that is not SciPy."""
 
 
@@ -22,8 +24,9 @@ def test_the_library_alone_does_what_is_claimed(cause: Cause) -> None:
     if cause.package in (programs := program_versions()):
         if not programs[cause.package] or (cause.package == "sundials" and not compiler()):
             pytest.skip(f"{cause.package} is not installed")
-    else:
-        pytest.importorskip(MODULES.get(cause.name.split("-")[0], "scipy"))
+    # Not imported here: processes that fork must not have jax's threads.
+    elif importlib.util.find_spec(MODULES.get(cause.name.split("-")[0], "scipy")) is None:
+        pytest.skip(f"{cause.package} is not installed")
     assert cause.check()
 
 
@@ -105,6 +108,21 @@ def test_programs_in_other_languages_have_causes_of_their_own() -> None:
     drifted = {"status": "wrong", "missed": 0, "spurious": 2, "rtol": 1e-9}
     assert cause_of(run_row(solver="octave-ode45", **drifted, max_time_error_s=1e-3), []) == "octave-line"
     assert cause_of(run_row(solver="octave-ode45", **drifted, max_time_error_s=1e-8), []) is None
+
+
+def test_what_peers_do_is_explained_by_peers() -> None:
+    for solver in ("diffrax-dopri8", "diffrax-kvaerno5@none", "diffsol-bdf", "nosnoc"):
+        assert cause_of(run_row(solver=solver), PAIR) == {"diffrax": "diffrax-pair", "diffsol": "diffsol-pair"}.get(
+            solver.split("-")[0], "nosnoc-grid"
+        )
+    lost = {"status": "failed", "status_reason": "the state is not finite after t = 0.9; 1 missed", "missed": 1}
+    assert cause_of(run_row(solver="diffsol-tsit45", **lost), []) == "diffsol-nan"
+    assert cause_of(run_row(solver="diffsol-bdf", **lost), []) is None
+    ended = {"status": "failed", "status_reason": "IPOPT finds no step from t = 3", "missed": 1}
+    assert cause_of(run_row(solver="nosnoc", **ended), []) == "nosnoc-infeasible"
+    assert cause_of(run_row(solver="nosnoc", **ended | {"spurious": 1}), []) is None
+    slow = run_row(solver="nosnoc", status="timeout", verdict="not judged", missed=0)
+    assert cause_of(slow, []) == "nosnoc-cost"
 
 
 def test_the_page_says_so_where_a_claim_does_not_hold(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:

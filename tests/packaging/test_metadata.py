@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[2]
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 REQUIREMENTS = [Requirement(text) for text in PROJECT["dependencies"]]
 TESTS = [Requirement(text) for text in PROJECT["optional-dependencies"]["test"]]
+PEERS = [Requirement(text) for text in PROJECT["optional-dependencies"]["peers"]]
 MODULES = {
     "scikit-sundae": "sksundae",
     "python-flint": "flint",
@@ -39,7 +40,7 @@ def imported(*folders: str) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("requirement", REQUIREMENTS, ids=lambda r: r.name)
+@pytest.mark.parametrize("requirement", [*REQUIREMENTS, *PEERS], ids=lambda r: r.name)
 def test_every_dependency_is_imported(requirement: Requirement) -> None:
     assert MODULES.get(requirement.name, requirement.name) in imported("henon_ref", "baselines")
 
@@ -52,7 +53,7 @@ def test_every_dependency_of_the_tests_is_imported(requirement: Requirement) -> 
 def test_the_lowest_versions_that_are_tried_are_the_bounds() -> None:
     lines = (ROOT / "constraints-lowest.txt").read_text(encoding="utf-8").splitlines()
     tried = dict(line.lower().split("==") for line in lines if line and not line.startswith("#"))
-    for requirement in [*REQUIREMENTS, *TESTS]:
+    for requirement in [*REQUIREMENTS, *TESTS, *PEERS]:
         assert re.fullmatch(r">=[0-9.]+", str(requirement.specifier))
         bound = str(requirement.specifier).removeprefix(">=")
         assert re.fullmatch(re.escape(bound) + r"(\.0)*", tried.pop(requirement.name.lower())), requirement.name
