@@ -13,8 +13,11 @@ from baselines.causes.heyoka_events import HEYOKA
 from baselines.causes.naive import NAIVE
 from baselines.causes.octave_events import OCTAVE
 from baselines.causes.scipy_events import SCIPY
+from baselines.causes.siconos_step import SICONOS
 from baselines.causes.sundials_events import SUNDIALS
 
-CAUSES: dict[str, Cause] = {cause.name: cause for cause in (*SCIPY, *SUNDIALS, *CVODE_C, *OCTAVE, *HEYOKA, *NAIVE)}
+CAUSES: dict[str, Cause] = {
+    cause.name: cause for cause in (*SCIPY, *SUNDIALS, *CVODE_C, *OCTAVE, *SICONOS, *HEYOKA, *NAIVE)
+}
 
 __all__ = ["CAUSES", "Cause", "ClaimError"]

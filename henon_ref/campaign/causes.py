@@ -185,6 +185,11 @@ def _octave(seen: Seen) -> str | None:
     return "octave-line" if seen.run["status"] == "wrong" and far else None
 
 
+def _time_stepping(seen: Seen) -> str | None:
+    """What begins and ends within a step is not there."""
+    return "siconos-step" if seen.solver == "siconos" and seen.missed_pairs else None
+
+
 def _naive(seen: Seen) -> str | None:
     if seen.solver == "scipy-sign" and "the budget of" in seen.reason and seen.run["status"] == "failed":
         return "sign-chatter"
@@ -204,6 +209,7 @@ RULES: tuple[Callable[[Seen], str | None], ...] = (
     _past_the_end,
     _late_end,
     _octave,
+    _time_stepping,
     _naive,
 )
 NAMES = (
@@ -211,5 +217,6 @@ NAMES = (
     "scipy-radau-order", "scipy-bdf-order", "scipy-lsoda-nan", "heyoka-start", "heyoka-double-root",
     "heyoka-hidden-drive", "heyoka-event-polynomial", "heyoka-past-end", "sign-chatter", "smoothed-creep",
     "cvode-c-pair", "cvode-c-late-end", "octave-pair", "octave-blow-up", "octave-nan", "octave-line",
+    "siconos-step",
 )  # fmt: skip
 """Every name that a rule may give."""
