@@ -25,7 +25,7 @@ def reference() -> tuple[np.ndarray, float]:
         surfaces={"s": "v - vb"},
         field=["v", "-x - F*s/(1 + d*s*(v - vb))"],
     )
-    how = dict(until=UNTIL, observe=[hr.observe.final_state()], rtol=1e-9, jobs=1)
+    how = {"until": UNTIL, "observe": [hr.observe.final_state()], "rtol": 1e-9, "jobs": 1}
     hr.sweep(belt, {"x": 1.5, "v": 0}, grid={"vb": SPEEDS[:2]}, **how)
     began = perf_counter()
     table = hr.sweep(belt, {"x": 1.5, "v": 0}, grid={"vb": SPEEDS}, **how)

@@ -16,9 +16,10 @@ from baselines.causes.naive import NAIVE
 from baselines.causes.nosnoc_grid import NOSNOC
 from baselines.causes.octave_events import OCTAVE
 from baselines.causes.scipy_events import SCIPY
+from baselines.causes.siconos_step import SICONOS
 from baselines.causes.sundials_events import SUNDIALS
 
-ALL = (*SCIPY, *SUNDIALS, *CVODE_C, *OCTAVE, *HEYOKA, *DIFFRAX, *DIFFSOL, *NOSNOC, *NAIVE)
+ALL = (*SCIPY, *SUNDIALS, *CVODE_C, *OCTAVE, *SICONOS, *HEYOKA, *DIFFRAX, *DIFFSOL, *NOSNOC, *NAIVE)
 CAUSES: dict[str, Cause] = {cause.name: cause for cause in ALL}
 
 __all__ = ["CAUSES", "Cause", "ClaimError"]

@@ -209,6 +209,12 @@ def _octave(seen: Seen) -> str | None:
     return "octave-line" if seen.run["status"] == "wrong" and far else None
 
 
+def _time_stepping(seen: Seen) -> str | None:
+    """What begins and ends within a step is not there; and steps of one length, of order 1, take long."""
+    slow = seen.run["status"] == "timeout" and seen.right_so_far
+    return "siconos-step" if seen.solver == "siconos" and (seen.missed_pairs or slow) else None
+
+
 def _naive(seen: Seen) -> str | None:
     if seen.solver == "scipy-sign" and "the budget of" in seen.reason and seen.run["status"] == "failed":
         return "sign-chatter"
@@ -230,6 +236,7 @@ RULES: tuple[Callable[[Seen], str | None], ...] = (
     _past_the_end,
     _late_end,
     _octave,
+    _time_stepping,
     _naive,
 )
 NAMES = (
@@ -239,5 +246,6 @@ NAMES = (
     "cvode-c-pair", "cvode-c-late-end", "octave-pair", "octave-blow-up", "octave-nan", "octave-line",
     "diffrax-pair", "diffrax-start", "diffsol-pair", "diffsol-small-step", "diffsol-nan",
     "nosnoc-infeasible", "nosnoc-cost", "nosnoc-grid",
+    "siconos-step",
 )  # fmt: skip
 """Every name that a rule may give."""

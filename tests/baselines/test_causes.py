@@ -97,6 +97,7 @@ def test_a_polynomial_goes_past_the_end_of_what_it_stands_for() -> None:
 def test_programs_in_other_languages_have_causes_of_their_own() -> None:
     assert cause_of(run_row(solver="cvode-c-adams"), PAIR) == "cvode-c-pair"
     assert cause_of(run_row(solver="octave-ode45"), PAIR) == "octave-pair"
+    assert cause_of(run_row(solver="siconos"), PAIR) == "siconos-step"
     ended = {"status": "failed", "missed": 0, "matched": 1, "expected_status": "failed"}
     late = ended | {"status_reason": "CVode: CV_REPTD_RHSFUNC_ERR at t = 2.05; failed at t = 2.05, not at 2"}
     assert cause_of(run_row(solver="cvode-c-bdf", **late), []) == "cvode-c-late-end"

@@ -7,7 +7,7 @@ import gc
 import numpy as np
 import pytest
 
-from henon_ref.campaign.timing import SAMPLES, median_interval, repeat, summarise, timed
+from henon_ref.campaign.timing import SAMPLES, median_interval, repeat, summarise, timed, turn_times
 
 
 class Counting:
@@ -71,3 +71,40 @@ def test_summary_of_few_samples_claims_no_spread():
     assert (five.median, five.iqr) == (3.0, pytest.approx(2.0))
     assert five.unstable
     assert not summarise([1.0, 1.01, 1.02, 1.0]).unstable
+
+
+class SelfTimed(Counting):
+    """A run whose own clock says 0.25 s."""
+
+    wall_s = 0.25
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: list[int] = []
+
+    def times(self, count: int) -> tuple[float, ...]:
+        self.asked.append(count)
+        return (self.wall_s,) * count
+
+
+def test_a_run_with_a_clock_of_its_own_is_timed_by_that_in_one_go():
+    run = SelfTimed()
+    assert timed(run) == 0.25
+    assert repeat(run, first=0.25, repeats=4, budget=1e-9) == (0.25,) * 4
+    assert repeat(run, first=0.25, repeats=None, budget=1.3) == (0.25,) * 5
+    assert repeat(run, first=0.25, repeats=None, budget=0.4) == (0.25,) * 3
+    assert repeat(run, first=0.25, repeats=None, budget=0.1) == (0.25,)
+    assert repeat(run, first=1e-9, repeats=None, budget=1.0) == (0.25,) * SAMPLES
+    assert repeat(run, first=9.0, repeats=None, budget=0.3) == (9.0,)
+    assert run.asked == [1, 4, 5, 3, 1, SAMPLES]
+    assert run.calls == 0
+
+
+def test_a_turn_of_such_a_run_is_one_more_exchange_at_most():
+    run = SelfTimed()
+    assert turn_times(run, 1.0, 20) == [0.25] * 4
+    assert turn_times(run, 0.1, 20) == [0.25]
+    assert turn_times(run, 100.0, 20) == [0.25] * 20
+    assert run.asked == [1, 4, 1, 1, 20]
+    slow = Counting()
+    assert len(turn_times(slow, 0.0, 20)) == slow.calls == 1
