@@ -21,6 +21,8 @@ from henon_ref.text import one_line
 
 POINT_BYTES, ROW_BYTES = 1_500_000, 550_000
 """Bytes that the points, and the rows of all tables, may have before they are written as base64 text."""
+MOST_READ = 2_000_000
+"""Points of which a page is made, and rows that are read of a table; a sweep of more points has none."""
 MOST_WORDS = 255
 """Different texts that a column of the page may have."""
 LARGEST = 32767
@@ -84,7 +86,7 @@ def coloured(table: pd.DataFrame, swept: Sequence[str]) -> str:
     return str(one_line((few + numbers + [""])[0]))
 
 
-def frame_content(name: str, frame: pd.DataFrame, kept: NDArray[np.int64], tables: int) -> dict[str, Any]:
+def frame_content(name: str, frame: pd.DataFrame, rows: int, kept: NDArray[np.int64], tables: int) -> dict[str, Any]:
     """A table with several rows a point: those of the points that are kept, evenly thinned where they are many.
 
     Parameters
@@ -92,6 +94,8 @@ def frame_content(name: str, frame: pd.DataFrame, kept: NDArray[np.int64], table
     name : str
     frame : DataFrame
         Its column ``point`` says which point each row belongs to.
+    rows : int
+        Of the whole table.
     kept : ndarray of int
         Numbers of the points that are kept, in order.
     tables : int
@@ -106,7 +110,7 @@ def frame_content(name: str, frame: pd.DataFrame, kept: NDArray[np.int64], table
     own, place = own.iloc[::stride], place[::stride]
     return {
         "name": one_line(name),
-        "rows": len(frame),
+        "rows": rows,
         "point": packed_numbers(place, "<u4"),
         "columns": [_whole(column, own[column].to_numpy(dtype=float)) for column in numbers],
     }
@@ -144,9 +148,31 @@ def observed_rows(table: pd.DataFrame) -> list[tuple[str, ...]]:
     return made
 
 
-def read_table(folder: Path, name: str = POINTS) -> pd.DataFrame:
-    """A table of a sweep's folder, its chunks in order."""
-    return pd.concat([pd.read_parquet(file) for file in sorted((folder / name).glob("*.parquet"))], ignore_index=True)
+def read_table(folder: Path, name: str = POINTS, *, most: int | None = None) -> pd.DataFrame:
+    """A table of a sweep's folder, its chunks in order.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+    most : int, optional
+        Rows that are read: of more, every second, third ... one.
+    """
+    files = sorted((folder / name).glob("*.parquet"))
+    stride = max(-(-rows_of(folder, name) // most), 1) if most else 1
+    parts, before = [], 0
+    for file in files:
+        part = pd.read_parquet(file)
+        parts.append(part.iloc[-before % stride :: stride])
+        before += len(part)
+    return pd.concat(parts, ignore_index=True)
+
+
+def rows_of(folder: Path, name: str = POINTS) -> int:
+    """Rows of a table of a sweep's folder."""
+    import pyarrow.parquet as pq
+
+    return sum(int(pq.read_metadata(file).num_rows) for file in (folder / name).glob("*.parquet"))
 
 
 def tables_of(folder: Path) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from henon_ref.report.files.write import replace_file
 from henon_ref.report.html.rendering import rendered, source
 from henon_ref.report.html.sweep_content import (
+    MOST_READ,
     bytes_a_point,
     coloured,
     frame_content,
@@ -19,6 +21,7 @@ from henon_ref.report.html.sweep_content import (
     packed_numbers,
     point_columns,
     read_table,
+    rows_of,
     tables_of,
 )
 from henon_ref.report.html.sweep_runs import NAME, PLACE, case_text, kept_runs, tolerance
@@ -28,12 +31,14 @@ from henon_ref.sweeps.storage import MANIFEST, PAGE
 from henon_ref.sweeps.sweep_file import load_sweep
 from henon_ref.text import one_line
 
+_LOG = logging.getLogger(__name__)
+
 SCRIPTS = ("dom.js", "numbers.js", "axes.js", "portrait.js", "sweep.js")
 CHAINED = "Each point of a continuation starts where its neighbour ended, so that none is a run by itself."
 
 
-def write_sweep_page(folder: Path) -> Path:
-    """Write the page of a finished sweep.
+def write_sweep_page(folder: Path) -> Path | None:
+    """Write the page of a finished sweep; one of more than two million points has none.
 
     Parameters
     ----------
@@ -42,7 +47,7 @@ def write_sweep_page(folder: Path) -> Path:
 
     Returns
     -------
-    Path
+    Path or None
         The page.
 
     Raises
@@ -50,6 +55,9 @@ def write_sweep_page(folder: Path) -> Path:
     OSError
         Where the folder cannot be read or written.
     """
+    if rows_of(folder) > MOST_READ:
+        _LOG.warning("%s has no page: it has more than %d points", folder, MOST_READ)
+        return None
     sweep = load_sweep(folder / SWEEP_FILE)
     plan, table = sweep.plan, read_table(folder)
     number = table.pop("point").to_numpy()
@@ -57,7 +65,10 @@ def write_sweep_page(folder: Path) -> Path:
     kept = kept_points(plan, bytes_a_point(dict(table.dtypes), swept))
     order = np.argsort(number)[kept]
     names = tables_of(folder)
-    frames = [frame_content(name, read_table(folder, name), kept, len(names)) for name in names]
+    frames = [
+        frame_content(name, read_table(folder, name, most=MOST_READ), rows_of(folder, name), kept, len(names))
+        for name in names
+    ]
     case, chained = case_text(plan, folder), plan.points.chain > 1
     shown = table.iloc[order]
     data: dict[str, Any] = {

@@ -16,10 +16,10 @@ from sweep_systems import SWEEP, belt, sliding_block
 
 import henon_ref
 from henon_ref.cli.sweep import program
-from henon_ref.report.html import sweep_content
+from henon_ref.report.html import sweep_content, sweep_page
 from henon_ref.report.html.embedded import read_embedded
 from henon_ref.report.html.rendering import MOST_BYTES
-from henon_ref.report.html.sweep_content import frame_content, kept_points
+from henon_ref.report.html.sweep_content import frame_content, kept_points, read_table, rows_of
 from henon_ref.report.html.sweep_page import write_sweep_page
 from henon_ref.report.html.sweep_runs import KEPT
 from henon_ref.sweeps.plan import planned
@@ -68,7 +68,8 @@ def test_the_page_is_made_from_the_folder_alone_and_stays_the_same(belts: Path, 
     shutil.copytree(belts, tmp_path / "copy")
     before = (belts / "index.html").read_bytes()
     (tmp_path / "copy" / "index.html").unlink()
-    assert write_sweep_page(tmp_path / "copy").read_bytes() == before
+    assert write_sweep_page(tmp_path / "copy") == tmp_path / "copy" / "index.html"
+    assert (tmp_path / "copy" / "index.html").read_bytes() == before
 
 
 def test_a_sweep_from_python_with_a_folder_has_a_page(tmp_path: Path) -> None:
@@ -125,11 +126,12 @@ def test_of_many_points_so_many_are_kept_as_there_is_room_for(monkeypatch: pytes
 def test_rows_of_a_table_are_thinned_and_keep_their_points(monkeypatch: pytest.MonkeyPatch) -> None:
     frame = pd.DataFrame({"point": np.repeat(np.arange(100), 10), "x": np.linspace(-1, 1, 1000)})
     monkeypatch.setattr(sweep_content, "ROW_BYTES", 1200)
-    made = frame_content("section", frame, np.arange(0, 100, 2), tables=1)
+    made = frame_content("section", frame, 5000, np.arange(0, 100, 2), tables=1)
     place = np.frombuffer(b64decode(made["point"]), "<u4")
     (column,) = made["columns"]
     whole = np.frombuffer(b64decode(column["data"]), "<i2").astype(float)
     values = column["low"] + (whole + 32767) / 65534 * (column["high"] - column["low"])
+    assert made["rows"] == 5000
     assert 100 < len(place) <= 200
     assert np.array_equal(np.round((values + 1) / 2 * 999).astype(int) // 10, 2 * place)
 
@@ -206,3 +208,19 @@ def test_no_more_runs_are_kept_than_a_page_has_room_for(tmp_path: Path) -> None:
     assert len(runs) == KEPT
     assert runs[0]["values"] == [0.1, -1.0]
     assert runs[-1]["values"] == [1.0, 1.0]
+
+
+def test_of_many_rows_some_are_read_and_of_too_many_points_no_page_is_made(
+    line: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    whole = read_table(line, "section")
+    assert len(whole) == rows_of(line, "section") > 11
+    for most in (10, 11, len(whole)):
+        stride = -(-len(whole) // most)
+        pd.testing.assert_frame_equal(read_table(line, "section", most=most), whole[::stride].reset_index(drop=True))
+    shutil.copytree(line, tmp_path / "line")
+    (tmp_path / "line" / "index.html").unlink()
+    monkeypatch.setattr(sweep_page, "MOST_READ", 4)
+    assert write_sweep_page(tmp_path / "line") is None
+    assert "has no page: it has more than 4 points" in caplog.text
+    assert not (tmp_path / "line" / "index.html").exists()

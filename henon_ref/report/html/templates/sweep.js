@@ -249,7 +249,7 @@ function drawCase(k) {
 
 function start() {
   themeButton(byId("theme"));
-  options(byId("what"), [...FRAMES.map((frame) => [frame.name, `${frame.name} (${frame.point.length} rows)`]), ["", `points (${POINTS.length})`]]);
+  options(byId("what"), [...FRAMES.map((frame) => [frame.name, `${frame.name} (${frame.point.length < frame.rows ? `${frame.point.length} of ${frame.rows}` : frame.rows} rows)`]), ["", `points (${POINTS.length})`]]);
   byId("what").value = FRAMES.length && SWEPT.length === 1 ? FRAMES[0].name : "";
   byId("what").addEventListener("change", followTable);
   for (const id of ["across", "upward", "colour"]) byId(id).addEventListener("change", drawAll);
