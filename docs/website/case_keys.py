@@ -22,7 +22,8 @@ def tables() -> str:
     forms = schema["$defs"]
     parts = [_table(schema, forms)]
     for key, form in _mappings(schema["properties"], forms):
-        parts.append(f"### {code(key)}\n\n{_without_roles(forms[form].get('description', ''))}\n\n{_table(forms[form], forms)}")
+        meaning = _without_roles(forms[form].get("description", ""))
+        parts.append(f"### {code(key)}\n\n{meaning}\n\n{_table(forms[form], forms)}")
     return "\n\n".join(parts)
 
 
