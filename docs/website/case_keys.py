@@ -22,7 +22,8 @@ def tables() -> str:
     forms = schema["$defs"]
     parts = [_table(schema, forms)]
     for key, form in _mappings(schema["properties"], forms):
-        parts.append(f"### {code(key)}\n\n{_plain(forms[form].get('description', ''))}\n\n{_table(forms[form], forms)}")
+        meaning = _without_roles(forms[form].get("description", ""))
+        parts.append(f"### {code(key)}\n\n{meaning}\n\n{_table(forms[form], forms)}")
     return "\n\n".join(parts)
 
 
@@ -57,9 +58,9 @@ def _default(own: dict[str, Any]) -> str:
 def _meaning(key: str, own: dict[str, Any], forms: dict[str, Any]) -> str:
     form = None if key == READINGS else _form(own)
     words = own.get("description") or (forms[form].get("description", "") if form else "")
-    return _plain(words)
+    return _without_roles(words)
 
 
-def _plain(docstring: str) -> str:
+def _without_roles(docstring: str) -> str:
     """A docstring on one line, roles of Sphinx as code."""
     return re.sub(r":\w+:`~?([^`]*)`", r"`\1`", " ".join(docstring.split()))

@@ -16,7 +16,7 @@ from website.mathml import visit_block, visit_inline
 
 DOCS = Path(__file__).resolve().parents[1]
 MAKERS: Mapping[str, Callable[[], str]] = {
-    "which solver, in words": solver_choice.answers,
+    "which solver, in words": solver_choice.recommendations,
     "which solver, in short": solver_choice.in_short,
     "which solver, by kind of case": solver_choice.by_kind_of_case,
     "what the numbers come from": solver_choice.origin,

@@ -56,7 +56,7 @@ def in_short() -> str:
     return Table(headings, "lr" + "l" * len(packages), lines).markdown
 
 
-def answers() -> str:
+def recommendations() -> str:
     """A line a kind with transitions to time: the solver, the tolerance to begin with, and the best one elsewhere."""
     lines = []
     for kind, rows in by_kind(_rows()).items():
