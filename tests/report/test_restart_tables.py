@@ -152,7 +152,7 @@ def test_default_and_best_stand_side_by_side_where_another_one_is_right_more_oft
     (tmp_path / FOLDER / SUITE).write_text(csv_text(COLUMNS, rows), encoding="utf-8")
     text = index_text([], tmp_path)
     assert f"| a | `heyoka` | `{default}` | 4 of 6 | {best} | 6 of 6 | 2 failed, 2 missed |" in text
-    assert f"- `{default}`: " in text
+    assert f"- Why `{default}` goes wrong there: " in text
 
 
 @pytest.mark.parametrize("content", ["", "case,solver\na,b\n", "case\n1,2,3\n"])
