@@ -11,8 +11,8 @@ by the square of that: the lift then covers this, too. ``event-free-step`` takes
 with a second integrator without events; ``direction`` and ``none`` show what happens without either.
 
 An exact double root inside a step is not seen. A root very early in a long step (a ballistic return within 1e-4
-of the step) is now and then lost with the guard's start; the driver says so where the guard then stays below
-zero. heyoka keeps its time as two doubles, and so do the
+of the step) is now and then lost with the guard's start: where such a guard is then below zero, the start is done
+again with an event-free step. heyoka keeps its time as two doubles, and so do the
 transitions here (``time_low``). heyoka has one tolerance: it gets ``rtol``; ``atol`` is not used. Which of its
 documentation's advice is followed: ``docs/solvers.md``.
 """
@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import isfinite
 from typing import Any, Literal
 
@@ -34,6 +35,8 @@ from baselines.heyoka_expressions import to_heyoka
 from baselines.mode_functions import EPSILON, ModeFunctions
 from baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
 from baselines.work import Work
+from henon_ref.filippov.callables import ARITHMETIC
+from henon_ref.jit.processor_time import compiling
 
 CHUNK = 4096
 """Steps between two looks at the clock and at the size of the state."""
@@ -41,6 +44,8 @@ COMPACT = 20
 """From so many states on heyoka compiles in compact mode (shorter compilation, slower steps)."""
 OUTCOMES = -(2**32)
 """heyoka's own outcomes lie at and below this; terminal events, as -index - 1, above."""
+LOST = 1e3
+"""A guard below zero by so many times what the tolerance makes of it has been stepped over."""
 TIME_LIMIT = OUTCOMES - 3
 """``taylor_outcome.time_limit``: the end of the interval was reached."""
 
@@ -129,10 +134,10 @@ class _Integrators:
             "compact_mode": len(equations) >= COMPACT,
         }
         start = [0.0] * len(equations)
-        # The twin without events takes the event-free step, and what is beyond the last event.
-        self.quiet: Any = (
-            hy.taylor_adaptive(equations, start, **options) if solver.restart == "event-free-step" else None
-        )
+        plain = dict(options)
+        self._make_quiet = lambda: hy.taylor_adaptive(equations, start, **plain)
+        if solver.restart == "event-free-step":
+            self.quiet  # noqa: B018 - made on first access
         if self.moving:
             direction = hy.event_direction.any if solver.restart == "none" else hy.event_direction.negative
             # A cooldown of zero: after an event the state goes to another mode, or starts this one afresh.
@@ -142,6 +147,12 @@ class _Integrators:
                 for slot, k in enumerate(self.moving)
             ]
         self.taylor: Any = hy.taylor_adaptive(equations, start, **options)
+
+    @cached_property
+    def quiet(self) -> Any:
+        """A twin without events, for the event-free step."""
+        with compiling():
+            return self._make_quiet()
 
 
 class _Flow:
@@ -168,7 +179,7 @@ class _Flow:
         self._slots = {k: slot for slot, k in enumerate(self._hit) if k >= 0}
         self._guards = len(self._hit)
         self._forgets = self._guards > 0 and solver.cooldown == "none"
-        self._quiet, self._taylor = made.quiet, made.taylor
+        self._made, self._taylor = made, made.taylor
         self._state, self._lifts = self._taylor.state, self._taylor.pars
         self._weights = [_constant_slope(model, g) for g in model.guard_expressions]
 
@@ -188,15 +199,48 @@ class _Flow:
                 lifted = [item for item in fresh if item[0] in self._slots]
                 for item in lifted:
                     self._lifts[self._slots[item[0]]] = self._lift(item, t, x)
-            elif self._quiet is not None:
-                late = self._event_free_step(t, low, x, until, fresh)
-                if late.status != "horizon" or late.t >= until:
-                    return late
-                t, low, x = late.t, late.low, late.x
+            elif self._policy == "event-free-step":
+                return self._behind_a_step(t, low, x, until, fresh, wanted)
         stop = self._propagate(t, low, x, until)
         for guard, *_ in lifted:
             self._lifts[self._slots[guard]] = 0.0
+        if lifted and self._is_lost(lifted, stop):
+            return self._behind_a_step(t, low, x, until, fresh, wanted)
         return stop if wanted is None else stop._replace(samples=self._sampled(t, low, x, wanted[wanted <= stop.t]))
+
+    def _is_lost(self, lifted: Sequence[Fresh], stop: Stop) -> bool:
+        """Whether heyoka has stepped over a root of a guard that it began at: it is below zero without an event."""
+        model = self._model
+        for guard, speed, _ in lifted:
+            if guard in stop.hits or model.guards[guard].rising_only:
+                continue
+            try:
+                value = model.guard[guard](stop.t, *stop.x)[0]
+            except ARITHMETIC:
+                continue
+            if value < -LOST * (
+                model.size(guard, stop.t, stop.x, self._rtol, self._rtol) + speed * EPSILON * abs(stop.t)
+            ):
+                return True
+        return False
+
+    def _behind_a_step(
+        self,
+        t: float,
+        low: float,
+        x: Sequence[float],
+        until: float,
+        fresh: Sequence[Fresh],
+        wanted: NDArray[np.float64] | None,
+    ) -> Stop:
+        """An event-free step, and what follows it."""
+        late = self._event_free_step(t, low, x, until, fresh)
+        if late.status != "horizon" or late.t >= until:
+            return late
+        stop = self._propagate(late.t, late.low, late.x, until)
+        if wanted is None:
+            return stop
+        return stop._replace(samples=self._sampled(late.t, late.low, late.x, wanted[wanted <= stop.t]))
 
     def _begin(self, t: float, low: float, x: Sequence[float]) -> None:
         self._taylor.dtime = (t, low)
@@ -275,7 +319,7 @@ class _Flow:
 
     def _event_free_step(self, t: float, low: float, x: Sequence[float], until: float, fresh: Sequence[Fresh]) -> Stop:
         """A first step with the twin that has no events; an event, late, where a guard ends it below zero."""
-        model, quiet = self._model, self._quiet
+        model, quiet = self._model, self._made.quiet
         levels = [model.size(guard, t, x, self._rtol, self._rtol) for guard, *_ in fresh]
         end = min(max(quiet_until(model, fresh, t, x, levels, 1e-3 * self._horizon)), until)
         if self._switches:

@@ -65,7 +65,7 @@ _BUILT_IN = {
     "heyoka": Entry("baselines.heyoka_taylor:HEYOKA", "heyoka", restart="offset"),
     "cvode-adams": Entry("baselines.sundials_cvode:ADAMS", "scikit-sundae", restart="direction"),
     "cvode-bdf": Entry("baselines.sundials_cvode:BDF", "scikit-sundae", restart="direction"),
-    "ida": Entry("baselines.sundials_ida:IDA", "scikit-sundae", restart="event-free-step"),
+    "ida": Entry("baselines.sundials_ida:IDA", "scikit-sundae", restart="offset"),
     "scipy-rk45": Entry("baselines.scipy_ivp:RK45", "scipy", restart="offset"),
     "scipy-dop853": Entry("baselines.scipy_ivp:DOP853", "scipy", restart="offset"),
     "scipy-radau": Entry("baselines.scipy_ivp:RADAU", "scipy", restart="offset"),
@@ -99,9 +99,7 @@ _BUILT_IN = {
     "cvode-bdf+numba": Entry(
         "baselines.sundials_cvode:BDF_NUMBA", "scikit-sundae", by_default=False, restart="direction"
     ),
-    "ida+numba": Entry(
-        "baselines.sundials_ida:IDA_NUMBA", "scikit-sundae", by_default=False, restart="event-free-step"
-    ),
+    "ida+numba": Entry("baselines.sundials_ida:IDA_NUMBA", "scikit-sundae", by_default=False, restart="offset"),
     "scipy-rk45+numba": Entry("baselines.scipy_ivp:RK45_NUMBA", "scipy", by_default=False, restart="offset"),
     "scipy-dop853+numba": Entry("baselines.scipy_ivp:DOP853_NUMBA", "scipy", by_default=False, restart="offset"),
     "scipy-radau+numba": Entry("baselines.scipy_ivp:RADAU_NUMBA", "scipy", by_default=False, restart="offset"),

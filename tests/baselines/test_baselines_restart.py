@@ -14,6 +14,7 @@ import pytest
 import sympy as sp
 import systems
 
+from baselines import heyoka_taylor
 from baselines.heyoka_taylor import HEYOKA
 from baselines.mode_functions import EPSILON, ModeFunctions
 from baselines.restart import dips, lift, quiet_until
@@ -21,6 +22,7 @@ from baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from baselines.sundials_cvode import ADAMS
 from baselines.sundials_cvode import BDF as CVODE_BDF
 from baselines.sundials_ida import IDA
+from henon_ref.casefile.case import load_case
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 
@@ -55,6 +57,15 @@ def test_heyoka_with_a_direction_alone_never_sees_the_ball_come_down() -> None:
     found = replace(HEYOKA, restart="direction").prepare(ball(), rtol=1e-15)()
     assert found.status == "failed"
     assert "stepped over" in found.reason
+
+
+def test_heyoka_takes_an_event_free_step_where_it_has_lost_an_early_root(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The guard is below zero without an event then; nobody would know otherwise than by the driver's word."""
+    problem = next(r.problem for r in load_case("hard/quick_restick").readings if r.name == "slow")
+    assert times(HEYOKA, problem) == pytest.approx([1.0, 1.002], abs=0.01)
+    monkeypatch.setattr(heyoka_taylor._Flow, "_is_lost", lambda *_: False)
+    found = HEYOKA.prepare(problem, rtol=1e-9)()
+    assert (found.status, "stepped over" in found.reason) == ("failed", True)
 
 
 @pytest.mark.parametrize("solver", [HEYOKA, DOP853], ids=lambda s: s.name)
