@@ -19,7 +19,7 @@ from henon_ref.errors import UnavailableError
 from henon_ref.jit.cache_folder import cache_root
 from henon_ref.text import short_line
 
-SOURCES = ("cvode.c", "json.h")
+SOURCES = ("cvode.c", "json.h", "response.h")
 EQUATIONS = "problem.h"
 OPTIONS = ("-O2", "-std=gnu11", "-ffp-contract=off", "-fno-math-errno")
 LIBRARIES = ("sundials_cvode", "sundials_nvecserial", "m")

@@ -9,17 +9,16 @@
  * it has risen above that: the first steps after a restart leave about so much in the state.
  */
 #include <math.h>
-#include <stdio.h>
 #include <time.h>
 
 #include <cvode/cvode.h>
 #include <nvector/nvector_serial.h>
-#include <sundials/sundials_config.h>
 #include <sunlinsol/sunlinsol_dense.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
 #include "json.h"
 #include "problem.h"
+#include "response.h"
 
 #define EPS 2.220446049250313e-16
 #define LIMIT 1e100        /* a state beyond this has diverged */
@@ -30,12 +29,6 @@
 #define SPAN 1e-12         /* ... this part of the run: they accumulate */
 #define STEPS 2000         /* between two looks at the clock */
 #define LOST 16.0          /* steps that move the time by less roundings than this lead nowhere */
-
-typedef struct {
-    double time;
-    int before, after;
-    double state[STATES];
-} Transition;
 
 typedef struct {
     int lifted;   /* index of the guard that is lifted; -1: none */
@@ -52,16 +45,6 @@ typedef struct {
     Gate gate;
     const double *parameters;
 } Solver;
-
-typedef struct {
-    const char *status;
-    char reason[200];
-    Transition *events;
-    long count, room, most;
-    double time, state[STATES], drift;
-    int mode;
-    long steps, fields, guards;
-} Run;
 
 typedef struct {
     int adams;
@@ -250,13 +233,6 @@ static int gave_up(Run *run, const Task *task, const Solver *own, int flag, doub
     return ended(run, "failed", words);
 }
 
-static double size_of(const double *x)
-{
-    double size = 0.0;
-    for (int k = 0; k < STATES; k++) size = fmax(size, fabs(x[k]));
-    return size;
-}
-
 /* The run's point is what CVODE returned. */
 static void take(Run *run, const Solver *own)
 {
@@ -313,46 +289,6 @@ static void do_run(Run *run, const Task *task)
         }
     }
     for (int k = 0; k < MODE_COUNT; k++) free_solver(&solvers[k]);
-}
-
-static void print_state(const double *state)
-{
-    for (int k = 0; k < STATES; k++) printf("%s%.17g", k ? "," : "[", state[k]);
-    printf("]");
-}
-
-static void print_response(const Run *run, const double *times, long timed)
-{
-    int finite = isfinite(size_of(run->state)) && isfinite(run->time);
-    printf("{\"protocol\":1,\"program\":{\"name\":\"cvode.c\",\"version\":\"SUNDIALS %s\"},", SUNDIALS_VERSION);
-    printf("\"status\":\"%s\",\"reason\":\"%s\",\"transitions\":[", run->status, run->reason);
-    for (long k = 0; k < run->count; k++) {
-        const Transition *event = &run->events[k];
-        printf("%s{\"time\":%.17g,\"before\":%d,\"after\":%d,\"state\":", k ? "," : "", event->time, event->before,
-               event->after);
-        print_state(event->state);
-        printf("}");
-    }
-    printf("],\"end\":");
-    if (finite) {
-        printf("{\"time\":%.17g,\"mode\":%d,\"state\":", run->time, run->mode);
-        print_state(run->state);
-        printf("}");
-    } else
-        printf("null");
-    printf(",\"max_surface_drift\":%.17g,\"wall_s\":[", isfinite(run->drift) ? run->drift : 0.0);
-    for (long k = 0; k < timed; k++) printf("%s%.9g", k ? "," : "", times[k]);
-    printf("],\"work\":{\"steps\":%ld,\"fields\":%ld,\"guards\":%ld}}\n", run->steps, run->fields, run->guards);
-}
-
-static char *read_all(FILE *stream)
-{
-    size_t size = 0, room = 1 << 16, got;
-    char *text = malloc(room + 1);
-    while (text && (got = fread(text + size, 1, room - size, stream)) > 0)
-        if ((size += got) == room) text = realloc(text, (room *= 2) + 1);
-    if (text) text[size] = 0;
-    return text;
 }
 
 int main(int count, char **arguments)

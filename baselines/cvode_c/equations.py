@@ -14,6 +14,7 @@ ARGUMENTS = "double t, const double *x, const double *p"
 SILENT = "    (void)t, (void)x, (void)p, (void)out;"
 CODES = {"nonunique": "NONUNIQUE", "invalid": "INVALID"}
 HEAD = """/* Made by henon_ref from the text of a request. */
+#pragma once
 #include <math.h>
 
 enum {{ STATES = {states}, PARAMETERS = {parameters}, MODE_COUNT = {modes}, MOST_GUARDS = {guards} }};
