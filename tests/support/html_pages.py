@@ -80,10 +80,11 @@ def browser() -> Iterator[Any]:
     path = chromium()
     if path is None:
         pytest.skip("no Chromium is found: apt-get install chromium")
-    pytest.importorskip("axe_playwright_python", exc_type=ImportError)
-    api = pytest.importorskip("playwright.sync_api", exc_type=ImportError)
+    for module in ("playwright.sync_api", "axe_playwright_python"):
+        pytest.importorskip(module, exc_type=ImportError)
+    from playwright.sync_api import sync_playwright
 
-    with api.sync_playwright() as playwright:
+    with sync_playwright() as playwright:
         started = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         yield started
         started.close()
