@@ -57,7 +57,7 @@ def check_groups(system: FilippovSystem) -> None:
     ------
     UnsupportedError
     """
-    contacts = [i for i in range(len(system.surfaces)) if i not in system.kinks]
+    contacts = [i for i, s in enumerate(system.signs) if i in system.overrides or system.normal_velocity(i).has(s)]
     for i in system.overrides:
         group = system.together(i, contacts) if system.held_inside(i) else ()
         if len(group) > MOST:

@@ -149,6 +149,8 @@ class ParameterPrograms:
 
     def _loop_program(self, compiled: CompiledModes) -> LoopProgram:
         expressions: list[sp.Expr] = []
+        known: dict[tuple[int, int, tuple[int, ...]], int] = {}
+        sources: list[int] = []
         places: list[tuple[int, int]] = []
         tapes = [
             (mode, tape)
@@ -158,14 +160,20 @@ class ParameterPrograms:
         longest = max([1, *(2 * len(tape.tape.constants) for _, tape in tapes)])
         for row, (mode, tape) in enumerate(tapes):
             count = len(tape.tape.constants)
-            expressions += [tape.constant(at, mode) for at in range(count)]
+            for at, surfaces in enumerate(tape.owners):  # the same in all modes with the same entries for these
+                key = id(tape), at, tuple(mode[i] for i in surfaces)
+                if key not in known:
+                    known[key] = len(expressions)
+                    expressions.append(tape.constant(at, mode))
+                sources.append(known[key])
             places += [(row * longest + at, row * longest + count + at) for at in range(count)]
         normals = self.table.normals
         velocities = () if normals is None else normals.tape.constants
         program = constant_program(self.parameters, (*expressions, *velocities))
         registers, count = np.array(program.outputs, dtype=np.int64), len(expressions)
         put = np.ascontiguousarray(np.array(places, dtype=np.int64).reshape(-1, 2).T)
-        return LoopProgram(compiled, program, registers[:count], put, longest, registers[count:])
+        own = registers[:count][np.array(sources, dtype=np.int64)]
+        return LoopProgram(compiled, program, own, put, longest, registers[count:])
 
 
 def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:

@@ -15,11 +15,12 @@ from henon_ref.filippov.resets import Jump, jump_of, resetting, shared
 from henon_ref.filippov.resting import REMAINING, impact_of, pressed_by, time_to_rest
 from henon_ref.precision import working_precision
 from henon_ref.truth.balls import enclose
+from henon_ref.truth.validated.consistency import EndedError, Entry
 from henon_ref.truth.validated.enclosure import Curve, Expansion, Tail, UndecidedError, expand
 from henon_ref.truth.validated.event import first_root, guard_curve
 from henon_ref.truth.validated.impacts import Rest, rest_after, speed_after
 from henon_ref.truth.validated.lohner import PointSet
-from henon_ref.truth.validated.mode_selection import EndedError, Entry, entry_after, entry_after_jump, entry_at_rest
+from henon_ref.truth.validated.mode_selection import entry_after, entry_after_jump, entry_at_rest
 from henon_ref.truth.validated.model import ModeModel, SystemModel
 
 TANGENT_ORDER = 16

@@ -19,8 +19,8 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.precision import working_precision
+from henon_ref.truth.validated.consistency import EndedError
 from henon_ref.truth.validated.enclosure import UNIT_BALL, UndecidedError
-from henon_ref.truth.validated.mode_selection import EndedError
 from henon_ref.truth.validated.return_map import Guess, OrbitError, OrbitEvent, ReturnMap
 from henon_ref.truth.validated.run import certify
 

@@ -21,9 +21,9 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.balls import enclose, proves_zero
+from henon_ref.truth.validated.consistency import Entry
 from henon_ref.truth.validated.flow import Hit, Precision, ValidatedFlow
 from henon_ref.truth.validated.lohner import PointSet
-from henon_ref.truth.validated.mode_selection import Entry
 from henon_ref.truth.validated.model import SystemModel
 
 MAX_STEPS = 20_000

@@ -1,0 +1,260 @@
+"""Which modes are consistent at one point, decided on balls: strict signs, exact zeros, or no decision."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import sympy as sp
+from flint import arb, ctx
+
+from henon_ref.errors import ModelError
+from henon_ref.filippov.equations import Guard, Refusal
+from henon_ref.filippov.held_groups import by_groups, decide_groups
+from henon_ref.filippov.modes import Mode, mode_text, replaced
+from henon_ref.truth.balls import enclose, proves_zero
+from henon_ref.truth.validated.enclosure import UndecidedError
+from henon_ref.truth.validated.model import ModeModel, SystemModel, solve_for_states
+
+ORDER = 6
+"""Derivatives looked at for the sign of a guard."""
+EXHAUSTIVE = 4
+"""With more surfaces in play than this the candidate modes are too many to be tried."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A mode that is entered, and what is known of its guards."""
+
+    mode: Mode
+    zeros: tuple[int, ...]
+    """For every guard, how many of its leading Taylor coefficients are exactly zero at the entry."""
+
+
+class EndedError(Exception):
+    """The run is proven to go no further: a fact about the problem, not about the precision."""
+
+    def __init__(self, reason: str, ended: Refusal) -> None:
+        super().__init__(reason)
+        self.reason = reason
+        self.ended = ended
+
+
+@dataclass(frozen=True)
+class Identities:
+    """What is exactly zero at a point, and so what a state is in terms of the rest."""
+
+    values: Mapping[sp.Symbol, sp.Expr]
+    unsolved: tuple[sp.Expr, ...] = ()
+    """Expressions that are zero too, but not linear in a state."""
+
+    @classmethod
+    def of(cls, zeros: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> Identities:
+        values: dict[sp.Symbol, sp.Expr] = {}
+        unsolved: list[sp.Expr] = []
+        for zero in zeros:
+            solved = solve_for_states([_substituted(zero, values)], states)
+            if solved:
+                values[states[solved[0].index]] = solved[0].value
+            else:
+                unsolved.append(_substituted(zero, values))
+        return cls(values, tuple(unsolved))
+
+    def vanishes(self, expression: sp.Expr) -> bool:
+        """Whether an expression is proven to be zero at the point."""
+        rest = _substituted(expression, self.values)
+        return proves_zero(rest) or any(proves_zero(rest - z) or proves_zero(rest + z) for z in self.unsolved)
+
+
+def _substituted(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
+    for _ in range(len(values)):
+        expression = expression.xreplace(dict(values))
+    return expression
+
+
+class Judge:
+    """Tells which modes are consistent at one point."""
+
+    def __init__(
+        self,
+        model: SystemModel,
+        box: Sequence[arb],
+        on: tuple[int, ...],
+        identities: Identities,
+        smooth: int | None = None,
+    ) -> None:
+        self.model, self.box, self.on, self.identities = model, list(box), on, identities
+        self.smooth = smooth
+        """A surface whose normal velocity is exactly zero after a release from it."""
+
+    def fixed(self, mode: Mode, refusal: str, *, attracting: bool = True) -> Entry:
+        """The entry into a mode that is settled already; its field must keep it."""
+        zeros = self._entry_zeros(mode, self.on if attracting else ())
+        if zeros is None:
+            raise EndedError(refusal + self._where(), "none")
+        return self._attracting(Entry(mode, zeros))
+
+    def unique(self, mode: Mode, active: tuple[int, ...]) -> Entry:
+        """The one consistent mode among all choices for the active surfaces."""
+        names = self.model.system.sign_names
+        if by_groups(self.model.system, active):
+            return self._grouped(mode, active)
+        if len(active) > EXHAUSTIVE:
+            raise UndecidedError(f"{len(active)} surfaces in play at once: too many modes to try", "mode")
+        found: list[Entry] = []
+        for choice in product((-1, 0, 1), repeat=len(active)):
+            candidate = mode
+            for index, value in zip(active, choice, strict=True):
+                candidate = replaced(candidate, index, value)
+            zeros = self._entry_zeros(candidate, active)
+            if zeros is not None:
+                found.append(Entry(candidate, zeros))
+        if len(found) == 1:
+            return self._attracting(found[0])
+        if not found:
+            raise EndedError("no mode is consistent" + self._where(), "none")
+        modes = " or ".join(mode_text(e.mode, names) for e in found)
+        raise EndedError(f"the future is not unique{self._where()}: {modes}", "nonunique")
+
+    def _grouped(self, mode: Mode, active: tuple[int, ...]) -> Entry:
+        """The entry in which those contacts hold that can."""
+        zeros: dict[Mode, tuple[int, ...]] = {}
+
+        def consistent(candidate: Mode) -> bool:
+            found = self._entry_zeros(candidate, active, grouped=True)
+            if found is not None:
+                zeros[candidate] = found
+            return found is not None
+
+        try:
+            decision = decide_groups(
+                self.model.system,
+                mode,
+                active,
+                self._group_values,
+                lambda value, size: bool(value < 0),
+                consistent,
+                self.box[0].str(17, radius=False),
+            )
+        except ModelError as error:
+            raise UndecidedError(str(error), "mode") from None
+        if decision.mode is None:
+            assert decision.status != "unique"
+            raise EndedError(decision.reason, decision.status)
+        if decision.mode not in zeros and not consistent(decision.mode):
+            raise UndecidedError(f"the mode that loads tell{self._where()} is not kept by its own field", "mode")
+        return self._attracting(Entry(decision.mode, zeros[decision.mode]))
+
+    def _group_values(self, group: tuple[int, ...], signs: Mode) -> tuple[list[arb], list[list[arb]]] | None:
+        """Normal velocities of some surfaces, and the ends of their hold zones; None where they are not finite."""
+        system = self.model.system
+        entries = {s: sp.Integer(v) for s, v in zip(system.signs, signs, strict=True)}
+        at = dict(zip(self.model.symbols, self.box, strict=True))
+        zones = [system.hold_guards(i) if i in system.overrides else () for i in group]
+
+        def value(expression: sp.Expr) -> arb:
+            return enclose(system.numeric(expression).xreplace(entries), at)
+
+        speeds = [value(system.normal_velocity(i)) for i in group]
+        ends = [[value(guard.expression) for guard in zone] for zone in zones]
+        finite = all(v.is_finite() for v in (*speeds, *(end for own in ends for end in own)))
+        return (speeds, ends) if finite else None
+
+    def _attracting(self, entry: Entry) -> Entry:
+        """An entry, where it is sure that sliding on an intersection attracts."""
+        at = dict(zip(self.model.symbols, self.box, strict=True))
+        for guard in self.model.mode(entry.mode).guards:
+            if guard.kind == "attracts" and not enclose(guard.expression, at) > 0:
+                names = ", ".join(n for n, s in zip(self.model.system.sign_names, entry.mode, strict=True) if s == 0)
+                raise UndecidedError(f"whether sliding on {names} attracts{self._where()} is not told", "mode")
+        return entry
+
+    def _where(self) -> str:
+        return f" at t = {self.box[0].str(17, radius=False)}"
+
+    def _entry_zeros(self, mode: Mode, active: Sequence[int], *, grouped: bool = False) -> tuple[int, ...] | None:
+        """Exact leading zeros of every guard where the mode is consistent, None where it is proven not to be.
+
+        ``grouped``: which of several contacts hold is decided for all of them, not for each beside the others.
+        """
+        try:
+            made = self.model.mode(mode)
+        except ModelError:
+            return None
+        series = made.flow.run(ctx.prec, self.box[0], self.box[1:], ORDER, arb(1))
+        zeros: list[int] = []
+        for guard, row in zip(made.guards, (series[i] for i in made.flow.outputs), strict=True):
+            if guard.ends or guard.index not in self.on:
+                zeros.append(0)
+                continue
+            system = self.model.system
+            inside = guard.index in active and (system.held_inside(guard.index) or system.rests(guard.index))
+            if inside and guard.kind == "surface" and not grouped and self._held(mode, guard.index):
+                return None  # no slip starts inside the hold zone
+            if guard.rising_only and not inside:
+                if guard.index in active and not self._attracts(mode, guard.index):
+                    return None
+                zeros.append(0)
+                continue
+            count, sign = self._leading(made, guard, row)
+            if sign < 0:
+                return None
+            zeros.append(count)
+        return tuple(zeros)
+
+    def _held(self, mode: Mode, index: int) -> bool:
+        """Whether every release guard of an override is positive just after the point, in the stick."""
+        stick = replaced(mode, index, 0)
+        try:
+            made = self.model.mode(stick)
+        except ModelError as error:  # beside another sliding surface
+            names = self.model.system.sign_names
+            raise UndecidedError(
+                f"whether {names[index]} is held{self._where()} cannot be told: {error}", "mode"
+            ) from None
+        series = made.flow.run(ctx.prec, self.box[0], self.box[1:], ORDER, arb(1))
+        rows = zip(made.guards, (series[i] for i in made.flow.outputs), strict=True)
+        return all(self._leading(made, g, r)[1] > 0 for g, r in rows if g.kind == "release" and g.index == index)
+
+    def _leading(self, made: ModeModel, guard: Guard, row: Sequence[arb]) -> tuple[int, int]:
+        """(number of exactly zero coefficients, sign of the first that is not)."""
+        known = 0 if guard.kind == "release" else 2 if guard.index == self.smooth else 1
+        expression = guard.expression
+        for k in range(ORDER + 1):
+            if k >= known:
+                sign = sign_of(row[k])
+                if sign:
+                    return k, sign
+                if not row[k].is_finite():
+                    break
+                if not self.identities.vanishes(expression):
+                    break
+            expression = made.lie_derivative(expression)
+        names = self.model.system.sign_names
+        raise UndecidedError(
+            f"whether {mode_text(made.mode, names)} is kept{self._where()} hangs on a sign that cannot be told "
+            f"(derivative {k} of the guard of {names[guard.index]} is zero to all digits)",
+            "mode",
+        )
+
+    def _attracts(self, mode: Mode, index: int) -> bool:
+        """Whether both fields point at a surface whose sliding is overridden (or run along it, exactly)."""
+        system = self.model.system
+        normal = system.numeric(system.normal_velocity(index))
+        values = dict(zip(self.model.symbols, self.box, strict=True))
+        for side in (-1, 1):
+            signs = {s: sp.Integer(v) for s, v in zip(system.signs, replaced(mode, index, side), strict=True)}
+            velocity = normal.xreplace(signs)
+            sign = sign_of(enclose(velocity, values))
+            if sign == 0 and not self.identities.vanishes(velocity):
+                raise UndecidedError(f"the sign of the normal velocity of surface {index} cannot be told", "mode")
+            if sign == side:
+                return False
+        return True
+
+
+def sign_of(ball: arb) -> int:
+    if ball > 0:
+        return 1
+    return -1 if ball < 0 else 0
