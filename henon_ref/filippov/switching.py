@@ -193,7 +193,7 @@ class Switching(ModeEvaluation):
             return self._search(t, x, mode, active, zero)
         found = [
             candidate
-            for choice in product((-1, 0, 1), repeat=len(active))
+            for choice in product(*(self.system.entries_from(mode[i], i) for i in active))
             if self._violations(t, x, candidate := with_entries(mode, active, choice), active, zero) == ()
         ]
         if len(found) > 1:

@@ -232,6 +232,10 @@ class FilippovSystem(SwitchedField):
         """Whether a body can rest on a surface that resets the state."""
         return index in self.overrides and self.overrides[index].entry == "resting"
 
+    def entries_from(self, entry: int, index: int) -> tuple[int, ...]:
+        """What may become of a surface's entry in the mode: a body that rests on one does not go through it."""
+        return (0, 1) if entry >= 0 and self.rests(index) else (-1, 0, 1)
+
     def transition_function(self, index: int = 0) -> sp.Expr:
         """sigma = (dh/dt at s = +1)(dh/dt at s = -1), Eq. (8): sliding is where sigma <= 0 and both fields point in."""
         normal = self.normal_velocity(index)

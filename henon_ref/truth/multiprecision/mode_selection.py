@@ -153,7 +153,7 @@ class ModeSelection:
         if len(active) > EXHAUSTIVE:
             return self._search(point, mode, active)
         found = []
-        for choice in product((-1, 0, 1), repeat=len(active)):
+        for choice in product(*(self.system.entries_from(mode[i], i) for i in active)):
             candidate = mode
             for index, value in zip(active, choice, strict=True):
                 candidate = replaced(candidate, index, value)

@@ -103,7 +103,7 @@ class Judge:
         if len(active) > EXHAUSTIVE:
             raise UndecidedError(f"{len(active)} surfaces in play at once: too many modes to try", "mode")
         found: list[Entry] = []
-        for choice in product((-1, 0, 1), repeat=len(active)):
+        for choice in product(*(self.model.system.entries_from(mode[i], i) for i in active)):
             candidate = mode
             for index, value in zip(active, choice, strict=True):
                 candidate = replaced(candidate, index, value)
