@@ -32,11 +32,10 @@ from baselines.restart import Fresh
 from baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.filippov.callables import ARITHMETIC, Scalar
-from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
-from henon_ref.trajectory import Trajectory
+from henon_ref.trajectory import Trajectory, without_hidden_kinks
 
 _LOG = logging.getLogger(__name__)
 
@@ -237,8 +236,7 @@ def prepared(
         return driver.run
 
     def run() -> Trajectory:
-        found = driver.run()
-        return found._replace(transitions=visible(problem.system, found.transitions))
+        return without_hidden_kinks(driver.run(), problem.system)
 
     return run
 

@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import BRENT, HENON, LANDINGS, NEWTON
 from henon_ref.henon.run import Run
 from henon_ref.henon.start import Start
 from henon_ref.solver import Run as PreparedRun
-from henon_ref.trajectory import Trajectory
+from henon_ref.trajectory import Trajectory, without_hidden_kinks
 
 
 @dataclass(frozen=True)
@@ -68,9 +67,7 @@ class HenonSolver:
 def _run(
     integrator: Integrator, start: Start, sample_times: NDArray[np.float64] | None, deadline: float | None
 ) -> Trajectory:
-    found = Run(integrator, start, sample_times, deadline).to_horizon()
-    system = integrator.system
-    return found._replace(transitions=visible(system, found.transitions)) if system.kinks else found
+    return without_hidden_kinks(Run(integrator, start, sample_times, deadline).to_horizon(), integrator.system)
 
 
 def order_for(tolerance: float) -> int:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from itertools import product
+from itertools import pairwise, product
+from pathlib import Path
 
 import pytest
 import sympy as sp
@@ -18,7 +19,7 @@ from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.work import Work
 from henon_ref.registry import solver
 from henon_ref.report.text.model import kink_notes
-from henon_ref.truth.compute import compute
+from henon_ref.truth.compute import compute, stored_truth, truth_for
 
 X, V, T, K = sp.symbols("x v t k", real=True)
 K1, K2, K3 = sp.symbols("kink1 kink2 kink3", real=True)
@@ -299,6 +300,24 @@ def test_simulate_leaves_it_out_too() -> None:
     assert run.transitions["time_s"].tolist() == pytest.approx([math.sqrt(5) - 1], abs=1e-9)
 
 
+def test_a_stream_leaves_it_out_too() -> None:
+    system = hr.System(["x", "v"], {}, {}, ["v", HIDDEN])
+    run = hr.stream(system, {"x": 0, "v": 1}, until=4)
+    assert [(row.surface, row.to_mode) for row in run] == [("kink1", "kink1=+1 kink2=+1 kink3=+1")]
+    assert run.outcome is not None
+    assert run.outcome.success
+
+
+def test_a_section_by_the_name_of_a_kink_leaves_it_out_and_one_by_its_expression_does_not() -> None:
+    """From -10 the run does not come to 2: the jump at t = 3 is one there, that at t = 1 is not."""
+    system = hr.System(["x", "v"], {}, {}, ["v", HIDDEN])
+    sections = [hr.observe.section(of, name=name) for of, name in (("kink3", "named"), ("t - 3", "written"))]
+    table = hr.sweep(system, {"x": 0, "v": 1}, until=4, grid={"x": [-10, 0]}, observe=sections, jobs=1)
+    assert table.frames["named"]["point"].tolist() == [0]
+    assert table.frames["written"]["point"].tolist() == [0, 1]
+    assert table.frames["written"]["time_s"].tolist() == pytest.approx([3, 3], abs=1e-12)
+
+
 @SOLVERS
 def test_a_kink_is_there_where_its_branch_is(name: str) -> None:
     run = solver(name).prepare(problem_of(HIDDEN, "x: -10, v: 1", "4"), rtol=1e-12, atol=1e-13)()
@@ -346,3 +365,37 @@ until: 4
     assert found.status == "ok"
     assert [(t.kind, t.surface) for t in found.transitions] == [("crossing", 0)]
     assert float(found.transitions[0].time_digits) == pytest.approx(math.sqrt(5) - 1, abs=1e-15)
+
+
+DAMPED = """\
+schema: 1
+name: between
+title: Between two damped stops
+scene:
+  bodies: {a: {mass: 1}, frame: fixed}
+  connections:
+    - stop: {between: [a, frame], gap: -1/2, stiffness: 10, damping: 3/2}
+    - stop: {between: [frame, a], gap: -1/2, stiffness: 10, damping: 3/2}
+initial: {x_a: 2, v_a: 0}
+until: 2
+"""
+
+
+@SOLVERS
+def test_modes_follow_on_each_other_though_hidden_kinks_change_their_signs(name: str) -> None:
+    """From the middle of the flight on the damping's limits at the stop that was left change their signs."""
+    run = solver(name).prepare(parse_case(DAMPED).readings[0].problem, rtol=1e-12, atol=1e-13)()
+    assert [t.surface for t in run.transitions] == [4, 3, 0, 2, 1, 0]
+    for before, after in pairwise(run.transitions):
+        assert before.to_mode == after.from_mode
+    assert run.end_mode == run.transitions[-1].to_mode == (1, 1, 1, 1, 1, 1)
+
+
+def test_a_truth_whose_hidden_kinks_change_their_signs_is_stored_and_read_again(tmp_path: Path) -> None:
+    case = parse_case(DAMPED)
+    found = truth_for(case, case.readings[0], folder=tmp_path)
+    assert found.certified
+    assert [t.surface for t in found.transitions] == [4, 3, 0, 2, 1, 0]
+    stored = stored_truth(case, case.readings[0], tmp_path)
+    assert stored is not None
+    assert stored.transitions == found.transitions
