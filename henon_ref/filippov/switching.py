@@ -13,6 +13,7 @@ just after the point (first non-zero derivative; one that stays at zero holds); 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -24,6 +25,7 @@ from henon_ref.filippov.derivatives import leading, leading_sign, rate_of, scale
 from henon_ref.filippov.equations import Guard, ModeEquations
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.modes import Mode, mode_text, replaced
+from henon_ref.filippov.staying import staying_mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.series import expand
@@ -102,6 +104,17 @@ class Switching:
         """
         states, outputs = expand(tape, numbers, t, x, ORDER)
         return outputs, rate_of(states, outputs)
+
+    def _motion(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> list[list[Any]]:
+        """Taylor coefficients of a mode's states from a point."""
+        return expand(tape, numbers, t, x, ORDER)[0]
+
+    def _equal(self, one: Sequence[Any], other: Sequence[Any]) -> bool:
+        """Whether the coefficients of a state are the same, but for rounding."""
+        rate = rate_of([one, other])
+        pairs = list(zip(scaled(one, rate), scaled(other, rate), strict=True))
+        largest = max(abs(c) for pair in pairs for c in pair)
+        return all(abs(a - b) <= ZERO * largest for a, b in pairs)
 
     def _leading(self, series: Sequence[Any], first: int, rate: float, size: float, zero: float) -> int | None:
         """Index of the first coefficient from ``first`` on that is not zero, or None."""
@@ -254,6 +267,9 @@ class Switching:
         for other in OTHERS:
             if decision.status == "none" and (other < zero or zero == ZERO):
                 decision = self._decided(t, x, mode, active, other)
+        if decision.status == "none" and len(active) <= EXHAUSTIVE:
+            staying, same = partial(self._staying, t, x, active=active, zero=zero), partial(self._same_motion, t, x)
+            decision = staying_mode(self.system, mode, active, staying, same, f"at t = {_digits(t)}") or decision
         if decision.mode is None:
             return explained(decision, self.system, mode, active)
         return self._attracting(t, x, decision)
@@ -379,6 +395,32 @@ class Switching:
             if head < 0 or (head == 0 and guard.kind == "surface"):
                 broken.append(guard)
         return tuple(broken)
+
+    def _staying(
+        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float
+    ) -> frozenset[int] | None:
+        """Surfaces that a slip does not leave, where nothing else keeps the mode out; else None."""
+        broken = self._violations(t, x, mode, active, zero)
+        if broken is None:
+            return None
+        kept = {
+            guard.index for guard in broken if guard.kind == "surface" and self.stays(t, x, mode, guard.index, zero)
+        }
+        return frozenset(kept) if len(kept) == len(broken) else None
+
+    def _same_motion(self, t: float, x: Sequence[float], first: Mode, second: Mode) -> bool:
+        """Whether two modes that have equations have the same motion, so far as its derivatives tell."""
+        made = [self._equations(mode) for mode in (first, second)]
+        motions = [self._motion(own[1], own[2], t, x) for own in made if own is not None]
+        return all(self._equal(one, other) for one, other in zip(*motions, strict=True))
+
+    def stays(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float = ZERO) -> bool:
+        """Whether a slip stays on a surface, so far as its derivatives tell, at a point that is on it."""
+        made = self._equations(mode)
+        assert made is not None
+        outputs, rate = self._expanded(mode, t, x)
+        own = [c for g, c in zip(made[0].guards, outputs, strict=True) if g.kind == "surface" and g.index == index]
+        return not any(self._sign(c, 1, rate, self._size(t, x, mode, index), zero) for c in own)
 
     def _sticks(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float) -> bool:
         """Whether a surface whose sliding is overridden is slid on from here."""
