@@ -17,7 +17,7 @@ from henon_ref.report.text.formats import listing
 from henon_ref.report.text.gate import gate_table
 from henon_ref.report.text.model import as_written, general_form, kink_notes, mode_equations, modes_of, parameters
 from henon_ref.report.text.overview import overview
-from henon_ref.report.text.published import orbit_table, published_table
+from henon_ref.report.text.published import orbit_table, printed_times_table, published_table
 from henon_ref.report.text.ranking import name
 from henon_ref.report.text.summary import EXPLAINED, solver_table
 from henon_ref.report.text.tables import MARK, Table, price_table, reason_table, run_table, samples_of, stick_table
@@ -126,6 +126,7 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
         "more_figures": figures[FIRST_FIGURES:],
         "figures_note": _figures_note(comparison, result),
         "published": _markdown(published_table(comparison, result)),
+        "printed_times": _markdown(printed_times_table(result)),
         "prices": prices,
         "legend": LEGEND if MARK in prices else "",
         "sticks": _markdown(stick_table(comparison, result)),
