@@ -97,7 +97,7 @@ def is_hidden(system: FilippovSystem, index: int, mode: Mode) -> bool:
         return False
     slip = {system.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s and i != index}
     guards = [guard.expression for guard in shared.guards if guard.index != index or guard.kind != "surface"]
-    return not any(put(e, slip).has(system.signs[index]) for e in (*shared.field, *guards))
+    return not any(put(e, slip).has(system.signs[index]) for e in (*shared.field, *guards, *system.sections))
 
 
 def continuous(system: FilippovSystem) -> frozenset[int]:

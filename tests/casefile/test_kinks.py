@@ -13,7 +13,7 @@ import henon_ref as hr
 from henon_ref.casefile.case import parse_case
 from henon_ref.casefile.expressions import parse_field
 from henon_ref.casefile.kinks import Kinks
-from henon_ref.errors import ExpressionError
+from henon_ref.errors import CaseError, ExpressionError
 from henon_ref.filippov.kinks import continuous
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.work import Work
@@ -273,6 +273,110 @@ until: 9
     assert [float(t.time) for t in run.transitions] == pytest.approx(
         [out, back, back + 4, back + 4 + 2 * math.atan(0.5)], abs=1e-10
     )
+
+
+SIGNED = """\
+schema: 1
+name: signed
+title: Kinks of what holds a sign
+system:
+  state: [x, v]
+  surfaces: {{s: "{surface}"}}
+  field: [v, "{rate}"]
+initial: {{x: 1, v: 0}}
+until: 3
+"""
+
+
+@SOLVERS
+@pytest.mark.parametrize(
+    ("surface", "rate", "surfaces", "expected"),
+    [
+        # s = -1: x'' = -abs(x + 1), x = 2 cos(t) - 1 until x = -1, faster from there.
+        ("v - 1/10", "-abs(x - s)", ["v - 1/10", "x - 1", "x + 1"], [(2, math.pi / 2)]),
+        # s = -1: x'' = -2 x, and -x from where v = 1/10 on.
+        (
+            "v - 1/10",
+            "-piecewise(x, s > 0, 2*x)",
+            ["v - 1/10"],
+            [(0, (math.pi + math.asin(0.05**0.5 / 10**0.5)) / 2**0.5)],
+        ),
+        ("v + 1/10", "-abs(s)*x", ["v + 1/10"], [(0, math.asin(0.1))]),
+        ("v - 1/10", "-x*max(0, s)", ["v - 1/10"], []),
+    ],
+)
+def test_a_kink_may_hold_signs(
+    name: str, surface: str, rate: str, surfaces: list[str], expected: list[tuple[int, float]]
+) -> None:
+    problem = parse_case(SIGNED.format(surface=surface, rate=rate)).readings[0].problem
+    assert [str(h) for h in problem.system.surfaces] == surfaces
+    run = solver(name).prepare(problem, rtol=1e-12, atol=1e-13)()
+    assert run.status == "ok"
+    assert [t.surface for t in run.transitions] == [i for i, _ in expected]
+    assert [float(t.time) for t in run.transitions] == pytest.approx([t for _, t in expected], abs=1e-10)
+
+
+def test_a_kink_of_more_signs_than_can_be_tried_is_refused_with_its_place() -> None:
+    text = SIGNED.format(surface="v", rate="-abs(x - s - a - b - c - d)")
+    text = text.replace('s: "v"', "s: v, a: x - 2, b: x - 3, c: x - 4, d: x - 5")
+    with pytest.raises(CaseError, match="a kink of what holds more than 4 signs") as caught:
+        parse_case(text, file="case.yaml")
+    assert str(caught.value).startswith("case.yaml:7:14: ")
+
+
+@SOLVERS
+@pytest.mark.parametrize(
+    ("section", "expected"),
+    [
+        ("abs(x) - 1/2", [(0, math.pi / 3), (1, 2 * math.pi / 3), (1, 4 * math.pi / 3), (0, 5 * math.pi / 3)]),
+        # v = 0 at pi does not count, where max(x, v) is v: it does; x = 0 at 3 pi/2, where it is v = 1, does not.
+        ("max(x, v)", [(1, math.pi / 2), (0, math.pi)]),
+        ("min(x, v)", [(0, 3 * math.pi / 2), (1, 2 * math.pi)]),
+    ],
+)
+def test_a_section_may_have_kinks(name: str, section: str, expected: list[tuple[int, float]]) -> None:
+    """x = cos(t), v = -sin(t): zeros of the section itself, not of branches that are not chosen there."""
+    text = SIGNED.format(surface=section, rate="-x").replace("until: 3", "until: 13/2")
+    problem = parse_case(text).readings[0].problem
+    run = solver(name).prepare(problem, rtol=1e-12, atol=1e-13)()
+    assert run.status == "ok"
+    assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", i) for i, _ in expected]
+    assert [float(t.time) for t in run.transitions] == pytest.approx([t for _, t in expected], abs=1e-10)
+
+
+LOADED = """\
+schema: 1
+name: loaded
+title: A block under a load
+scene:
+  bodies: {{a: {{mass: 1}}, r: {{mass: 1}}, floor: fixed}}
+  connections:
+    - friction: {{between: [a, floor], law: coulomb, force: 1, normal: "{load}"}}
+initial: {{x_a: 0, v_a: 3, x_r: -1, v_r: 1}}
+until: 3
+"""
+
+
+@SOLVERS
+@pytest.mark.parametrize(
+    ("load", "stop", "kinks"),
+    [
+        # Slower by 1 until t = 1, then by 2.
+        ("piecewise(1, t < 1, 2)", 2.0, [1.0]),
+        # abs(t - 1): 3 = 1/2 + (t - 1)^2/2.
+        ("abs(x_r)", 1 + math.sqrt(5), [1.0]),
+        # Nothing until t = 1.
+        ("max(x_r, 0)", 1 + math.sqrt(6), [1.0]),
+        ("2 + sign(x_r)", 1 + 2 / 3, [1.0]),
+    ],
+)
+def test_a_load_may_have_kinks(name: str, load: str, stop: float, kinks: list[float]) -> None:
+    problem = parse_case(LOADED.format(load=load).replace("until: 3", "until: 4")).readings[0].problem
+    run = solver(name).prepare(problem, rtol=1e-12, atol=1e-13)()
+    assert run.status == "ok"
+    rows = [(t.kind, float(t.time)) for t in run.transitions]
+    assert [time for kind, time in rows if kind == "crossing"] == pytest.approx(kinks, abs=1e-10)
+    assert [time for kind, time in rows if kind == "stick"] == pytest.approx([stop], abs=1e-9)
 
 
 HIDDEN = "piecewise(2*sign(t - 1), x > 2, 0) - piecewise(0, x > 2, sign(t - 3))"

@@ -20,7 +20,7 @@ def _add(link: Link) -> None:
     given = link.values
     velocity = link.velocity
     sign = link.sign("s", velocity)
-    normal = link.positive_part(given["normal"]) if "normal" in given else sp.Integer(1)
+    normal = link.positive_part("normal") if "normal" in given else sp.Integer(1)
     speed = sign * velocity  # abs(v): smooth as text in each mode
     force, static = given["force"], given.get("static")
     if law == "coulomb":
