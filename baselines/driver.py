@@ -33,12 +33,11 @@ from baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.filippov.callables import ARITHMETIC, Scalar
 from henon_ref.filippov.held_groups import check_groups
-from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import resetting
 from henon_ref.solver import Run
-from henon_ref.trajectory import Trajectory
+from henon_ref.trajectory import Trajectory, without_hidden_kinks
 
 _LOG = logging.getLogger(__name__)
 
@@ -275,8 +274,7 @@ def prepared(
         return driver.run
 
     def run() -> Trajectory:
-        found = driver.run()
-        return found._replace(transitions=visible(problem.system, found.transitions))
+        return without_hidden_kinks(driver.run(), problem.system)
 
     return run
 

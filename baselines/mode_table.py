@@ -198,9 +198,8 @@ class ModeTable:
         decision = self.switching.after_event(t, x, model.mode, guards)
         if decision.mode is None:
             return After(None, x, (), drift, (), decision.ending, decision.reason)
-        touched = tuple(
-            g.index for g in guards if g.kind == "surface" and decision.mode[g.index] == model.mode[g.index]
-        )
+        same = [g.index for g in guards if g.kind == "surface" and decision.mode[g.index] == model.mode[g.index]]
+        touched = tuple(i for i in same if not self.switching.stays(t, x, model.mode, i))
         fresh = self.fresh_at(self[decision.mode], t, x, tuple(involved))
         return After(decision.mode, x, fresh, drift, touched)
 

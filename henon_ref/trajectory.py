@@ -9,7 +9,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.filippov.kinks import HiddenKinks, visible
 from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.system import FilippovSystem
 
 Kind = Literal["stick", "release", "crossing", "graze", "reset"]
 Status = Literal["ok", "wrong", "diverged", "nonunique", "invalid", "timeout", "failed", "unsupported", "unavailable"]
@@ -76,6 +78,14 @@ class Trajectory(NamedTuple):
     """(k, n) states at the sample times asked for (NaN past an early end), or None."""
     sample_modes: tuple[Mode, ...] | None = None
     """Mode at each sample time, or None."""
+
+
+def without_hidden_kinks(found: Trajectory, system: FilippovSystem) -> Trajectory:
+    """A run without transitions on kinks that another branch hides (see :mod:`henon_ref.filippov.kinks`)."""
+    if not system.kinks:
+        return found
+    end_mode = HiddenKinks(system).shown(found.end_mode)
+    return found._replace(transitions=visible(system, found.transitions), end_mode=end_mode)
 
 
 @dataclass(frozen=True)

@@ -92,6 +92,8 @@ class Link:
     """The name that the file gives it."""
     kinks: Kinks
     """Of the whole scene so far."""
+    kinked_values: dict[str, list[sp.Expr]] = field(default_factory=dict)
+    """Keys read in states -> what their values have kinks for, which have no symbols yet."""
     pushes: list[tuple[str, sp.Expr]] = field(default_factory=list)
     """Body and force [N] or torque [N m] on it, by this connection alone."""
     surfaces: list[Surface] = field(default_factory=list)
@@ -146,9 +148,9 @@ class Link:
         self.surfaces.append(Surface(symbol, surface))
         return symbol
 
-    def positive_part(self, expression: sp.Expr) -> sp.Expr:
-        """max(0, expression), its kink a surface."""
-        return self.kinked(self.kinks.positive_part(expression))
+    def positive_part(self, key: str) -> sp.Expr:
+        """max(0, value) of a key that is read in states, its kinks surfaces."""
+        return self.kinked(self.kinks.positive_part(self.values[key], self.kinked_values[key]))
 
     def limited(self, expression: sp.Expr, bound: sp.Expr) -> sp.Expr:
         """An expression kept between -bound and bound, its kinks surfaces."""

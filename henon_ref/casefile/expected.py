@@ -24,7 +24,7 @@ class Published:
     """[s]; a source that prints fewer than there are sticks means them to repeat in this order."""
     stick_lengths: tuple[Decimal, ...] = ()
     transition_times: tuple[Decimal, ...] = ()
-    """[s]."""
+    """[s], of any of the transitions: each stands beside the exact one that is nearest."""
 
 
 @dataclass(frozen=True)

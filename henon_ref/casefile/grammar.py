@@ -52,7 +52,8 @@ _LOOKALIKES = {"−": "-", "–": "-", "×": "*", "·": "*", "÷": "/", "²": "^
 _HINTS: dict[str, str] = {
     **dict.fromkeys(
         KINK_FUNCTIONS,
-        "what jumps or has a kink stands in fields alone: elsewhere name a surface h and use its sign s, as in s*h",
+        "what jumps or has a kink stands in 'field' and 'surfaces', in a scene in 'value' and 'normal': elsewhere "
+        "name a surface h and use its sign s, as in s*h",
     ),
     **dict.fromkeys(("heaviside", "Heaviside"), "write piecewise(1, x > 0, 0)"),
     **dict.fromkeys(("Abs", "fabs"), "write abs(...)"),

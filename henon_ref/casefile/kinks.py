@@ -7,7 +7,8 @@ equal one (up to a factor that is a number) once.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from itertools import product
 
 import sympy as sp
 
@@ -53,6 +54,32 @@ def _branches(argument: sp.Expr) -> list[sp.Expr]:
     if inner is None:
         return [argument]
     return [part for side in (1, -1) for part in _branches(argument.xreplace({inner: sp.Integer(side)}))]
+
+
+def without_signs(expression: sp.Expr, signs: Collection[sp.Symbol]) -> sp.Expr:
+    """An expression whose kinks hold none of some signs: these choose among its values at -1 and +1."""
+    return sp.Add(*(_chosen_by_signs(term, signs) for term in sp.Add.make_args(expression)))
+
+
+def _chosen_by_signs(term: sp.Expr, signs: Collection[sp.Symbol]) -> sp.Expr:
+    held = {s for kink in term.atoms(Sgn) for s in kink.free_symbols} & set(signs)
+    if not held:
+        return term
+    sign = min(held, key=lambda s: s.name)
+    above, below = (_chosen_by_signs(_normal(term.xreplace({sign: sp.Integer(side)})), signs) for side in (1, -1))
+    return above if above == below else above * (1 + sign) / 2 + below * (1 - sign) / 2
+
+
+def _normal(expression: sp.Expr) -> sp.Expr:
+    """An expression with each :class:`Sgn` that of a form without factor again."""
+    return expression.replace(lambda e: isinstance(e, Sgn), lambda e: sgn(e.args[0]))
+
+
+def at_signs(argument: sp.Expr, signs: Collection[sp.Symbol]) -> list[sp.Expr]:
+    """What an argument is for each choice of the signs that it holds."""
+    held = sorted(argument.free_symbols & set(signs), key=lambda s: s.name)
+    choices = product((1, -1), repeat=len(held))
+    return [argument.xreplace(dict(zip(held, map(sp.Integer, choice), strict=True))) for choice in choices]
 
 
 def chosen(first: sp.Expr, difference: sp.Expr, second: sp.Expr) -> sp.Expr:
@@ -146,9 +173,9 @@ class Kinks:
                 signs[Sgn(form)] = way * own
         return surfaces, self.resolved(sgn(expression).xreplace(signs), [*arguments, *parts])
 
-    def positive_part(self, expression: sp.Expr) -> sp.Expr:
-        """max(0, expression)."""
-        return self.resolved(chosen(expression, expression, sp.S.Zero), [expression])
+    def positive_part(self, expression: sp.Expr, arguments: Sequence[sp.Expr] = ()) -> sp.Expr:
+        """max(0, expression), which may have kinks itself, of ``arguments``."""
+        return self.resolved(chosen(expression, expression, sp.S.Zero), [*arguments, expression])
 
     def limited(self, expression: sp.Expr, bound: sp.Expr) -> sp.Expr:
         """The expression where it lies between -bound and bound, else the one of these that it is beyond."""

@@ -17,7 +17,7 @@ from henon_ref.casefile.grammar import name_problem
 from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.requirements import Requirements
 from henon_ref.casefile.schema import MAX_STATES
-from henon_ref.casefile.source import Names, Path, Source, resolved
+from henon_ref.casefile.source import Names, Path, Source, check_kinks, resolved
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
@@ -205,7 +205,10 @@ class _Reader:
                 raise self.source.error(path, message)
             link.words[key.name] = word
             return
-        link.values[key.name] = self._kinked(link, path) if key.of == "time" else self._expression(path, key, what)
+        if key.of == "states":
+            link.values[key.name], link.kinked_values[key.name] = self._of_states(path)
+        else:
+            link.values[key.name] = self._kinked(link, path) if key.of == "time" else self._expression(path, key, what)
 
     def _kinked(self, link: Link, path: Path) -> sp.Expr:
         """A function of time, whose kinks and jumps become surfaces."""
@@ -213,12 +216,16 @@ class _Reader:
         self.source.field(path, {**self.values, "t": TIME}, " (with the values of the parameters)")
         return link.kinked(resolved(self.source, path, self.kinks, written))
 
+    def _of_states(self, path: Path) -> tuple[sp.Expr, list[sp.Expr]]:
+        """A function of time and states, and what it has kinks and jumps for."""
+        moving = {"t": TIME, **self.states}
+        written = self.source.field(path, {**self.symbols, **moving})
+        self.source.field(path, {**self.values, **moving}, " (with the values of the parameters)")
+        check_kinks(self.source, path, self.kinks, written[1])
+        return written
+
     def _expression(self, path: Path, key: Key, what: str) -> sp.Expr:
-        moving: dict[str, sp.Expr] = {"t": TIME, **self.states} if key.of == "states" else {}
-        expression = self.source.expression(path, {**self.symbols, **moving})
-        if expression.free_symbols & set(moving.values()):
-            self.source.expression(path, {**self.values, **moving}, " (with the values of the parameters)")
-            return expression
+        expression = self.source.expression(path, self.symbols)
         value = self.source.number(path, self.values)
         if key.range == "positive":
             self.requirements.positive(expression, value, path, what)

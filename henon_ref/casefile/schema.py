@@ -237,7 +237,7 @@ class PublishedForm(Form):
 
     stick_durations: list[PositiveDigits] = Field([], description="[s]")
     stick_lengths: list[Digits] = []
-    transition_times: list[Digits] = Field([], description="[s]")
+    transition_times: list[Digits] = Field([], description="[s], of any of the transitions")
 
 
 class ExactForm(Form):

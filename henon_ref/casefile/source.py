@@ -11,7 +11,7 @@ import sympy as sp
 
 from henon_ref.casefile.expressions import check_sides, parse_expression, parse_field, parse_number
 from henon_ref.casefile.grammar import name_problem, scan
-from henon_ref.casefile.kinks import Kinks
+from henon_ref.casefile.kinks import MAX_INNER, Kinks, at_signs, without_signs
 from henon_ref.casefile.tree import MappingNode, ScalarNode, child, locate
 from henon_ref.errors import CaseError, ExpressionError
 from henon_ref.filippov.work import Work
@@ -192,20 +192,30 @@ def resolved(
     written: tuple[sp.Expr, list[sp.Expr]],
     signs: Collection[sp.Symbol] = (),
 ) -> sp.Expr:
-    """An expression with symbols for the signs of its kinks, and a value at both sides of each."""
+    """An expression with symbols for the signs of its kinks, and a value at both sides of each.
+
+    Where a kink's argument holds some of ``signs``, it is one kink for each of their sides.
+    """
     expression, arguments = written
-    if any(argument.has(*signs) for argument in arguments if signs):
-        raise source.error(path, "a kink of what holds a sign is not there yet; name a surface and use its sign")
-    still = [a for a in arguments if a.free_symbols and a.free_symbols <= set(kinks.parameters)]
-    if still:  # what it is may change with the values of the parameters, when the equations are made
-        message = f"{still[0]} holds neither t nor a state, and no kink: make what is written of it a parameter"
-        raise source.error(path, f"{message} (where abs(...) is allowed)")
+    if any(len(argument.free_symbols & set(signs)) > MAX_INNER for argument in arguments):
+        raise source.error(path, f"a kink of what holds more than {MAX_INNER} signs; name surfaces and use their signs")
+    expression = without_signs(expression, signs)
+    arguments = [part for argument in arguments for part in at_signs(argument, signs)]
+    check_kinks(source, path, kinks, arguments)
     found = kinks.resolved(expression, arguments)
     for sign in kinks.used(found):
         for side in (-1, 1):
             if found.xreplace({sign: sp.Integer(side), **kinks.parameters}).has(sp.zoo, sp.nan, sp.oo, -sp.oo):
                 raise source.error(path, f"division by zero (where {kinks.surfaces[sign]} has the sign {side:+d})")
     return found
+
+
+def check_kinks(source: Source, path: Path, kinks: Kinks, arguments: Sequence[sp.Expr]) -> None:
+    """Refuse kinks of parameters alone: what they are may change with these, when the equations are made."""
+    still = [a for a in arguments if a.free_symbols and a.free_symbols <= set(kinks.parameters)]
+    if still:
+        message = f"{still[0]} holds neither t nor a state, and no kink: make what is written of it a parameter"
+        raise source.error(path, f"{message} (where abs(...) is allowed)")
 
 
 def _symbols(names: Sequence[str]) -> dict[str, sp.Symbol]:

@@ -42,7 +42,7 @@ def build_system(source: Source, form: SystemForm) -> tuple[FilippovSystem, Name
         path: Path = ("system", "field", i)
         rate = resolved(source, path, kinks, names.written(source, path, signs=signs), names.signs.values())
         field.append(rate.xreplace(values_of))
-    _check_guards(source, names, signs, surfaces, field)
+    _check_guards(source, names, signs, surfaces)
     _check_kinks(source, kinks, {*states, *(sign.name for sign in surfaces), *values})
     made = {**surfaces, **kinks.surfaces}
     branches = {sign for sign in surfaces if sign.name not in signs or values_of[sign] != sign}
@@ -56,6 +56,7 @@ def build_system(source: Source, form: SystemForm) -> tuple[FilippovSystem, Name
         parameters=names.exact_parameters(),
         valid=tuple(valid),
         kinks=frozenset(i for i, sign in enumerate(made) if sign in kinks.surfaces or sign in branches),
+        sections=tuple(value for sign, value in values_of.items() if value != sign),
         written={
             **{x: source.text(("system", "field", i)) for i, x in enumerate(names.states.values())},
             **{names.signs[name]: source.text(("system", "surfaces", name)) for name in signs},
@@ -81,10 +82,8 @@ def _guards(
     return surfaces, values
 
 
-def _check_guards(
-    source: Source, names: Names, signs: list[str], surfaces: dict[sp.Symbol, sp.Expr], field: list[sp.Expr]
-) -> None:
-    """Refuse what a surface with kinks cannot be yet: a section, or one whose branches' names are taken."""
+def _check_guards(source: Source, names: Names, signs: list[str], surfaces: dict[sp.Symbol, sp.Expr]) -> None:
+    """Refuse a surface with kinks whose branches' names are taken."""
     taken = {*names.states, *names.parameters}
     for sign in surfaces:
         if sign.name in signs:
@@ -93,9 +92,6 @@ def _check_guards(
         path: Path = ("system", "surfaces", name)
         if sign.name in taken:
             raise source.error(path, f"'{sign.name}' is the name of a branch of '{name}'; rename what has it", key=True)
-        if not any(rate.has(sign) for rate in field):
-            message = f"a surface with kinks that no field uses is not there yet; give '{name}' in smooth parts"
-            raise source.error(path, message)
 
 
 def _check_kinks(source: Source, kinks: Kinks, taken: set[str]) -> None:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, TypeVar
+from dataclasses import replace
+from typing import Any, ClassVar, Protocol, TypeVar
 
+import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.affine import constant_slope
@@ -17,6 +20,8 @@ from henon_ref.taylor.size import size
 
 
 class _Transition(Protocol):
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
     @property
     def surface(self) -> int: ...
     @property
@@ -28,38 +33,71 @@ class _Transition(Protocol):
 TransitionT = TypeVar("TransitionT", bound=_Transition)
 
 
+class HiddenKinks:
+    """Which kinks of a system another branch hides: in such a mode they are none, and their signs mean nothing.
+
+    What has been found out of a kink and a mode is kept.
+    """
+
+    def __init__(self, system: FilippovSystem) -> None:
+        self.system = system
+        self._hidden: dict[tuple[int, Mode], bool] = {}
+
+    def hidden(self, index: int, mode: Mode) -> bool:
+        """Whether a surface is a kink that is hidden in a mode."""
+        mode = mode[: len(self.system.signs)]  # sections that a sweep adds stand behind the system's own surfaces
+        if (index, mode) not in self._hidden:
+            self._hidden[index, mode] = index in self.system.kinks and is_hidden(self.system, index, mode)
+        return self._hidden[index, mode]
+
+    def shown(self, mode: Mode) -> Mode:
+        """A mode with +1 for what is hidden in it, so that it is one mode however these signs change."""
+        return tuple(1 if self.hidden(i, mode) else entry for i, entry in enumerate(mode))
+
+    def is_transition(self, surface: int, before: Mode, after: Mode) -> bool:
+        """Whether what has been found on a surface, between two modes, is a transition: it is not on a hidden kink."""
+        if surface not in self.system.kinks:
+            return True
+        if before[surface] == after[surface]:  # it was touched
+            return not self.hidden(surface, before)
+        return self.shown(before)[surface] != self.shown(after)[surface]
+
+    def are_transitions(self, records: NDArray[Any], modes: Sequence[Mode]) -> NDArray[np.bool_]:
+        """The same of records with fields ``surface``, ``from_mode`` and ``to_mode``, the modes by their number."""
+        found = np.ones(len(records), dtype=bool)
+        for index in self.system.kinks:
+            at = np.nonzero(records["surface"] == index)[0]
+            pairs, which = np.unique(
+                np.column_stack([records["from_mode"][at], records["to_mode"][at]]), axis=0, return_inverse=True
+            )
+            own = [self.is_transition(index, modes[before], modes[after]) for before, after in pairs.tolist()]
+            found[at] = np.array(own, dtype=bool)[which.ravel()]
+        return found
+
+
 def visible(system: FilippovSystem, transitions: Sequence[TransitionT]) -> Sequence[TransitionT]:
-    """Transitions without those on kinks that another branch hides on both sides of them."""
+    """Transitions without those on hidden kinks, their modes as :meth:`HiddenKinks.shown` has them."""
     if not system.kinks:
         return transitions
-    return tuple(t for t, seen in zip(transitions, visibility(system, transitions), strict=True) if seen)
-
-
-def visibility(system: FilippovSystem, transitions: Sequence[TransitionT]) -> list[bool]:
-    """Of each transition whether it is none on a kink that another branch hides on both sides of it."""
-    known: dict[tuple[int, Mode], bool] = {}
-
-    def hidden(index: int, mode: Mode) -> bool:
-        key = index, mode
-        if key not in known:
-            known[key] = is_hidden(system, index, mode)
-        return known[key]
-
-    return [
-        t.surface not in system.kinks or not (hidden(t.surface, t.from_mode) and hidden(t.surface, t.to_mode))
+    kinks = HiddenKinks(system)
+    return tuple(
+        replace(t, from_mode=kinks.shown(t.from_mode), to_mode=kinks.shown(t.to_mode))
         for t in transitions
-    ]
+        if kinks.is_transition(t.surface, t.from_mode, t.to_mode)
+    )
 
 
 def is_hidden(system: FilippovSystem, index: int, mode: Mode) -> bool:
-    """Whether nothing in a mode depends on the sign of a surface but the surface itself."""
+    """Whether nothing in a mode depends on the sign of a surface but the surface itself; what is slid on counts."""
+    if not mode[index]:
+        return False
     try:
         shared = system.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
     except ModelError:
         return False
     slip = {system.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s and i != index}
     guards = [guard.expression for guard in shared.guards if guard.index != index or guard.kind != "surface"]
-    return not any(put(e, slip).has(system.signs[index]) for e in (*shared.field, *guards))
+    return not any(put(e, slip).has(system.signs[index]) for e in (*shared.field, *guards, *system.sections))
 
 
 def continuous(system: FilippovSystem) -> frozenset[int]:

@@ -97,6 +97,17 @@ class ModeEvaluation:
         states, outputs = expand(tape, numbers, t, x, ORDER)
         return outputs, rate_of(states, outputs)
 
+    def _motion(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> list[list[Any]]:
+        """Taylor coefficients of a mode's states from a point."""
+        return expand(tape, numbers, t, x, ORDER)[0]
+
+    def _equal(self, one: Sequence[Any], other: Sequence[Any]) -> bool:
+        """Whether the coefficients of a state are the same, but for rounding."""
+        rate = rate_of([one, other])
+        pairs = list(zip(scaled(one, rate), scaled(other, rate), strict=True))
+        largest = max(abs(c) for pair in pairs for c in pair)
+        return all(abs(a - b) <= ZERO * largest for a, b in pairs)
+
     def _leading(self, series: Sequence[Any], first: int, rate: float, size: float, zero: float) -> int | None:
         """Index of the first coefficient from ``first`` on that is not zero, or None."""
         return leading(series, first, rate, size, zero)

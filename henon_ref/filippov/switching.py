@@ -14,6 +14,7 @@ such surfaces at once are decided by :mod:`henon_ref.filippov.held_groups`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -26,6 +27,7 @@ from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.held_groups import by_groups, decide_groups
 from henon_ref.filippov.mode_evaluation import ZERO, ModeEvaluation
 from henon_ref.filippov.modes import Mode, mode_text, replaced
+from henon_ref.filippov.staying import staying_mode
 from henon_ref.taylor.tape import TIME
 
 OTHERS = (1e-11, 1e-15, 0.0)
@@ -168,6 +170,9 @@ class Switching(ModeEvaluation):
         for other in OTHERS:
             if decision.status == "none" and (other < zero or zero == ZERO):
                 decision = self._decided(t, x, mode, active, other)
+        if decision.status == "none" and len(active) <= EXHAUSTIVE:
+            staying, same = partial(self._staying, t, x, active=active, zero=zero), partial(self._same_motion, t, x)
+            decision = staying_mode(self.system, mode, active, staying, same, f"at t = {_digits(t)}") or decision
         if decision.mode is None:
             return explained(decision, self.system, mode, active)
         return self._attracting(t, x, decision)
@@ -284,6 +289,32 @@ class Switching(ModeEvaluation):
             if head < 0 or (head == 0 and guard.kind == "surface"):
                 broken.append(guard)
         return tuple(broken)
+
+    def _staying(
+        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float
+    ) -> frozenset[int] | None:
+        """Surfaces that a slip does not leave, where nothing else keeps the mode out; else None."""
+        broken = self._violations(t, x, mode, active, zero)
+        if broken is None:
+            return None
+        kept = {
+            guard.index for guard in broken if guard.kind == "surface" and self.stays(t, x, mode, guard.index, zero)
+        }
+        return frozenset(kept) if len(kept) == len(broken) else None
+
+    def _same_motion(self, t: float, x: Sequence[float], first: Mode, second: Mode) -> bool:
+        """Whether two modes that have equations have the same motion, so far as its derivatives tell."""
+        made = [self._equations(mode) for mode in (first, second)]
+        motions = [self._motion(own[1], own[2], t, x) for own in made if own is not None]
+        return all(self._equal(one, other) for one, other in zip(*motions, strict=True))
+
+    def stays(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float = ZERO) -> bool:
+        """Whether a slip stays on a surface, so far as its derivatives tell, at a point that is on it."""
+        made = self._equations(mode)
+        assert made is not None
+        outputs, rate = self._expanded(mode, t, x)
+        own = [c for g, c in zip(made[0].guards, outputs, strict=True) if g.kind == "surface" and g.index == index]
+        return not any(self._sign(c, 1, rate, self._size(t, x, mode, index), zero) for c in own)
 
     def _sticks(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float) -> bool:
         """Whether a surface whose sliding is overridden is slid on from here."""

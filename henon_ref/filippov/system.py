@@ -86,6 +86,8 @@ class FilippovSystem(SwitchedField):
     """State or sign -> the text of its rate or surface, as the case file has it (empty for a scene)."""
     kinks: frozenset[int] = frozenset()
     """Surfaces that stand for a kink or jump written as such in the field (``abs``, ``piecewise`` ...)."""
+    sections: tuple[sp.Expr, ...] = ()
+    """Signs of surfaces that have kinks, by the signs of their branches: what these are seen by where no field is."""
     effects: tuple[str, ...] = ()
     """Names of the effects a scene was built from (empty for a plain system)."""
 

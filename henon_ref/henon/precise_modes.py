@@ -173,6 +173,12 @@ class BallSwitching(Switching):
             raise ValueError("a derivative is not finite")
         return outputs, 1.0
 
+    def _motion(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> list[list[Any]]:
+        return expand(tape, numbers, t, x, DERIVATIVES, _RING)[0]
+
+    def _equal(self, one: Sequence[Any], other: Sequence[Any]) -> bool:
+        return all(a.overlaps(b) for a, b in zip(one, other, strict=True))
+
     def _leading(self, series: Sequence[Any], first: int, rate: float, size: float, zero: float) -> int | None:
         return next((k for k in range(first, len(series)) if not series[k].contains(0)), None)
 

@@ -22,7 +22,6 @@ from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.held_groups import check_groups
-from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.modes import Mode, replaced, transition_kind
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
@@ -32,7 +31,7 @@ from henon_ref.henon.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kern
 from henon_ref.jit.processor_time import Deadline, compiling
 from henon_ref.solver import Run
 from henon_ref.taylor.tape import TIME
-from henon_ref.trajectory import Counts, Status, Trajectory, Transition
+from henon_ref.trajectory import Counts, Status, Trajectory, Transition, without_hidden_kinks
 
 CHUNK = 200_000
 """Steps between two looks at the clock."""
@@ -101,8 +100,7 @@ class HenonRK4:
         _Integration(plan, wanted, deadline).run()
 
         def run() -> Trajectory:
-            found = _Integration(plan, wanted, deadline).run()
-            return found._replace(transitions=visible(problem.system, found.transitions))
+            return without_hidden_kinks(_Integration(plan, wanted, deadline).run(), problem.system)
 
         return run
 

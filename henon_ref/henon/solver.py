@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.kinks import visible
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import BRENT, HENON, LANDINGS, NEWTON
 from henon_ref.henon.run import Run
 from henon_ref.henon.start import Start
 from henon_ref.solver import Run as PreparedRun
-from henon_ref.trajectory import Trajectory
+from henon_ref.trajectory import Trajectory, without_hidden_kinks
 
 
 @dataclass(frozen=True)
@@ -62,15 +62,19 @@ class HenonSolver:
         integrator = Integrator(problem.system, order_for(tolerance))
         start = integrator.start(problem, tolerance=tolerance, landing=self.method)
         integrator.load()
-        return partial(_run, integrator, start, sample_times, deadline)
+        run = partial(_run, integrator, start, sample_times, deadline)
+        # What a system without kinks has no use for is no call of its run: these are some percent of a short one.
+        return partial(_run_with_kinks, run, problem.system) if problem.system.kinks else run
 
 
 def _run(
     integrator: Integrator, start: Start, sample_times: NDArray[np.float64] | None, deadline: float | None
 ) -> Trajectory:
-    found = Run(integrator, start, sample_times, deadline).to_horizon()
-    system = integrator.system
-    return found._replace(transitions=visible(system, found.transitions)) if system.kinks else found
+    return Run(integrator, start, sample_times, deadline).to_horizon()
+
+
+def _run_with_kinks(run: PreparedRun, system: FilippovSystem) -> Trajectory:
+    return without_hidden_kinks(run(), system)
 
 
 def order_for(tolerance: float) -> int:

@@ -8,6 +8,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.filippov.kinks import HiddenKinks
 from henon_ref.filippov.modes import Mode
 from henon_ref.henon.records import LANDINGS, TRANSITION, TRANSITION_PLACES, transition_dtype
 from henon_ref.trajectory import Kind, Transition
@@ -42,9 +43,10 @@ class TransitionArray(Sequence[Transition]):
         """What it was made of."""
         return self._rows
 
-    def kept(self, keep: Sequence[bool]) -> TransitionArray:
-        """Those of which ``keep`` says so."""
-        return TransitionArray(self._rows[np.asarray(keep, dtype=bool)], self._modes)
+    def visible(self, kinks: HiddenKinks) -> TransitionArray:
+        """Those that are not on hidden kinks, their modes as :meth:`HiddenKinks.shown` has them."""
+        rows = self._rows[kinks.are_transitions(self.records, self._modes)]
+        return TransitionArray(rows, tuple(map(kinks.shown, self._modes)))
 
     @property
     def records(self) -> NDArray[Any]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from henon_ref.errors import ArgumentError
-from henon_ref.filippov.kinks import visibility
+from henon_ref.filippov.kinks import HiddenKinks
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.start import Start
@@ -44,13 +44,16 @@ class Launch(NamedTuple):
         if self.start.refused is not None:
             return trajectory._replace(end_mode=())
         found = trajectory.transitions
-        if self.base.model.kinks and isinstance(found, TransitionArray):
-            trajectory = trajectory._replace(transitions=found.kept(visibility(self.base.model, found)))
         if (self.start.stop_falling or self.start.stop_rising) and trajectory.status == "ok":
-            last = trajectory.transitions[-1] if len(trajectory.transitions) else None
+            last = found[-1] if len(found) else None
             if last is not None and (last.time, last.time_low) != self.start.until and last.time == trajectory.end_time:
                 name = self.base.model.sign_names[last.surface]
-                return trajectory._replace(reason=f"the run stopped on the surface of {name}, as it was to")
+                trajectory = trajectory._replace(reason=f"the run stopped on the surface of {name}, as it was to")
+        if self.base.model.kinks:
+            kinks = HiddenKinks(self.base.model)
+            trajectory = trajectory._replace(end_mode=kinks.shown(trajectory.end_mode))
+            if isinstance(found, TransitionArray):
+                trajectory = trajectory._replace(transitions=found.visible(kinks))
         return trajectory
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from henon_ref.filippov.kinks import HiddenKinks
 from henon_ref.henon.run import Run
 from henon_ref.simulation.launch import Launch
 from henon_ref.simulation.outcome import Outcome
@@ -25,9 +26,10 @@ class TransitionStream(Iterator[Any]):
         self._rows = self._made(made)
 
     def _made(self, made: Launch) -> Iterator[Any]:
-        run, rows = Run(made.integrator, made.start), rows_of(made.base.model)
+        model = made.base.model
+        run, rows, kinks = Run(made.integrator, made.start), rows_of(model), HiddenKinks(model)
         for block in run.stream():
-            yield from rows(block)
+            yield from rows(block.visible(kinks) if model.kinks else block)
         assert run.ended is not None
         self.outcome = Outcome(made, made.ended(run.ended)._replace(transitions=()))
 

@@ -192,6 +192,8 @@ class SectionPoints(Observation):
         wanted = DIRECTIONS[self.direction]
         reached = (before != 0) & (before != after) & ((came == wanted) | (wanted == 0))
         at = at[reached & (runs.records["time"][at] >= self.after)]
+        if self.of in runs.system.model.sign_names:  # by its name a kink is none where another branch hides it
+            at = at[runs.visible[at]]
         return at if self.most is None else at[rank_in_run(runs.run[at]) < self.most]
 
     def tables(self, runs: Runs) -> dict[str, Columns]:

@@ -69,6 +69,7 @@ def section(
     of : str
         The name of a surface, or an expression in time, states and parameters: the section is where it is zero. It is
         located as exactly as an event. (On a surface, a transition into sticking reaches it, and leaving does not.)
+        By the name of a kink, where another branch hides it, there is none; by its expression there is.
     after : float
         Points before this time are left out [s].
     direction : str

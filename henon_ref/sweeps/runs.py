@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.filippov.kinks import HiddenKinks
 from henon_ref.filippov.modes import Mode, mode_text
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.sections import Section
@@ -98,7 +99,7 @@ class Runs:
     def mode_names(self) -> NDArray[Any]:
         """Text of each mode, without the sections; None behind the last one, where row -1 finds it."""
         names = self.system.model.sign_names
-        texts = [mode_text(mode[: len(names)], names) for mode in self.modes]
+        texts = [mode_text(self._kinks.shown(mode[: len(names)]), names) for mode in self.modes]
         return np.array([*texts, None], dtype=object)
 
     def changes(self, surface: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
@@ -106,6 +107,15 @@ class Runs:
         at = np.nonzero(self.records["surface"] == surface)[0]
         column = self.entries[:, surface] if len(self.entries) else np.zeros(0, dtype=np.int64)
         return at, column[self.records["from_mode"][at]], column[self.records["to_mode"][at]]
+
+    @cached_property
+    def visible(self) -> NDArray[np.bool_]:
+        """Of each transition whether it is one: it is not on a kink that another branch hides."""
+        return self._kinks.are_transitions(self.records, self.modes)
+
+    @cached_property
+    def _kinks(self) -> HiddenKinks:
+        return HiddenKinks(self.system.model)
 
     def rows(self, at: NDArray[np.int64]) -> Columns:
         """Transitions as columns: ``point`` (number within the chunk), ``time_s``, then the states by name."""

@@ -17,7 +17,7 @@ import sympy as sp
 
 from henon_ref.casefile import case as case_module
 from henon_ref.casefile.case import parse_case
-from henon_ref.casefile.expressions import _Walker
+from henon_ref.casefile.syntax_walk import SyntaxWalk
 from henon_ref.errors import CaseError, ModelError
 from henon_ref.filippov import work as work_module
 from henon_ref.filippov.affine import coefficients
@@ -71,13 +71,13 @@ def dense(count: int, row: Callable[[int], str], *, extra: str = "") -> str:
 def operations(monkeypatch) -> Counter[str]:
     """How often the operation of each text is worked out."""
     seen: Counter[str] = Counter()
-    kept = _Walker._operation
+    kept = SyntaxWalk._operation
 
     def counted(self, node, depth):  # type: ignore[no-untyped-def]
         seen[self.scanned.python[node.col_offset : node.end_col_offset]] += 1
         return kept(self, node, depth)
 
-    monkeypatch.setattr(_Walker, "_operation", counted)
+    monkeypatch.setattr(SyntaxWalk, "_operation", counted)
     return seen
 
 

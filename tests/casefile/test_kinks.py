@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from itertools import product
+from itertools import pairwise, product
+from pathlib import Path
 
 import pytest
 import sympy as sp
@@ -12,13 +13,13 @@ import henon_ref as hr
 from henon_ref.casefile.case import parse_case
 from henon_ref.casefile.expressions import parse_field
 from henon_ref.casefile.kinks import Kinks
-from henon_ref.errors import ExpressionError
+from henon_ref.errors import CaseError, ExpressionError
 from henon_ref.filippov.kinks import continuous
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.work import Work
 from henon_ref.registry import solver
 from henon_ref.report.text.model import kink_notes
-from henon_ref.truth.compute import compute
+from henon_ref.truth.compute import compute, stored_truth, truth_for
 
 X, V, T, K = sp.symbols("x v t k", real=True)
 K1, K2, K3 = sp.symbols("kink1 kink2 kink3", real=True)
@@ -274,6 +275,110 @@ until: 9
     )
 
 
+SIGNED = """\
+schema: 1
+name: signed
+title: Kinks of what holds a sign
+system:
+  state: [x, v]
+  surfaces: {{s: "{surface}"}}
+  field: [v, "{rate}"]
+initial: {{x: 1, v: 0}}
+until: 3
+"""
+
+
+@SOLVERS
+@pytest.mark.parametrize(
+    ("surface", "rate", "surfaces", "expected"),
+    [
+        # s = -1: x'' = -abs(x + 1), x = 2 cos(t) - 1 until x = -1, faster from there.
+        ("v - 1/10", "-abs(x - s)", ["v - 1/10", "x - 1", "x + 1"], [(2, math.pi / 2)]),
+        # s = -1: x'' = -2 x, and -x from where v = 1/10 on.
+        (
+            "v - 1/10",
+            "-piecewise(x, s > 0, 2*x)",
+            ["v - 1/10"],
+            [(0, (math.pi + math.asin(0.05**0.5 / 10**0.5)) / 2**0.5)],
+        ),
+        ("v + 1/10", "-abs(s)*x", ["v + 1/10"], [(0, math.asin(0.1))]),
+        ("v - 1/10", "-x*max(0, s)", ["v - 1/10"], []),
+    ],
+)
+def test_a_kink_may_hold_signs(
+    name: str, surface: str, rate: str, surfaces: list[str], expected: list[tuple[int, float]]
+) -> None:
+    problem = parse_case(SIGNED.format(surface=surface, rate=rate)).readings[0].problem
+    assert [str(h) for h in problem.system.surfaces] == surfaces
+    run = solver(name).prepare(problem, rtol=1e-12, atol=1e-13)()
+    assert run.status == "ok"
+    assert [t.surface for t in run.transitions] == [i for i, _ in expected]
+    assert [float(t.time) for t in run.transitions] == pytest.approx([t for _, t in expected], abs=1e-10)
+
+
+def test_a_kink_of_more_signs_than_can_be_tried_is_refused_with_its_place() -> None:
+    text = SIGNED.format(surface="v", rate="-abs(x - s - a - b - c - d)")
+    text = text.replace('s: "v"', "s: v, a: x - 2, b: x - 3, c: x - 4, d: x - 5")
+    with pytest.raises(CaseError, match="a kink of what holds more than 4 signs") as caught:
+        parse_case(text, file="case.yaml")
+    assert str(caught.value).startswith("case.yaml:7:14: ")
+
+
+@SOLVERS
+@pytest.mark.parametrize(
+    ("section", "expected"),
+    [
+        ("abs(x) - 1/2", [(0, math.pi / 3), (1, 2 * math.pi / 3), (1, 4 * math.pi / 3), (0, 5 * math.pi / 3)]),
+        # v = 0 at pi does not count, where max(x, v) is v: it does; x = 0 at 3 pi/2, where it is v = 1, does not.
+        ("max(x, v)", [(1, math.pi / 2), (0, math.pi)]),
+        ("min(x, v)", [(0, 3 * math.pi / 2), (1, 2 * math.pi)]),
+    ],
+)
+def test_a_section_may_have_kinks(name: str, section: str, expected: list[tuple[int, float]]) -> None:
+    """x = cos(t), v = -sin(t): zeros of the section itself, not of branches that are not chosen there."""
+    text = SIGNED.format(surface=section, rate="-x").replace("until: 3", "until: 13/2")
+    problem = parse_case(text).readings[0].problem
+    run = solver(name).prepare(problem, rtol=1e-12, atol=1e-13)()
+    assert run.status == "ok"
+    assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", i) for i, _ in expected]
+    assert [float(t.time) for t in run.transitions] == pytest.approx([t for _, t in expected], abs=1e-10)
+
+
+LOADED = """\
+schema: 1
+name: loaded
+title: A block under a load
+scene:
+  bodies: {{a: {{mass: 1}}, r: {{mass: 1}}, floor: fixed}}
+  connections:
+    - friction: {{between: [a, floor], law: coulomb, force: 1, normal: "{load}"}}
+initial: {{x_a: 0, v_a: 3, x_r: -1, v_r: 1}}
+until: 3
+"""
+
+
+@SOLVERS
+@pytest.mark.parametrize(
+    ("load", "stop", "kinks"),
+    [
+        # Slower by 1 until t = 1, then by 2.
+        ("piecewise(1, t < 1, 2)", 2.0, [1.0]),
+        # abs(t - 1): 3 = 1/2 + (t - 1)^2/2.
+        ("abs(x_r)", 1 + math.sqrt(5), [1.0]),
+        # Nothing until t = 1.
+        ("max(x_r, 0)", 1 + math.sqrt(6), [1.0]),
+        ("2 + sign(x_r)", 1 + 2 / 3, [1.0]),
+    ],
+)
+def test_a_load_may_have_kinks(name: str, load: str, stop: float, kinks: list[float]) -> None:
+    problem = parse_case(LOADED.format(load=load).replace("until: 3", "until: 4")).readings[0].problem
+    run = solver(name).prepare(problem, rtol=1e-12, atol=1e-13)()
+    assert run.status == "ok"
+    rows = [(t.kind, float(t.time)) for t in run.transitions]
+    assert [time for kind, time in rows if kind == "crossing"] == pytest.approx(kinks, abs=1e-10)
+    assert [time for kind, time in rows if kind == "stick"] == pytest.approx([stop], abs=1e-9)
+
+
 HIDDEN = "piecewise(2*sign(t - 1), x > 2, 0) - piecewise(0, x > 2, sign(t - 3))"
 """While x > 2 the jump at 3 is none, and until then that at 1 is none."""
 
@@ -297,6 +402,24 @@ def test_simulate_leaves_it_out_too() -> None:
     run = hr.simulate(system, {"x": 0, "v": 1}, until=4)
     assert run.transitions["surface"].tolist() == ["kink1"]
     assert run.transitions["time_s"].tolist() == pytest.approx([math.sqrt(5) - 1], abs=1e-9)
+
+
+def test_a_stream_leaves_it_out_too() -> None:
+    system = hr.System(["x", "v"], {}, {}, ["v", HIDDEN])
+    run = hr.stream(system, {"x": 0, "v": 1}, until=4)
+    assert [(row.surface, row.to_mode) for row in run] == [("kink1", "kink1=+1 kink2=+1 kink3=+1")]
+    assert run.outcome is not None
+    assert run.outcome.success
+
+
+def test_a_section_by_the_name_of_a_kink_leaves_it_out_and_one_by_its_expression_does_not() -> None:
+    """From -10 the run does not come to 2: the jump at t = 3 is one there, that at t = 1 is not."""
+    system = hr.System(["x", "v"], {}, {}, ["v", HIDDEN])
+    sections = [hr.observe.section(of, name=name) for of, name in (("kink3", "named"), ("t - 3", "written"))]
+    table = hr.sweep(system, {"x": 0, "v": 1}, until=4, grid={"x": [-10, 0]}, observe=sections, jobs=1)
+    assert table.frames["named"]["point"].tolist() == [0]
+    assert table.frames["written"]["point"].tolist() == [0, 1]
+    assert table.frames["written"]["time_s"].tolist() == pytest.approx([3, 3], abs=1e-12)
 
 
 @SOLVERS
@@ -346,3 +469,37 @@ until: 4
     assert found.status == "ok"
     assert [(t.kind, t.surface) for t in found.transitions] == [("crossing", 0)]
     assert float(found.transitions[0].time_digits) == pytest.approx(math.sqrt(5) - 1, abs=1e-15)
+
+
+DAMPED = """\
+schema: 1
+name: between
+title: Between two damped stops
+scene:
+  bodies: {a: {mass: 1}, frame: fixed}
+  connections:
+    - stop: {between: [a, frame], gap: -1/2, stiffness: 10, damping: 3/2}
+    - stop: {between: [frame, a], gap: -1/2, stiffness: 10, damping: 3/2}
+initial: {x_a: 2, v_a: 0}
+until: 2
+"""
+
+
+@SOLVERS
+def test_modes_follow_on_each_other_though_hidden_kinks_change_their_signs(name: str) -> None:
+    """From the middle of the flight on the damping's limits at the stop that was left change their signs."""
+    run = solver(name).prepare(parse_case(DAMPED).readings[0].problem, rtol=1e-12, atol=1e-13)()
+    assert [t.surface for t in run.transitions] == [4, 3, 0, 2, 1, 0]
+    for before, after in pairwise(run.transitions):
+        assert before.to_mode == after.from_mode
+    assert run.end_mode == run.transitions[-1].to_mode == (1, 1, 1, 1, 1, 1)
+
+
+def test_a_truth_whose_hidden_kinks_change_their_signs_is_stored_and_read_again(tmp_path: Path) -> None:
+    case = parse_case(DAMPED)
+    found = truth_for(case, case.readings[0], folder=tmp_path)
+    assert found.certified
+    assert [t.surface for t in found.transitions] == [4, 3, 0, 2, 1, 0]
+    stored = stored_truth(case, case.readings[0], tmp_path)
+    assert stored is not None
+    assert stored.transitions == found.transitions

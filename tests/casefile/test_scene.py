@@ -146,6 +146,39 @@ EVERY = [
         id="friction under a load",
     ),
     pytest.param(
+        "friction: {between: [a, b], law: stribeck, force: F, slope: d, viscous: c}",
+        {
+            "v_a": "(-F*s_a_b/(1 + d*s_a_b*(v_a - v_b)) - c*(v_a - v_b))/m",
+            "v_b": "(F*s_a_b/(1 + d*s_a_b*(v_a - v_b)) + c*(v_a - v_b))/M",
+        },
+        {"s_a_b": "v_a - v_b"},
+        id="friction, viscous part",
+    ),
+    pytest.param(
+        "friction: {between: [r, q], law: coulomb, force: F}",
+        {"omega_r": "-F*s_r_q/J", "omega_q": "F*s_r_q/m"},
+        {"s_r_q": "omega_r - omega_q"},
+        id="friction between rotors",
+    ),
+    pytest.param(
+        "friction: {between: [a, base], law: coulomb, force: F}",
+        {"v_a": "-F*s_a_base/m"},
+        {"s_a_base": "v_a - d*w*cos(w*t)"},
+        id="friction on a support that moves",
+    ),
+    pytest.param(
+        'friction: {between: [a, wall], law: coulomb, force: F, normal: "1 + abs(x_b)"}',
+        {"v_a": "-F*s_a_wall*(1 + x_b*kink1)*(1 + kink2*(1 + kink1)/2 + kink3*(1 - kink1)/2)/2/m"},
+        {"s_a_wall": "v_a", "kink1": "x_b", "kink2": "1 + x_b", "kink3": "1 - x_b"},
+        id="friction under a load with a kink",
+    ),
+    pytest.param(
+        "torque: {on: r, value: F*sign(sin(w*t))}",
+        {"omega_r": "F*kink1/J"},
+        {"kink1": "sin(w*t)"},
+        id="torque, a square wave",
+    ),
+    pytest.param(
         "stop: {between: [wall, b], gap: -1/2, stiffness: k}",
         {"v_b": "k*(1/2 - x_b)*(1 - g_wall_b)/2/M"},
         {"g_wall_b": "1/2 - x_b"},
@@ -153,6 +186,12 @@ EVERY = [
     ),
     pytest.param(
         "stop: {between: [wall, b], gap: -1/2, restitution: 1}", {}, {"g_wall_b": "1/2 - x_b"}, id="stop, hard"
+    ),
+    pytest.param(
+        "stop: {between: [r, q], gap: 0, stiffness: k}",
+        {"omega_r": "-k*(phi_r - phi_q)*(1 - g_r_q)/2/J", "omega_q": "k*(phi_r - phi_q)*(1 - g_r_q)/2/m"},
+        {"g_r_q": "phi_r - phi_q"},
+        id="stop between rotors",
     ),
     pytest.param(
         "stop: {between: [a, wall], gap: 0, stiffness: k, damping: c}",

@@ -15,7 +15,7 @@ from henon_ref.campaign.results import ReadingResult
 from henon_ref.campaign.rows import Outcome, record, scored
 from henon_ref.campaign.settings import Setting
 from henon_ref.casefile.expected import Orbit
-from henon_ref.report.text.published import orbit_table, published_table
+from henon_ref.report.text.published import orbit_table, printed_times_table, published_table
 from henon_ref.report.text.summary import HEADINGS, solver_table
 from henon_ref.report.text.tables import price_table
 from henon_ref.report.text.truth import no_truth, truth_table
@@ -164,6 +164,27 @@ def test_a_stick_that_the_horizon_cuts_off_is_not_denied(times, ends_in_slip):
     row = published(whole, "0.75", measure_after=4.5)["0.75"]
     assert row["note"] == ("no stick after t = 4.5 s" if ends_in_slip else "no stick that ends after t = 4.5 s")
     assert row["digits hold"] == ""
+
+
+def test_printed_times_stand_beside_the_transition_that_is_nearest():
+    whole = compared()
+    result: ReadingResult = whole.readings[0]
+    own = replace(result.reading.published, transition_times=decimals("0.50", "1.4"))
+    found = printed_times_table(replace(result, reading=replace(result.reading, published=own)))
+    assert found is not None
+    assert found.rows == [
+        ("0.50", "stick, `s`", "0.5", "0", "yes"),
+        ("1.4", "release, `s`", "1.25", "1.5e-1", "no"),
+    ]
+    assert printed_times_table(result) is None
+
+
+def test_a_run_without_transitions_has_none_beside_a_printed_time():
+    result: ReadingResult = compared(expected=expected(())).readings[0]
+    own = replace(result.reading.published, transition_times=decimals("1.00"))
+    found = printed_times_table(replace(result, reading=replace(result.reading, published=own)))
+    assert found is not None
+    assert found.rows == [("1.00", "none", "", "", "")]
 
 
 def test_an_orbit_that_the_case_names_is_set_beside_the_last_period():

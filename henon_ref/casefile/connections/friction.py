@@ -25,7 +25,7 @@ def _add(link: Link) -> None:
     if alone and _is_constant(velocity.xreplace(link.kinks.parameters)):
         velocity = velocity.xreplace({TIME: sp.Integer(0)})
     sign = link.sign("s", velocity)
-    normal = link.positive_part(given["normal"]) if "normal" in given else sp.Integer(1)
+    normal = link.positive_part("normal") if "normal" in given else sp.Integer(1)
     speed = sign * velocity  # abs(v): smooth as text in each mode
     force, static = given["force"], given.get("static")
     if law == "coulomb":

@@ -25,7 +25,7 @@ from henon_ref.report.text.model import (
     reset_notes,
 )
 from henon_ref.report.text.overview import overview
-from henon_ref.report.text.published import orbit_table, published_table
+from henon_ref.report.text.published import orbit_table, printed_times_table, published_table
 from henon_ref.report.text.ranking import name
 from henon_ref.report.text.summary import EXPLAINED, solver_table
 from henon_ref.report.text.tables import MARK, Table, price_table, reason_table, run_table, samples_of, stick_table
@@ -134,6 +134,7 @@ def _reading(comparison: Comparison, result: ReadingResult) -> dict[str, Any]:
         "more_figures": figures[FIRST_FIGURES:],
         "figures_note": _figures_note(comparison, result),
         "published": _markdown(published_table(comparison, result)),
+        "printed_times": _markdown(printed_times_table(result)),
         "prices": prices,
         "legend": LEGEND if MARK in prices else "",
         "sticks": _markdown(stick_table(comparison, result)),

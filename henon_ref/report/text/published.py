@@ -1,4 +1,4 @@
-"""What a source prints beside the exact run: stick durations, and a periodic orbit."""
+"""What a source prints beside the exact run: stick durations, times of transitions, and a periodic orbit."""
 
 from __future__ import annotations
 
@@ -40,6 +40,26 @@ def published_table(comparison: Comparison, result: ReadingResult) -> Table | No
         lines.append((*cells[:4], "; ".join(_shown(record, value, printed) for record in runs[:MOST_RUNS]), cells[4]))
     headings = ("printed [s]", "exact, last [s]", "printed − exact [s]", "digits hold", "runs that give them", "note")
     return Table(headings, "rrrlll", lines)
+
+
+def printed_times_table(result: ReadingResult) -> Table | None:
+    """A row a printed time of a transition, beside the exact transition that is nearest to it."""
+    reading, expected = result.reading, result.expected
+    if reading.published is None or not reading.published.transition_times or expected is None:
+        return None
+    names = reading.problem.system.sign_names
+    lines = []
+    for value in reading.published.transition_times:
+        own = min(expected.transitions, key=lambda event: abs(event.time - float(value)), default=None)
+        if own is None:
+            lines.append((f"{value}", "none", "", "", ""))
+            continue
+        holds = "yes" if printed_alike(own.time, value) else "no"
+        apart = float(value - Decimal(own.time)) - own.time_low
+        what = f"{own.kind}, {code(names[own.surface])}"
+        lines.append((f"{value}", what, significant(own.time, 17), error(apart), holds))
+    headings = ("printed time [s]", "nearest transition", "exact [s]", "printed − exact [s]", "digits hold")
+    return Table(headings, "rlrrl", lines)
 
 
 def _last_sticks(expected: Expected, printed: Sequence[Decimal], after: float) -> dict[Decimal, float]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 
 import sympy as sp
@@ -20,6 +21,7 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.held_groups import by_groups, decide_groups
 from henon_ref.filippov.modes import Mode, mode_text, replaced
+from henon_ref.filippov.staying import staying_mode
 from henon_ref.filippov.switching import EXHAUSTIVE
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
@@ -145,6 +147,9 @@ class ModeSelection:
 
     def _decide(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
         decision = self._decided(point, mode, active)
+        if decision.status == "none" and len(active) <= EXHAUSTIVE:
+            staying, same = partial(self._staying, point, active=active), partial(self._same_motion, point)
+            decision = staying_mode(self.system, mode, active, staying, same, f"at t = {_short(point)}") or decision
         return decision if decision.mode is not None else explained(decision, self.system, mode, active)
 
     def _decided(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
@@ -255,6 +260,26 @@ class ModeSelection:
             if not holds:
                 broken.append(guard)
         return tuple(broken)
+
+    def _staying(self, point: Point, mode: Mode, active: Sequence[int]) -> frozenset[int] | None:
+        """Surfaces that a slip does not leave, where nothing else keeps the mode out; else None."""
+        broken = self._violations(point, mode, active)
+        if broken is None:
+            return None
+        terms = self.leading_terms(point, mode, frozenset(active))
+        assert terms is not None
+        guards = self.system.equations(mode).guards
+        left = {g for g, term in zip(guards, terms, strict=True) if g.kind != "surface" or term is not None}
+        return None if left & set(broken) else frozenset(guard.index for guard in broken)
+
+    def _same_motion(self, point: Point, first: Mode, second: Mode) -> bool:
+        """Whether two modes have the same motion from a point, so far as its derivatives tell."""
+        states = self.system.states
+        motions = (
+            series.along(field, states, states, point.time, point.state, bits=self.bits)
+            for field in ([self.system.numeric(f) for f in self.system.equations(m).field] for m in (first, second))
+        )
+        return all(a.overlaps(b) for one, other in zip(*motions, strict=True) for a, b in zip(one, other, strict=True))
 
     def _sticks(self, point: Point, mode: Mode, index: int) -> bool:
         """Whether a surface whose sliding is overridden is slid on from a point."""

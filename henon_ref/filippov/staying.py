@@ -1,0 +1,53 @@
+"""Points at which a run stays on a surface that it does not slide on: rest exactly on a kink, say.
+
+No slip leaves the surface then, and no mode is consistent by the rule of :mod:`henon_ref.filippov.switching`. Where the
+slips that stay have the same motion, to all derivatives that are looked at, it is the run's, in either of them: no
+transition. Where they have not, so that the field jumps along the motion, every mean of the two sides is one as well
+(Filippov, 1988, Sec. 4), and the future is not unique.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import product
+
+from henon_ref.filippov.decision import Decision, with_entries
+from henon_ref.filippov.modes import Mode, mode_text
+from henon_ref.filippov.system import FilippovSystem
+
+Staying = Callable[[Mode], frozenset[int] | None]
+"""Mode -> surfaces that its own field stays on to all derivatives; None where it is not consistent otherwise."""
+SameMotion = Callable[[Mode, Mode], bool]
+"""Whether two modes have the same motion from the point."""
+
+
+def staying_mode(
+    system: FilippovSystem, mode: Mode, active: Sequence[int], staying: Staying, same: SameMotion, where: str
+) -> Decision | None:
+    """What follows where no mode leaves some surfaces; None where it is not that which keeps every mode out.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+    mode : Mode
+        Before the point: the sign of a surface that the run stays on is kept, +1 where it has none.
+    active : sequence of int
+        Surfaces that the point is on.
+    staying, same : callable
+    where : str
+        The point, as messages have it.
+    """
+    kept: frozenset[int] = frozenset()
+    found: list[Mode] = []
+    for choice in product((-1, 0, 1), repeat=len(active)):
+        candidate = with_entries(mode, active, choice)
+        if surfaces := staying(candidate):
+            kept |= surfaces
+            found.append(candidate)
+    if not found:
+        return None
+    if not all(same(found[0], other) for other in found[1:]):
+        modes = " or ".join(mode_text(each, system.sign_names) for each in found)
+        return Decision("nonunique", None, f"the future is not unique {where}: {modes}")
+    own = [i for i in active if i in kept]
+    return Decision("unique", with_entries(found[0], own, [mode[i] or 1 for i in own]))
