@@ -8,11 +8,13 @@ from functools import cache
 from importlib.util import find_spec
 
 PACKAGES = ("henon_ref", "baselines")
+LANGUAGES = (".py", ".c", ".h", ".m")
+"""How the names of modules, and of programs in other languages, end."""
 
 
 @cache
 def code_version() -> str:
-    """A hash of the text of every module of these packages."""
+    """A hash of the text of every module and program of these packages."""
     digest = hashlib.sha256()
     for name in PACKAGES:
         found = find_spec(name)
@@ -25,5 +27,7 @@ def code_version() -> str:
 
 
 def _modules(top: str) -> list[str]:
-    """Paths of the modules below a folder (Path.rglob takes twenty times as long)."""
-    return [os.path.join(folder, file) for folder, _, files in os.walk(top) for file in files if file.endswith(".py")]
+    """Paths of the modules and programs below a folder (Path.rglob takes twenty times as long)."""
+    return [
+        os.path.join(folder, file) for folder, _, files in os.walk(top) for file in files if file.endswith(LANGUAGES)
+    ]

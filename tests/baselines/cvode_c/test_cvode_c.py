@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +14,7 @@ from baselines.cvode_c.solver import ADAMS, BDF
 from baselines.protocol.problem_text import problem_text
 from baselines.protocol.program import ProgramRun
 from henon_ref import registry
+from henon_ref.campaign.code_version import _modules
 from henon_ref.campaign.host_info import library_versions
 from henon_ref.campaign.truth_job import stored_statement
 from henon_ref.casefile.case import Case, Reading
@@ -142,3 +144,8 @@ def test_without_headers_or_with_others_it_is_unavailable(monkeypatch, tmp_path)
     problem = henon_ref.parse_case(BLOCK)
     row = henon_ref.compare(problem, solvers=["cvode-c-adams"], tolerances=[1e-6], repeats=1).runs.iloc[0]
     assert row["status"] == "unavailable"
+
+
+def test_the_version_of_the_code_is_that_of_its_programs_too() -> None:
+    names = {path.rsplit("/", 1)[-1] for path in _modules(str(Path(build.__file__).parents[1]))}
+    assert {"cvode.c", "json.h", "response.h", "ode45.m", "relay.py"} <= names
