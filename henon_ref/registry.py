@@ -82,6 +82,7 @@ _BUILT_IN = {
         "baselines.siconos.solver:siconos_version",
         fixed_step=True,
         by_default=False,
+        peer=True,
     ),
     "scipy-smoothed": Entry("baselines.scipy_naive:SMOOTHED", "scipy"),
     "scipy-sign": Entry("baselines.scipy_naive:SIGN", "scipy"),
