@@ -52,7 +52,7 @@ def release_is_put_on_the_grid() -> str:
         weights = np.array([np.ravel(weight)[0] for step in found["alpha_sim"] for weight in step])
         leaves = int(np.argmax(weights > 0.5 + 0.5 * (1 - 1e-6)))
         errors[steps] = abs(float(found["t_grid"][leaves]) - 1.0)
-    holds(errors[7] > 1e-3 and errors[71] < errors[7], f"errors of the release {errors}")
+    holds(min(errors.values()) > 1e-3, f"errors of the release {errors}")
     return (
         f"rest ends at t = 1; on a grid of 7 steps to 2.5 it ends {errors[7]:.1e} s off, of 71 {errors[71]:.1e} s, "
         "and every step reports success"
@@ -104,9 +104,9 @@ NOSNOC = (
         "nosnoc-grid",
         "nosnoc",
         "A release is put on the grid",
-        "The equations hold at the stages of a finite element. One that begins a little before a release may slip all "
-        "through it, the way back lying between its beginning and its first stage: the release is then where the grid "
-        "is, too early by up to some hundredths of the element, and nothing is said.",
+        "The equations hold at the stages of a finite element, and at a release the weight of the sign meets its end "
+        "without a jump: an element that begins before the release may slip all through it. The release is then where "
+        "the grid is, off by up to an element, whatever the order, and nothing is said.",
         elsewhere(release_is_put_on_the_grid),
         (DOCS,),
     ),
