@@ -344,6 +344,12 @@ def test_a_section_may_have_kinks(name: str, section: str, expected: list[tuple[
     assert [float(t.time) for t in run.transitions] == pytest.approx([t for _, t in expected], abs=1e-10)
 
 
+def test_a_report_does_not_call_a_section_s_branches_jumps() -> None:
+    system = parse_case(SIGNED.format(surface="abs(x) - 1/2", rate="-x + sign(v)")).readings[0].problem.system
+    assert system.sign_names == ("s", "s_2", "kink1", "kink2")
+    assert kink_notes(system) == ["`kink2`: a jump of the field"]
+
+
 LOADED = """\
 schema: 1
 name: loaded

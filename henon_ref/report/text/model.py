@@ -53,7 +53,7 @@ def kink_notes(system: FilippovSystem) -> list[str]:
     for index, name in enumerate(system.sign_names):
         if index in smooth:
             notes.append(f"`{name}`: a kink, the field is continuous there; it is crossed, and nothing slides on it")
-        elif index in system.kinks:
+        elif index in system.kinks and any(rate.has(system.signs[index]) for rate in system.field):
             notes.append(f"`{name}`: a jump of the field")
     return notes
 
