@@ -47,8 +47,6 @@ FALLING = 1e-6
 """A rate of a guard below minus this part of its surface's normal velocities is no rounding."""
 LATE = 1e3
 """A guard below zero by so many times what the tolerances make of it has been stepped over."""
-BACK = 2.0
-"""A body does not come back to a surface so many times as fast as it left it, within its first short flight."""
 RUSH = 1e-3
 """... and would change by this part within 1024 units in the last place of the time."""
 
@@ -196,19 +194,18 @@ class Driver:
         """Whether a fall of a guard that resets the state is noise: the surface was left tangentially, just now.
 
         A body that an impact leaves no speed, or that has lifted off, leaves the surface by its acceleration alone. It
-        does not come back faster than it left within the tolerance, nor where the guard rises.
+        does not come back within what the tolerance makes of its place.
         """
         model = entry.model
         started = next((rate for k, _, rate in fresh if k == guard), None)
-        if started is None or not resetting(model.system, model.mode, [model.guards[guard]]):
+        if started != 0.0 or not resetting(model.system, model.mode, [model.guards[guard]]):
             return False
         try:
             value, rate = model.rates(t, *x)[2 * guard : 2 * guard + 2]
         except ARITHMETIC:
             return False
         noise = MARGIN * model.size(guard, t, x, *self.library.accuracy)
-        too_fast = -rate > BACK * max(started, 0.0) and -rate * length <= noise
-        return bool(too_fast or (rate >= 0.0 and -value <= noise))
+        return bool(-rate * length <= noise if rate < 0.0 else -value <= noise)
 
     def _together(
         self, entry: ModeEntry, stop: Stop, fresh: Sequence[Fresh]

@@ -7,7 +7,7 @@ is :class:`~henon_ref.filippov.switching.Switching`'s.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 import sympy as sp
@@ -201,7 +201,8 @@ class ModeTable:
         same = [g.index for g in guards if g.kind == "surface" and decision.mode[g.index] == model.mode[g.index]]
         touched = tuple(i for i in same if not self.switching.stays(t, x, model.mode, i))
         fresh = self.fresh_at(self[decision.mode], t, x, tuple(involved))
-        return After(decision.mode, x, fresh, drift, touched)
+        lifted = {i for i, entry in enumerate(model.mode) if entry == 0 and self.system.rests(i)}
+        return After(decision.mode, x, self._without_rate(decision.mode, fresh, lifted), drift, touched)
 
     def _jumped(
         self, resets: tuple[int, ...], hits: Sequence[Guard], mode: Mode, t: float, x: tuple[float, ...], drift: float
@@ -216,7 +217,12 @@ class ModeTable:
             rest = after.rest.mode, t + after.rest.remaining, tuple(after.rest.state)
             return After(decision.mode, state, (), drift, resets=resets, rest=rest)
         fresh = self.fresh_at(self[decision.mode], t, state, after.on)
-        return After(decision.mode, state, fresh, drift, resets=resets)
+        return After(decision.mode, state, self._without_rate(decision.mode, fresh, after.still), drift, resets=resets)
+
+    def _without_rate(self, mode: Mode, fresh: tuple[Fresh, ...], surfaces: Collection[int]) -> tuple[Fresh, ...]:
+        """Guards that start at zero, those of surfaces that are left without a speed with the rate 0."""
+        guards = self[mode].model.guards
+        return tuple((k, s, 0.0 if guards[k].index in surfaces else rate) for k, s, rate in fresh)
 
     def values(self, expressions: tuple[sp.Expr, ...], t: float, x: Sequence[float]) -> list[float]:
         """Expressions in time and states at a point."""

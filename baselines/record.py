@@ -23,6 +23,12 @@ SPAN = 1e-12
 """within this part of the horizon: they accumulate, and the run ends."""
 MOST = 10_000_000
 """Most events of one run."""
+IMPACTS = 16
+"""Impacts whose flights together are compared with those of as many before."""
+STEADY = 0.999
+"""Flights that last so many times as long as those before grow no shorter."""
+SHORT = 1e-5
+"""Part of the horizon within which so many impacts are too close to be meant."""
 GROUP = 4
 """A chain of groups of so many events, each group at most half as long as the one before, ..."""
 CHAIN = 5
@@ -93,6 +99,7 @@ class Record:
         self._times: list[float] = []
         self._window = WINDOW + 4 * surfaces
         self._span = SPAN * horizon
+        self._horizon = horizon
         self._floor = min(1e-2, CHATTER * math.sqrt(blur))
         self._sample_times = sample_times
         self._samples = None if sample_times is None else np.full((len(sample_times), states), np.nan)
@@ -124,6 +131,13 @@ class Record:
         count = len(times)
         if count % GROUP != 1:
             return ""
+        if count > 2 * IMPACTS and all(event[0] == "reset" for event in self.events[-2 * IMPACTS :]):
+            latest, earlier = times[-1] - times[-1 - IMPACTS], times[-1 - IMPACTS] - times[-1 - 2 * IMPACTS]
+            if STEADY * earlier <= latest <= SHORT * self._horizon:
+                return (
+                    f"impacts accumulate at t = {times[-1]:.17g}, and no longer grow faster: the last {IMPACTS} took "
+                    f"{latest:.3g} s, as long as those before; a restart cannot tell flights that short"
+                )
         if count > self._window:
             t, latest = times[-1], times[-1] - times[-1 - self._window]
             if latest <= max(ULPS * EPSILON * abs(t), self._span):

@@ -64,6 +64,8 @@ class AfterJump:
     """Surfaces that the state is on."""
     rest: Rest | None = None
     """What follows where impacts have come to their limit."""
+    still: tuple[int, ...] = ()
+    """Surfaces that the impact has left no speed and that are left by the acceleration alone."""
 
 
 def after_jump(
@@ -185,7 +187,8 @@ class _Rule:
             decision = numbers.decide(self.t, after, sides, valid)
             stays = decision.mode is not None and any(decision.mode[i] == 0 for i in speeds)
             rest = Rest(0 * self.t, after, decision.mode) if decision.mode is not None and stays else None
-            return AfterJump(Decision("unique", mode) if rest else decision, after, on, rest)
+            still = () if rest else tuple(i for i in speeds if sides[i] == 0)
+            return AfterJump(Decision("unique", mode) if rest else decision, after, on, rest, still)
         if not times:
             return AfterJump(decision, after, on)
         stuck = mode

@@ -148,7 +148,7 @@ def test_what_cannot_be_meant_is_refused_in_a_short_message(what: str) -> None:
 
 def test_an_unknown_keyword_is_a_type_error() -> None:
     with pytest.raises(TypeError):
-        belt(resets={})
+        belt(jumps={})
 
 
 def test_a_case_that_is_none_is_an_error_with_its_place(tmp_path: Path) -> None:
