@@ -28,6 +28,8 @@ SHOWN = 6
 """Transitions of a reading that the page shows."""
 POINTS = 400
 """Points of a curve in a picture."""
+PLANES = {"burridge_knopoff": ("x_b34", "v_b34")}
+"""States that a picture shows, where they are not those that a report would: the block that slips first."""
 HEADER = """\
 # A gallery of scenes
 
@@ -91,7 +93,9 @@ def picture(case: Case) -> str:
     assert run.sol is not None  # dense output was asked for
     times = np.union1d(np.linspace(run.sol.start, run.sol.end, POINTS), run.transitions["time_s"])
     modes = tuple(tuple(mode.values()) for mode in run.mode(times))
-    figure = draw_portrait(reading, Motion(times, run.sol(times).T, modes))
+    names = reading.problem.system.state_names
+    pair = tuple(names.index(name) for name in PLANES.get(case.name, ()))
+    figure = draw_portrait(reading, Motion(times, run.sol(times).T, modes), (pair[0], pair[1]) if pair else None)
     assert figure is not None  # a scene has two states and more
     return _svg(figure)
 
