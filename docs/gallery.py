@@ -27,6 +27,8 @@ SHOWN = 6
 """Transitions of a reading that the page shows."""
 POINTS = 400
 """Points of a curve in a picture."""
+PLANES = {"burridge_knopoff": ("x_b34", "v_b34")}
+"""States that a picture shows, where they are not those that a report would: the block that slips first."""
 HEADER = """\
 # A gallery of scenes
 
@@ -87,7 +89,9 @@ def picture(case: Case) -> str:
     reading = case.readings[0]
     system = System.from_case(case.path or "", reading.name)
     run = simulate(system, system.initial, until=system.until, start=system.start, mode=system.mode)
-    figure = draw_portrait(reading, run.motion(POINTS))
+    names = reading.problem.system.state_names
+    pair = tuple(names.index(name) for name in PLANES.get(case.name, ()))
+    figure = draw_portrait(reading, run.motion(POINTS), (pair[0], pair[1]) if pair else None)
     assert figure is not None  # a scene has two states and more
     return _svg(figure)
 

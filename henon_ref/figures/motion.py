@@ -115,10 +115,10 @@ class _Plane:
         return [(labels[begin], slice(begin, end + 1)) for begin, end in _runs(labels)]
 
 
-def draw_portrait(reading: Reading, motion: Motion) -> Figure | None:
-    """Phase portrait in the measured window, coloured by mode, sticks on the boundary."""
+def draw_portrait(reading: Reading, motion: Motion, pair: tuple[int, int] | None = None) -> Figure | None:
+    """Phase portrait in the measured window, coloured by mode, sticks on the boundary; ``pair``: the states shown."""
     system = reading.problem.system
-    pair = axes_of_portrait(system)
+    pair = pair or axes_of_portrait(system)
     if pair is None:
         return None
     with style.figure(4.3, width=5.6) as figure:
