@@ -12,7 +12,7 @@ import pytest
 from henon_ref.campaign.truth_job import stored_statement
 
 DOCS = Path(__file__).parent.parent / "docs"
-LARGEST = 300_000
+LARGEST = 500_000
 """Of all pictures together [bytes]."""
 
 

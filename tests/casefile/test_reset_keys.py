@@ -47,7 +47,7 @@ def test_a_reset_is_read_and_belongs_to_the_mathematics() -> None:
          (10, 3), "'s' has sliding of its own; a surface has that or a reset"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_told_with_its_place(old: str, new: str, place: tuple[int, int], message: str) -> None:
+def test_what_is_wrong_is_refused_with_its_place(old: str, new: str, place: tuple[int, int], message: str) -> None:
     with pytest.raises(CaseError) as caught:
         parse_case(TEXT.replace(old, new))
     assert (caught.value.line, caught.value.column) == place
