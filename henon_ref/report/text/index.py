@@ -11,7 +11,7 @@ from henon_ref.errors import CaseError
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.links import without_dead_links
 from henon_ref.report.files.svg import svg
-from henon_ref.report.files.write import INDEX, MANIFEST, MATRIX, MATRIX_PAGE, RUNS, check_index, replace_file
+from henon_ref.report.files.write import INDEX, MANIFEST, MATRIX, MATRIX_PAGE, REPORT, RUNS, check_index, replace_file
 from henon_ref.report.text.choice import case_table, choice_table, key_of
 from henon_ref.report.text.formats import count
 from henon_ref.report.text.kinds_figure import draw_kinds
@@ -35,6 +35,12 @@ PAGES = {
 }
 """Folders of the further pages, and how the index leads to them."""
 FIGURE = "kinds.svg"
+RIGHT_OF_JUDGED = (
+    "*Right of judged*: solvers right in every reading that they are judged in, at one setting at least, of all "
+    "solvers judged. *Best digits*: the most that one of them gets in all readings. *Cheapest*: least time for all "
+    "readings, digits aside."
+)
+"""What the table of cases shows."""
 FEWEST_DRAWN = 4
 """Cases from which on the index has a figure: of fewer the tables say it all."""
 
@@ -114,7 +120,8 @@ def index_text(rows: Sequence[Row], folder: Path) -> str:
             choice=choice_table(rows).markdown,
             own=own_words(read_ratios(folder)),
             figure=FIGURE if is_drawn(rows) else "",
-            cases=case_table(rows).markdown,
+            cases=case_table([row for row in rows if (folder / str(row["case"]) / REPORT).exists()]).markdown,
+            right_of_judged=RIGHT_OF_JUDGED,
             counted=counted(rows),
             commits=commits(rows),
             mean_parts=round(1 / CLOSE),
@@ -133,6 +140,8 @@ def matrix_text(rows: Sequence[Row], folder: Path) -> str:
             key=KEY,
             matrix=reading_table(rows).markdown,
             solvers=solver_table(rows, cheapest(read_ratios(folder))).markdown,
+            cases=case_table(rows).markdown,
+            right_of_judged=RIGHT_OF_JUDGED,
             titles=titles(rows),
         )
     )
