@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
 import sympy as sp
+from runs import run as simulated
 
 import henon_ref.casefile.connections
 from henon_ref.casefile.case import load_case, parse_case
@@ -452,6 +454,58 @@ def test_a_body_that_cannot_be_built_is_refused_with_its_place(body: str, place:
     error = refusal("force: {on: b, value: 1}", body)
     assert says in error.message
     assert str(error).startswith(f"case.yaml:{place}: ")
+
+
+SHARED = "friction: {between: [r, floor], law: coulomb, force: 1FIRST, name: rub}"
+
+
+@pytest.mark.parametrize("between", ["[r, floor]", "[floor, r]", "[r, wall]"])
+@pytest.mark.parametrize(
+    ("first", "second"), [(", static: 2", ", static: 2"), (", static: 2", ""), ("", ", static: 2")]
+)
+def test_two_contacts_of_one_velocity_with_static_friction_are_refused(between: str, first: str, second: str) -> None:
+    one = SHARED.replace("FIRST", first)
+    two = f"friction: {{between: {between}, law: coulomb, force: 1{second}, name: rub2}}"
+    error = refusal(f"{one}\n    - {two}")
+    assert "share what they hold is not settled" in str(error)
+    assert "between 'r' and 'floor'" in str(error)
+    line = next(k for k, text in enumerate(BAD.splitlines(), 1) if "CONNECTION" in text) + 1
+    assert f"case.yaml:{line}:" in str(error)
+
+
+def test_two_contacts_of_one_velocity_without_static_friction_slide_and_stick_as_one() -> None:
+    rubs = [
+        f"friction: {{between: [{pair}], law: coulomb, force: 0.2, name: {name}}}"
+        for pair, name in (("a, wall", "p"), ("wall, a", "q"))
+    ]
+    text = BAD.replace("BODY", "{mass: 1}").replace("CONNECTION", "\n    - ".join(rubs)).replace("v_a: 0", "v_a: 1")
+    assert len(parse_case(text).readings[0].problem.system.surfaces) == 3
+
+
+def test_friction_that_slides_free_and_holds_is_a_right_run() -> None:
+    """A block on a spring and on ground that holds it with 0.7 and lets it slide with nothing: cosines and rests."""
+    text = """
+schema: 1
+name: free_or_held
+title: Friction that holds and does not brake
+scene:
+  bodies: {m: {mass: 1}, belt: {velocity: 0.5}, wall: fixed}
+  connections:
+    - spring: {between: [m, wall], stiffness: 1}
+    - friction: {between: [m, belt], law: coulomb, force: 0, static: 0.7, name: s}
+initial: {t: 0, x_m: START, v_m: 0}
+until: 10
+"""
+    fast = simulated(parse_case(text.replace("START", "1")).readings[0].problem)
+    assert [(t.kind, t.surface) for t in fast.transitions] == [("crossing", 0)] * 3
+    assert [t.time for t in fast.transitions] == pytest.approx(
+        [7 * math.pi / 6, 11 * math.pi / 6, 19 * math.pi / 6], abs=1e-12
+    )
+    slow = simulated(parse_case(text.replace("START", "0.6")).readings[0].problem)
+    stuck = math.pi + math.asin(0.5 / 0.6)
+    place = 0.6 * math.cos(stuck)
+    assert [t.kind for t in slow.transitions[:2]] == ["stick", "release"]
+    assert [t.time for t in slow.transitions[:2]] == pytest.approx([stuck, stuck + (0.7 - place) / 0.5], abs=1e-12)
 
 
 def test_an_initial_value_of_no_state_is_refused() -> None:
