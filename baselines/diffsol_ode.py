@@ -89,8 +89,10 @@ class _Flow(SmoothMode):
             self.work.events += steps * (len(self.model.guards) + 1)
             finite = np.flatnonzero(np.isfinite(rows).all(axis=1))[-1]
             self.last.value(float(times[finite]), rows[finite])
+            if finite < steps:
+                return self.failed(f"the state is not finite after t = {self.last.t:.17g}")
             t, x = float(times[-1]), rows[-1]
-            if t >= until or finite < steps:
+            if t >= until:
                 fallen = None
                 break
             fallen, risen = self._by_which(t, x)

@@ -41,7 +41,20 @@ def pair_in_one_step() -> str:
     for method in ("adams", "bdf"):
         flag, end, _, steps = seen()[f"pair-{method}"]
         holds(flag == 0 and end == 2 and steps < 100, f"{method}: flag {flag:g} at t = {end}")
-    return "roots at t = 0.95 and 1.05 are reported neither by Adams nor by BDF; the run ends at 2"
+    flag, end, x, steps = seen()["turn-adams"]
+    holds(flag == 0 and end == 2 and x > 0, f"x' = t - 1: flag {flag:g} at t = {end}, x = {x}")
+    return "roots at t = 0.95 and 1.05 are reported neither by Adams nor by BDF; the run ends at 2. Of x' = t - 1 " + (
+        f"from 3/8, zero at 1/2 and 3/2, Adams takes {steps:g} steps to t = 2 and reports no root"
+    )
+
+
+def error_of_a_run() -> str:
+    """x' = 4 (t - 1)^3 from 1 + 1e-8 never comes below 1e-8; tolerances 1e-6."""
+    flag, root, x, _ = seen()["flat-bdf"]
+    _, _, least, _ = seen()["flat-end"]
+    holds(flag == 2 and abs(x) < 1e-15 and 0.9 < root < 1, f"flag {flag:g} at t = {root}, x = {x}")
+    holds(least < -2e-6, f"x = {least} at t = 1")
+    return f"x = (t - 1)⁴ + 1e-8 has no root; at 1e-6 BDF has x = {least:.1e} at t = 1, and a root at {root:.4f}"
 
 
 def end_of_a_field() -> str:
@@ -71,5 +84,14 @@ CVODE_C = (
         "Where a field has no value any more CVODE makes its steps shorter until it gives up. What the tolerance leaves"
         " in a level that runs out like (2 - t)² is its root in the time, and more after a restart at order 1.",
         end_of_a_field,
+    ),
+    Cause(
+        "cvode-c-error",
+        "sundials",
+        "CVODE from C: a tolerance bounds the error of a step, not that of the run",
+        "Errors of the steps add up to several tolerances. Where the surface is further off than the tolerance and "
+        "not than that, CVODE's own solution crosses it and comes back, and both roots are reported.",
+        error_of_a_run,
+        ("https://sundials.readthedocs.io/en/latest/cvode/Mathematics_link.html",),
     ),
 )

@@ -74,14 +74,51 @@ def number_that_is_none() -> str:
     raise ClaimError("bdf says nothing")
 
 
-def blow_up_is_a_small_step() -> str:
-    """x' = x^2 from 1 ends at t = 1."""
+def small_steps() -> str:
+    """x' = x^2 from 1 ends at t = 1; sqrt(1 - y) does, too; v' = -1/(v + 1e-9) has its pole behind the root."""
+    said = {}
+    for text, end in (
+        ("u_i { x = 1.0 } F_i { x * x }", 1.0),
+        ("u_i { y = 0.0, z = 0.0 } F_i { 1.0, sqrt(1.0 - y) } stop_i { 1.0 - y }", 1.0),
+        ("u_i { v = 1.0 } F_i { -1.0 / (v + 1e-9) } stop_i { v }", 0.5 + 1e-9),
+    ):
+        try:
+            found = solve(text, 3.0, "bdf")
+        except RuntimeError as error:
+            words, _, time = str(error).partition(" at time = ")
+            holds("Step size is too small" in words and abs(float(time) - end) < 1e-6, str(error))
+            said[end] = error
+        else:
+            raise ClaimError(f"{text} goes on to {found.ts[-1]}")
+    return f"bdf on x' = x²: {said[1.0]}; on a pole 1e-9 behind the root at 0.500000001: {said[0.5 + 1e-9]}"
+
+
+def late_times() -> str:
+    """x' = 1 from -1 at t = 1e9 through x = -1/2, and many steps to a horizon one second away, at 1e-12."""
+    import pydiffsol
+
+    def late(text: str, start: float) -> Any:
+        ode = pydiffsol.Ode(text, ode_solver=pydiffsol.tsit45)
+        ode.rtol = ode.atol = 1e-12
+        ode.t0 = start
+        return ode.solve(np.array([]), 1e9 + 1.0)
+
+    error = float(late("u_i { x = -1.0 } F_i { 1.0 } stop_i { x + 0.5 }", 1e9).ts[-1]) - 1e9 - 0.5
+    holds(1e-6 < error < 1e-4, f"an error of {error} s")
     try:
-        found = solve("u_i { x = 1.0 } F_i { x * x }", 2.0, "bdf")
-    except RuntimeError as error:
-        holds("Step size is too small" in str(error), str(error))
-        return f"bdf on x' = x²: {error}; what it had computed is lost"
+        found = late("u_i { x = 0.0 } F_i { 4.0 * (0.25 + t - 1000000000.0) }", 1e9 + 1 / 3)
+    except RuntimeError as refused:
+        holds("Stop time is at the current state time" in str(refused), str(refused))
+        return f"at t = 1e9 a root of x' = 1 is late by {error:.1e} s; in front of the horizon: {refused}"
     raise ClaimError(f"it goes on to {found.ts[-1]}")
+
+
+def stop_function_that_is_none() -> str:
+    """y' = 1 from 0, stop function sqrt(1 - y) + 1/2."""
+    for method in ("tsit45", "bdf"):
+        found = solve("u_i { y = 0.0 } F_i { 1.0 } stop_i { sqrt(1.0 - y) + 0.5 }", 2.0, method)
+        holds(found.ts[-1] == 2.0, f"{method} stops at {found.ts[-1]}")
+    return "a stop function that is NaN from t = 1 on is passed over by tsit45 and bdf; the run ends at 2"
 
 
 DIFFSOL = (
@@ -133,8 +170,24 @@ DIFFSOL = (
     Cause(
         "diffsol-small-step",
         "pydiffsol",
-        "A blow-up is a step that is too small",
-        "diffsol has no word for divergence; the error holds the time and nothing of what was computed before.",
-        blow_up_is_a_small_step,
+        "A blow-up, the end of a field, a pole behind a surface: a step that is too small",
+        "diffsol has no word for divergence or for a field without a value, which it meets behind a surface, too; the "
+        "error holds the time and nothing of what was computed before.",
+        small_steps,
+    ),
+    Cause(
+        "diffsol-late",
+        "pydiffsol",
+        "Times are told apart to 100 roundings",
+        "Roots are located to 100 eps |t|, and a step that ends so close to the horizon is an error in place of the "
+        "run's end. At t = 1e9 that is 2e-5 s.",
+        late_times,
+    ),
+    Cause(
+        "diffsol-stop-nan",
+        "pydiffsol",
+        "A stop function without a value is no stop",
+        "A NaN is no change of sign: the run goes on beyond the end of its stop function, and reports success.",
+        stop_function_that_is_none,
     ),
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import subprocess
+from functools import cache
 from importlib.resources import as_file, files
 
 from baselines.causes.base import Cause, ClaimError, holds
@@ -14,19 +15,35 @@ SECONDS = 300.0
 """Wall time of the program [s]."""
 
 
-def error_of_a_step() -> str:
-    """A block on a spring of 1, friction 1/4, from (1.1, 0): it turns at pi."""
+@cache
+def seen() -> list[list[str]]:
+    """What the program prints: a name and numbers a line; Siconos' own warnings stand between."""
     with as_file(files("baselines.causes.programs").joinpath("siconos_step.py")) as path:
         command, variables = [interpreter(), str(path)], os.environ | ENVIRONMENT
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=True, env=variables)
         except (OSError, subprocess.SubprocessError) as error:
             raise ClaimError(f"{interpreter()}: {error}") from error
-    lines = [line.split() for line in done.stdout.splitlines() if line.startswith("turn ")]
-    errors = {float(step): abs(float(time) - math.pi) for _, step, time in lines}
+    return [line.split() for line in done.stdout.splitlines() if line.startswith(("turn ", "pole "))]
+
+
+def error_of_a_step() -> str:
+    """A block on a spring of 1, friction 1/4, from (1.1, 0): it turns at pi."""
+    turns = [numbers for name, *numbers in seen() if name == "turn"]
+    errors = {float(step): abs(float(time) - math.pi) for step, time in turns}
     holds(len(errors) == 2 and all(1e-5 < error < 3 * step for step, error in errors.items()), f"{errors}")
     words = " and ".join(f"{error:.1e} s with steps of {step:g} s" for step, error in errors.items())
     return f"a block that turns at pi is told to do so with an error of {words}"
+
+
+def step_without_a_solution() -> str:
+    """x' = x^2 from 1 ends at t = 1; x = x0 + h x^2 has no solution from x0 = 1/(4 h) on."""
+    ((steps, last, negative),) = ([*map(float, numbers)] for name, *numbers in seen() if name == "pole")
+    holds(steps == 2000 and math.isfinite(last), f"{steps:g} steps, x = {last} at the end")
+    holds(990 <= negative <= 1010, f"x < 0 after {negative:g} steps")
+    return f"x' = x² from 1 ends at t = 1; in steps of 0.001 x is negative from t = {negative / 1e3:.3f} on, " + (
+        f"and the run ends at 2 with x = {last:.3g}"
+    )
 
 
 SICONOS = (
@@ -37,6 +54,15 @@ SICONOS = (
         "A time-stepping scheme has no events: what happens is known to a step, with an error of its order, one, and "
         "what begins and ends within a step does not happen.",
         error_of_a_step,
+        ("https://nonsmooth.gricad-pages.univ-grenoble-alpes.fr/siconos/",),
+    ),
+    Cause(
+        "siconos-no-solution",
+        "siconos",
+        "A step that has no solution is a warning",
+        "In front of a blow-up the equation of an implicit step has no solution any more. Newton's iteration stops "
+        "after so many iterations with a warning, what it has then is the state, and the run goes on.",
+        step_without_a_solution,
         ("https://nonsmooth.gricad-pages.univ-grenoble-alpes.fr/siconos/",),
     ),
 )

@@ -56,6 +56,7 @@ class Equations:
         self.size = len(problem["states"]) + 1
         modes = {mode["mode"]: mode for mode in problem["modes"]}
         self.below, self.above = (made(modes[side]["field"], names) for side in (-1, 1))
+        self.one_field = modes[-1]["field"] == modes[1]["field"]
         self.surface = made([problem["surface"]["expression"]], names)
         self.gradient = made(problem["surface"]["gradient"], names)
         guards = [guard for mode in modes.values() for guard in mode["guards"]]
@@ -73,8 +74,11 @@ class Equations:
         )
 
     def sides(self, x: list[float]) -> Iterator[tuple[float, float]]:
-        """The fields below and above: that of the other side, which may end not far behind the surface, from there."""
-        beyond = self.on_surface(x)
+        """The fields below and above: that of the other side, which may end not far behind the surface, from there.
+
+        Where the surface changes nothing in the field there is no other side, and no step is to feel one.
+        """
+        beyond = x if self.one_field else self.on_surface(x)
         below, above = (beyond, x) if self.surface(x, self.p)[0] > 0.0 else (x, beyond)
         return zip(self.below(below, self.p), self.above(above, self.p), strict=True)
 

@@ -6,6 +6,7 @@ the reason of a row: where the row itself leaves no other. Where it does, the ro
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -28,7 +29,11 @@ LATE = 1e8
 LOST = 1e-15
 """A surface function that goes no deeper than this part of the state's size between two roots is in its rounding."""
 STRAIGHT = 100.0
-"""Tolerances by which no event time of a method of order 5 is off but by what located it."""
+"""Tolerances that a run's own error stays below: a time that is off by more was located wrongly."""
+IN_FRONT = 1000.0
+"""Tolerances that a run's error stays below where nothing locates its end: BDF's is 200 of them at 1e-12."""
+NO_SOLUTION = 10.0
+"""Steps in front of a blow-up of order one in which an implicit step has no solution: four, and what order 1 is off."""
 SMOOTHED_BAND = 2000.0
 """Half-width of the band of ``scipy-smoothed`` in absolute tolerances (:mod:`baselines.scipy_naive`)."""
 
@@ -150,12 +155,24 @@ def _small_step(seen: Seen) -> str | None:
 
 
 def _diffsol(seen: Seen) -> str | None:
-    """A blow-up whose last step was refused; a state that is no number, which tsit45 alone accepts."""
+    """Words of diffsol's own, where the exact run ends or misses but the root in front of which they were said."""
     if seen.solver not in DIFFSOL or not seen.right_so_far:
         return None
-    if "Step size is too small" in seen.reason and seen.run["expected_status"] == "diverged":
-        return "diffsol-small-step"
+    small = re.search(r"Step size is too small at time = ([-+.e\d]+)", seen.reason)
+    if small:
+        whole = seen.number("missed") == 0 and seen.run["expected_status"] in ("diverged", "failed", "invalid")
+        return "diffsol-small-step" if whole or _in_front(seen, float(small[1])) else None
+    if "Stop time is at the current state time" in seen.reason:
+        return "diffsol-late"
+    if seen.run["expected_status"] == "failed" and "went on past" in seen.reason and seen.number("missed") == 0:
+        return "diffsol-stop-nan"
     return "diffsol-nan" if seen.solver == "diffsol-tsit45" and seen.reason.startswith(NOT_FINITE) else None
+
+
+def _in_front(seen: Seen, time: float) -> bool:
+    """Whether the first transition that is missed is where the run ended: a pole behind its surface."""
+    roots = [row["reference_time_s"] for row in seen.transitions if row["outcome"] == "missed"][:1]
+    return any(isinstance(root, float) and abs(root - time) <= IN_FRONT * seen.number("rtol") for root in roots)
 
 
 def _nosnoc(seen: Seen) -> str | None:
@@ -191,10 +208,34 @@ def _past_the_end(seen: Seen) -> str | None:
 
 
 def _late_end(seen: Seen) -> str | None:
-    """The exact run ends because a function has no value any more; CVODE notices a root of the tolerance later."""
-    ended = seen.run["expected_status"] == "failed" and "; failed at t = " in seen.reason
+    """The exact run ends because a function has no value any more: CVODE's steps become shorter until it gives up."""
+    failed = seen.run["expected_status"] == "failed" and "; failed at t = " in seen.reason
+    invalid = seen.run["expected_status"] == "invalid" and "CV_TOO_MUCH_WORK" in seen.reason
     right = seen.right_so_far and seen.number("missed") == 0
-    return "cvode-c-late-end" if seen.solver.startswith("cvode-c-") and ended and right else None
+    return "cvode-c-late-end" if seen.solver.startswith("cvode-c-") and (failed or invalid) and right else None
+
+
+def _lone_root(seen: Seen) -> str | None:
+    """The first root is missed and no sign has changed up to the horizon: another root lay in the same step.
+
+    The exact run slides from the first one on and has no second one; the smooth run without a mode change has.
+    """
+    only = seen.number("missed") == 1 and seen.number("found_transitions") == 0
+    slid = only and any(row["outcome"] == "missed" and row["kind"] == "stick" for row in seen.transitions)
+    past = seen.run["status"] == "wrong" and "went on past" in seen.reason
+    return "cvode-c-pair" if seen.solver.startswith("cvode-c-") and slid and past else None
+
+
+def _error_of_a_run(seen: Seen) -> str | None:
+    """Nothing is missed, and what is spurious leads there and back, on the surface by CVODE's own solution."""
+    extra = [row for row in seen.transitions if row["outcome"] == "spurious"]
+    back = len(extra) > 0 and all(
+        there["from_mode"] == back["to_mode"] and there["to_mode"] == back["from_mode"]
+        for there, back in zip(extra[::2], extra[1::2], strict=False)
+    )
+    whole = seen.run["status"] == "wrong" and seen.number("missed") == 0 and len(extra) % 2 == 0
+    crossed = seen.number("max_surface_drift") < seen.number("atol")
+    return "cvode-c-error" if seen.solver.startswith("cvode-c-") and whole and back and crossed else None
 
 
 def _octave(seen: Seen) -> str | None:
@@ -205,14 +246,37 @@ def _octave(seen: Seen) -> str | None:
         return "octave-blow-up"
     if seen.run["expected_status"] == "failed" and "went on past" in seen.reason and seen.right_so_far:
         return "octave-nan"
-    far = seen.number("max_time_error_s") > STRAIGHT * seen.number("rtol")
-    return "octave-line" if seen.run["status"] == "wrong" and far else None
+    return "octave-line" if seen.run["status"] == "wrong" and _off_by_location(seen) else None
+
+
+def _off_by_location(seen: Seen) -> bool:
+    """Whether a time is off by far more than what an error of the tolerance in the state makes of it."""
+    granted = STRAIGHT * seen.number("atol")
+    return any(
+        isinstance(error := row.get("time_error_s"), float)
+        and isinstance(conditioning := row.get("conditioning"), float)
+        and abs(error) > granted * max(conditioning, 1.0)
+        for row in seen.transitions
+        if row["outcome"] == "matched"
+    )
 
 
 def _time_stepping(seen: Seen) -> str | None:
-    """What begins and ends within a step is not there; and steps of one length, of order 1, take long."""
+    """What begins and ends within a step is not there; steps of one length take long, and go on over a blow-up."""
+    if seen.solver != "siconos":
+        return None
     slow = seen.run["status"] == "timeout" and seen.right_so_far
-    return "siconos-step" if seen.solver == "siconos" and (seen.missed_pairs or slow) else None
+    return "siconos-step" if seen.missed_pairs or slow else ("siconos-no-solution" if _over_the_end(seen) else None)
+
+
+def _over_the_end(seen: Seen) -> bool:
+    """Whether the run goes on past a blow-up, and nothing is wrong but what comes within some steps of it or behind."""
+    past = re.search(r"went on past t = ([-+.e\d]+),", seen.reason)
+    if seen.run["expected_status"] != "diverged" or past is None or seen.number("missed") > 0:
+        return False
+    first = float(past[1]) - NO_SOLUTION * seen.number("step_s")
+    times = [row["time_s"] for row in seen.transitions if row["outcome"] == "spurious"]
+    return all(isinstance(time, float) and time >= first for time in times)
 
 
 def _naive(seen: Seen) -> str | None:
@@ -235,6 +299,8 @@ RULES: tuple[Callable[[Seen], str | None], ...] = (
     _no_number,
     _past_the_end,
     _late_end,
+    _lone_root,
+    _error_of_a_run,
     _octave,
     _time_stepping,
     _naive,
@@ -243,9 +309,10 @@ NAMES = (
     "scipy-pair", "cvode-pair", "ida-pair", "scipy-fires-at-start", "scipy-bracket", "scipy-late", "scipy-blow-up",
     "scipy-radau-order", "scipy-bdf-order", "scipy-lsoda-nan", "heyoka-start", "heyoka-double-root",
     "heyoka-hidden-drive", "heyoka-event-polynomial", "heyoka-past-end", "sign-chatter", "smoothed-creep",
-    "cvode-c-pair", "cvode-c-late-end", "octave-pair", "octave-blow-up", "octave-nan", "octave-line",
-    "diffrax-pair", "diffrax-start", "diffsol-pair", "diffsol-small-step", "diffsol-nan",
+    "cvode-c-pair", "cvode-c-late-end", "cvode-c-error", "octave-pair", "octave-blow-up", "octave-nan", "octave-line",
+    "diffrax-pair", "diffrax-start", "diffsol-pair", "diffsol-small-step", "diffsol-nan", "diffsol-late",
+    "diffsol-stop-nan",
     "nosnoc-infeasible", "nosnoc-cost", "nosnoc-grid",
-    "siconos-step",
+    "siconos-step", "siconos-no-solution",
 )  # fmt: skip
 """Every name that a rule may give."""

@@ -106,9 +106,56 @@ def test_programs_in_other_languages_have_causes_of_their_own() -> None:
     assert cause_of(run_row(solver="octave-ode45", **pole), []) == "octave-blow-up"
     past = ended | {"status": "wrong", "status_reason": "went on past t = 1, where the exact run is failed"}
     assert cause_of(run_row(solver="octave-ode45", **past), []) == "octave-nan"
-    drifted = {"status": "wrong", "missed": 0, "spurious": 2, "rtol": 1e-9}
-    assert cause_of(run_row(solver="octave-ode45", **drifted, max_time_error_s=1e-3), []) == "octave-line"
-    assert cause_of(run_row(solver="octave-ode45", **drifted, max_time_error_s=1e-8), []) is None
+    drifted = run_row(solver="octave-ode45", status="wrong", missed=0, spurious=2, rtol=1e-9, atol=1e-9)
+    off: Row = {"outcome": "matched", "time_error_s": 1e-3, "conditioning": 20.0}
+    assert cause_of(drifted, [off]) == "octave-line"
+    assert cause_of(drifted, [off | {"time_error_s": 1e-8}]) is None
+    assert cause_of(drifted, [off | {"conditioning": 1e7}]) is None
+
+
+def test_a_root_that_no_second_one_follows_is_lost_with_one_that_a_slide_does_not_meet() -> None:
+    past = {"status_reason": "went on past t = 1, where the exact run is nonunique", "missed": 1}
+    lone = run_row(solver="cvode-c-adams", found_transitions=0, **past)
+    assert cause_of(lone, [missed("+", "0", kind="stick")]) == "cvode-c-pair"
+    assert cause_of(lone, [missed("+", "-")]) is None
+    assert cause_of(lone | {"found_transitions": 1}, [missed("+", "0", kind="stick")]) is None
+
+
+def test_a_spurious_pair_on_the_surface_is_the_error_of_the_run() -> None:
+    extra = [missed("+", "-", outcome="spurious"), missed("-", "+", outcome="spurious")]
+    wrong = run_row(solver="cvode-c-bdf", missed=0, spurious=2, max_surface_drift=1e-20)
+    assert cause_of(wrong, extra) == "cvode-c-error"
+    assert cause_of(wrong, extra[:1]) is None
+    assert cause_of(wrong | {"max_surface_drift": 1e-3}, extra) is None
+    assert cause_of(wrong | {"missed": 1}, extra) is None
+
+
+def test_diffsol_ends_in_words_where_the_exact_run_ends_or_in_front_of_a_pole() -> None:
+    small = {
+        "status": "failed",
+        "status_reason": "diffsol: ODE solver error: Step size is too small at time = 0.9999999",
+    }
+    for status in ("diverged", "failed", "invalid"):
+        assert cause_of(run_row(solver="diffsol-bdf", missed=0, expected_status=status, **small), []) == (
+            "diffsol-small-step"
+        )
+    assert cause_of(run_row(solver="diffsol-bdf", missed=0, expected_status="ok", **small), []) is None
+    here, there = (missed("+", "-", reference_time_s=time) for time in (1.0, 2.0))
+    row = run_row(solver="diffsol-bdf", missed=1, expected_status="ok", **small)
+    assert cause_of(row, [here]) == "diffsol-small-step"
+    assert cause_of(row, [there]) is None
+    late = {"status": "failed", "missed": 0, "status_reason": "diffsol: Stop time is at the current state time"}
+    assert cause_of(run_row(solver="diffsol-tsit45", **late), []) == "diffsol-late"
+    past = {"missed": 0, "expected_status": "failed", "status_reason": "went on past t = 1, where the exact run is"}
+    assert cause_of(run_row(solver="diffsol-tsit45", **past), []) == "diffsol-stop-nan"
+
+
+def test_time_stepping_goes_on_over_a_blow_up() -> None:
+    past = {"status_reason": "went on past t = 1, where the exact run is diverged", "expected_status": "diverged"}
+    row = run_row(solver="siconos", missed=0, spurious=1, step_s=1e-3, rtol=None, **past)
+    assert cause_of(row, [missed("+", "-", outcome="spurious", time_s=0.995)]) == "siconos-no-solution"
+    assert cause_of(row, [missed("+", "-", outcome="spurious", time_s=0.5)]) is None
+    assert cause_of(row | {"missed": 1}, [missed("+", "-", outcome="spurious", time_s=0.995)]) is None
 
 
 def test_what_peers_do_is_explained_by_peers() -> None:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
-import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import sympy as sp
 
+from henon_ref.campaign import timing
 from henon_ref.campaign.interleaved import MOST, Turns, interleaved
 from henon_ref.campaign.options import Options, Silent
 from henon_ref.casefile.case import load_case
@@ -208,16 +210,21 @@ def test_a_change_of_the_machines_pace_does_not_change_a_ratio() -> None:
     assert times.ratio("a", "b") == pytest.approx(1 / 2)
 
 
-def test_a_short_run_is_repeated_within_its_turn() -> None:
-    calls: dict[str, int] = {"short": 0, "long": 0}
+def test_a_short_run_is_repeated_within_its_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that the runs alone move: how busy the machine is does not count."""
+    calls = {"shortest": 0, "short": 0, "long": 0}
+    now = 0
 
-    def run(key: str, seconds: float) -> None:
+    def run(key: str, microseconds: int) -> None:
+        nonlocal now
         calls[key] += 1
-        time.sleep(seconds)
+        now += 1000 * microseconds
 
-    interleaved({"short": lambda: run("short", 1e-4), "long": lambda: run("long", 4e-3)}, rounds=3, turn=4e-3)
-    assert calls["long"] == 4
-    assert 4 * 5 <= calls["short"] <= 4 * MOST
+    monkeypatch.setattr(timing, "time", SimpleNamespace(perf_counter_ns=lambda: now))
+    lengths = {"shortest": 10, "short": 400, "long": 5000}
+    found = interleaved({key: partial(run, key, length) for key, length in lengths.items()}, rounds=3, turn=4.1e-3)
+    assert calls == {"shortest": 4 * MOST, "short": 4 * 10, "long": 4}
+    assert {key: found.median(key) for key in lengths} == pytest.approx({"shortest": 1e-5, "short": 4e-4, "long": 5e-3})
 
 
 def test_crossings_near_a_crest_are_found_by_every_landing() -> None:

@@ -26,6 +26,24 @@ static int pair(double t, N_Vector x, double *out, void *data)
     return 0;
 }
 
+static int turning(double t, N_Vector x, N_Vector rate, void *data)
+{
+    NV_Ith_S(rate, 0) = t - 1.0;
+    return 0;
+}
+
+static int flat(double t, N_Vector x, N_Vector rate, void *data)
+{
+    NV_Ith_S(rate, 0) = 4.0 * (t - 1.0) * (t - 1.0) * (t - 1.0);
+    return 0;
+}
+
+static int level(double t, N_Vector x, double *out, void *data)
+{
+    out[0] = NV_Ith_S(x, 0);
+    return 0;
+}
+
 static void show(const char *name, SUNContext context, int method, double start, CVRhsFn field, CVRootFn root,
                  double tolerance, double until)
 {
@@ -60,6 +78,9 @@ int main(void)
     show("pair-bdf", context, CV_BDF, -1.0, unit_speed, pair, 1e-9, 2.0);
     show("tank-loose", context, CV_ADAMS, 1.0, torricelli, NULL, 1e-6, 4.0);
     show("tank-tight", context, CV_ADAMS, 1.0, torricelli, NULL, 1e-12, 4.0);
+    show("turn-adams", context, CV_ADAMS, 0.375, turning, level, 1e-6, 2.0);
+    show("flat-bdf", context, CV_BDF, 1.0 + 1e-8, flat, level, 1e-6, 2.0);
+    show("flat-end", context, CV_BDF, 1.0 + 1e-8, flat, NULL, 1e-6, 1.0);
     SUNContext_Free(&context);
     return 0;
 }
