@@ -48,7 +48,7 @@ def test_named_cases_stay_and_all_others_live_on_in_the_matrix(reports, tmp_path
     assert (reports / "mine" / "notes.txt").read_text() == "kept"
     assert read_matrix(reports) == before
     assert {row["case"] for row in before} == {"made_up", "other"}
-    assert "| other |" in (reports / "README.md").read_text()
+    assert "| other |" in (reports / "matrix.md").read_text()
     assert (reports / "rivals" / "README.md").read_text() == "[a](../made_up/report.md) b `[c](no)`\n"
     assert (reports / "atlas" / "README.md").read_text() == "every run\n"
     for page in (reports / "README.md", reports / "matrix.md", reports / "made_up" / "report.md"):
