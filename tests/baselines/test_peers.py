@@ -13,6 +13,7 @@ import sympy as sp
 import systems
 from child import child, trajectory
 
+import henon_ref
 from baselines.base import Adapter
 from baselines.diffrax_ode import DOPRI8, KVAERNO5
 from baselines.diffsl_text import mode_text, number, to_diffsl
@@ -91,6 +92,15 @@ def test_samples_do_not_change_the_run(runs: Runs, solver: str, rtol: float, bou
     assert (sampled["times"], sampled["steps"]) == (plain["times"], plain["steps"])
     want = [5.3, 0.6 + 4.7 * math.cos(2.0), -0.6 + 3.5 * math.cos(4.0), 0.5]
     assert sampled["samples"][:, 0] == pytest.approx(want, abs=1e3 * bound)
+
+
+def test_a_guard_that_is_no_number_beside_a_finite_state_is_a_failure() -> None:
+    """The square root ends where the model does: tsit45 accepts a step to a state that is finite, the root is not."""
+    pytest.importorskip("pydiffsol")
+    problem = next(own for own in henon_ref.load_case("nan_region").readings if own.name == "surface_valid").problem
+    found = TSIT45.prepare(problem, rtol=1e-6, atol=1e-6)()
+    assert found.status == "failed"
+    assert found.reason.startswith("the state is not finite")
 
 
 def test_several_surfaces(runs: Runs) -> None:

@@ -50,6 +50,14 @@ def test_a_slide_that_ends_and_a_field_with_a_pole_beyond_the_surface() -> None:
 
 
 @installed
+def test_a_surface_that_changes_nothing_is_not_felt_by_a_step() -> None:
+    """x' = x^10 is 1 where the run starts and 1024 on the surface."""
+    problem = next(own for own in henon_ref.load_case("blow_up").readings if own.name == "slow").problem
+    found = RELAY.prepare(problem, step=1e-3)()
+    assert found.transitions[0].time == pytest.approx((1 - 2**-9) / 9, abs=2e-3)
+
+
+@installed
 def test_a_slide_that_is_not_filippov_s_is_not_supported() -> None:
     problem = henon_ref.load_case("static_belt").readings[0].problem
     with pytest.raises(UnsupportedError, match="Filippov's slides"):

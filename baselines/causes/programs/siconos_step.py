@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy
 import siconos.kernel as kernel
 import siconos.numerics as numerics
@@ -40,22 +42,22 @@ def square(step: float, until: float) -> list[float]:
             self.jacobianfx()[:] = [[2.0 * x[0]]]
 
     class Idle(kernel.FirstOrderNonLinearR):
-        def computeh(self, time, x, lam, z, y) -> None:
+        def computeh(self, time: Any, x: Any, lam: Any, z: Any, y: Any) -> None:
             y[0] = x[0]
 
-        def computeg(self, time, x, lam, z, r) -> None:
+        def computeg(self, time: Any, x: Any, lam: Any, z: Any, r: Any) -> None:
             r[:] = [0.0]
 
-        def computeJachx(self, time, x, lam, z, c) -> None:  # noqa: N802
+        def computeJachx(self, time: Any, x: Any, lam: Any, z: Any, c: Any) -> None:  # noqa: N802
             c[:] = [[1.0]]
 
-        def computeJacglambda(self, time, x, lam, z, b) -> None:  # noqa: N802
+        def computeJacglambda(self, time: Any, x: Any, lam: Any, z: Any, b: Any) -> None:  # noqa: N802
             b[:] = [[0.0]]
 
-        def computeJacgx(self, time, x, lam, z, k) -> None:  # noqa: N802
+        def computeJacgx(self, time: Any, x: Any, lam: Any, z: Any, k: Any) -> None:  # noqa: N802
             k[:] = [[0.0]]
 
-        def computeJachlambda(self, time, x, lam, z, d) -> None:  # noqa: N802
+        def computeJachlambda(self, time: Any, x: Any, lam: Any, z: Any, d: Any) -> None:  # noqa: N802
             d[:] = [[0.0]]
 
     system, relation = Square([1.0]), Idle()
