@@ -138,6 +138,9 @@ class Driver:
             if until - t <= 2.0 * EPSILON * abs(until) or until <= t:
                 record.wanted(until, x, mode)
                 return record.finish("ok", t, x, mode)
+            if jumps and fresh and (left := self._without_speed(entry, fresh, t, x)):
+                (t, x), low, fresh = left, 0.0, ()
+                continue
             wanted = record.wanted(t, x, mode) if sampling else None
             try:
                 self.work.check()
@@ -164,11 +167,10 @@ class Driver:
                     behind_noise(entry.model, hits[0], t, x, self.library.accuracy, until) if drift <= noise else None
                 )
                 if left is None:
-                    reason = f"a root of {guard.expression} is found at t = {t:.17g}, where its surface is being left"
-                    return record.finish("failed", t, x, mode, record.explained("failed", reason))
+                    reason = f"a root of {guard.expression} is found where its surface is being left"
+                    return record.finish("failed", t, x, mode, reason)
                 record.drift, (t, x), low = max(record.drift, drift), left, 0.0
-                self.work.steps += 1
-                fresh = tuple(item for item in fresh if item[0] != hits[0])
+                self.work.steps, fresh = self.work.steps + 1, tuple(item for item in fresh if item[0] != hits[0])
                 continue
             if not hits:
                 record.drift = max(record.drift, self.table.drift(entry, t, x))
@@ -208,6 +210,16 @@ class Driver:
             return None
         self.work.steps += 1
         return Stop("event", found[0], 0.0, found[1], (fresh[0][0],))
+
+    def _without_speed(
+        self, entry: ModeEntry, fresh: Sequence[Fresh], t: float, x: Sequence[float]
+    ) -> tuple[float, tuple[float, ...]] | None:
+        """Where a surface that resets the state and is left by the acceleration alone can be told from zero."""
+        (guard, _, rate), *others = fresh
+        if others or rate != 0.0 or not entry.resets(guard):
+            return None
+        self.work.steps += 1
+        return behind_noise(entry.model, guard, t, x, self.library.accuracy, self.until)
 
     def _noise(
         self, entry: ModeEntry, guard: int, fresh: Sequence[Fresh], length: float, t: float, x: Sequence[float]
