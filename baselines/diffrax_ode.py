@@ -25,7 +25,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.base import SCOUTING, Adapter, ConfiguredLibrary, SmoothMode
+from baselines.adapter import SCOUTING, Adapter, ConfiguredLibrary
+from baselines.base import SmoothMode
 from baselines.flow import LIMIT, Library, Stop
 from baselines.jax_functions import ModeSource, jax_function, mode_source
 from baselines.mode_functions import EPSILON, ModeFunctions

@@ -19,7 +19,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.base import Adapter, ConfiguredLibrary, SmoothMode
+from baselines.adapter import Adapter, ConfiguredLibrary
+from baselines.base import SmoothMode
 from baselines.diffsl_text import mode_text
 from baselines.flow import Stop
 from baselines.mode_functions import EPSILON, ModeFunctions

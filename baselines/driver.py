@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.flow import LIMIT, Library, Stop
+from baselines.low_flights import behind_noise, low_flight
 from baselines.mode_functions import EPSILON
 from baselines.mode_table import ModeEntry, ModeTable
 from baselines.record import Record
@@ -35,7 +36,6 @@ from henon_ref.filippov.callables import ARITHMETIC, Scalar
 from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.resets import resetting
 from henon_ref.solver import Run
 from henon_ref.trajectory import Trajectory, without_hidden_kinks
 
@@ -133,15 +133,19 @@ class Driver:
     def _march(self, record: Record, mode: Mode) -> Trajectory:
         t, low, x, until = self.start, 0.0, self.initial, self.until
         entry, fresh = self.table[mode], self._first_fresh
-        sampling = self.sample_times is not None
+        sampling, jumps = self.sample_times is not None, bool(self.problem.system.resets)
         while True:
             if until - t <= 2.0 * EPSILON * abs(until) or until <= t:
                 record.wanted(until, x, mode)
                 return record.finish("ok", t, x, mode)
+            if jumps and fresh and (left := self._without_speed(entry, fresh, t, x)):
+                (t, x), low, fresh = left, 0.0, ()
+                continue
             wanted = record.wanted(t, x, mode) if sampling else None
             try:
                 self.work.check()
-                stop = entry.flow.advance(t, low, x, until, fresh, wanted)
+                stop = self._low_flight(entry, fresh, t, x) if jumps else None
+                stop = stop or entry.flow.advance(t, low, x, until, fresh, wanted)
             except DeadlinePassed:
                 return record.finish("timeout", t, x, mode, f"stopped after {self.work.deadline:g} s")
             if sampling:
@@ -155,9 +159,18 @@ class Driver:
                 if missed:
                     return record.finish("failed", t, x, mode, record.explained("failed", missed))
             begun, (t, low, x) = t, (stop.t, stop.low, stop.x)
-            if len(hits) == 1 and t > begun and self._has_not_left(entry, hits[0], fresh, t - begun, t, x):
-                x, drift = self.table.on_surface(entry.model.guards[hits[0]].index, t, x)
-                record.drift = max(record.drift, drift)
+            noise = self._noise(entry, hits[0], fresh, t - begun, t, x) if jumps and len(hits) == 1 else None
+            if noise is not None:
+                guard = entry.model.guards[hits[0]]
+                x, drift = self.table.on_surface(guard.index, t, x)
+                left = (
+                    behind_noise(entry.model, hits[0], t, x, self.library.accuracy, until) if drift <= noise else None
+                )
+                if left is None:
+                    reason = f"a root of {guard.expression} is found where its surface is being left"
+                    return record.finish("failed", t, x, mode, reason)
+                record.drift, (t, x), low = max(record.drift, drift), left, 0.0
+                self.work.steps, fresh = self.work.steps + 1, tuple(item for item in fresh if item[0] != hits[0])
                 continue
             if not hits:
                 record.drift = max(record.drift, self.table.drift(entry, t, x))
@@ -182,30 +195,51 @@ class Driver:
                 if t > until:
                     return record.finish("ok", until, x, after_mode)
                 record.event(t, low, x, bouncing, after_mode, ())
-            reason = record.accumulated()
+            reason = record.accumulated(resting=bool(resets) and all(map(self.table.system.rests, resets)))
             if reason:
                 return record.finish("failed", t, x, after_mode, reason)
             mode, entry = after_mode, self.table[after_mode]
             fresh = starting + entry.still_fresh(before, unsettled, starting) if unsettled else starting
 
-    def _has_not_left(
-        self, entry: ModeEntry, guard: int, fresh: Sequence[Fresh], length: float, t: float, x: Sequence[float]
-    ) -> bool:
-        """Whether a fall of a guard that resets the state is noise: the surface was left tangentially, just now.
+    def _low_flight(self, entry: ModeEntry, fresh: Sequence[Fresh], t: float, x: Sequence[float]) -> Stop | None:
+        """The end of a flight too low for the library; None where it is the library's to find."""
+        if len(fresh) != 1 or not entry.resets(fresh[0][0]):
+            return None
+        found = low_flight(entry.model, fresh[0][0], t, x, self.library.accuracy)
+        if found is None or found[0] > self.until:
+            return None
+        self.work.steps += 1
+        return Stop("event", found[0], 0.0, found[1], (fresh[0][0],))
 
-        A body that an impact leaves no speed, or that has lifted off, leaves the surface by its acceleration alone. It
-        does not come back within what the tolerance makes of its place.
+    def _without_speed(
+        self, entry: ModeEntry, fresh: Sequence[Fresh], t: float, x: Sequence[float]
+    ) -> tuple[float, tuple[float, ...]] | None:
+        """Where a surface that resets the state and is left by the acceleration alone can be told from zero."""
+        (guard, _, rate), *others = fresh
+        if others or rate != 0.0 or not entry.resets(guard):
+            return None
+        self.work.steps += 1
+        return behind_noise(entry.model, guard, t, x, self.library.accuracy, self.until)
+
+    def _noise(
+        self, entry: ModeEntry, guard: int, fresh: Sequence[Fresh], length: float, t: float, x: Sequence[float]
+    ) -> float | None:
+        """What the tolerance makes of a guard whose fall is no impact though it resets the state; None where it is one.
+
+        A body that an impact leaves no speed, or that has lifted off, leaves the surface by its acceleration alone: it
+        does not come back within what the tolerance makes of its place. None hits a surface that it moves away from.
         """
+        if not entry.resets(guard):
+            return None
         model = entry.model
-        started = next((rate for k, _, rate in fresh if k == guard), None)
-        if started != 0.0 or not resetting(model.system, model.mode, [model.guards[guard]]):
-            return False
         try:
             value, rate = model.rates(t, *x)[2 * guard : 2 * guard + 2]
         except ARITHMETIC:
-            return False
+            return None
         noise = MARGIN * model.size(guard, t, x, *self.library.accuracy)
-        return bool(-rate * length <= noise if rate < 0.0 else -value <= noise)
+        tangential = any(k == guard and started == 0.0 for k, _, started in fresh)
+        back = -rate * length if rate < 0.0 else -value
+        return noise if rate > 0.0 or (tangential and back <= noise) else None
 
     def _together(
         self, entry: ModeEntry, stop: Stop, fresh: Sequence[Fresh]

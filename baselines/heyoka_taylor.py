@@ -29,7 +29,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from baselines.base import SCOUTING, Adapter, ConfiguredLibrary
+from baselines.adapter import SCOUTING, Adapter, ConfiguredLibrary
 from baselines.flow import LIMIT, Library, Stop
 from baselines.heyoka_expressions import to_heyoka
 from baselines.mode_functions import EPSILON, ModeFunctions

@@ -193,7 +193,11 @@ class ModeFunctions:
         return tape, [float(c) for c in tape.constants]
 
     def guard_series(self, t: float, x: Sequence[float], order: int) -> list[list[float]]:
-        """Taylor coefficients in time of every guard along this mode's solution through (t, x).
+        """Taylor coefficients in time of every guard, as :meth:`series` has them."""
+        return self.series(t, x, order)[1]
+
+    def series(self, t: float, x: Sequence[float], order: int) -> tuple[list[list[float]], list[list[float]]]:
+        """Taylor coefficients in time of the states, and of every guard, along this mode's solution through (t, x).
 
         Raises
         ------
@@ -201,7 +205,7 @@ class ModeFunctions:
             Where the field has no value.
         """
         tape, numbers = self._tape
-        return expand(tape, numbers, t, list(x), order)[1]
+        return expand(tape, numbers, t, list(x), order)
 
 
 def is_linear(expression: sp.Expr, states: Sequence[sp.Symbol]) -> bool:

@@ -78,8 +78,12 @@ class ModeEntry:
         """What follows where this guard fell alone and two signs settle it; None where they never do."""
         if guard not in self._exits:
             with compiling():
-                self._exits[guard] = self._exit(self.model.guards[guard])
+                self._exits[guard] = None if self.resets(guard) else self._exit(self.model.guards[guard])
         return self._exits[guard]
+
+    def resets(self, guard: int) -> bool:
+        """Whether the state is reset where this guard falls."""
+        return bool(resetting(self.model.system, self.model.mode, [self.model.guards[guard]]))
 
     def still_fresh(self, before: ModeEntry, unsettled: Sequence[Fresh], fresh: Sequence[Fresh]) -> tuple[Fresh, ...]:
         """Guards of this mode for the surfaces whose guards had not left zero when the mode before ended."""
@@ -97,7 +101,6 @@ class ModeEntry:
         sliding = [j for j, s in enumerate(mode) if s == 0]
         if (
             guard.ends
-            or resetting(model.system, mode, [guard])
             or (guard.kind == "release" and model.system.rests(i))
             or model.system.decided_together(guard, sliding)
         ):

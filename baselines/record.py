@@ -122,10 +122,11 @@ class Record:
                 kind = "reset" if i in resets else transition_kind(old, new)
                 self.events.append((kind, i, before, after, t, x, low))
 
-    def accumulated(self) -> str:
+    def accumulated(self, *, resting: bool = False) -> str:
         """Why the run has to end here: events accumulate, or are too many; empty while neither.
 
-        Looked at once a group of events.
+        Looked at once a group of events. ``resting``: these are impacts that a rest follows, so that they may
+        become ever shorter.
         """
         times = self._times
         count = len(times)
@@ -144,7 +145,7 @@ class Record:
                 return f"events accumulate at t = {t:.17g}: the last {self._window} took {latest:.3g} s"
             if count >= MOST:
                 return f"more than {MOST} events by t = {t:.17g}"
-        if self._floor and count > GROUP * CHAIN:
+        if not resting and self._floor and count > GROUP * CHAIN:
             return self._shrunk()
         return ""
 

@@ -22,7 +22,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.base import Adapter, ConfiguredLibrary, SmoothMode
+from baselines.adapter import Adapter, ConfiguredLibrary
+from baselines.base import SmoothMode
 from baselines.callbacks import counted_field
 from baselines.flow import Stop
 from baselines.mode_functions import EPSILON, ModeFunctions

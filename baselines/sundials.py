@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.base import Adapter, SmoothMode
+from baselines.adapter import Adapter
+from baselines.base import SmoothMode
 from baselines.callbacks import LastSeen
 from baselines.flow import Stop
 from baselines.mode_functions import EPSILON

@@ -22,7 +22,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.base import ConfiguredLibrary
+from baselines.adapter import ConfiguredLibrary
 from baselines.callbacks import filling_field
 from baselines.mode_functions import ModeFunctions
 from baselines.restart import Restart

@@ -27,7 +27,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from baselines.base import ConfiguredLibrary
+from baselines.adapter import ConfiguredLibrary
 from baselines.mode_functions import ModeFunctions
 from baselines.restart import Restart, Watcher
 from baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function_of_dae

@@ -16,7 +16,7 @@ import typer
 
 pytest.importorskip("sphinx", reason="the site is built where the extra docs is installed")
 
-from henon_ref.casefile.schema import schema_text
+from henon_ref.casefile.json_schema import schema_text
 from henon_ref.cli import arguments
 from henon_ref.cli.main import SUBCOMMANDS
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from henon_ref.casefile.schema import case_schema
+from henon_ref.casefile.json_schema import case_schema
 from henon_ref.report.text.tables import Table
 from henon_ref.text import code
 

@@ -18,7 +18,7 @@ from henon_ref.filippov.bounds import put
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.exponents import with_rational_exponents
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.resting import impact_of, with_resting
+from henon_ref.filippov.resting import impact_of, into_surface, with_resting
 from henon_ref.filippov.system import FilippovSystem, SlidingOverride
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
@@ -157,7 +157,8 @@ def _check_stops(source: Source, problem: Problem) -> None:
             message = f"the start is beyond the stop {name}: x_p - x_q is below its gap"
             raise source.error(("initial",), message, key=True)
         if side == 0 and impact is not None and _side_at_start(problem, impact.speed) < 0:
-            raise source.error(("initial",), f"the start is on the stop {name} and moves into it", key=True)
+            reason = into_surface(name, str(problem.start)).reason
+            raise source.error(("initial",), f"the start is invalid: {reason}", key=True)
 
 
 def _delicate(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:

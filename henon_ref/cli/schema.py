@@ -18,7 +18,7 @@ HELP = (
 @app.command(help=HELP, epilog=examples("schema > case.schema.json"))
 def main() -> int:
     """Print the schema."""
-    from henon_ref.casefile.schema import schema_text
+    from henon_ref.casefile.json_schema import schema_text
 
     print(schema_text(), end="")
     return DONE

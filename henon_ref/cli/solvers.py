@@ -75,7 +75,7 @@ def listed_solvers() -> list[Listed]:
 
 def _unavailable(name: str) -> str:
     """Why a solver's rows would say that it is unavailable; empty where they would not."""
-    from baselines.base import Adapter
+    from baselines.adapter import Adapter
     from baselines.nosnoc_fesd import Nosnoc
     from baselines.protocol.program import ProgramSolver
     from henon_ref import registry

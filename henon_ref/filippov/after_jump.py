@@ -230,8 +230,10 @@ class _Rule:
             system.equations(stuck)
         except ModelError as error:
             return begin + str(error)
-        for guard, (value, rate, bend, *_) in zip(guards, series, strict=True):
-            if lasting and not (guard.kind == "surface" and guard.index in times):
+        for guard, own in zip(guards, series, strict=True):
+            value, rate, bend, *_ = own
+            stays = not any(map(numbers.sign, own))  # rest on a kink, say
+            if lasting and not stays and not (guard.kind == "surface" and guard.index in times):
                 time = lasting[0]
                 if not abs(value) > abs(rate) * time + abs(bend) * time * time:
                     return begin + "another event is as close"

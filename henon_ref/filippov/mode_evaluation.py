@@ -16,6 +16,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.filippov.derivatives import leading, leading_sign, rate_of, scaled
 from henon_ref.filippov.equations import ModeEquations
+from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.mode_tape import ModeTape
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.system import FilippovSystem
@@ -203,6 +204,20 @@ class ModeEvaluation:
         if place != point.place:
             self._point = point = _Point(place)
         return point  # not what the attribute holds by now: another thread may be at another point
+
+    def signs_at(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> tuple[list[int], list[int]]:
+        """Signs of the surfaces, and of the ``valid`` expressions, at a point in exact numbers."""
+        at = {TIME: start, **dict(zip(self.system.states, initial, strict=True))}
+        surfaces, valid = (
+            [exact_sign(self._numeric(e).xreplace(at)) for e in expressions]
+            for expressions in (self.system.surfaces, self.system.valid)
+        )
+        return surfaces, valid
+
+    def _sign_at(self, t: float, x: Sequence[float], expression: sp.Expr) -> int:
+        """Sign of an expression in time and states at a point."""
+        at = dict(zip((TIME, *self.system.states), (t, *x), strict=True))
+        return exact_sign(self._numeric(expression).xreplace({s: sp.Float(v) for s, v in at.items()}))
 
     def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> list[list[Any]]:
         """Taylor coefficients in time of a mode's guards from a point.

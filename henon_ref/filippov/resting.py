@@ -10,7 +10,7 @@ the force of the surface acts along the jumps of the state and keeps h'' at zero
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -18,6 +18,7 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.filippov.bounds import put
+from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import along
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import Jump, jump_of
@@ -81,6 +82,36 @@ def pressed_by(system: FilippovSystem, mode: Mode, jump: Jump) -> tuple[int, ...
     moved = {system.states[k] for k in jump.moved}
     resting = [(i, impact_of(system, i)) for i in sorted(system.resets) if mode[i] == 0]
     return tuple(i for i, impact in resting if impact is not None and impact.speed.free_symbols & moved)
+
+
+def into_surface(name: str, time: str) -> Decision:
+    """The decision where the state is on a surface that resets it and moves into it."""
+    return Decision("invalid", None, f"at t = {time} the state is on {name}, which resets it, and moves into it")
+
+
+def unless_into_surface(
+    decision: Decision, system: FilippovSystem, on: Collection[int], sign: Callable[[sp.Expr], int], time: str
+) -> Decision:
+    """A decision at a point on some surfaces, unless the state moves into one that resets it.
+
+    Parameters
+    ----------
+    decision : Decision
+    system : FilippovSystem
+    on : collection of int
+        Surfaces that the point is on.
+    sign : callable
+        Of an expression in time and states at the point.
+    time : str
+        As messages have it.
+    """
+    for i in on:
+        impact = impact_of(system, i) if system.rests(i) and decision.status == "none" else None
+        if i in system.resets and (
+            decision.mode[i] < 0 if decision.mode is not None else impact is not None and sign(impact.speed) < 0
+        ):
+            return into_surface(system.sign_names[i], time)
+    return decision
 
 
 def _solved(surface: sp.Expr, states: Collection[sp.Symbol]) -> dict[sp.Symbol, sp.Expr]:

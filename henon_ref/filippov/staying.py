@@ -39,9 +39,12 @@ def staying_mode(
     """
     kept: frozenset[int] = frozenset()
     found: list[Mode] = []
-    for choice in product((-1, 0, 1), repeat=len(active)):
+    for choice in product(*(system.entries_from(mode[i], i) for i in active)):
         candidate = with_entries(mode, active, choice)
-        if surfaces := staying(candidate):
+        surfaces = staying(candidate)
+        if surfaces and not any(
+            system.rests(i) for i in surfaces
+        ):  # a body on such a surface rests, and that is a mode
             kept |= surfaces
             found.append(candidate)
     if not found:

@@ -23,12 +23,11 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision, ended, explained, with_entries, without_indeterminate
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.held_groups import by_groups, decide_groups
 from henon_ref.filippov.mode_evaluation import ZERO, ModeEvaluation
 from henon_ref.filippov.modes import Mode, mode_text, replaced
+from henon_ref.filippov.resting import unless_into_surface
 from henon_ref.filippov.staying import staying_mode
-from henon_ref.taylor.tape import TIME
 
 OTHERS = (1e-11, 1e-15, 0.0)
 """What is tried in its place where no mode fits: rounding may be larger, or the derivative as small."""
@@ -53,15 +52,6 @@ class Switching(ModeEvaluation):
         """
         surfaces, valid = self.signs_at(start, initial)
         return self.mode_by_signs(float(start), [float(v) for v in initial], surfaces, valid, given or {})
-
-    def signs_at(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> tuple[list[int], list[int]]:
-        """Signs of the surfaces, and of the ``valid`` expressions, at a point in exact numbers."""
-        at = {TIME: start, **dict(zip(self.system.states, initial, strict=True))}
-        surfaces, valid = (
-            [exact_sign(self._numeric(e).xreplace(at)) for e in expressions]
-            for expressions in (self.system.surfaces, self.system.valid)
-        )
-        return surfaces, valid
 
     def mode_by_signs(
         self, t: float, x: list[float], surfaces: Sequence[int], valid: Sequence[int], given: Mapping[int, int]
@@ -89,13 +79,7 @@ class Switching(ModeEvaluation):
                 edges.append(i)
         settled = Decision("unique", tuple(mode))
         decision = self._decide(t, x, tuple(mode), tuple(active)) if active else self._attracting(t, x, settled)
-        if decision.mode is not None:
-            for i in active:
-                if i in system.resets and decision.mode[i] < 0:
-                    reason = (
-                        f"at t = {_digits(t)} the state is on {system.signs[i]}, which resets it, and moves into it"
-                    )
-                    return Decision("invalid", None, reason)
+        decision = unless_into_surface(decision, system, active, partial(self._sign_at, t, x), _digits(t))
         refused = self._rising(t, x, decision.mode, edges) if edges and decision.mode is not None else None
         return refused or decision
 

@@ -11,7 +11,8 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from baselines import scipy_ivp
-from baselines.base import Adapter, ConfiguredLibrary, ModeSolver, SmoothMode
+from baselines.adapter import Adapter, ConfiguredLibrary
+from baselines.base import ModeSolver, SmoothMode
 from baselines.flow import Stop
 from baselines.mode_functions import EPSILON, ModeFunctions
 from baselines.restart import STOPPED

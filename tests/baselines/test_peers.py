@@ -14,7 +14,7 @@ import systems
 from child import child, trajectory
 
 import henon_ref
-from baselines.base import Adapter
+from baselines.adapter import Adapter
 from baselines.diffrax_ode import DOPRI8, KVAERNO5
 from baselines.diffsl_text import mode_text, number, to_diffsl
 from baselines.diffsol_ode import BDF, TSIT45

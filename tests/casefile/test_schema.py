@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from json_schema import faults
 
-from henon_ref.casefile.schema import MAX_STATES, READING_KEYS, CaseForm, case_schema, schema_text
+from henon_ref.casefile.json_schema import case_schema, schema_text
+from henon_ref.casefile.schema import MAX_STATES, READING_KEYS, CaseForm
 from henon_ref.casefile.tree import PythonValue, to_python
 from henon_ref.casefile.yaml_file import read_yaml
 

@@ -7,7 +7,7 @@ from importlib import metadata
 
 from baselines.heyoka_taylor import HeyokaTaylor
 from henon_ref import registry
-from henon_ref.casefile.schema import case_schema
+from henon_ref.casefile.json_schema import case_schema
 from henon_ref.cli.schema import command as schema
 from henon_ref.cli.solvers import command as solvers
 

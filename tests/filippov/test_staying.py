@@ -149,3 +149,40 @@ def test_runs_from_python_and_sweeps_rest_too() -> None:
     )
     assert table["status"].tolist() == ["ok"] * 2
     assert table["final_x"].tolist() == [0, 0]
+
+
+HARD = "stop: {between: [a, wall], gap: 0, restitution: 0.5}"
+SOFT = "stop: {between: [a, wall], gap: 0, stiffness: 1, name: soft}"
+RISING = "force: {on: a, value: t - 1}"
+LATER = "force: {on: a, value: 'max(0, t - 1)'}"
+
+
+@pytest.mark.parametrize("name", ["henon", "scipy-dop853", "multiprecision"])
+@pytest.mark.parametrize(
+    ("connections", "lifts"),
+    [
+        pytest.param(f"{HARD}, {SOFT}, {RISING}", True, id="pressed on a stop at the gap of an elastic one"),
+        pytest.param(f"{HARD}, {SOFT}, {LATER}", True, id="without a load"),
+        pytest.param(f"{HARD}, {SOFT}", False, id="for ever"),
+    ],
+)
+def test_a_body_at_rest_on_a_stop_beside_a_kink_rests_until_it_is_lifted(
+    name: str, connections: str, lifts: bool
+) -> None:
+    own = problem(scene(connections))
+    found = multiprecision(own) if name == "multiprecision" else solver(name).prepare(own, rtol=1e-10)()
+    told = [(t.kind, t.time) for t in found.transitions if t.surface == 0]
+    assert (found.status, found.reason) == ("ok", "")
+    assert told == ([("release", pytest.approx(1, abs=1e-9))] if lifts else [])
+
+
+@pytest.mark.parametrize("name", ["henon", "scipy-dop853"])
+def test_a_body_comes_to_rest_on_a_stop_while_another_one_rests_on_a_kink(name: str) -> None:
+    text = scene(f"{HARD}, force: {{on: a, value: -1}}, {STOP.replace('[a,', '[b,')}").replace("until: 2", "until: 6")
+    text = text.replace("a: {mass: 1}", "a: {mass: 1}, b: {mass: 1}").replace(
+        "{x_a: 0, v_a: 0}", "{x_a: 1, v_a: 0, x_b: 0, v_b: 0}"
+    )
+    found = solver(name).prepare(problem(text), rtol=1e-10)()
+    last = found.transitions[-1]
+    assert (found.status, last.kind, last.surface, found.end_mode[0]) == ("ok", "stick", 0, 0)
+    assert last.time == pytest.approx(3 * math.sqrt(2), abs=1e-8)

@@ -7,8 +7,10 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resting import with_resting
 from henon_ref.filippov.system import FilippovSystem, Reset
 from henon_ref.precision import working_precision
+from henon_ref.registry import solver
 from henon_ref.truth.conditioning import conditioning
 from henon_ref.truth.multiprecision.route import multiprecision
 from henon_ref.truth.reference import Route
@@ -92,3 +94,16 @@ def test_the_limit_of_the_impacts_of_a_ball() -> None:
     # Most by a height h just after the last impact, at speed v: (v + s + 2 s r / (1 - r)) / 10 with s^2 = v^2 + 20 h.
     speed = float(impacts[-1].state[1])
     assert conditioning(problem, found.transitions)[-1] == pytest.approx(9 / speed, rel=1e-3)
+
+
+@pytest.mark.parametrize("rests", [True, False])
+def test_a_start_that_moves_into_the_surface_is_invalid_on_every_route(rests: bool) -> None:
+    # A body that a wall throws back, and one whose velocity the wall sets: nothing can rest on that one.
+    jump = {V: -V / 2} if rests else {V: V * V + 1}
+    system = with_resting(FilippovSystem((X, V), (S,), (X,), (V, sp.Integer(-10)), resets={0: Reset(jump)}))
+    assert system.rests(0) == rests
+    problem = Problem(system, sp.Integer(0), (sp.Integer(0), sp.Integer(-1)), sp.Integer(1))
+    runs = [solver(name).prepare(problem, rtol=1e-9)() for name in ("henon", "henon-newton", "scipy-dop853", "heyoka")]
+    for found in (*runs, *routes(problem)):
+        assert (found.status, len(found.transitions)) == ("invalid", 0)
+        assert found.reason.endswith(" the state is on s, which resets it, and moves into it")

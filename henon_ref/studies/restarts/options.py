@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from baselines.base import Adapter
+from baselines.adapter import Adapter
 from baselines.heyoka_taylor import HEYOKA
 from baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from henon_ref.columns import Row

@@ -9,7 +9,7 @@ from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from baselines.base import Adapter
+from baselines.adapter import Adapter
 from baselines.mode_table import ModeTable
 from baselines.work import Work
 from henon_ref import registry

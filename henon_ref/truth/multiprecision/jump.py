@@ -34,9 +34,7 @@ class Jumps:
 
     def values(self, expressions: tuple[sp.Expr, ...], t: arb, x: Sequence[arb]) -> list[arb]:
         """Expressions in time and states at a point; ValueError where one has none that is finite."""
-        system, bits = self._selection.system, self._selection.bits
-        frozen, outputs = [sp.Integer(0)] * len(x), [system.numeric(e) for e in expressions]
-        found = [c[0] for c in series.along(frozen, outputs, system.states, t, x, bits=bits, order=0)]
+        found = self._selection.values_of(expressions, Point(t, tuple(x)))
         if not all(value.is_finite() for value in found):
             raise ValueError("a value is not finite")
         return found

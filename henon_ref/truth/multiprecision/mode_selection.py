@@ -21,6 +21,7 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.held_groups import by_groups, decide_groups
 from henon_ref.filippov.modes import Mode, mode_text, replaced
+from henon_ref.filippov.resting import unless_into_surface
 from henon_ref.filippov.staying import staying_mode
 from henon_ref.filippov.switching import EXHAUSTIVE
 from henon_ref.filippov.system import FilippovSystem
@@ -102,12 +103,11 @@ class ModeSelection:
 
     def _outside(self, point: Point, decision: Decision, on: Sequence[int]) -> Decision:
         """A decision, unless the state moves into a surface that resets it."""
-        for i in on:
-            if decision.mode is not None and i in self.system.resets and decision.mode[i] < 0:
-                name = self.system.signs[i]
-                reason = f"at t = {_short(point)} the state is on {name}, which resets it, and moves into it"
-                return Decision("invalid", None, reason)
-        return decision
+        return unless_into_surface(decision, self.system, on, partial(self._sign_at, point), _short(point))
+
+    def _sign_at(self, point: Point, expression: sp.Expr) -> int:
+        """Sign of an expression in time and states at a point."""
+        return series.sign(self.values_of((expression,), point)[0])
 
     def leading_terms(self, point: Point, mode: Mode, active: frozenset[int]) -> list[LeadingTerm] | None:
         """What each guard of a mode does first, just after a point; None where its field is not finite.
@@ -130,6 +130,12 @@ class ModeSelection:
     def guard_series(self, point: Point, mode: Mode) -> list[list[arb]]:
         """Taylor coefficients in time of a mode's guards; ZeroDivisionError or ValueError where there are none."""
         return self._expansions(point, mode)
+
+    def values_of(self, expressions: Sequence[sp.Expr], point: Point) -> list[arb]:
+        """Expressions in time and states at a point."""
+        frozen, outputs = [sp.Integer(0)] * len(point.state), [self.system.numeric(e) for e in expressions]
+        states = self.system.states
+        return [c[0] for c in series.along(frozen, outputs, states, point.time, point.state, bits=self.bits, order=0)]
 
     def values(self, point: Point, mode: Mode) -> list[arb]:
         """Values of a mode's guards at the middle of a point (balls drop digits below their radius)."""

@@ -17,7 +17,8 @@ from henon_ref.precision import working_precision
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.validated.consistency import EndedError, Entry
 from henon_ref.truth.validated.enclosure import Curve, Expansion, Tail, UndecidedError, expand
-from henon_ref.truth.validated.event import first_root, guard_curve
+from henon_ref.truth.validated.event import guard_curve
+from henon_ref.truth.validated.fallen_guard import Hit, first_fall, guard_text
 from henon_ref.truth.validated.impacts import Rest, rest_after, speed_after
 from henon_ref.truth.validated.lohner import PointSet
 from henon_ref.truth.validated.mode_selection import entry_after, entry_after_jump, entry_at_rest
@@ -26,8 +27,6 @@ from henon_ref.truth.validated.model import ModeModel, SystemModel
 TANGENT_ORDER = 16
 TANGENT_BITS = 64
 """Order and precision of the variational equations, where their result only carries a radius along."""
-HORIZON_MARGIN = 1.125
-"""How far beyond the horizon is looked, in the time left, so that an event just there shows as a tie with it."""
 FINAL = 2.0**-56
 """Part of the run that is left of accumulating impacts where their limit is enclosed: the radius is near its square."""
 TANGENT_ROOM = 4.0
@@ -48,25 +47,6 @@ class Precision:
         """Order by the cost of a step (about 0.35 a bit); ``sharp_tangent`` for derivatives wanted to all digits."""
         order = max(14, round(0.38 * bits))
         return cls(bits, order, bits, order) if sharp_tangent else cls(bits, order)
-
-
-@dataclass(frozen=True)
-class Hit:
-    """A guard that fell to zero, and where."""
-
-    guard: Guard
-    before: Mode
-    after: Mode
-    box: tuple[arb, ...]
-    """Enclosure of (t, x)."""
-    rate: arb
-    """Slope of the guard at the event [1/s]."""
-    resets: tuple[int, ...] = ()
-    """Surfaces that reset the state; ``box`` is of the state after."""
-    rest: Rest | None = None
-    """What follows at once, or after impacts that are not told of."""
-    told: bool = True
-    """Whether the guard's fall is told of: not where impacts have come to their limit before."""
 
 
 class ValidatedFlow:
@@ -132,7 +112,7 @@ class ValidatedFlow:
         curves = self._guards(made, flow, tangent)
         watched = [(c, a, guard_text(g, names)) for c, a, g in zip(curves, self.armed, made.guards, strict=True)]
         try:
-            hit, armed = _watch(watched, reach, left)
+            hit, armed = first_fall(watched, reach, left)
         except UndecidedError as stop:
             at = self.points.centre[0] + arb(self.unit) * arb(stop.place or 0.0)
             raise UndecidedError(f"{stop.reason}, near t = {at.str(12, radius=False)}", stop.kind) from stop
@@ -355,27 +335,3 @@ class ValidatedFlow:
 
 def _dot(row: Sequence[arb], column: Sequence[arb]) -> arb:
     return sum((a * b for a, b in zip(row, column, strict=True)), arb(0))
-
-
-def _watch(
-    watched: Sequence[tuple[Curve, bool, str]], reach: float, left: float
-) -> tuple[tuple[int, arb] | None, list[bool]]:
-    """The first guard to fall on a step of length ``reach``, of which ``left`` is left to the horizon."""
-    if left * HORIZON_MARGIN < reach:
-        try:
-            # Look a little beyond the horizon, so that an event just there shows as a tie with it.
-            return first_root(watched, left * HORIZON_MARGIN)
-        except UndecidedError:
-            return first_root(watched, left)
-    return first_root(watched, min(left, reach))
-
-
-def guard_text(guard: Guard, names: Sequence[str]) -> str:
-    """A guard in words, for reasons."""
-    if guard.kind == "valid":
-        return f"valid expression {guard.index}"
-    if guard.kind == "attracts":
-        return f"whether sliding on {names[guard.index]} and others attracts"
-    if guard.kind == "surface":
-        return f"surface {names[guard.index]}"
-    return f"the release of {names[guard.index]} to {guard.to_sign:+d}"

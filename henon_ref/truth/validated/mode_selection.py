@@ -18,7 +18,7 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import Jump
-from henon_ref.filippov.resting import impact_of
+from henon_ref.filippov.resting import impact_of, into_surface
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.validated.consistency import EndedError, Entry, Identities, Judge, sign_of
 from henon_ref.truth.validated.enclosure import UndecidedError
@@ -65,15 +65,22 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
         mode[i] = sign_of(enclose(speed, dict(zip(model.symbols, box, strict=True))))
         if mode[i] == 0:
             raise UndecidedError(f"whether the start leaves {system.sign_names[i]} cannot be told", "start")
-        if mode[i] < 0:
-            name = system.sign_names[i]
-            raise EndedError(f"the start is on {name}, which resets the state, and moves into it", "invalid")
+        refuse_into_surface(model, mode, (i,), box)
     open_ones = tuple(i for i in open_ones if mode[i] == 0)
     judge = Judge(model, box, tuple(on), at)
     if open_ones:
-        return judge.unique(tuple(mode), open_ones), tuple(on)
+        entry = judge.unique(tuple(mode), open_ones)
+        refuse_into_surface(model, entry.mode, open_ones, box)
+        return entry, tuple(on)
     refusal = "the mode given for the start is not kept by its own field"
     return judge.fixed(tuple(mode), refusal, attracting=False), tuple(on)
+
+
+def refuse_into_surface(model: SystemModel, mode: Sequence[int], on: Sequence[int], box: Sequence[arb]) -> None:
+    """Raise EndedError where a mode leads from surfaces that the state is on into one that resets it."""
+    for i in on:
+        if i in model.system.resets and mode[i] < 0:
+            raise EndedError(into_surface(model.system.sign_names[i], box[0].str(17, radius=False)).reason, "invalid")
 
 
 def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) -> tuple[Entry, tuple[int, ...]]:

@@ -22,7 +22,8 @@ from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.balls import enclose, proves_zero
 from henon_ref.truth.validated.consistency import Entry
-from henon_ref.truth.validated.flow import Hit, Precision, ValidatedFlow
+from henon_ref.truth.validated.fallen_guard import Hit
+from henon_ref.truth.validated.flow import Precision, ValidatedFlow
 from henon_ref.truth.validated.lohner import PointSet
 from henon_ref.truth.validated.model import SystemModel
 

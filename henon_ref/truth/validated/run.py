@@ -18,7 +18,8 @@ from henon_ref.trajectory import Kind
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.validated.consistency import EndedError
 from henon_ref.truth.validated.enclosure import UndecidedError
-from henon_ref.truth.validated.flow import Hit, Precision, ValidatedFlow
+from henon_ref.truth.validated.fallen_guard import Hit
+from henon_ref.truth.validated.flow import Precision, ValidatedFlow
 from henon_ref.truth.validated.lohner import PointSet
 from henon_ref.truth.validated.mode_selection import initial_entry
 from henon_ref.truth.validated.model import SystemModel
