@@ -13,7 +13,8 @@ from henon_ref.registry import solver
 from henon_ref.truth.compute import compute
 from henon_ref.truth.multiprecision.route import multiprecision
 
-SOLVERS = pytest.mark.parametrize("name", ["henon", "henon-rk4", "scipy-dop853", "cvode-bdf"])
+SOLVERS = pytest.mark.parametrize("name", ["henon", "henon-rk4", "scipy-dop853", "cvode-bdf@offset"])
+"""CVODE by itself takes a guard that begins at zero, and stays there, out of play: it is lifted."""
 
 
 def system(rate: str, others: str = "") -> str:

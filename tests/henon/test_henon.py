@@ -208,7 +208,6 @@ def test_a_model_whose_edge_the_start_is_on_holds_if_its_expression_rises(valid:
 @pytest.mark.parametrize(
     ("states", "field", "surface", "start", "words"),
     [
-        ("x", ["-x"], "x", [0], "the field does not depend on the sign of a surface it should slide on"),
         ("x v", ["v", "-x - s"], "(v - 1/5)**3", [2, 0], "the surface of s has a repeated factor"),
     ],
 )

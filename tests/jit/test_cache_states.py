@@ -99,7 +99,7 @@ def test_a_file_in_the_place_of_the_folder_is_no_failure(place: Path, before: di
 
 LIMITED = """
 import os, resource, sys
-resource.setrlimit(resource.RLIMIT_FSIZE, (16384, 16384))
+resource.setrlimit(resource.RLIMIT_FSIZE, (131072, 131072))  # the page of the reports is smaller
 os.execv(sys.argv[1], sys.argv[1:])
 """
 

@@ -47,7 +47,13 @@ def begun(folder: Path, case: str, behaviour: str) -> subprocess.Popen[str]:
         sys.exit(compare.command(["{case}.yaml", "--out", "out", "--timeout", "600", "--no-figures"]))
         """)
     )
-    return subprocess.Popen([sys.executable, str(script)], cwd=folder, text=True, stderr=subprocess.PIPE)
+    environment = {
+        **os.environ,
+        "XDG_CACHE_HOME": str(folder / "cache"),
+    }  # no truth of the user's
+    return subprocess.Popen(
+        [sys.executable, str(script)], cwd=folder, env=environment, text=True, stderr=subprocess.PIPE
+    )
 
 
 def wait_until(holds: Callable[[], bool]) -> None:

@@ -146,6 +146,7 @@ def pair(rival: str, ratio: float, digits: int = 6, **values: object) -> Row:
         "case": "c", "reading": "default", "digits": digits, "rtol": 1e-9, "rival": rival,
         "rival_rtol": 1e-8, "rival_step_s": None,
         "wall_s": ratio, "rival_wall_s": 1.0, "ratio": ratio, "ratio_low": ratio, "ratio_high": ratio,
+        "rival_own_s": None,
     }  # fmt: skip
     return found | values
 
@@ -164,8 +165,8 @@ def test_mean_costs_are_over_all_readings_and_in_turn() -> None:
     assert why_not(rows, "c", 6) == "over 4 s"
     assert why_not([*rows[:-1], row("c", 1.0, 9, case="d")], "c", 6) == ""
     table = price_table(found, ("c", "default")).rows
-    assert table[0] == ("6", "`henon`", "1e-9", "333 ms", "`c`", "1e-8", "1 s", "3")
-    assert table[1] == ("9", "`c`", "1e-8", "1 s", "`henon`", "1e-9", "2 s", "2")
+    assert table[0] == ("6", "`henon`", "1e-9", "333 ms", "`c`", "1e-8", "1 s", "3", "")
+    assert table[1] == ("9", "`c`", "1e-8", "1 s", "`henon`", "1e-9", "2 s", "2", "")
 
 
 def test_others_are_said_to_take_so_many_times_as_long() -> None:

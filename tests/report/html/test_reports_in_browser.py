@@ -147,6 +147,11 @@ def test_a_heading_sorts_by_its_column(chromium: Any, reports: Path) -> None:
         assert heading.get_attribute("aria-sort") is None
 
 
+def titled(page: Any, words: str) -> None:
+    """Wait until a run is shown."""
+    page.wait_for_function("words => document.getElementById('run-title').innerText === words", arg=words)
+
+
 def test_every_cell_leads_to_its_run(chromium: Any, reports: Path) -> None:
     with opened(chromium, reports) as seen:
         page = seen.page
@@ -157,8 +162,8 @@ def test_every_cell_leads_to_its_run(chromium: Any, reports: Path) -> None:
             assert link.get_attribute("href") == f"#{link.get_attribute('id')}"
             link.click()
             case_name, solver = str(link.get_attribute("id")).removeprefix("run-").split("-default-")
-            assert page.locator("#run-title").inner_text() == f"{solver} on {case_name}"
-            assert page.evaluate("document.activeElement.id") == "run-title"
+            titled(page, f"{solver} on {case_name}")
+            page.wait_for_function("document.activeElement.id === 'run-title'")
             rows = page.locator("#run-tables table").first.locator("tbody tr")
             assert rows.count() == 2
         text = page.locator("#run-tables").inner_text()
@@ -224,7 +229,7 @@ def test_arrow_keys_move_between_cells_which_have_one_tab_stop(chromium: Any, re
             assert page.evaluate("document.activeElement.id") == f"run-{place}"
         assert stops.count() == 1
         page.keyboard.press("Enter")
-        assert page.locator("#run-title").inner_text() == "heyoka on second"
+        titled(page, "heyoka on second")
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
