@@ -116,6 +116,8 @@ class Nosnoc:
             raise UnsupportedError("nosnoc slides by Filippov's combination only, and the case replaces it")
         if system.valid:
             raise UnsupportedError("nosnoc has no word for the end of a model ('valid')")
+        if system.resets:
+            raise UnsupportedError("nosnoc's step has no jumps of the state")
         if not 1 <= len(system.surfaces) <= MOST_SURFACES:
             raise UnsupportedError(f"{len(system.surfaces)} surfaces: the adapter gives nosnoc 1 to {MOST_SURFACES}")
         if self.unavailable():

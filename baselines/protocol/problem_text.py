@@ -34,6 +34,8 @@ def problem_text(problem: Problem, start: Mode) -> messages.Problem:
     system = problem.system
     if len(system.surfaces) != 1:
         raise UnsupportedError(f"the protocol hands over one surface, not {len(system.surfaces)}")
+    if system.resets:
+        raise UnsupportedError("the protocol has no word for jumps of the state")
     modes = [text for side in (-1, 0, 1) if (text := _mode_text(system, (side,))) is not None]
     if start[0] not in [text.mode for text in modes]:
         raise UnsupportedError("the initial mode has no equations")

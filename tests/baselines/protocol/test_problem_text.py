@@ -10,6 +10,7 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 from programs import ramp
+from resets import ball
 
 from baselines.protocol.problem_text import problem_text
 from baselines.protocol.text import FUNCTIONS, infix, renamed
@@ -146,3 +147,8 @@ def test_one_surface_is_handed_over_and_no_more() -> None:
     with pytest.raises(UnsupportedError, match="one surface, not 2"):
         problem_text(load_case("two_blocks").readings[0].problem, (1, 1))
     assert problem_text(ramp(), (-1,)).surface.gradient == ["1.0"]
+
+
+def test_jumps_of_the_state_are_not_handed_over() -> None:
+    with pytest.raises(UnsupportedError, match="no word for jumps"):
+        problem_text(ball(sp.Integer(3), sp.Rational(4, 5)), (1,))
