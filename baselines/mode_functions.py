@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,7 @@ class ModeFunctions:
         self.field_expressions = tuple(system.numeric(f) for f in self.equations.field)
         self.guard_expressions = tuple(system.numeric(g.expression) for g in self.guards)
         self._bends: dict[int, Scalar] = {}
+        self._gradients: dict[int, tuple[list[int], Scalar]] = {}
         self._landings: dict[int, Landing] = {}
         self.surface_guard = {g.index: k for k, g in enumerate(self.guards) if g.kind == "surface"}
 
@@ -153,18 +154,23 @@ class ModeFunctions:
         terms = (sp.diff(expression, x) * f for x, f in fields if x in moving)
         return sp.diff(expression, TIME) + sp.Add(*terms)
 
-    @cached_property
-    def slopes(self) -> tuple[Scalar, ...]:
-        """One function a guard -> its gradient in x."""
-        return tuple(scalar(self.states, _gradient(g, self.states)) for g in self.guard_expressions)
-
     def size(self, index: int, t: float, x: Sequence[float], rtol: float, atol: float) -> float:
         """What relative and absolute errors in x make of a guard: sum of abs(dg/dx_k) (rtol abs(x_k) + atol)."""
+        places, slopes = self._slopes(index)
         try:
-            slopes = self.slopes[index](t, *x)
+            values = slopes(t, *x)
         except ARITHMETIC:
             return 0.0
-        return math.fsum(abs(d) * (rtol * abs(v) + atol) for d, v in zip(slopes, x, strict=True))
+        return math.fsum(abs(d) * (rtol * abs(x[k]) + atol) for k, d in zip(places, values, strict=True))
+
+    def _slopes(self, index: int) -> tuple[list[int], Scalar]:
+        """The states that stand in a guard, and its derivatives in these."""
+        if index not in self._gradients:
+            guard = self.guard_expressions[index]
+            places = [k for k, x in enumerate(self.states) if guard.has(x)]
+            slopes = scalar(self.states, [sp.diff(guard, self.states[k]) for k in places])
+            self._gradients[index] = places, slopes
+        return self._gradients[index]
 
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
         """Of :attr:`right` in :attr:`unknowns`."""
@@ -208,15 +214,11 @@ class ModeFunctions:
         return expand(tape, numbers, t, list(x), order)
 
 
-def is_linear(expression: sp.Expr, states: Sequence[sp.Symbol]) -> bool:
-    """Whether an expression is linear in time and states together."""
-    slopes = _gradient(expression, (TIME, *states))
-    return not any(d.free_symbols & {TIME, *states} for d in slopes)
-
-
-def _gradient(expression: sp.Expr, variables: Sequence[sp.Symbol]) -> list[sp.Expr]:
-    own = expression.free_symbols
-    return [sp.diff(expression, v) if v in own else sp.S.Zero for v in variables]
+@lru_cache(maxsize=4096)
+def is_linear(expression: sp.Expr, states: tuple[sp.Symbol, ...]) -> bool:
+    """Whether an expression is linear in time and states together; modes share most of theirs."""
+    moving = expression.free_symbols & {TIME, *states}
+    return not any(sp.diff(expression, v).free_symbols & moving for v in moving)
 
 
 class Landing:

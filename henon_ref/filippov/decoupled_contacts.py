@@ -10,9 +10,10 @@ static friction the two ends of its hold zone stand in the place of ``-N(+1)`` a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import Protocol
 
 import sympy as sp
@@ -131,14 +132,19 @@ class SwitchedEquations:
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """What each output stands for in a mode; a surface in slip has no second guard, its output stays at 1."""
+        pairs = (own[entry] for own, entry in zip(self._pairs, mode, strict=True))
+        return (*chain.from_iterable(pairs), *self._valid)
+
+    @cached_property
+    def _pairs(self) -> tuple[Mapping[int, tuple[Guard, Guard]], ...]:
+        """For each surface and entry its two guards."""
         found = []
-        for i, (entry, contact) in enumerate(zip(mode, self.contacts, strict=True)):
+        for i, contact in enumerate(self.contacts):
             first, second = self.outputs[2 * i : 2 * i + 2]
-            if entry:
-                found += [Guard("surface", i, -entry, first), Guard("release", i, -1, second)]
-            else:
-                found += [replace(end, expression=e) for end, e in zip(contact.ends, (first, second), strict=True)]
-        return (*found, *self._valid)
+            slips = {s: (Guard("surface", i, -s, first), Guard("release", i, -1, second)) for s in (-1, 1)}
+            above, below = contact.ends
+            found.append({**slips, 0: (replace(above, expression=first), replace(below, expression=second))})
+        return tuple(found)
 
     @cached_property
     def _valid(self) -> tuple[Guard, ...]:
@@ -223,18 +229,13 @@ def _hold_zone(
     own, ends = system.overrides[index], system.hold_guards(index)
     if own.entry != "inside" or len(ends) != 2 or any(end.expression.has(*system.signs) for end in ends):
         return None
-    kept = _on_surface(own.field, there)
-    moved = _on_surface(system.field, there)
-    if sp.expand(kept[row] - speed) != 0 or any(
-        a != b for k, (a, b) in enumerate(zip(kept, moved, strict=True)) if k != row
+    others = (pair for k, pair in enumerate(zip(own.field, system.field, strict=True)) if k != row)
+    if sp.expand(put(own.field[row], there) - speed) != 0 or any(
+        kept != moved and put(kept, there) != put(moved, there) for kept, moved in others
     ):
         return None
     first, second = (replace(end, expression=put(end.expression, there)) for end in ends)
     return first, second
-
-
-def _on_surface(field: Sequence[sp.Expr], there: Mapping[sp.Symbol, sp.Expr]) -> list[sp.Expr]:
-    return [put(rate, there) for rate in field]
 
 
 def _own_state(surface: sp.Expr, system: Contacts) -> int | None:

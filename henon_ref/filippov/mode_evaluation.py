@@ -86,9 +86,12 @@ class ModeEvaluation:
 
     def _function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         """(t, *names) -> values of expressions."""
-        values = [self._numeric(e) for e in expressions]
-        found: Callable[..., list[Any]] = sp.lambdify([TIME, *names], values, "math", cse=True)
-        return found
+        values, names = [self._numeric(e) for e in expressions], [TIME, *names]
+        # The time that lambdify takes grows with the names that it is given.
+        used = set().union(*(value.free_symbols for value in values))
+        places = [k for k, name in enumerate(names) if name in used]
+        found: Callable[..., list[Any]] = sp.lambdify([names[k] for k in places], values, "math", cse=True)
+        return lambda *at: found(*(at[k] for k in places))
 
     def _series(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> tuple[list[list[Any]], float]:
         """Taylor coefficients of a tape's outputs from a point, and a rate that makes them comparable.

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
-from itertools import product
+from itertools import compress, product
 from typing import Any
 
 import sympy as sp
@@ -33,6 +33,8 @@ OTHERS = (1e-11, 1e-15, 0.0)
 """What is tried in its place where no mode fits: rounding may be larger, or the derivative as small."""
 EXHAUSTIVE = 4
 """With at most this many surfaces in play all candidate modes are tried; beyond, they are searched."""
+PLAIN = 1e-3
+"""Part of the jump of a surface's rate between its sides from which on a rate is plainly no zero."""
 
 
 class Switching(ModeEvaluation):
@@ -132,21 +134,34 @@ class Switching(ModeEvaluation):
         if made is None:
             return []
         active, edges = set(active), set(edges)
-        if not edges and all(g.ends or g.index not in active or g.rising_only for g in made[0].guards):
-            return [0] * len(made[0].guards)
+        asked = [g.index in active and not (g.ends or g.rising_only) for g in made[0].guards]
+        if not edges and all(self._left_at_once(t, x, mode, g) for g in compress(made[0].guards, asked)):
+            return [int(own) for own in asked]
         outputs, rate = self._expanded(mode, t, x)
         orders = []
-        for guard, series in zip(made[0].guards, outputs, strict=True):
+        for guard, wanted, series in zip(made[0].guards, asked, outputs, strict=True):
             first = 1 if guard.kind == "surface" else 0
             if guard.kind == "valid" and guard.index in edges:
                 found = self._leading(series, 1, rate, 0.0, zero)
                 orders.append(found if found is not None and series[found] > 0.0 else 0)
-            elif guard.ends or guard.index not in active or guard.rising_only:
+            elif not wanted:
                 orders.append(0)
             else:
                 found = self._leading(series, first, rate, self._size(t, x, mode, guard.index), zero)
                 orders.append(found if found is not None else first)
         return orders
+
+    def _left_at_once(self, t: float, x: Sequence[float], mode: Mode, guard: Guard) -> bool:
+        """Whether a surface is left with a speed that needs no derivatives to be told from zero."""
+        slides = [i for i, s in enumerate(mode) if s == 0]
+        if guard.kind != "surface" or len(self.system.together(guard.index, slides)) > 1:
+            return False
+        try:
+            below, above = self._both_sides(t, x, mode, guard.index)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return False
+        speed = above if mode[guard.index] > 0 else -below
+        return bool(speed > PLAIN * abs(above - below))
 
     def _decide(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float = ZERO) -> Decision:
         """Try with what rounding may have made of a zero first; then, where no mode fits, with more and with less."""

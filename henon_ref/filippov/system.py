@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from functools import cached_property
+from itertools import chain
 from typing import Literal
 
 import sympy as sp
@@ -124,10 +125,14 @@ class FilippovSystem(SwitchedField):
         return self._cache[key]
 
     @cached_property
+    def switched(self) -> SwitchedEquations | None:
+        """One set of equations for all modes of many contacts that do not act on each other."""
+        return switched_equations(self) if len(self.surfaces) > FEW else None
+
+    @property
     def shared(self) -> SwitchedEquations | None:
-        """One set of equations for all modes of many contacts with static friction that do not act on each other."""
-        many = self.overrides and len(self.surfaces) > FEW
-        return switched_equations(self) if many else None
+        """The same where some contacts have static friction, whose modes are derived from it."""
+        return self.switched if self.overrides else None
 
     def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
         """Equations that all modes with this set of sliding surfaces share, slip signs kept as symbols.
@@ -187,13 +192,12 @@ class FilippovSystem(SwitchedField):
         They act through the signs in each other's normal velocities, and in the loads of contacts that are held,
         directly or by way of each other; a surface that attracts by an override of its own acts on everything.
         """
-        found, left = {index}, set(sliding) - {index}
-        while True:
-            more = {j for j in left if any(j in self._acting[i] or i in self._acting[j] for i in found)}
-            if not more:
-                return frozenset(found)
-            found |= more
+        found, left, more = {index}, set(sliding), {index}
+        while more:
             left -= more
+            more = left.intersection(chain.from_iterable(self._beside[i] for i in more))
+            found |= more
+        return frozenset(found)
 
     def decided_together(self, guard: Guard, sliding: Iterable[int]) -> bool:
         """Whether what follows a guard depends on other surfaces that slide.
@@ -202,6 +206,12 @@ class FilippovSystem(SwitchedField):
         """
         jumps = guard.kind == "surface" or (guard.kind == "release" and self.held_inside(guard.index))
         return jumps and len(self.together(guard.index, sliding)) > 1
+
+    @cached_property
+    def _beside(self) -> tuple[frozenset[int], ...]:
+        """For each surface those that act on it, or that it acts on."""
+        acting = self._acting
+        return tuple(own | {j for j, others in enumerate(acting) if i in others} for i, own in enumerate(acting))
 
     @cached_property
     def _acting(self) -> tuple[frozenset[int], ...]:

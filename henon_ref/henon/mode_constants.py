@@ -84,6 +84,7 @@ class ExactConstants(ModeConstants):
     def __init__(self, mode_table: ModeTable, values: FilippovSystem) -> None:
         self._table, self._values = mode_table, values
         self._known: dict[tuple[ModeTape, int, tuple[int, ...]], Pair] = {}
+        self._rows = np.zeros((0, 2, 1))
         self.latest = self._extended(mode_table.compiled, np.zeros((0, 2, 1)))
 
     @cached_property
@@ -110,8 +111,10 @@ class ExactConstants(ModeConstants):
             for mode, code in zip(compiled.modes[len(numbers) :], compiled.codes[len(numbers) :], strict=True)
         ]
         longest = max([numbers.shape[2], *(len(constants) for row in rows for constants in row)])
-        found = np.zeros((len(compiled.modes), 2, longest))
-        found[: len(numbers), :, : numbers.shape[2]] = numbers
+        if len(compiled.modes) > len(self._rows) or longest > self._rows.shape[2]:
+            self._rows = np.zeros((2 * len(compiled.modes), 2, longest))
+            self._rows[: len(numbers), :, : numbers.shape[2]] = numbers
+        found = self._rows[: len(compiled.modes)]  # whoever has fewer rows of it does not see the new ones
         for place, row in enumerate(rows, start=len(numbers)):
             for own, constants in zip(found[place], row, strict=True):
                 own[: len(constants)] = constants

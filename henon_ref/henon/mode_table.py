@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.attraction import EXHAUSTIVE
-from henon_ref.filippov.decoupled_contacts import switched_equations
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.system import FilippovSystem
@@ -31,8 +30,6 @@ from henon_ref.roots.bernstein import bernstein_code
 
 SURFACES = 8
 """With more surfaces than these no table holds the row of every mode."""
-SHAPES = 3
-"""With more surfaces than these, all modes share one machine code where their contacts allow it."""
 _KIND = {"surface": SURFACE, "release": RELEASE, "valid": VALID, "attracts": VALID}
 
 
@@ -72,7 +69,7 @@ class ModeTable:
         self.index: dict[Mode, int] = {}
         """Row of each mode that is compiled."""
         surfaces = len(system.surfaces)
-        self._switched = switched_equations(system) if surfaces > SHAPES else None
+        self._switched = system.switched
         several = 1 < surfaces <= SURFACES and not (system.overrides or system.resets)
         self.compiled = CompiledModes(
             modes=(),

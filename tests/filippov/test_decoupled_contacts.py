@@ -12,10 +12,10 @@ from problems import make_problem
 from henon_ref import registry
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.errors import ModelError
+from henon_ref.filippov import system as systems
 from henon_ref.filippov.decoupled_contacts import switched_equations
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon import mode_table
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
@@ -123,7 +123,7 @@ def test_a_chain_runs_on_one_machine_code_as_on_one_a_mode(monkeypatch: pytest.M
     ours, integrator = run(chain())
     assert len(integrator.mode_table._codes) == 1
     assert len(integrator.mode_table.modes) > 20
-    monkeypatch.setattr(mode_table, "SHAPES", 8)
+    monkeypatch.setattr(systems, "FEW", 8)
     theirs, many = run(chain())
     assert len(many.mode_table._codes) > 20
     assert told(ours) == told(theirs)

@@ -17,7 +17,6 @@ from henon_ref.filippov import system as systems
 from henon_ref.filippov.decoupled_contacts import switched_equations
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon import mode_table
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
@@ -90,7 +89,6 @@ def test_a_chain_runs_on_one_machine_code_as_on_one_a_mode(monkeypatch: pytest.M
     assert len(one.mode_table._codes) == 1
     assert len(one.mode_table.modes) >= 8
     monkeypatch.setattr(systems, "FEW", 8)
-    monkeypatch.setattr(mode_table, "SHAPES", 8)
     theirs, many = run(parse_case(text("16")).readings[0].problem.system)
     other = theirs.to_horizon()
     assert len(many.mode_table._codes) > 5

@@ -210,15 +210,18 @@ class _Simulation:
     def _first_hits(self, step: Step) -> list[_Hit]:
         """The guards that end the mode first on a step; several where they tie."""
         near: list[tuple[arb, NearGraze]] = []
-        hits = [hit for i in range(len(self.signs)) if self.signs[i] and (hit := self._hit(step, i, near))]
+        hits: list[_Hit] = []
         length, begin = to_ball(step.length), to_ball(step.time)
         tie = self.zero * max(arb(1), abs(begin / length), key=float)
-        room = (self.until - begin) / length + tie
-        hits = [hit for hit in hits if hit.at <= room]
-        last = room
-        for hit in hits:
-            if hit.at < last:
-                last = hit.at
+        last = room = (self.until - begin) / length + tie
+        watched = ((self.stepper.clear_until(step, i, self.skipped[i]), i) for i, s in enumerate(self.signs) if s)
+        for clear, i in sorted(watched):
+            if not clear < last + tie:
+                break  # nor can any of the others be the first
+            hit = self._hit(step, i, near)
+            if hit is not None and hit.at <= room:
+                hits.append(hit)
+                last = hit.at if hit.at < last else last
         self.result.near_grazes += [graze for at, graze in near if at < last]
         return [hit for hit in hits if hit.at - last <= tie]
 
@@ -226,8 +229,6 @@ class _Simulation:
         """Where a guard first falls from positive to zero on a step, or touches it; keeps its sign up to date."""
         stepper, guard = self.stepper, self.stepper.guards[index]
         skipped, sign = self.skipped[index], self.signs[index]
-        if stepper.clear_of_zero(step, index, skipped):
-            return None
         polynomial = stepper.guard_polynomial(step, index)[skipped:]
         if (polynomial[0] > 0) != (sign > 0):
             raise EndedError("failed", f"a root of {guard.expression} near t = {self._now()} was not resolved")

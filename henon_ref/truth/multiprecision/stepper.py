@@ -7,6 +7,7 @@ roots, and after an event at the very start of a step it can miss the next one (
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -200,8 +201,8 @@ class Stepper:
         """Largest value that each state can have reached on a step."""
         return [float(s) for s in np.abs(step.rough[: self._dimension]).sum(axis=1)]
 
-    def clear_of_zero(self, step: Step, guard: int, skipped: int) -> bool:
-        """Whether double precision alone shows that a guard has no root on the step.
+    def clear_until(self, step: Step, guard: int, skipped: int) -> float:
+        """Up to where double precision alone shows that a guard has no root on the step, in units of the step.
 
         Parameters
         ----------
@@ -210,8 +211,9 @@ class Stepper:
         """
         c = step.rough[self._rows[guard], skipped:]
         if not np.isfinite(c).all():
-            return False
-        middles = END * (np.arange(PIECES) + 0.5) / PIECES
-        values = np.abs(np.polynomial.polynomial.polyval(middles, c))
-        slope = np.sum(np.arange(len(c)) * np.abs(c) * END ** np.arange(len(c)))
-        return bool(np.all(values > slope * END * 0.5 / PIECES + 1e-9 * np.abs(c).sum()))
+            return 0.0
+        ends = END * np.arange(1, PIECES + 1) / PIECES
+        values = np.abs(np.polynomial.polynomial.polyval(ends - ends[0] / 2, c))
+        slopes = np.polynomial.polynomial.polyval(ends, np.arange(1, len(c)) * np.abs(c[1:])) if len(c) > 1 else 0.0
+        unclear = ~(values > slopes * ends[0] / 2 + 1e-9 * np.abs(c).sum())
+        return float(ends[unclear.argmax()] - ends[0]) if unclear.any() else math.inf
