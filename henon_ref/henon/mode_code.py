@@ -47,6 +47,11 @@ class ModeCode:
     """Whether each guard may have some."""
 
     @property
+    def guards_branch_alone(self) -> bool:
+        """Whether some guard may have branch points, and the field has none."""
+        return any(self.guards_branch) and not self.field_branches
+
+    @property
     def fields(self) -> dict[str, int]:
         """Those of :data:`henon_ref.henon.records.MODE` that it decides."""
         return {
