@@ -54,11 +54,13 @@ class ModeChanges(State):
         The last jump of the state; None before one, and where whoever reads it has set it so.
     """
 
-    __slots__ = ("_passed_at", "_steps", "blocks", "jumped", "step_blocks")
+    __slots__ = ("_passed_at", "_steps", "blocks", "jumped", "samples", "step_blocks")
 
     blocks: list[NDArray[np.float64]]
     step_blocks: list[NDArray[np.float64]]
     jumped: Jumped | None
+    samples: NDArray[np.float64]
+    """Times at which samples are wanted; states and mode there."""
     _passed_at: int
     """Steps taken when a branch point was last passed."""
     _steps: NDArray[np.float64] | None
@@ -98,6 +100,18 @@ class ModeChanges(State):
         lines[:] = 0.0
         lines[:, 0] = self.x
         lines[:, 1] = (np.asarray(state) - self.x) * (row[:STEP_PLACES].view(STEP)[0]["unit"] / length)
+
+    def _fill_samples_on_line(self, length: float, state: Sequence[float]) -> None:
+        """Fill the samples on such a step."""
+        scalars, samples = self.scalars, self.samples
+        while scalars.next_sample < len(samples):
+            row = samples[scalars.next_sample]
+            part = ((row[0] - scalars.time) - scalars.time_low) / length
+            if part > 1.0:
+                return
+            row[1:-1] = self.x + max(part, 0.0) * (np.asarray(state) - self.x)
+            row[-1] = scalars.mode
+            scalars.next_sample += 1
 
     def _set_known_zeros(self, mode: Mode, zeros: Sequence[int]) -> None:
         """Set the known zeros of the present mode's guards, given in the order of its equations."""
@@ -169,9 +183,11 @@ class ModeChanges(State):
         )
         if behind is None:
             return False
-        self._keep_line(behind.length, [high for high, _ in behind.state])
+        end = [high for high, _ in behind.state]
+        self._keep_line(behind.length, end)
+        self._fill_samples_on_line(behind.length, end)
         scalars.time, scalars.time_low = behind.time
-        self.x[:] = [high for high, _ in behind.state]
+        self.x[:] = end
         self.x_low[:] = [low for _, low in behind.state]
         self.known_zeros[:] = 0
         scalars.steps += 1

@@ -70,7 +70,7 @@ class Run(ModeChanges):
         How the run ended, once :meth:`stream` is through.
     """
 
-    __slots__ = ("deadline", "ended", "samples")
+    __slots__ = ("deadline", "ended")
 
     def __init__(
         self,
