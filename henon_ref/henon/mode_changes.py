@@ -167,7 +167,7 @@ class ModeChanges(State):
         return None if late else self._change_mode(rest.decision, rest.known_zeros, ())
 
     def _pass_branch_point(self) -> bool:
-        """Go on behind a branch point of a guard; False where the run has not come to one, or what happens is not clear."""
+        """Go on behind a branch point of a guard; False where there is none, or what happens is not clear."""
         scalars = self.scalars
         code = self.integrator.mode_table.compiled.codes[int(scalars.mode)]
         if not code.guards_branch_alone or self._passed_at == scalars.steps:
