@@ -142,7 +142,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
                 run, x, layout, constants, c, ahead, change, point, order, theta, grown, unconverged
             )
             if accepted < theta:
-                cut = compiled.slopes > 0 and accepted < SHARP_CUT * theta
+                cut = compiled.guards_branch > 0 and accepted < SHARP_CUT * theta
                 theta, final = accepted, False
                 natural = theta * unit
                 if below_time_resolution(run, natural) and not state_grows(c, n, theta):

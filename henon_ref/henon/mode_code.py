@@ -60,6 +60,7 @@ class ModeCode:
             "normal_velocities": self.code.address("probe"),
             "polynomial_degree": self.degree,
             "slopes": self.code.address("slopes") if self.field_branches or any(self.guards_branch) else 0,
+            "guards_branch": int(any(self.guards_branch)),
         }
 
 

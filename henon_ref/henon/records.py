@@ -27,7 +27,8 @@ MODE = np.dtype(
         ("expansion", "i8"), ("step_end", "i8"), ("normal_velocities", "i8"), ("bernstein", "i8"),  # addresses of code
         ("polynomial_degree", "i8"),  # of the motion, if that is a polynomial which the expansion holds whole; else 0
         ("slopes", "i8"),  # where the field has branch points, the code of its first coefficients alone; else 0
-        ("unused", "i8", (3,)),  # a mode's record is as long as a guard's
+        ("guards_branch", "i8"),  # whether some guard has branch points
+        ("unused", "i8", (2,)),  # a mode's record is as long as a guard's
     ],
     align=True,
 )  # fmt: skip
