@@ -25,7 +25,7 @@ LOST_WEIGHT = 100
 CUT_WEIGHT = 200
 """And so many one that had to be cut short before a singularity, nor makes a state grow."""
 SHARP_CUT, SHARP_CUT_WEIGHT = 0.125, 25
-"""And so many one of which a guard's branch point may leave less than this part: forty in a row lead from any scale down to
+"""And so many one of which a guard's branch point may leave less than this part: forty in a row lead from any scale to
 the rounding of a root's argument, where only noise is left to agree with."""
 
 
