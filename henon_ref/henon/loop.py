@@ -21,6 +21,8 @@ from henon_ref.henon.state import EVENT, NOWHERE, ON, RUN_RECORD, ReturnCode, ru
 from henon_ref.henon.step import (
     CHECKED_GROWTH,
     CUT_WEIGHT,
+    SHARP_CUT,
+    SHARP_CUT_WEIGHT,
     add_to_state,
     enter_mode,
     event_free_steps,
@@ -133,16 +135,20 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         if final:
             theta = left / unit
         grown = natural > CHECKED_GROWTH * unit
+        cut = False
         unconverged = compiled.polynomial_degree == 0 and (grown or tail_unconverged(c, n + guards, order, theta))
         if unconverged or compiled.slopes > 0:
             accepted = _validated_step(
                 run, x, layout, constants, c, ahead, change, point, order, theta, grown, unconverged
             )
             if accepted < theta:
+                cut = compiled.guards_branch > 0 and accepted < SHARP_CUT * theta
                 theta, final = accepted, False
                 natural = theta * unit
                 if below_time_resolution(run, natural) and not state_grows(c, n, theta):
                     run.stalled += CUT_WEIGHT
+                elif cut:
+                    run.stalled += SHARP_CUT_WEIGHT
         call_closing(compiled.step_end, theta, c, change)
         if guards_below_zero(c, n, order, layout, known_zeros, hits, natural / unit):  # Python looks closer
             run.guard = NOWHERE
@@ -181,7 +187,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         if run.dense != 0 and part > 0.0:
             _record_step(run, c, part * unit, mode)
         bounded = add_to_state(n, x, x_low, change)
-        if not below_time_resolution(run, part * unit):
+        if not (below_time_resolution(run, part * unit) or cut):
             run.stalled = 0
         add_to_time(run, part * unit)
         run.steps += 1

@@ -14,6 +14,7 @@ from henon_ref.filippov.modes import Mode, replaced, transition_kind
 from henon_ref.filippov.resets import resetting
 from henon_ref.filippov.resting import REMAINING
 from henon_ref.henon.endings import ending_of
+from henon_ref.henon.guard_branch_point import behind_branch_point
 from henon_ref.henon.recorder import events_accumulate
 from henon_ref.henon.records import CROSSING, RELEASED, RESET, STEP, STEP_PLACES, STICK, TRANSITION, TRANSITION_PLACES
 from henon_ref.henon.state import NOWHERE, ReturnCode
@@ -53,11 +54,15 @@ class ModeChanges(State):
         The last jump of the state; None before one, and where whoever reads it has set it so.
     """
 
-    __slots__ = ("_steps", "blocks", "jumped", "step_blocks")
+    __slots__ = ("_passed_at", "_steps", "blocks", "jumped", "samples", "step_blocks")
 
     blocks: list[NDArray[np.float64]]
     step_blocks: list[NDArray[np.float64]]
     jumped: Jumped | None
+    samples: NDArray[np.float64]
+    """Times at which samples are wanted; states and mode there."""
+    _passed_at: int
+    """Steps taken when a branch point was last passed."""
     _steps: NDArray[np.float64] | None
     """The block of steps that is being filled; None where none is kept."""
 
@@ -82,8 +87,8 @@ class ModeChanges(State):
         step["length"] = length
         scalars.dense_steps += 1
 
-    def _keep_rest(self, length: float, state: Sequence[float]) -> None:
-        """Keep a step for the impacts that are not told of, up to where a body is at rest: a straight line."""
+    def _keep_line(self, length: float, state: Sequence[float]) -> None:
+        """Keep a step of which no series is there, as a straight line: impacts up to rest, or past a branch point."""
         if self._steps is None or length <= 0.0:
             return
         if self.scalars.dense_steps >= self.scalars.dense_capacity:
@@ -95,6 +100,18 @@ class ModeChanges(State):
         lines[:] = 0.0
         lines[:, 0] = self.x
         lines[:, 1] = (np.asarray(state) - self.x) * (row[:STEP_PLACES].view(STEP)[0]["unit"] / length)
+
+    def _fill_samples_on_line(self, length: float, state: Sequence[float]) -> None:
+        """Fill the samples on such a step."""
+        scalars, samples = self.scalars, self.samples
+        while scalars.next_sample < len(samples):
+            row = samples[scalars.next_sample]
+            part = ((row[0] - scalars.time) - scalars.time_low) / length
+            if part > 1.0:
+                return
+            row[1:-1] = self.x + max(part, 0.0) * (np.asarray(state) - self.x)
+            row[-1] = scalars.mode
+            scalars.next_sample += 1
 
     def _set_known_zeros(self, mode: Mode, zeros: Sequence[int]) -> None:
         """Set the known zeros of the present mode's guards, given in the order of its equations."""
@@ -142,12 +159,41 @@ class ModeChanges(State):
         if ended is not None or rest is None:
             return ended
         length = (rest.time[0] - time[0]) + (rest.time[1] - time[1])
-        self._keep_rest(length, [high for high, _ in rest.state])
+        self._keep_line(length, [high for high, _ in rest.state])
         late = (until - rest.time[0]) + (until_low - rest.time[1]) < 0.0
         self.scalars.time, self.scalars.time_low = (until, until_low) if late else rest.time
         self.x[:] = [high for high, _ in rest.state]
         self.x_low[:] = [low for _, low in rest.state]
         return None if late else self._change_mode(rest.decision, rest.known_zeros, ())
+
+    def _pass_branch_point(self) -> bool:
+        """Go on behind a branch point of a guard; False where there is none, or what happens is not clear."""
+        scalars = self.scalars
+        code = self.integrator.mode_table.compiled.codes[int(scalars.mode)]
+        if not code.guards_branch_alone or self._passed_at == scalars.steps:
+            return False
+        until, until_low = self.until
+        behind = behind_branch_point(
+            self.start.constants.precise,
+            self.mode,
+            (float(scalars.time), float(scalars.time_low)),
+            list(zip(self.x.tolist(), self.x_low.tolist(), strict=True)),
+            until - self.start.time[0],
+            (until - float(scalars.time)) + (until_low - float(scalars.time_low)),
+        )
+        if behind is None:
+            return False
+        end = [high for high, _ in behind.state]
+        self._keep_line(behind.length, end)
+        self._fill_samples_on_line(behind.length, end)
+        scalars.time, scalars.time_low = behind.time
+        self.x[:] = end
+        self.x_low[:] = [low for _, low in behind.state]
+        self.known_zeros[:] = 0
+        scalars.steps += 1
+        scalars.unit, scalars.longest_step, scalars.stalled = behind.length, 1e3 * behind.length, 0
+        self._passed_at = int(scalars.steps)
+        return True
 
     def _record(self, kind: int, surface: int, source: int, target: int, *, side: int) -> None:
         if self.scalars.transitions >= self.scalars.transition_capacity:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -41,8 +41,15 @@ class ModeCode:
     code: NativeModule
     degree: int
     """Degree of states and guards where by their form they are polynomials in time, up to the order; else 0."""
-    has_branch_points: bool
-    """Whether there may be branch points."""
+    field_branches: bool
+    """Whether the field may have branch points."""
+    guards_branch: tuple[bool, ...]
+    """Whether each guard may have some."""
+
+    @property
+    def guards_branch_alone(self) -> bool:
+        """Whether some guard may have branch points, and the field has none."""
+        return any(self.guards_branch) and not self.field_branches
 
     @property
     def fields(self) -> dict[str, int]:
@@ -52,7 +59,8 @@ class ModeCode:
             "step_end": self.code.address("closing"),
             "normal_velocities": self.code.address("probe"),
             "polynomial_degree": self.degree,
-            "slopes": self.code.address("slopes") if self.has_branch_points else 0,
+            "slopes": self.code.address("slopes") if self.field_branches or any(self.guards_branch) else 0,
+            "guards_branch": int(any(self.guards_branch)),
         }
 
 
@@ -89,7 +97,9 @@ def _mode_code(
     nodes = expansion.nodes
     degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
     degree = max(degrees) if max(degrees) <= order else 0
-    has_branch_points = degree == 0 and any(node.op in BRANCHING for node in nodes)
+    field_branches = _has_branch_points(expansion, expansion.field)
+    guards_branch = tuple(_has_branch_points(expansion, [row]) for row in expansion.outputs)
+    has_branch_points = field_branches or any(guards_branch)
     code = native_module(
         declarations()
         + expansion_ir(expansion, n, order, "expansion")
@@ -97,7 +107,23 @@ def _mode_code(
         + expansion_ir(probe, n, 0, "probe")
         + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else "")
     )
-    return ModeCode(ModeTape(expansion, entries), ModeTape(probe, entries), code, degree, has_branch_points)
+    tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
+    return ModeCode(*tapes, code, degree, field_branches, guards_branch)
+
+
+def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:
+    """Whether an operation with branch points is among those that some nodes are made of."""
+    open_rows, seen = list(rows), set[int]()
+    while open_rows:
+        row = open_rows.pop()
+        if row not in seen:
+            seen.add(row)
+            node = tape.nodes[row]
+            if node.op in BRANCHING:
+                return True
+            if node.op != "state":  # whose argument is no node
+                open_rows += node.args
+    return False
 
 
 def _speeds(system: FilippovSystem, guards: Sequence[Guard]) -> list[sp.Expr]:

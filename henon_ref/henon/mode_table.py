@@ -175,6 +175,7 @@ class ModeTable:
             own[name] = value
         own["guards"], own["bernstein"] = len(guards), bernstein_code(self.order).address("bernstein")
         records["mode_across"] = records["mode_stuck"] = -1
+        records["branches"][: len(code.guards_branch)] = code.guards_branch
         for record, guard in zip(records, guards, strict=False):
             surface = guard.kind == "surface"
             record["kind"], record["index"], record["rising_only"] = _KIND[guard.kind], guard.index, guard.rising_only

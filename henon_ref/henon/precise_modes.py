@@ -103,6 +103,16 @@ class PreciseModes:
         states, outputs = expand(made.tape, made.numbers, time, state, order, _RING, unit, end)
         return [arb_poly(series) for series in states], outputs, made.degree > 0
 
+    def motion(self, mode: Mode, time: arb, state: Sequence[arb], unit: arb, order: int) -> list[list[arb]]:
+        """Taylor coefficients of the states, in units of ``unit`` of time, up to an order."""
+        made = self._made(mode)
+        return expand(made.tape, made.numbers, time, state, order, _RING, unit)[0]
+
+    def guard_values(self, mode: Mode, time: arb, state: Sequence[arb]) -> list[arb]:
+        """Guards of a mode at a point; no numbers where they are not known there."""
+        made = self._made(mode)
+        return [series[0] for series in expand(made.tape, made.numbers, time, state, 0, _RING)[1]]
+
     def off_surfaces(self, surfaces: Sequence[int], time: arb, state: Sequence[arb]) -> float:
         """How far a state is from surfaces that it slides on: what rounding has left of zero there."""
         if not surfaces:

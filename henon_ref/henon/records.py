@@ -27,6 +27,7 @@ MODE = np.dtype(
         ("expansion", "i8"), ("step_end", "i8"), ("normal_velocities", "i8"), ("bernstein", "i8"),  # addresses of code
         ("polynomial_degree", "i8"),  # of the motion, if that is a polynomial which the expansion holds whole; else 0
         ("slopes", "i8"),  # where the field has branch points, the code of its first coefficients alone; else 0
+        ("guards_branch", "i8"),  # whether some guard has branch points
         ("unused", "i8", (2,)),  # a mode's record is as long as a guard's
     ],
     align=True,
@@ -42,6 +43,7 @@ GUARD = np.dtype(
         ("mode_across", "i8"), ("mode_stuck", "i8"),  # rows of the modes behind it, -1 where not compiled
         ("zeros_at_release", "i8"),  # with which its surface is left; 0: to be measured, or the guard is no release
         ("side", "i8"),  # of its surface on which the mode is, -1 or +1; 0 for guards that are no surface's
+        ("branches", "i8"),  # whether it has branch points of its own
     ],
     align=True,
 )  # fmt: skip

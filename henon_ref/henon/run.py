@@ -70,7 +70,7 @@ class Run(ModeChanges):
         How the run ended, once :meth:`stream` is through.
     """
 
-    __slots__ = ("deadline", "ended", "samples")
+    __slots__ = ("deadline", "ended")
 
     def __init__(
         self,
@@ -97,6 +97,7 @@ class Run(ModeChanges):
         self.blocks = []
         self.step_blocks = []
         self.jumped = None
+        self._passed_at = -1
         self._steps = None
         self.ended: Trajectory | None = None
         if dense:
@@ -174,6 +175,8 @@ class Run(ModeChanges):
             if why is None and self.scalars.stopped:
                 why = "ok", ""
             return None if why is None else self._end(*why)
+        elif code == ReturnCode.STALLED and self._pass_branch_point():
+            return None
         elif code == ReturnCode.STEPS_FULL:
             self._close_steps()
         elif code == ReturnCode.BUDGET_SPENT and self.scalars.steps >= self.start.most_steps:

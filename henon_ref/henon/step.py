@@ -24,6 +24,9 @@ LOST_WEIGHT = 100
 """So many of them is one that does not even move what rounding has lost of the time, nor makes a state grow."""
 CUT_WEIGHT = 200
 """And so many one that had to be cut short before a singularity, nor makes a state grow."""
+SHARP_CUT, SHARP_CUT_WEIGHT = 0.125, 25
+"""And so many one of which a guard's branch point may leave less than this part: forty in a row lead from any scale to
+the rounding of a root's argument, where only noise is left to agree with."""
 
 
 @inner()

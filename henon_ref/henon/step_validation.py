@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from henon_ref.henon.compensated_time import below_compensated_resolution
-from henon_ref.henon.records import mode_of
+from henon_ref.henon.records import guard_of, mode_of
 from henon_ref.jit.calls import call_closing, call_expand
 from henon_ref.jit.njit import inner
 from henon_ref.jit.primitives import EPS, larger, smaller
@@ -23,10 +23,12 @@ DECREASING, NOT_DECREASING, ENDS_IN_GAP = range(3)
 LEAST = 1.0 / 64.0
 """A step this much shorter than the last one is accepted though guards are not what was predicted."""
 SHORTEST = 1e-60
-"""One this much shorter, or too short to move the time, though slopes are not (but numbers): steps end before a kink
-or a singularity, and the run with them."""
+"""One this much shorter, or too short to move the time, though slopes, or guards with branch points, are not (but
+numbers): steps end before a kink or a singularity."""
 ROUNDING = 1e3 * EPS
 """What rounding may cost a row of a polynomial at least, of its size on a step."""
+SPREAD = 8.0
+"""By so much of what separates its values at neighbouring points a guard may be off."""
 POINTS = 4
 """Where on a step the size of a row is looked for."""
 
@@ -98,6 +100,29 @@ def tail_shape(row, order, theta, least):  # type: ignore[no-untyped-def]
 
 
 @inner()
+def guard_rounding(run, end, layout, code, constants, ahead, change, point):  # type: ignore[no-untyped-def]
+    """What rounding may cost the value of each guard at a point, behind the states in ``change``.
+
+    By values at two neighbours, each state a few units in its last place away, in one direction and in alternating
+    ones: what a root's argument next to zero makes of rounding no number of terms foretells. ``ahead`` stays as it is.
+    """
+    n, guards = run.states, mode_of(layout).guards
+    for g in range(guards):
+        change[n + g], ahead[n + g, 2] = 0.0, ahead[n + g, 0]
+    for neighbour in range(2):
+        for i in range(n):
+            change[i] = point[i]
+            point[i] += (2.0 if neighbour == 0 or i % 2 == 0 else -2.0) * EPS * point[i]
+        call_expand(mode_of(layout).slopes, end, run.time_low, run.unit, point, constants, ahead)
+        for i in range(n):
+            point[i] = change[i]
+        for g in range(guards):
+            change[n + g] = larger(change[n + g], SPREAD * abs(ahead[n + g, 0] - ahead[n + g, 2]))
+    call_expand(code, end, run.time_low, run.unit, point, constants, ahead)
+    run.expansions += 3
+
+
+@inner()
 def validated_step(run, x, layout, constants, c, ahead, change, point, order, theta, grown, unconverged):  # type: ignore[no-untyped-def]
     """A step no longer than where the expansion still holds, ``theta`` if that is so.
 
@@ -106,10 +131,12 @@ def validated_step(run, x, layout, constants, c, ahead, change, point, order, th
     nor do those below rounding on a step much longer than the last one (``grown``). There the expansion is made anew
     on the step and at its end: guards and slopes must be what was predicted, or the step is shortened and asked again.
     A step whose terms fall, or one much shorter than the last, needs no such check of guards (where one is next to zero
-    rounding alone may disagree); in slopes it does, for behind a branch point the terms of a root may fall as well.
+    rounding alone may disagree); in slopes and in guards with branch points of their own it does, for behind a branch
+    point the terms of a root may fall as well.
 
-    Without ``unconverged`` terms are not looked at: the field has branch points (``slopes``), behind which a square
-    root's series, a polynomial perhaps, goes on as if there were none. Slopes alone are held against it.
+    Without ``unconverged`` terms are not looked at: the field or a guard has branch points (``slopes``), behind which
+    a square root's series, a polynomial perhaps, goes on as if there were none. Slopes, and such guards, are held
+    against it.
     """
     n, guards = run.states, mode_of(layout).guards
     unit = run.unit
@@ -121,7 +148,6 @@ def validated_step(run, x, layout, constants, c, ahead, change, point, order, th
                 theta *= SHORTER
             tail = tail_shape(c[r], order, theta, 0.0)
         decreasing = decreasing and tail == DECREASING
-    compared = n if decreasing else n + guards
     slopes = mode_of(layout).slopes if decreasing else 0  # the code that makes them alone
     checking = not decreasing or slopes > 0
     while checking:
@@ -139,7 +165,11 @@ def validated_step(run, x, layout, constants, c, ahead, change, point, order, th
             run.expansions += 1
             # The exponentials allow the way back, too.
             agrees = agrees and (slopes > 0 or ahead[n + guards, 3] >= 0.25 * at)
-            for r in range(compared):
+            measured = False
+            for r in range(n + guards):
+                smooth = r >= n and guard_of(layout, r - n).branches == 0
+                if smooth and decreasing:
+                    continue
                 first = 1 if r < n else 0  # slopes of states, values of guards
                 predicted, size, power = 0.0, abs(ahead[r, first]), 1.0
                 for k in range(first, order + 1):
@@ -150,9 +180,14 @@ def validated_step(run, x, layout, constants, c, ahead, change, point, order, th
                 # A slope that moves its state by no more than rounding over the step is none, whatever its digits.
                 rounding = 4.0 * EPS * abs(x[r]) / at if first == 1 else 0.0
                 off, allowed = abs(predicted - ahead[r, first]), larger(1e-6 * size, rounding)
+                if r >= n and not smooth and off > allowed:
+                    if not measured:
+                        guard_rounding(run, end, layout, code, constants, ahead, change, point)
+                        measured = True
+                    allowed = larger(allowed, change[r])
                 if not off <= allowed:
                     worst = larger(worst, off / allowed) if off < np.inf else np.inf
-                    agrees, kept = False, kept and first == 0
+                    agrees, kept = False, kept and smooth
                     while shorter > LEAST * theta and tail_shape(c[r], order, shorter, 0.0) == NOT_DECREASING:
                         shorter *= SHORTER
         if agrees:
