@@ -163,18 +163,14 @@ class FilippovSystem(SwitchedField):
             (i,) = sliding
             return self.overrides[i].field, zones[i], {}
         held = {i: self.overrides[i] for i in sorted(overridden)}
-        made = held_field(self, held, {i: [g.expression for g in zone] for i, zone in zones.items()}, sliding)
+        made = held_field(self, held, zones, sliding)
         field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
         signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}
         if others:
             field, ends, found = filippov_sliding(replace(self, field=field), others)
             own, signs = own + ends, signs | found
         known = {**made.signs, **{self.signs[i]: found for i, found in signs.items()}}
-        releases = tuple(
-            replace(g, expression=put(put(g.expression, made.on_surface), known))
-            for zone in zones.values()
-            for g in zone
-        )
+        releases = tuple(replace(g, expression=put(put(g.expression, made.on_surface), known)) for g in made.ends)
         return field, tuple(sorted(releases + own, key=lambda g: (g.kind == "attracts", g.index))), signs
 
     def normal_velocity(self, index: int) -> sp.Expr:

@@ -1,0 +1,44 @@
+"""Loops of contacts some of which have no static friction: these hold as well, at most what they slide with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from henon_ref.errors import ModelError
+from henon_ref.filippov.contact_loops import loops, relations
+from henon_ref.filippov.sliding import filippov_sliding
+from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
+
+
+def with_held_loops(system: FilippovSystem) -> FilippovSystem:
+    """The system with contacts that are in loops held by the loads that their loops share.
+
+    Filippov's combination has no single equivalent signs where surfaces depend on each other, and the motion may be
+    settled all the same. A contact's own two ends, both fields pointing at its surface, are those of a hold zone, by
+    which it is decided like one with static friction. Surfaces that are only multiples of one are left to
+    :func:`henon_ref.filippov.sliding.filippov_sliding`, which takes them for one contact.
+    """
+    contacts = tuple(
+        i
+        for i, s in enumerate(system.signs)
+        if i not in system.kinks
+        and i not in system.resets
+        and (i in system.overrides or system.normal_velocity(i).has(s))
+    )
+    own: dict[int, SlidingOverride] = {}
+    for loop in loops(relations(system, contacts)):
+        surfaces = sorted(set().union(*loop))
+        plain = [i for i in surfaces if i not in system.overrides]
+        if plain == surfaces and all(len(relation) == 2 for relation in loop):
+            continue
+        try:
+            own |= {i: _held(system, i) for i in plain}
+        except ModelError:  # it cannot be slid on by itself, and so not in a loop
+            continue
+    return replace(system, overrides={**system.overrides, **own}) if own else system
+
+
+def _held(system: FilippovSystem, index: int) -> SlidingOverride:
+    field, guards, _ = filippov_sliding(system, (index,))
+    ends = tuple(Release(guard.expression, "falling", guard.to_sign) for guard in guards)
+    return SlidingOverride(field, ends, "inside")
