@@ -39,7 +39,7 @@ Relation = Mapping[int, sp.Rational]
 """Surface -> its factor, not 0, in a sum that is zero at all times."""
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=1024)
 def relations(system: SwitchedField, surfaces: tuple[int, ...]) -> tuple[Relation, ...]:
     """A basis of the relations among surfaces; the last surface of each is in no other, with the factor 1.
 
@@ -80,6 +80,15 @@ def independent(system: SwitchedField, surfaces: Sequence[int]) -> tuple[int, ..
     """Surfaces of which the others are combinations."""
     settled = {max(relation) for relation in relations(system, tuple(surfaces))}
     return tuple(i for i in surfaces if i not in settled)
+
+
+def closed(system: SwitchedField, surfaces: Collection[int], others: Sequence[int]) -> frozenset[int]:
+    """Surfaces, with those of ``others`` that are zero wherever these are."""
+    found = set(surfaces)
+    for i in others:
+        if i not in found and len(independent(system, sorted({*found, i}))) == len(independent(system, sorted(found))):
+            found.add(i)
+    return frozenset(found)
 
 
 def loops(found: Sequence[Relation]) -> list[tuple[Relation, ...]]:

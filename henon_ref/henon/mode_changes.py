@@ -195,7 +195,8 @@ class ModeChanges(State):
         early = self.scalars.guard == NOWHERE
         # Where no step was taken, surfaces left a moment ago are still as good as touched.
         fresh = {g.index for g, zeros in zip(self.guards, self.known_zeros, strict=False) if zeros and early}
-        active = fresh | {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0}
+        zero = {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0}
+        active = fresh | self.integrator.system.closed(zero)
         orders = switching.contact_orders(self.time, x, decision.mode, active)
         tangential = [] if early else sorted({g.index for g in hits if g.kind == "surface"})
         return self._change_mode(decision, orders, tangential)
