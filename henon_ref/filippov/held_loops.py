@@ -25,16 +25,23 @@ def with_held_loops(system: FilippovSystem) -> FilippovSystem:
         and i not in system.resets
         and (i in system.overrides or system.normal_velocity(i).has(s))
     )
+    found = loops(relations(system, contacts))
+    members = [sorted(set().union(*loop)) for loop in found]
+    multiples = {k for k, loop in enumerate(found) if all(len(relation) == 2 for relation in loop)}
+    held = set(system.overrides).union(*(own for k, own in enumerate(members) if k not in multiples))
     own: dict[int, SlidingOverride] = {}
-    for loop in loops(relations(system, contacts)):
-        surfaces = sorted(set().union(*loop))
+    for k, surfaces in enumerate(members):
+        if k in multiples and not held & system.together(surfaces[0], contacts):
+            continue
         plain = [i for i in surfaces if i not in system.overrides]
-        if plain == surfaces and all(len(relation) == 2 for relation in loop):
-            continue
         try:
-            own |= {i: _held(system, i) for i in plain}
-        except ModelError:  # it cannot be slid on by itself, and so not in a loop
+            more = {i: _held(system, i) for i in plain}
+            whole = replace(system, overrides={**system.overrides, **own, **more})
+            if plain:
+                whole.shared_equations(frozenset(surfaces))
+        except ModelError:  # it is no loop of forces and counterforces
             continue
+        own |= more
     return replace(system, overrides={**system.overrides, **own}) if own else system
 
 
