@@ -151,8 +151,10 @@ def loop_ends(
         for cut in cuts(loop):
             first = min(cut)
             for way in (1, -1):
-                parts = [abs(y) * ends[i][way if y > 0 else -way].expression / weights[i] for i, y in cut.items()]
-                guards[first] += (replace(ends[first][way], expression=sp.Add(*parts)),)
+                sides = {i: way if y > 0 else -way for i, y in cut.items()}
+                parts = [abs(y) * ends[i][sides[i]].expression / weights[i] for i, y in cut.items()]
+                end = replace(ends[first][sides[first]], expression=sp.Add(*parts), cut=tuple(sides.items()))
+                guards[first] += (end,)
     return guards
 
 
