@@ -9,8 +9,8 @@ q0 plus any combination of the relations; such a one with abs(q_i) <= limit_i ex
     abs(sum of y_i q0_i) <= sum of abs(y_i) limit_i
 
 for every elementary vector y that is normal to the relations, one of which no other has a part of the non-zero entries
-(Rockafellar, in *Combinatorial Mathematics and its Applications*, 1969, Ch. 5). Between bodies on a line these are the
-cuts that part the bodies in two, and the theorem is Hoffman's on circulations (*Proc. Symp. Appl. Math.* 10 (1960)
+(Rockafellar, in *Combinatorial Mathematics and its Applications*, 1969, 104-127). Between bodies on a line these are
+the cuts that part the bodies in two, and the theorem is Hoffman's on circulations (*Proc. Symp. Appl. Math.* 10 (1960)
 113-127), the maximum flow being the minimum cut; y is the relative velocity at each contact as one part moves off, so
 in mechanics it is the kinematic theorem of limit analysis (Drucker, Prager and Greenberg, *Q. Appl. Math.* 9 (1952)
 381-389). Each cut has two guards, one a way. A contact in no loop is a cut by itself.
@@ -82,7 +82,8 @@ def independent(system: SwitchedField, surfaces: Sequence[int]) -> tuple[int, ..
     return tuple(i for i in surfaces if i not in settled)
 
 
-def closed(system: SwitchedField, surfaces: Collection[int], others: Sequence[int]) -> frozenset[int]:
+@lru_cache(maxsize=1024)
+def closed(system: SwitchedField, surfaces: frozenset[int], others: tuple[int, ...]) -> frozenset[int]:
     """Surfaces, with those of ``others`` that are zero wherever these are."""
     found = set(surfaces)
     for i in others:

@@ -175,7 +175,8 @@ def _possible(
     """Assignments of a group that are not clearly refused, and whether the first is the one that counts."""
     entries = [(0,) if _never_left(system, i) else (-1, 0, 1) for i in group]
     choices = sorted(product(*entries), key=lambda choice: -choice.count(0))
-    choices = [choice for choice in choices if _may_slip(system, group, choice)]
+    if system.has_loops:
+        choices = [choice for choice in choices if _may_slip(system, group, choice)]
     balance = _balance(mode, group, evaluate, negative)
     if balance is None:
         return choices, False

@@ -208,7 +208,7 @@ class FilippovSystem(SwitchedField):
 
     def closed(self, zero: Collection[int]) -> frozenset[int]:
         """Surfaces at zero, with those in loops of contacts that are zero wherever these are."""
-        return closed(self, zero, self._in_loops) if self.has_loops else frozenset(zero)
+        return closed(self, frozenset(zero), self._in_loops) if self.has_loops else frozenset(zero)
 
     @property
     def has_loops(self) -> bool:

@@ -250,7 +250,7 @@ def test_the_cuts_of_four_bodies_that_all_touch_are_those_into_two_parts() -> No
     expected = {frozenset(j for j, (p, q) in enumerate(pairs) if (p in own) != (q in own)) for own in parts}
     assert {frozenset(cut) for cut in cuts(found)} == expected
     assert all(abs(y) == 1 for cut in cuts(found) for y in cut.values())
-    assert closed(system, {0, 1}, range(6)) == {0, 1, 3}
+    assert closed(system, frozenset({0, 1}), tuple(range(6))) == {0, 1, 3}
 
 
 SYSTEM = """\
