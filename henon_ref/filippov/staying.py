@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from itertools import product
 
+from henon_ref.errors import ModelError
 from henon_ref.filippov.contact_loops import Relation, relations
 from henon_ref.filippov.decision import Decision, with_entries
 from henon_ref.filippov.modes import Mode, mode_text
@@ -25,8 +26,17 @@ SameMotion = Callable[[Mode, Mode], bool]
 
 def _unsettled(system: FilippovSystem, relation: Relation) -> bool:
     """Whether surfaces that depend on each other are no loop of contacts, and more than one surface written twice."""
-    acting = all(system.normal_velocity(i).has(system.signs[i]) for i in relation)
-    return acting and len(relation) > 2 and any(i not in system.overrides for i in relation)
+    plain = [i for i in relation if i not in system.overrides]
+    return len(relation) > 2 and bool(plain) and all(_slides(system, i) for i in plain)
+
+
+def _slides(system: FilippovSystem, index: int) -> bool:
+    """Whether a surface can be slid on by itself, which a continuous kink cannot."""
+    try:
+        system.shared_equations(frozenset((index,)))
+    except ModelError:
+        return False
+    return True
 
 
 def staying_mode(
