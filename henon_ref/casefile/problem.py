@@ -17,6 +17,7 @@ from henon_ref.filippov.algebra import MAX_SIZE
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.exponents import with_rational_exponents
+from henon_ref.filippov.held_loops import with_held_loops
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resting import impact_of, into_surface, with_resting
 from henon_ref.filippov.system import FilippovSystem, SlidingOverride
@@ -71,7 +72,7 @@ def written_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names
     resets = build_resets(source, form, names, system)
     if resets:
         system = with_resting(replace(system, resets={**system.resets, **resets}))
-    return system, names
+    return with_held_loops(system), names
 
 
 def read_scene(source: Source) -> tuple[Scene, Names]:

@@ -60,8 +60,6 @@ class _Reader:
         self.bodies: dict[str, Body] = {}
         self.states: dict[str, sp.Symbol] = {}
         self.kinks = Kinks({self.symbols[name]: value for name, value in self.values.items()})
-        self.rubbing: dict[sp.Expr, Link] = {}
-        """Relative velocity -> the last friction contact that has it, of those read so far."""
 
     def scene(self) -> tuple[Scene, Names]:
         self.bodies = read_bodies(self.source, self.values, self.requirements)
@@ -77,7 +75,6 @@ class _Reader:
         for number in range(len(node.items) if isinstance(node, SequenceNode) else 0):
             link = self._link(number)
             self._claim(link, owners)
-            self._check_shared_static(link)
             signs += [surface.sign.name for surface in link.surfaces]
             found.append(
                 Connection(
@@ -245,21 +242,6 @@ class _Reader:
             value = self.source.number(path, self.values) - self.source.number((*link.path, "force"), self.values)
             message = "'static' must not be smaller than 'force': a contact holds at least what it slides with"
             self.requirements.nonnegative(link.values["static"] - link.values["force"], value, path, message)
-
-    def _check_shared_static(self, link: Link) -> None:
-        """Two contacts with one relative velocity share what they hold in a way that no balance of forces settles."""
-        if link.kind != "friction":
-            return
-        velocity = sp.expand(link.velocity)
-        for other in (self.rubbing.get(velocity), self.rubbing.get(-velocity)):
-            if other is not None and any("static" in one.values and one.holds for one in (link, other)):
-                first = " and ".join(f"'{body.name}'" for body in other.ends)
-                message = (
-                    f"this friction has the relative velocity of that between {first}, and 'static' is given: how the "
-                    "two share what they hold is not settled; write one contact with the sums of their forces"
-                )
-                raise link.error(message)
-        self.rubbing[velocity] = link
 
 
 def _choice(words: Sequence[str]) -> str:

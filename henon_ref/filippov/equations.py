@@ -32,6 +32,9 @@ class Guard:
     """A guard that may be negative at the start of the mode and is then armed once it has turned positive."""
     ends: Refusal | None = None
     """Why a run ends where it falls; None where it goes on in another mode."""
+    cut: tuple[tuple[int, int], ...] = ()
+    """Surfaces of a cut through a loop of contacts, the one at ``index`` first, and the sides they are released into;
+    empty where a contact lets go by itself."""
 
 
 @dataclass(frozen=True)

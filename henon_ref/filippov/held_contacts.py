@@ -4,12 +4,14 @@ A contact that holds while none that slides acts on it moves as its ``sliding`` 
 other at once hold by the loads that keep all of them: each surface's velocity is constant, which is a linear system for
 the signs that stand for the loads (a load over the friction in sliding, so that it may be larger than 1). Static
 friction limits the loads, not these signs: see :mod:`henon_ref.filippov.held_groups` and the literature named there.
+Where surfaces depend on each other the system has many solutions, with one motion; one of them is taken, in which the
+contacts whose surfaces the others settle carry nothing, and :mod:`henon_ref.filippov.contact_loops` has the limits.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Protocol
 
@@ -21,15 +23,13 @@ from henon_ref.filippov.affine import coefficients
 from henon_ref.filippov.algebra import MAX_SIZE, expanded, simplified
 from henon_ref.filippov.attraction import attraction_guards
 from henon_ref.filippov.bounds import put
+from henon_ref.filippov.contact_loops import independent, loop_ends, relations
 from henon_ref.filippov.equations import Guard, along
 from henon_ref.filippov.linear_system import solution, surfaces_solved
+from henon_ref.filippov.sampling import AGREE, sample
 from henon_ref.filippov.switched_field import SwitchedField
 from henon_ref.taylor.size import total_size
-from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
-
-DIGITS, AGREE = 40, sp.Float("1e-25")
-"""Digits with which two forms of a field are compared, and how far apart they may be of their size."""
 
 
 class Held(Protocol):
@@ -51,6 +51,8 @@ class HeldField:
     """States that the held contacts' surfaces settle."""
     signs: Mapping[sp.Symbol, sp.Expr]
     """What stands for the signs of surfaces that are decided here."""
+    ends: tuple[Guard, ...]
+    """Ends of what static friction holds, in signs."""
     guards: tuple[Guard, ...]
     """Ends of slides without static friction that act on held contacts at once."""
     decided: frozenset[int]
@@ -60,7 +62,7 @@ class HeldField:
 def held_field(
     system: SwitchedField,
     held: Mapping[int, Held],
-    loads: Mapping[int, Sequence[sp.Expr]],
+    zones: Mapping[int, Sequence[Guard]],
     sliding: Collection[int],
 ) -> HeldField:
     """The field with several contacts held, or one beside others that slide.
@@ -70,8 +72,8 @@ def held_field(
     system : SwitchedField
     held : mapping
         Surface -> its override.
-    loads : mapping
-        Surface -> its release functions.
+    zones : mapping
+        Surface -> its release guards.
     sliding : collection of int
         All surfaces that slide, the held ones among them.
 
@@ -81,12 +83,13 @@ def held_field(
         Where the loads of contacts that act on each other are not settled, or what one of them does is not what the
         balance of forces says.
     """
-    _, on_surface = surfaces_solved(system, tuple(sorted(held)))
+    _, on_surface = surfaces_solved(system, independent(system, sorted(held)))
     slipping = tuple(put(rate, on_surface) for rate in system.field)
     stuck = {i: tuple(put(rate, on_surface) for rate in own.field) for i, own in held.items()}
     rates, guards, decided = list(slipping), [], set()
     signs: dict[sp.Symbol, sp.Expr] = {}
-    for group in _groups(system, held, loads, slipping, stuck, sliding):
+    ends = {i: tuple(zone) for i, zone in zones.items()}
+    for group in _groups(system, held, zones, slipping, stuck, sliding):
         if len(group) == 1:
             (i,) = group
             rates = [own if own != rate else kept for own, rate, kept in zip(stuck[i], slipping, rates, strict=True)]
@@ -99,14 +102,16 @@ def held_field(
             on_surface = {**on_surface, **made.on_surface}
             signs |= made.signs
             guards += made.guards
+            ends |= made.loop_ends(zones)
         decided |= set(group)
-    return HeldField(tuple(rates), on_surface, signs, tuple(guards), frozenset(decided))
+    kept = tuple(guard for zone in ends.values() for guard in zone)
+    return HeldField(tuple(rates), on_surface, signs, kept, tuple(guards), frozenset(decided))
 
 
 def _groups(
     system: SwitchedField,
     held: Mapping[int, Held],
-    loads: Mapping[int, Sequence[sp.Expr]],
+    zones: Mapping[int, Sequence[Guard]],
     slipping: Sequence[sp.Expr],
     stuck: Mapping[int, Sequence[sp.Expr]],
     sliding: Collection[int],
@@ -119,8 +124,9 @@ def _groups(
     edges = []
     for i in held:
         moved = [e for k in rows[i] for e in (slipping[k], stuck[i][k])]
+        loads = [guard.expression for guard in zones[i]]
         for j in sliding:
-            if j != i and (rows[i] & rows[j] or any(e.has(system.signs[j]) for e in (*moved, *loads[i]))):
+            if j != i and (rows[i] & rows[j] or any(e.has(system.signs[j]) for e in (*moved, *loads))):
                 edges.append((i, j))
     parts = connected_components((sorted(sliding), edges))
     return [tuple(sorted(part)) for part in parts if any(i in held for i in part)]
@@ -131,11 +137,13 @@ class _Joint:
 
     def __init__(self, system: SwitchedField, group: tuple[int, ...], held: frozenset[int]) -> None:
         self.system, self.group = system, group
-        symbols = [system.signs[i] for i in group]
-        solved, self.on_surface = surfaces_solved(system, group)
+        self.relations = relations(system, group)
+        self.own = independent(system, group)
+        symbols = [system.signs[i] for i in self.own]
+        solved, self.on_surface = surfaces_solved(system, self.own)
         rates = tuple(put(rate, self.on_surface) for rate in system.field)
         scales = self._scales(rates, symbols)
-        speeds = [expanded(put(along(system.surfaces[i], system.states, rates), self.on_surface)) for i in group]
+        speeds = [expanded(put(along(system.surfaces[i], system.states, rates), self.on_surface)) for i in self.own]
         slopes = [coefficients(speed, symbols) for speed in speeds]
         if any(slope is None for slope in slopes):
             raise ModelError(f"signs that multiply each other where they slide together: {_names(system, group)}")
@@ -147,9 +155,11 @@ class _Joint:
         found = solution(system, matrix, [-speed.xreplace(none) for speed in speeds])
         if found is None:
             raise ModelError(f"the loads of contacts that hold together are not settled: {_names(system, group)}")
-        self.signs = {s: value / scales[s] for s, value in zip(symbols, found, strict=True)}
+        self.shared = {s: value / scales[s] for s, value in zip(symbols, found, strict=True)}
+        self.signs = self._one_of_many(rates)
         field = [put(rate, self.signs) for rate in rates]
-        self.rows = {k for k, rate in enumerate(rates) if rate.has(*symbols)} | set(solved.values())
+        signs = [system.signs[i] for i in group]
+        self.rows = {k for k, rate in enumerate(rates) if rate.has(*signs)} | set(solved.values())
         for k in solved.values():
             x = system.states[k]
             if x in self.on_surface:  # its derivative needs no force, and keeps the surface exactly
@@ -159,6 +169,29 @@ class _Joint:
         self.field = tuple(field)
         self.guards = self._plain(matrix, scales, held)
 
+    def _one_of_many(self, rates: Sequence[sp.Expr]) -> dict[sp.Symbol, sp.Expr]:
+        """The signs of the group where contacts whose surfaces the others settle carry nothing."""
+        if not self.relations:
+            return self.shared
+        free = [self.system.signs[max(relation)] for relation in self.relations]
+        none = dict.fromkeys(free, sp.S.Zero)
+        found = {s: put(value, none) for s, value in self.shared.items()} | none
+        moved = sample(self.system, [put(rate, self.shared) - put(rate, found) for rate in rates])
+        sizes = sample(self.system, [put(rate, found) for rate in rates])
+        if any(abs(change) > AGREE * (1 + abs(size)) for change, size in zip(moved, sizes, strict=True)):
+            raise ModelError(
+                "contacts that hold together in a loop, with more than one motion that keeps them: "
+                + _names(self.system, self.group)
+            )
+        return found
+
+    def loop_ends(self, zones: Mapping[int, Sequence[Guard]]) -> dict[int, tuple[Guard, ...]]:
+        """Ends of the hold of contacts in loops, each beside one of its contacts."""
+        if not self.relations:
+            return {}
+        there = {i: [replace(g, expression=put(g.expression, self.on_surface)) for g in zones[i]] for i in zones}
+        return loop_ends(self.system, self.relations, there, self.shared)
+
     def _scales(self, rates: Sequence[sp.Expr], symbols: Sequence[sp.Symbol]) -> dict[sp.Symbol, sp.Expr]:
         """For each sign its factor in the first rate that it acts on."""
         found: dict[sp.Symbol, sp.Expr] = {}
@@ -166,7 +199,7 @@ class _Joint:
             for s, factor in (coefficients(rate, [s for s in symbols if s not in found]) or {}).items():
                 found[s] = factor
         if len(found) < len(symbols):
-            lacking = [i for i, s in zip(self.group, symbols, strict=True) if s not in found]
+            lacking = [i for i, s in zip(self.own, symbols, strict=True) if s not in found]
             raise ModelError(
                 "contacts that hold together need a friction in sliding, by whose place their loads are known: "
                 + _names(self.system, lacking)
@@ -177,15 +210,15 @@ class _Joint:
         self, matrix: Sequence[Sequence[sp.Expr]], scales: Mapping[sp.Symbol, sp.Expr], held: frozenset[int]
     ) -> list[Guard]:
         """Ends of the slides that are not held, at an equivalent sign of -1 or +1, and of their attraction."""
-        plain = [i for i in self.group if i not in held]
+        plain = [i for i in self.own if i not in held]
         if not plain:
             return []
         signs = [self.system.signs[i] for i in plain]
         guards = [
             Guard("release", i, w, 1 - w * self.signs[s]) for i, s in zip(plain, signs, strict=True) for w in (1, -1)
         ]
-        rows = [self.group.index(i) for i in plain]
-        stuck = [k for k in range(len(self.group)) if k not in rows]
+        rows = [self.own.index(i) for i in plain]
+        stuck = [k for k in range(len(self.own)) if k not in rows]
         whole = sp.Matrix(matrix)
         inner = whole.extract(stuck, stuck)
         reduced = whole.extract(rows, rows) - whole.extract(rows, stuck) * inner.inv() * whole.extract(stuck, rows)
@@ -209,14 +242,10 @@ def _check_balance(
 def _balanced(system: SwitchedField, index: int, field: tuple[sp.Expr, ...]) -> bool:
     """Whether an override's field is the slip field with the sign that keeps the surface, at a point of it."""
     made = _Joint(system, (index,), frozenset((index,)))
-    symbols = sorted(set().union(*(e.free_symbols for e in (*made.field, *field))), key=str)
-    numbers = {s: sp.Rational(sp.prime(k + 7), sp.prime(k + 17)) for k, s in enumerate(symbols)}
-    numbers |= {TIME: sp.Rational(3, 7), **system.parameters}
-    for own, derived in zip(field, made.field, strict=True):
-        values = [sp.N(put(put(e, made.on_surface), numbers), DIGITS) for e in (own, derived)]
-        if not abs(values[0] - values[1]) <= AGREE * (1 + abs(values[1])):
-            return False
-    return True
+    count = len(field)
+    values = sample(system, [put(e, made.on_surface) for e in (*field, *made.field)])
+    pairs = zip(values[:count], values[count:], strict=True)
+    return all(abs(own - derived) <= AGREE * (1 + abs(derived)) for own, derived in pairs)
 
 
 def _names(system: SwitchedField, surfaces: Collection[int]) -> str:

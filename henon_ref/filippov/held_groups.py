@@ -14,12 +14,13 @@ can hold, the one that contains all others counts; where there is none the futur
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from math import prod
 from typing import Any, NamedTuple
 
 from henon_ref.errors import ModelError, UnsupportedError
+from henon_ref.filippov.contact_loops import relations
 from henon_ref.filippov.decision import Decision, with_entries
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.modes import Mode, mode_text
@@ -174,12 +175,14 @@ def _possible(
     """Assignments of a group that are not clearly refused, and whether the first is the one that counts."""
     entries = [(0,) if _never_left(system, i) else (-1, 0, 1) for i in group]
     choices = sorted(product(*entries), key=lambda choice: -choice.count(0))
+    if system.has_loops:
+        choices = [choice for choice in choices if _may_slip(system, group, choice)]
     balance = _balance(mode, group, evaluate, negative)
     if balance is None:
         return choices, False
     open_ones, settled = [], []
     for choice in choices:
-        values = _margins(balance, choice, [i in system.overrides for i in group])
+        values = _margins(balance, choice, [i in system.overrides for i in group], _shared(system, group, choice))
         clear = values is not None and all(negative(-value, size) for value, size in values)
         if clear and not any(choice):
             return [choice], True  # all of them hold
@@ -193,6 +196,20 @@ def _never_left(system: FilippovSystem, index: int) -> bool:
     """Whether a surface is zero at all times, as between two bodies that are given one velocity."""
     number = system.numeric(system.surfaces[index])
     return bool(number.is_number and exact_sign(number) == 0)
+
+
+def _may_slip(system: FilippovSystem, group: tuple[int, ...], choice: tuple[int, ...]) -> bool:
+    """Whether no surface that slips is zero wherever those are that are held."""
+    held = {i for i, entry in zip(group, choice, strict=True) if entry == 0}
+    return not (system.closed(held) - held) & set(group)
+
+
+def _shared(system: FilippovSystem, group: tuple[int, ...], choice: tuple[int, ...]) -> dict[int, bool]:
+    """Of the contacts of an assignment that are held in loops, by their places, whether others settle its surface."""
+    held = tuple(i for i, entry in zip(group, choice, strict=True) if entry == 0)
+    found = relations(system, held) if system.has_loops else ()
+    settled = {max(relation) for relation in found}
+    return {k: i in settled for k, i in enumerate(group) if any(i in relation for relation in found)}
 
 
 def _balance(mode: Mode, group: tuple[int, ...], evaluate: Evaluate, negative: Negative) -> Balance | None:
@@ -220,8 +237,12 @@ def _balance(mode: Mode, group: tuple[int, ...], evaluate: Evaluate, negative: N
     return Balance(rows[:count], ends)
 
 
-def _margins(balance: Balance, choice: tuple[int, ...], own: Sequence[bool]) -> list[tuple[Any, Any]] | None:
+def _margins(
+    balance: Balance, choice: tuple[int, ...], own: Sequence[bool], shared: Mapping[int, bool]
+) -> list[tuple[Any, Any]] | None:
     """What has to be positive in an assignment, with the sizes of its terms; None where loads are not settled.
+
+    How loads are shared in a loop moves nothing. Whether they can be carried is left open here.
 
     Parameters
     ----------
@@ -229,9 +250,11 @@ def _margins(balance: Balance, choice: tuple[int, ...], own: Sequence[bool]) -> 
     choice : tuple of int
     own : sequence of bool
         Whether each surface has a hold zone.
+    shared : mapping
+        Places of contacts that are held in loops; whether it is one whose load can be anything.
     """
     signs: list[Any] = list(choice)
-    held = [k for k, entry in enumerate(choice) if entry == 0]
+    held = [k for k, entry in enumerate(choice) if entry == 0 and not shared.get(k, False)]
     if held:
         matrix = [[*(balance.speeds[k][1 + j] for j in held), -_value(balance.speeds[k], signs)[0]] for k in held]
         found = _solved(matrix)
@@ -244,6 +267,8 @@ def _margins(balance: Balance, choice: tuple[int, ...], own: Sequence[bool]) -> 
         if entry:
             value, size = _value(balance.speeds[k], signs)
             margins.append((entry * value, size))
+        elif k in shared:
+            margins.append((0, 1))
         elif own[k]:
             margins += [_value(end, signs) for end in balance.ends[k]]
         else:

@@ -56,7 +56,7 @@ def filippov_sliding(
     Surfaces that are one another's multiples are one contact: there are but two fields beside it, and their signs stay
     equal (or opposite) in the combination of these.
     """
-    tied = {j: found for j, found in system.multiples.items() if j in sliding}
+    tied = {j: found for j, found in system.multiples.items() if j in sliding and found[0] in sliding}
     if tied:
         joined = {system.signs[j]: way * system.signs[i] for j, (i, way) in tied.items()}
         lone = replace(system, field=tuple(f.xreplace(joined) for f in system.field))

@@ -11,14 +11,32 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from itertools import product
 
+from henon_ref.errors import ModelError
+from henon_ref.filippov.contact_loops import Relation, relations
 from henon_ref.filippov.decision import Decision, with_entries
 from henon_ref.filippov.modes import Mode, mode_text
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.text import listed
 
 Staying = Callable[[Mode], frozenset[int] | None]
 """Mode -> surfaces that its own field stays on to all derivatives; None where it is not consistent otherwise."""
 SameMotion = Callable[[Mode, Mode], bool]
 """Whether two modes have the same motion from the point."""
+
+
+def _unsettled(system: FilippovSystem, relation: Relation) -> bool:
+    """Whether surfaces that depend on each other are no loop of contacts, and more than one surface written twice."""
+    plain = [i for i in relation if i not in system.overrides]
+    return len(relation) > 2 and bool(plain) and all(_slides(system, i) for i in plain)
+
+
+def _slides(system: FilippovSystem, index: int) -> bool:
+    """Whether a surface can be slid on by itself, which a continuous kink cannot."""
+    try:
+        system.shared_equations(frozenset((index,)))
+    except ModelError:
+        return False
+    return True
 
 
 def staying_mode(
@@ -37,6 +55,15 @@ def staying_mode(
     where : str
         The point, as messages have it.
     """
+    tied = [relation for relation in relations(system, tuple(active)) if _unsettled(system, relation)]
+    if tied:
+        names = listed([system.sign_names[i] for i in sorted(tied[0])])
+        return Decision(
+            "none",
+            None,
+            f"no mode is consistent {where}: the surfaces of {names} depend on each other, and "
+            "their signs do not act on them as forces and counterforces do",
+        )
     kept: frozenset[int] = frozenset()
     found: list[Mode] = []
     for choice in product(*(system.entries_from(mode[i], i) for i in active)):

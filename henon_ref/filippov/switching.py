@@ -111,7 +111,7 @@ class Switching(ModeEvaluation):
         if len(hits) == 1 and hits[0].kind == "release" and not self.system.decided_together(hits[0], sliding):
             # The equivalent sign reaches +-1 continuously, so the field does not jump and nothing else changes.
             return self._attracting(t, x, Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign)))
-        active = {i for g in hits for i in self.system.together(g.index, sliding)}
+        active = self.system.in_play([g.index for g in hits], sliding)
         return self._decide(t, list(x), mode, tuple(sorted(active)), zero)
 
     def contact_orders(

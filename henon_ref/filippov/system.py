@@ -7,7 +7,7 @@ with Discontinuous Righthand Sides* (1988), and Eqs. (6)-(8) of Olejnik and Awre
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from functools import cached_property
@@ -18,6 +18,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.bounds import put
+from henon_ref.filippov.contact_loops import closed, relations
 from henon_ref.filippov.decoupled_contacts import FEW, SwitchedEquations, switched_equations
 from henon_ref.filippov.equations import Guard, ModeEquations, along
 from henon_ref.filippov.held_contacts import held_field
@@ -168,18 +169,14 @@ class FilippovSystem(SwitchedField):
             (i,) = sliding
             return self.overrides[i].field, zones[i], {}
         held = {i: self.overrides[i] for i in sorted(overridden)}
-        made = held_field(self, held, {i: [g.expression for g in zone] for i, zone in zones.items()}, sliding)
+        made = held_field(self, held, zones, sliding)
         field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
         signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}
         if others:
             field, ends, found = filippov_sliding(replace(self, field=field), others)
             own, signs = own + ends, signs | found
         known = {**made.signs, **{self.signs[i]: found for i, found in signs.items()}}
-        releases = tuple(
-            replace(g, expression=put(put(g.expression, made.on_surface), known))
-            for zone in zones.values()
-            for g in zone
-        )
+        releases = tuple(replace(g, expression=put(put(g.expression, made.on_surface), known)) for g in made.ends)
         return field, tuple(sorted(releases + own, key=lambda g: (g.kind == "attracts", g.index))), signs
 
     def normal_velocity(self, index: int) -> sp.Expr:
@@ -205,7 +202,27 @@ class FilippovSystem(SwitchedField):
         Where an equivalent sign reaches -1 or +1 no force jumps; where static friction lets go, it does.
         """
         jumps = guard.kind == "surface" or (guard.kind == "release" and self.held_inside(guard.index))
-        return jumps and len(self.together(guard.index, sliding)) > 1
+        return jumps and len(self.in_play([guard.index], sliding)) > 1
+
+    def in_play(self, hit: Iterable[int], sliding: Iterable[int]) -> frozenset[int]:
+        """Surfaces whose entries of the mode are open where some are hit: these, and what acts on them."""
+        sliding = set(sliding)
+        zero = self.closed({*hit, *sliding})
+        return frozenset(j for i in {*hit, *(zero - sliding)} for j in self.together(i, zero))
+
+    def closed(self, zero: Collection[int]) -> frozenset[int]:
+        """Surfaces at zero, with those in loops of contacts that are zero wherever these are."""
+        return closed(self, frozenset(zero), self._in_loops) if self.has_loops else frozenset(zero)
+
+    @property
+    def has_loops(self) -> bool:
+        """Whether surfaces of contacts that are held depend on each other."""
+        return bool(self._in_loops)
+
+    @cached_property
+    def _in_loops(self) -> tuple[int, ...]:
+        held = tuple(sorted(i for i in self.overrides if self.held_inside(i)))
+        return tuple(sorted({i for relation in relations(self, held) for i in relation}))
 
     @cached_property
     def _beside(self) -> tuple[frozenset[int], ...]:

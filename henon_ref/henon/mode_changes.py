@@ -243,7 +243,7 @@ class ModeChanges(State):
         fresh = {g.index for g, zeros in zip(self.guards, self.known_zeros, strict=False) if zeros and early}
         moved = {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s != before[i]}
         slides = [i for i, s in enumerate(decision.mode) if s == 0 or before[i] == 0]
-        active = fresh.union(*(self.integrator.system.together(i, slides) for i in moved))
+        active = fresh | self.integrator.system.in_play(moved, slides)
         orders = switching.contact_orders(self.time, x, decision.mode, active)
         tangential = [] if early else sorted({g.index for g in hits if g.kind == "surface"})
         return self._change_mode(decision, orders, tangential)

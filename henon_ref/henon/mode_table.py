@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.attraction import EXHAUSTIVE
+from henon_ref.filippov.contact_loops import guard_count
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.system import FilippovSystem
@@ -96,6 +97,7 @@ class ModeTable:
         if self._switched:
             return len(self._switched.outputs)
         releases = sum(max(2, len(o.release)) for o in system.overrides.values())
+        releases += guard_count(system, system.overrides)
         surfaces = len(system.surfaces)
         minors = 0 if self.decoupled else 2**surfaces - 1 if surfaces <= EXHAUSTIVE else surfaces + 1
         return 2 * surfaces + releases + minors + len(system.valid)

@@ -315,8 +315,9 @@ def _next_mode(
         decision = switching.after_event(time, state, mode, hits, zero=TIE_LEVEL)
     if decision.mode is None:
         return decision, ()
-    active = {g.index for g in hits if g.kind != "valid"}
-    active |= {i for i, s in enumerate(decision.mode) if s == 0 or mode[i] == 0}
+    zero = {g.index for g in hits if g.kind != "valid"}
+    zero |= {i for i, s in enumerate(decision.mode) if s == 0 or mode[i] == 0}
+    active = modes.system.closed(zero)
     return decision, tuple(switching.contact_orders(time, state, decision.mode, active, zero=TIE_LEVEL))
 
 

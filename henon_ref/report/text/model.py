@@ -103,8 +103,9 @@ def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
         notes.append(f"equivalent sign ${symbol(system.signs[index].name)} = {latex(value)}$")
     for guard in equations.guards:
         if guard.kind == "release":
-            name = symbol(system.signs[guard.index].name)
-            notes.append(f"left to ${name} = {guard.to_sign:+d}$ where ${latex(guard.expression)}$ falls through 0")
+            sides = guard.cut or ((guard.index, guard.to_sign),)
+            left = ", ".join(f"{symbol(system.signs[i].name)} = {side:+d}" for i, side in sides)
+            notes.append(f"left to ${left}$ where ${latex(guard.expression)}$ falls through 0")
     for index, entry in enumerate(mode):
         if entry == 0 and system.held_inside(index):
             notes.append("entered wherever the surface is reached with these positive, whatever the slip fields do")

@@ -87,7 +87,7 @@ class ModeSelection:
         if alone and not self.system.decided_together(hits[0], sliding):
             # The equivalent sign reaches +-1 continuously, so nothing else changes (an override says where to).
             return Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign))
-        active = {i for g in hits for i in self.system.together(g.index, sliding)}
+        active = self.system.in_play([g.index for g in hits], sliding)
         return self._decide(point, mode, tuple(sorted(active)))
 
     def mode_by_signs(self, point: Point, sides: Sequence[int], valid: Sequence[int]) -> Decision:

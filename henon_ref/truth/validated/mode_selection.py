@@ -102,14 +102,14 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
         if hit.ends is None or hit.ends == "none":  # not told is not proven
             raise UndecidedError(refused.reason, "mode")
         raise EndedError(refused.reason, hit.ends)
-    on = tuple(sorted({i for i, s in enumerate(mode) if s == 0} | {hit.index}))
+    on = tuple(sorted(system.closed({i for i, s in enumerate(mode) if s == 0} | {hit.index})))
     if hit.kind == "surface" or system.decided_together(hit, on):
         moving = [hit.index] if hit.kind == "surface" and mode[hit.index] else []
         released_by = [hit.expression] if hit.kind == "release" else []
         judge = Judge(model, box, on, _identities(model, [i for i in on if i not in moving], moving, *released_by))
         if hit.kind == "surface" and system.rests(hit.index):  # from the side where nothing can rest
             return judge.fixed(replaced(mode, hit.index, hit.to_sign), "the surface is not left"), on
-        return judge.unique(mode, tuple(sorted(system.together(hit.index, on)))), on
+        return judge.unique(mode, tuple(sorted(system.in_play([hit.index], on)))), on
     released = replaced(mode, hit.index, hit.to_sign)
     identities = _identities(model, on, (), hit.expression)
     smooth = None if hit.index in system.overrides else hit.index

@@ -1,0 +1,52 @@
+"""Loops of contacts some of which have no static friction: these hold as well, at most what they slide with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from henon_ref.errors import ModelError
+from henon_ref.filippov.contact_loops import loops, relations
+from henon_ref.filippov.sliding import filippov_sliding
+from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
+
+
+def with_held_loops(system: FilippovSystem) -> FilippovSystem:
+    """The system with contacts that are in loops held by the loads that their loops share.
+
+    Filippov's combination has no single equivalent signs where surfaces depend on each other, and the motion may be
+    settled all the same. A contact's own two ends, both fields pointing at its surface, are those of a hold zone, by
+    which it is decided like one with static friction. Surfaces that are only multiples of one are left to
+    :func:`henon_ref.filippov.sliding.filippov_sliding`, which takes them for one contact.
+    """
+    acting = [i for i, s in enumerate(system.signs) if i in system.overrides or system.normal_velocity(i).has(s)]
+    if not relations(system, tuple(acting)):
+        return system
+    lone = {i: _held(system, i) for i in acting if i not in system.overrides and i not in system.resets}
+    plain = {i: override for i, override in lone.items() if override is not None}
+    contacts = tuple(i for i in acting if i in plain or system.held_inside(i))
+    found = loops(relations(system, contacts))
+    members = [sorted(set().union(*loop)) for loop in found]
+    multiples = {k for k, loop in enumerate(found) if all(len(relation) == 2 for relation in loop)}
+    held = set(system.overrides).union(*(own for k, own in enumerate(members) if k not in multiples))
+    own: dict[int, SlidingOverride] = {}
+    for k, surfaces in enumerate(members):
+        if k in multiples and not held & system.together(surfaces[0], contacts):
+            continue
+        more = {i: plain[i] for i in surfaces if i in plain}
+        whole = replace(system, overrides={**system.overrides, **own, **more})
+        try:
+            whole.shared_equations(frozenset(surfaces))
+        except ModelError:  # it is no loop of forces and counterforces
+            continue
+        own |= more
+    return replace(system, overrides={**system.overrides, **own}) if own else system
+
+
+def _held(system: FilippovSystem, index: int) -> SlidingOverride | None:
+    """A contact without static friction as one that is held; None where its surface cannot be slid on by itself."""
+    try:
+        field, guards, _ = filippov_sliding(system, (index,))
+    except ModelError:
+        return None
+    ends = tuple(Release(guard.expression, "falling", guard.to_sign) for guard in guards)
+    return SlidingOverride(field, ends, "inside")
