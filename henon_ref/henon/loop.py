@@ -94,7 +94,8 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
     bounds = rest_of(work, 4 + DEPTH)
     change, lower, point = room, rest_of(room, n), rest_of(room, n + most)
     stop_at = min(run.steps + BUDGET, run.most_steps)
-    code = ON
+    code = ON if run.event_pending == 0 else EVENT
+    run.event_pending = 0
     while True:
         if code == EVENT:
             code = apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, band, room)

@@ -43,6 +43,13 @@ class ModeCode:
     """Degree of states and guards where by their form they are polynomials in time, up to the order; else 0."""
     has_branch_points: bool
     """Whether there may be branch points."""
+    jumps: ModeTape | None = None
+    """The system's maps of resets, if compiled code makes jumps."""
+
+    @property
+    def tapes(self) -> tuple[ModeTape, ...]:
+        """Those whose constants the compiled loop reads, in its order; of all modes of a system as many."""
+        return (self.expansion, self.probe, *([] if self.jumps is None else [self.jumps]))
 
     @property
     def fields(self) -> dict[str, int]:

@@ -4,7 +4,7 @@ them (:mod:`henon_ref.henon.mode_constants`)."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,8 +15,9 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.attraction import EXHAUSTIVE
 from henon_ref.filippov.decoupled_contacts import switched_equations
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.modes import Mode, mode_number, replaced
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.jump_code import JumpCode, jump_code
 from henon_ref.henon.mode_code import (
     ModeCode,
     NormalVelocities,
@@ -141,15 +142,21 @@ class ModeTable:
         with one_at_a_time():
             return normal_velocities(self.system)
 
+    @cached_property
+    def _jumps(self) -> JumpCode | None:
+        """Maps of resets; None where Python makes all jumps."""
+        return jump_code(self.system)
+
     def _code(self, mode: Mode) -> ModeCode:
         """Machine code of a mode, which it has in common with those that slide on the same surfaces, or with all."""
         sliding = frozenset() if self._switched else frozenset(i for i, s in enumerate(mode) if s == 0)
         if sliding not in self._codes:
-            self._codes[sliding] = (
+            code = (
                 switched_mode_code(self.system, self._switched, self.order)
                 if self._switched
                 else sliding_mode_code(self.system, sliding, self.order)
             )
+            self._codes[sliding] = replace(code, jumps=self._jumps.tape) if self._jumps else code
         return self._codes[sliding]
 
     def _append(self, mode: Mode, code: ModeCode) -> None:
@@ -159,7 +166,7 @@ class ModeTable:
         # Where it may not attract, compiled code does not settle on it.
         if rows.size and all(g.kind != "attracts" for g in self.guards(mode)):
             rows = rows.copy()
-            rows[sum((s + 1) * 3**i for i, s in enumerate(mode))] = row
+            rows[mode_number(mode)] = row
         index = {**self.index, mode: row}
         for other in [mode, *_neighbours(mode)]:
             if other in index:
@@ -176,6 +183,8 @@ class ModeTable:
         own, records = found[0]["mode"], found[0]["guards"]
         for name, value in code.fields.items():
             own[name] = value
+        if self._jumps:
+            own["number"], own["surfaces"], own["jump"] = mode_number(mode), len(mode), self._jumps.transition
         own["guards"], own["bernstein"] = len(guards), bernstein_code(self.order).address("bernstein")
         records["mode_across"] = records["mode_stuck"] = -1
         for record, guard in zip(records, guards, strict=False):
@@ -184,6 +193,7 @@ class ModeTable:
             record["hold_zone"] = surface and system.held_inside(guard.index)
             record["side"] = mode[guard.index] if surface else 0
             resets = surface and guard.index in system.resets and mode[guard.index] > 0
+            record["jump"] = self._jumps.address(mode, guard.index) if resets and self._jumps else 0
             record["coupled"] = resets or system.decided_together(guard, sliding)
             # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
             tangent = guard.kind == "release" and guard.index not in system.overrides
