@@ -96,7 +96,6 @@ def _goes_on(run, x, index, kept, speed, layout, constants, ahead):  # type: ign
     """
     n, unit = run.states, run.unit
     call_expand(mode_of(layout).expansion, run.time, run.time_low, unit, x, constants, ahead)
-    run.expansions += 1
     for g in range(mode_of(layout).guards):
         row = ahead[n + g]
         if kept and guard_of(layout, g).kind == SURFACE and guard_of(layout, g).index == index:
@@ -131,7 +130,6 @@ def jump_transition(run, x, known_zeros, records, tables, numbers, band, room): 
     layout, own = rows_in(tables, mode), rows_in(numbers, mode)
     index, values, speeds = guard_of(layout, run.guard).index, rest_of(room, 2 * n), rest_of(room, 2 * n + most)
     call_expand(mode_of(layout).normal_velocities, run.time, run.time_low, 1.0, x, own[1], speeds)
-    run.expansions += 1
     speed = speeds[n + 2 * run.guard]
     if not (_map_state(run, x, layout, own[2], room) and speed > 0.0):
         return ReturnCode.SELECT_MODE.value
@@ -152,6 +150,9 @@ def jump_transition(run, x, known_zeros, records, tables, numbers, band, room): 
     if run.transitions > 0 and run.transitions + changes > run.transition_capacity:
         run.event_pending = 1
         return ReturnCode.BLOCK_FULL.value
+    run.expansions += (
+        2  # normal velocities, and the mode after it; not before all is sure, for the event may be put off
+    )
     for i in range(n):
         x[2 * n + i] = x[i]
     for i in range(2 * n):
