@@ -1,6 +1,6 @@
 """The compiled mode loop: Taylor steps, events, landings and ordinary mode changes without leaving machine code.
 
-Whatever needs more thought than a sign (several events at once, a tangency, a mode not compiled yet) is
+Whatever needs more thought than a sign (several events at once, a tangency, a rest, a mode not compiled yet) is
 handed back to Python (:mod:`henon_ref.henon.run`) with a code; after the answer the loop goes on.
 """
 

@@ -17,7 +17,7 @@ from henon_ref.filippov.decoupled_contacts import switched_equations
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, mode_number, replaced
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.jump_code import JumpCode, jump_code
+from henon_ref.henon.jump_code import jump_code
 from henon_ref.henon.mode_code import (
     ModeCode,
     NormalVelocities,
@@ -66,6 +66,11 @@ class ModeTable:
     system : FilippovSystem
     order : int
         Order of the Taylor expansion.
+
+    Raises
+    ------
+    ModelError
+        Where the map of a reset has a function that is not smooth.
     """
 
     def __init__(self, system: FilippovSystem, order: int) -> None:
@@ -74,6 +79,7 @@ class ModeTable:
         """Row of each mode that is compiled."""
         surfaces = len(system.surfaces)
         self._switched = switched_equations(system) if surfaces > SHAPES else None
+        self._jumps = jump_code(system)
         several = 1 < surfaces <= SURFACES and not (system.overrides or system.resets)
         self.compiled = CompiledModes(
             modes=(),
@@ -141,11 +147,6 @@ class ModeTable:
             return None
         with one_at_a_time():
             return normal_velocities(self.system)
-
-    @cached_property
-    def _jumps(self) -> JumpCode | None:
-        """Maps of resets; None where Python makes all jumps."""
-        return jump_code(self.system)
 
     def _code(self, mode: Mode) -> ModeCode:
         """Machine code of a mode, which it has in common with those that slide on the same surfaces, or with all."""

@@ -66,7 +66,7 @@ class Tape:
         return dict(sorted(result.items()))
 
     def part(self, outputs: Sequence[int]) -> Tape:
-        """The tape of some of the outputs alone; its constants are all of this one's."""
+        """Some of the outputs alone, without the field; with all constants, which stand where they do."""
         wanted = [self.outputs[at] for at in outputs]
         needed: set[int] = set()
         while wanted:

@@ -11,6 +11,7 @@ import pytest
 import sympy as sp
 
 from henon_ref.casefile.case import load_case
+from henon_ref.errors import ModelError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resting import with_resting
 from henon_ref.filippov.system import FilippovSystem, Reset
@@ -203,3 +204,9 @@ def test_systems_without_resets_have_no_code_of_jumps() -> None:
     table = Integrator(system, 8).mode_table
     assert {len(code.tapes) for code in table.compiled.codes} == {2}
     assert not table.compiled.records["guards"]["jump"].any()
+
+
+def test_a_map_that_is_not_smooth_is_refused() -> None:
+    system = FilippovSystem((X, V), (S,), (X,), (V, sp.Integer(-1)), resets={0: Reset({V: sp.Abs(V)})})
+    with pytest.raises(ModelError, match="Abs"):
+        Integrator(system, 8)
