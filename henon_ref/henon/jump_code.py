@@ -54,7 +54,8 @@ def jump_code(system: FilippovSystem) -> JumpCode | None:
 
     A map's function (:func:`henon_ref.taylor.llvm.expansion.values_ir`) takes the state before, and behind it what
     rounding has lost of that. It puts the new values of the states that it moves, what is lost of them to first order
-    (the map's derivative times what was lost before), and the values of the surfaces whose functions it changes.
+    (the map's derivative times what was lost before), the values of the surfaces whose functions it changes, and the
+    part of the speed that the impact leaves (1 where that is none).
     """
     if not system.resets or len(system.surfaces) > MOST_SURFACES:
         return None
@@ -67,7 +68,9 @@ def jump_code(system: FilippovSystem) -> JumpCode | None:
         outputs += [_carried(jump.states[k], system.states, lost) for k in jump.moved]
         new = [j for j in range(len(system.surfaces)) if j not in jump.kept]
         outputs += [jump.guards[j] for j in new]
-        places[i] = [*jump.moved, *(n + k for k in jump.moved), *(2 * n + j for j in new)]
+        impact = impact_of(system, i)
+        outputs += [sp.Integer(1) if impact is None or impact.refusal else impact.ratio]
+        places[i] = [*jump.moved, *(n + k for k in jump.moved), *(2 * n + j for j in new), 2 * n + len(system.surfaces)]
     tape = build_tape((*system.states, *lost), (), outputs)
     code, first = declarations(), 0
     for i, own in places.items():

@@ -1,10 +1,12 @@
 """The jump of the state at one surface that resets it, and the mode after it, where double precision decides them.
 
-What :mod:`henon_ref.filippov.after_jump` says of a jump, for the common case: one surface alone is at zero, and after
-the jump no surface holds the state. The map is evaluated at the state with what rounding has lost of it, to the
+What :mod:`henon_ref.filippov.after_jump` says of a jump, for the common case: one surface alone is at zero, and no
+other one is slid on after the jump. The map is evaluated at the state with what rounding has lost of it, to the
 rounding of its own terms, as a step is. Then the mode after it is expanded there: every guard must be clearly above
 zero, and a surface that the map keeps must be left with a speed, with flights to come that last longer than what counts
-as rest.
+as rest. Or the impact takes all of the speed, and the body is clearly pressed on: then the mode at rest is expanded,
+too.
+
 All else is left to Python, before anything is changed.
 
 Compiled for systems that have resets alone, and called by its address.
@@ -16,7 +18,7 @@ from numba import int64
 
 from henon_ref.henon.compile_units import NUMBERS, TABLES, compile_on_demand
 from henon_ref.henon.recorder import events_accumulate, record_transition, set_known_zeros
-from henon_ref.henon.records import CROSSING, RELEASED, RESET, SURFACE, guard_of, mode_of
+from henon_ref.henon.records import CROSSING, RELEASED, RESET, STICK, SURFACE, guard_of, mode_of
 from henon_ref.henon.state import ON, RUN_RECORD, TANGENT, ReturnCode
 from henon_ref.henon.step import BLOWN_UP
 from henon_ref.jit.calls import call_expand
@@ -28,13 +30,16 @@ CLEAR = 1e-9
 """Part of the sum of its terms' sizes on a step from which on a guard is clearly above zero."""
 LASTING = 1.0 + 1e-6
 """So many times the longest rest all later flights must last together, for it to be clear that they go on."""
+UNCLEAR = -1
+"""Python has to decide."""
 
 
 @inner()
 def _map_state(run, x, layout, constants, room):  # type: ignore[no-untyped-def]
     """Put the state after the jump, what is lost of it, and new values of surfaces into ``room``; False if not finite.
 
-    Of a surface whose function the map keeps the value is put as 0.
+    Of a surface whose function the map keeps the value is put as 0. Behind them stands the part of the speed that is
+    left.
     """
     n, low = run.states, rest_of(room, run.states)
     for i in range(2 * n):
@@ -80,6 +85,15 @@ def _number_after(layout, values):  # type: ignore[no-untyped-def]
 
 
 @inner()
+def _resting(number, surface):  # type: ignore[no-untyped-def]
+    """Number of the mode that rests on a surface, from that of the one above it."""
+    power = 1
+    for _ in range(surface):
+        power *= 3
+    return number - power
+
+
+@inner()
 def _row_of(number, tables):  # type: ignore[no-untyped-def]
     """Row of the mode of a number; -1 where that is not compiled."""
     for row in range(tables.shape[0]):
@@ -89,29 +103,53 @@ def _row_of(number, tables):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _goes_on(run, x, index, kept, speed, layout, constants, ahead):  # type: ignore[no-untyped-def]
-    """Whether a mode clearly goes on from a state after a jump.
+def _is_left(run, row, speed, ratio):  # type: ignore[no-untyped-def]
+    """1 where a surface is clearly left after an impact, 0 where the impact clearly ends on it, else UNCLEAR.
 
-    ``kept``: whether the surface ``index`` was left where it was; ``speed``: with which it was reached.
+    ``row``: coefficients of its function after the impact; ``speed``: with which it was reached, and of which the
+    impact leaves ``ratio``.
     """
-    n, unit = run.states, run.unit
-    call_expand(mode_of(layout).expansion, run.time, run.time_low, unit, x, constants, ahead)
+    size = 0.0
+    for k in range(2, run.order + 1):
+        size += abs(row[k])
+    if ratio == 0.0:
+        return 0 if row[2] < -CLEAR * size else UNCLEAR
+    # All later flights last 2 v / (a (1 - r)): see :mod:`henon_ref.filippov.resting`.
+    rise, reached = row[1], speed * run.unit
+    ending = larger(-row[2], 0.0) * larger(1.0 - rise / reached, 0.0)
+    rest = LASTING * run.rest_part * (run.horizon - run.begin)
+    return 1 if rise > TANGENT * reached and run.unit * rise > rest * ending else UNCLEAR
+
+
+@inner()
+def _holds(run, x, layout, constants, ahead, surface):  # type: ignore[no-untyped-def]
+    """Expand a mode at a state; whether all its guards, but for a ``surface``'s, are clearly above zero there."""
+    n = run.states
+    call_expand(mode_of(layout).expansion, run.time, run.time_low, run.unit, x, constants, ahead)
     for g in range(mode_of(layout).guards):
-        row = ahead[n + g]
-        if kept and guard_of(layout, g).kind == SURFACE and guard_of(layout, g).index == index:
-            # All later flights last 2 v / (a (1 - r)): see :mod:`henon_ref.filippov.resting`.
-            rise, reached = row[1], speed * unit
-            ending = larger(-row[2], 0.0) * larger(1.0 - rise / reached, 0.0)
-            rest = LASTING * run.rest_part * (run.horizon - run.begin)
-            if not (rise > TANGENT * reached and unit * rise > rest * ending):
-                return False
-        else:
-            size = 0.0
-            for k in range(run.order + 1):
-                size += abs(row[k])
-            if not row[0] > CLEAR * size:
-                return False
+        size = 0.0
+        for k in range(run.order + 1):
+            size += abs(ahead[n + g, k])
+        own = guard_of(layout, g).kind == SURFACE and guard_of(layout, g).index == surface
+        if not own and not ahead[n + g, 0] > CLEAR * size:
+            return False
     return True
+
+
+@inner()
+def _guard_on(layout, surface):  # type: ignore[no-untyped-def]
+    """The guard of a surface that a mode does not slide on."""
+    g = 0
+    while guard_of(layout, g).kind != SURFACE or guard_of(layout, g).index != surface:
+        g += 1
+    return g
+
+
+@inner()
+def _not_compiled(run, number):  # type: ignore[no-untyped-def]
+    """Have Python compile the mode of a number; the loop then goes through the event anew."""
+    run.pending_kind, run.pending_mode, run.event_pending = RESET, number, 1
+    return ReturnCode.MODE_NOT_COMPILED.value
 
 
 @inner()
@@ -127,44 +165,58 @@ def jump_transition(run, x, known_zeros, records, tables, numbers, band, room): 
         See :func:`henon_ref.henon.loop.advance` and :func:`henon_ref.henon.workspace.work_space`.
     """
     n, most, mode = run.states, run.guards, run.mode
-    layout, own = rows_in(tables, mode), rows_in(numbers, mode)
-    index, values, speeds = guard_of(layout, run.guard).index, rest_of(room, 2 * n), rest_of(room, 2 * n + most)
+    layout, own, ahead = rows_in(tables, mode), rows_in(numbers, mode), rest_of(band, run.states + run.guards + 1)
+    index, surfaces = guard_of(layout, run.guard).index, mode_of(layout).surfaces
+    values, speeds = rest_of(room, 2 * n), rest_of(room, 2 * n + most)
     call_expand(mode_of(layout).normal_velocities, run.time, run.time_low, 1.0, x, own[1], speeds)
     speed = speeds[n + 2 * run.guard]
     if not (_map_state(run, x, layout, own[2], room) and speed > 0.0):
         return ReturnCode.SELECT_MODE.value
-    before, number = mode_of(layout).number, _number_after(layout, values)
+    before, number, kept = mode_of(layout).number, _number_after(layout, values), values[index] == 0.0
     if number < 0:
         return ReturnCode.SELECT_MODE.value
-    target = mode if number == before else _row_of(number, tables)
+    target = _row_of(number, tables)
     if target < 0:
-        run.pending_kind, run.pending_mode, run.event_pending = RESET, number, 1
-        return ReturnCode.MODE_NOT_COMPILED.value
-    after, kept = rows_in(tables, target), values[index] == 0.0
-    if not _goes_on(run, room, index, kept, speed, after, rows_in(numbers, target)[0], rest_of(band, n + most + 1)):
+        return _not_compiled(run, number)
+    after, end = rows_in(tables, target), target
+    if not _holds(run, room, after, rows_in(numbers, target)[0], ahead, index if kept else -1):
         return ReturnCode.SELECT_MODE.value
-    changes = 0
-    for j in range(mode_of(layout).surfaces):
+    if kept:
+        left = _is_left(run, ahead[n + _guard_on(after, index)], speed, values[surfaces])
+        if left == UNCLEAR:
+            return ReturnCode.SELECT_MODE.value
+        if left == 0:
+            resting = _resting(number, index)
+            end = _row_of(resting, tables)
+            if end < 0:
+                return _not_compiled(run, resting)
+            if not _holds(run, room, rows_in(tables, end), rows_in(numbers, end)[0], ahead, -1):
+                return ReturnCode.SELECT_MODE.value
+    changes = 1 if end != target else 0
+    for j in range(surfaces):
         changes += 1 if j == index or _entry(before, j) != _entry(number, j) else 0
     # Of a block that is empty there is memory for all, however few transitions it is to hold.
     if run.transitions > 0 and run.transitions + changes > run.transition_capacity:
         run.event_pending = 1
         return ReturnCode.BLOCK_FULL.value
-    run.expansions += (
-        2  # normal velocities, and the mode after it; not before all is sure, for the event may be put off
-    )
+    # Normal velocities, and modes; not counted before all is sure, for the event may be put off.
+    run.expansions += 2 if end == target else 3
     for i in range(n):
         x[2 * n + i] = x[i]
     for i in range(2 * n):
         x[i] = room[i]
-    for j in range(mode_of(layout).surfaces):
+    for j in range(surfaces):
         entry = _entry(before, j)
         if j == index or entry != _entry(number, j):
             kind = RESET if j == index else RELEASED if entry == 0 else CROSSING
             record_transition(run, x, records, kind, j, entry, mode, target, run.landing)
-    run.mode = target
-    set_known_zeros(known_zeros, after, index, 1 if kept else 0)
-    return ReturnCode.EVENTS_ACCUMULATE.value if events_accumulate(run) else ON
+    accumulate = events_accumulate(run)
+    if end != target:
+        record_transition(run, x, records, STICK, index, 1, target, end, run.landing)
+        accumulate = events_accumulate(run)
+    run.mode = end
+    set_known_zeros(known_zeros, rows_in(tables, end), index, 1 if kept and end == target else 0)
+    return ReturnCode.EVENTS_ACCUMULATE.value if accumulate else ON
 
 
 compiled_jump, call_jump = compile_on_demand(

@@ -65,6 +65,22 @@ def test_clear_impacts_are_compiled_code_s(jumps_in_python: list[tuple[int, ...]
     assert jumps_in_python == []
 
 
+def test_a_rest_at_once_is_compiled_code_s(jumps_in_python: list[tuple[int, ...]]) -> None:
+    # x'' = t - 2 on a floor that takes all speed: at rest from t = 1, until the acceleration is upwards.
+    free = FilippovSystem((X, V), (S,), (X,), (V, TIME - 2), resets={0: Reset({V: sp.Integer(0)})})
+    problem = Problem(with_resting(free), sp.Integer(0), (sp.Rational(5, 6), sp.Integer(0)), sp.Integer(4))
+    for _ in range(2):  # first into a mode that is not compiled
+        found = run(problem)
+        assert [(t.kind, t.from_mode, t.to_mode) for t in found.transitions] == [
+            ("reset", (1,), (1,)),
+            ("stick", (1,), (0,)),
+            ("release", (0,), (1,)),
+        ]
+        assert [t.time for t in found.transitions] == pytest.approx([1.0, 1.0, 2.0], abs=1e-13)
+        assert found.transitions[1].state == pytest.approx((0.0, 0.0), abs=1e-15)
+    assert jumps_in_python == []
+
+
 def test_the_limit_of_impacts_is_python_s(jumps_in_python: list[tuple[int, ...]]) -> None:
     found = run(ball(sp.Integer(5), sp.Rational(4, 5)))
     assert found.transitions[-1].kind == "stick"
@@ -72,7 +88,7 @@ def test_the_limit_of_impacts_is_python_s(jumps_in_python: list[tuple[int, ...]]
 
 
 # What a jump is, where compiled code leaves it to Python, and what follows.
-ON_A_TABLE = FilippovSystem((X, V), (S,), (X,), (V, sp.Integer(-1)), resets={0: Reset({V: sp.Integer(0)})})
+UNPRESSED = FilippovSystem((X, V), (S,), (X,), (V, V), resets={0: Reset({V: sp.Integer(0)})})
 OUTSIDE = FilippovSystem((X, V), (S,), (X,), (V, sp.Integer(-1)), valid=(V + 2,), resets={0: Reset({V: V - 2})})
 THROUGH = FilippovSystem((X, V), (S,), (X,), (V, sp.Integer(-1)), resets={0: Reset({V: V / 2})})
 TO_AN_EDGE = FilippovSystem((X, V), (S, U), (X, V - HALF), (V, -HALF), resets={0: Reset({V: HALF})})
@@ -82,13 +98,13 @@ BESIDE = FilippovSystem((X, V, W), (S, U), (X, W), (V, sp.Integer(-1), -U), rese
 @pytest.mark.parametrize(
     ("system", "start", "status", "kinds"),
     [
-        (ON_A_TABLE, (1, 0), "ok", ["reset", "stick"]),
+        (UNPRESSED, (1, -1), "ok", ["reset", "stick"]),
         (OUTSIDE, (1, 0), "invalid", []),
         (THROUGH, (1, 0), "ok", ["reset"]),
         (TO_AN_EDGE, (1, -1), "ok", ["reset"]),
         (BESIDE, (1, 0, 0), "ok", ["reset"]),
     ],
-    ids=["rest", "invalid", "through", "edge", "beside a slide"],
+    ids=["nothing presses", "invalid", "through", "edge", "beside a slide"],
 )
 def test_what_is_not_clear_is_python_s(
     jumps_in_python: list[tuple[int, ...]],
