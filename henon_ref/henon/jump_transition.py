@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from numba import int64
 
-from henon_ref.henon.compile_units import NUMBERS, TABLES, compile_on_demand
+from henon_ref.henon.compile_units import compile_on_demand
 from henon_ref.henon.recorder import events_accumulate, record_transition, set_known_zeros
 from henon_ref.henon.records import CROSSING, RELEASED, RESET, STICK, SURFACE, guard_of, mode_of
 from henon_ref.henon.state import ON, RUN_RECORD, TANGENT, ReturnCode
@@ -24,7 +24,7 @@ from henon_ref.henon.step import BLOWN_UP
 from henon_ref.jit.calls import call_expand
 from henon_ref.jit.njit import inner
 from henon_ref.jit.primitives import larger
-from henon_ref.jit.views import DOUBLES, GRID, INTEGERS, rest_of, rows_in
+from henon_ref.jit.views import DOUBLES, GRID, INTEGERS, TABLE, rest_of
 
 CLEAR = 1e-9
 """Part of the sum of its terms' sizes on a step from which on a guard is clearly above zero."""
@@ -94,10 +94,22 @@ def _resting(number, surface):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _row_of(number, tables):  # type: ignore[no-untyped-def]
+def _layout(run, tables, row):  # type: ignore[no-untyped-def]
+    """A mode's table."""
+    return rest_of(tables, row * (1 + run.guards))
+
+
+@inner()
+def _numbers(numbers, row):  # type: ignore[no-untyped-def]
+    """Its constants: of the expansion, of normal velocities, and of maps of resets."""
+    return rest_of(numbers, 3 * row)
+
+
+@inner()
+def _row_of(run, number, count, tables):  # type: ignore[no-untyped-def]
     """Row of the mode of a number; -1 where that is not compiled."""
-    for row in range(tables.shape[0]):
-        if mode_of(rows_in(tables, row)).number == number:
+    for row in range(count):
+        if mode_of(_layout(run, tables, row)).number == number:
             return row
     return -1
 
@@ -153,7 +165,7 @@ def _not_compiled(run, number):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def jump_transition(run, x, known_zeros, records, tables, numbers, band, room):  # type: ignore[no-untyped-def]
+def jump_transition(run, x, known_zeros, records, count, tables, numbers, band, room):  # type: ignore[no-untyped-def]
     """Let the state jump at the event of one guard that the run stands at; ON, or why Python is needed.
 
     Parameters
@@ -161,11 +173,15 @@ def jump_transition(run, x, known_zeros, records, tables, numbers, band, room): 
     run : record
     x : row
         State, what rounding has lost of it, and the state before the last jump.
-    known_zeros, records, tables, numbers, band, room
-        See :func:`henon_ref.henon.loop.advance` and :func:`henon_ref.henon.workspace.work_space`.
+    known_zeros, records, band, room
+        See :func:`henon_ref.henon.state.vectors_of` and :func:`henon_ref.henon.workspace.work_space`.
+    count : int
+        Compiled modes.
+    tables, numbers : rows
+        Theirs, one after the other (:func:`henon_ref.henon.loop.advance`): arrays would be many more words of a call.
     """
     n, most, mode = run.states, run.guards, run.mode
-    layout, own, ahead = rows_in(tables, mode), rows_in(numbers, mode), rest_of(band, run.states + run.guards + 1)
+    layout, own, ahead = _layout(run, tables, mode), _numbers(numbers, mode), rest_of(band, n + most + 1)
     index, surfaces = guard_of(layout, run.guard).index, mode_of(layout).surfaces
     values, speeds = rest_of(room, 2 * n), rest_of(room, 2 * n + most)
     call_expand(mode_of(layout).normal_velocities, run.time, run.time_low, 1.0, x, own[1], speeds)
@@ -175,11 +191,11 @@ def jump_transition(run, x, known_zeros, records, tables, numbers, band, room): 
     before, number, kept = mode_of(layout).number, _number_after(layout, values), values[index] == 0.0
     if number < 0:
         return ReturnCode.SELECT_MODE.value
-    target = _row_of(number, tables)
+    target = _row_of(run, number, count, tables)
     if target < 0:
         return _not_compiled(run, number)
-    after, end = rows_in(tables, target), target
-    if not _holds(run, room, after, rows_in(numbers, target)[0], ahead, index if kept else -1):
+    after, end = _layout(run, tables, target), target
+    if not _holds(run, room, after, _numbers(numbers, target)[0], ahead, index if kept else -1):
         return ReturnCode.SELECT_MODE.value
     if kept:
         left = _is_left(run, ahead[n + _guard_on(after, index)], speed, values[surfaces])
@@ -187,10 +203,10 @@ def jump_transition(run, x, known_zeros, records, tables, numbers, band, room): 
             return ReturnCode.SELECT_MODE.value
         if left == 0:
             resting = _resting(number, index)
-            end = _row_of(resting, tables)
+            end = _row_of(run, resting, count, tables)
             if end < 0:
                 return _not_compiled(run, resting)
-            if not _holds(run, room, rows_in(tables, end), rows_in(numbers, end)[0], ahead, -1):
+            if not _holds(run, room, _layout(run, tables, end), _numbers(numbers, end)[0], ahead, -1):
                 return ReturnCode.SELECT_MODE.value
     changes = 1 if end != target else 0
     for j in range(surfaces):
@@ -215,11 +231,11 @@ def jump_transition(run, x, known_zeros, records, tables, numbers, band, room): 
         record_transition(run, x, records, STICK, index, 1, target, end, run.landing)
         accumulate = events_accumulate(run)
     run.mode = end
-    set_known_zeros(known_zeros, rows_in(tables, end), index, 1 if kept and end == target else 0)
+    set_known_zeros(known_zeros, _layout(run, tables, end), index, 1 if kept and end == target else 0)
     return ReturnCode.EVENTS_ACCUMULATE.value if accumulate else ON
 
 
 compiled_jump, call_jump = compile_on_demand(
-    jump_transition, int64, RUN_RECORD, DOUBLES, INTEGERS, GRID, TABLES, NUMBERS, GRID, DOUBLES
+    jump_transition, int64, RUN_RECORD, DOUBLES, INTEGERS, GRID, int64, TABLE, GRID, GRID, DOUBLES
 )
 """What compiles it and returns its address; what calls it, in compiled code."""

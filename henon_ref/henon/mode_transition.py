@@ -70,7 +70,10 @@ def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, 
     zeros, what, target = 1, CROSSING, guard_of(layout, hit).mode_across
     if kind == SURFACE:
         if guard_of(layout, hit).jump != 0 and not coincident:
-            return call_jump(mode_of(layout).jump, run, x, known_zeros, records, tables, numbers, band, room)
+            modes, constants = rows_in(tables, 0), rows_in(numbers, 0)
+            return call_jump(
+                mode_of(layout).jump, run, x, known_zeros, records, tables.shape[0], modes, constants, band, room
+            )
         if coincident or guard_of(layout, hit).coupled == 1:
             if selection is None:
                 return ReturnCode.SELECT_MODE.value
