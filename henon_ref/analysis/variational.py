@@ -192,12 +192,10 @@ class TangentFlow:
             ended there.
         """
         self._run.until = (until, 0.0) if isinstance(until, float) else double_double(sp.sympify(until))
-        self._run.blocks.clear()  # transitions handed out already
-        self._run.jumped = None
         event = self._run.next_event()
         if isinstance(event, Trajectory):
             return event
-        transition, jumped = replace(event, state=event.state[: self._n]), self._run.jumped
+        transition, jumped = replace(event, state=event.state[: self._n]), self._run.last_jump()
         if jumped is None:
             matrix = self._saltation.matrix(transition)
         elif transition.time > jumped.time:

@@ -25,6 +25,22 @@ def replaced(mode: Mode, index: int, value: int) -> Mode:
     return (*mode[:index], value, *mode[index + 1 :])
 
 
+def mode_number(mode: Mode) -> int:
+    """A mode as a number of base 3, the first surface being its last digit."""
+    return sum((entry + 1) * 3**i for i, entry in enumerate(mode))
+
+
+def numbered_mode(number: int, surfaces: int) -> Mode:
+    """The mode of a number.
+
+    Examples
+    --------
+    >>> numbered_mode(mode_number((1, 0, -1)), 3)
+    (1, 0, -1)
+    """
+    return tuple(number // 3**i % 3 - 1 for i in range(surfaces))
+
+
 def transition_kind(before: int, after: int) -> Literal["stick", "release", "crossing", "graze"]:
     """Name what one surface's entry does: stick, release, crossing or graze (touch and go)."""
     if before == after:

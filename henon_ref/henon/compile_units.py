@@ -44,6 +44,39 @@ def compile_unit(function: Any, result: Any, *given: Any) -> Callable[..., Any]:
     return call_symbol(symbol, result, *given)
 
 
+def compile_on_demand(function: Any, result: Any, *given: Any) -> tuple[Callable[[], int], Callable[..., Any]]:
+    """The same for a function that few systems need: it is compiled where one asks for its address.
+
+    Returns
+    -------
+    address : callable
+        Compiles it, or reads it from the disk, and returns its address.
+    call : callable
+        In compiled code, from the address and the function's own arguments its result.
+    """
+
+    def address() -> int:
+        compile_all([(function, given)])
+        return _address(function, given)
+
+    @intrinsic
+    def call(typing, place, *arguments):  # type: ignore[no-untyped-def]
+        if arguments != given:
+            raise TypingError(f"{function.__name__} takes {given}, not {arguments}")
+
+        def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
+            kind = context.call_conv.get_function_type(result, given)
+            parts = [builder.extract_value(values[1], i) for i in range(len(given))]
+            returned, raised = (cgutils.alloca_once(builder, pointer.pointee) for pointer in kind.args[:2])
+            words = context.get_arg_packer(given).as_arguments(builder, parts)
+            builder.call(builder.inttoptr(values[0], kind.as_pointer()), [returned, raised, *words])
+            return context.get_returned_value(builder, result, builder.load(returned))
+
+        return result(int64, types.StarArgTuple.from_types(given)), codegen
+
+    return address, call
+
+
 def call_symbol(symbol: str, result: Any, *given: Any) -> Callable[..., Any]:
     """What calls, in compiled code, the function that :func:`add_symbol` has given a name; see :func:`compile_unit`."""
 
@@ -73,5 +106,10 @@ def link() -> None:
 
 def add_symbol(symbol: str, function: Any, given: tuple[Any, ...]) -> None:
     """Tell the linker where a function is that has been compiled for some types."""
+    llvm.add_symbol(symbol, _address(function, given))
+
+
+def _address(function: Any, given: tuple[Any, ...]) -> int:
+    """Where a function is that has been compiled for some types."""
     made = function.overloads[given]
-    llvm.add_symbol(symbol, made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
+    return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))

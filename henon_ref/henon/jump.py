@@ -1,4 +1,4 @@
-"""Jumps of the state: maps of resets in multiprecision, so that they lose none of the digits that a landing has."""
+"""Jumps of the state that compiled code (:mod:`henon_ref.henon.jump_transition`) leaves open, in multiprecision."""
 
 from __future__ import annotations
 

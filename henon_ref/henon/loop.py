@@ -1,6 +1,6 @@
 """The compiled mode loop: Taylor steps, events, landings and ordinary mode changes without leaving machine code.
 
-Whatever needs more thought than a sign (several events at once, a tangency, a mode not compiled yet) is
+Whatever needs more thought than a sign (several events at once, a tangency, a rest, a mode not compiled yet) is
 handed back to Python (:mod:`henon_ref.henon.run`) with a code; after the answer the loop goes on.
 """
 
@@ -96,7 +96,8 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
     bounds = rest_of(work, 4 + DEPTH)
     change, lower, point = room, rest_of(room, n), rest_of(room, n + most)
     stop_at = min(run.steps + BUDGET, run.most_steps)
-    code = ON
+    code = ON if run.event_pending == 0 else EVENT
+    run.event_pending = 0
     while True:
         if code == EVENT:
             code = apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, band, room)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.modes import Mode, replaced, transition_kind
+from henon_ref.filippov.modes import Mode, numbered_mode, replaced, transition_kind
 from henon_ref.filippov.resets import resetting
 from henon_ref.filippov.resting import REMAINING
 from henon_ref.henon.endings import ending_of
@@ -50,15 +50,12 @@ class ModeChanges(State):
         Transitions that have left the loop's own memory.
     step_blocks : list of ndarray
         Full blocks of steps: rows of :func:`henon_ref.henon.records.step_dtype`, as doubles.
-    jumped : Jumped or None
-        The last jump of the state; None before one, and where whoever reads it has set it so.
     """
 
-    __slots__ = ("_passed_at", "_steps", "blocks", "jumped", "samples", "step_blocks")
+    __slots__ = ("_passed_at", "_steps", "blocks", "samples", "step_blocks")
 
     blocks: list[NDArray[np.float64]]
     step_blocks: list[NDArray[np.float64]]
-    jumped: Jumped | None
     samples: NDArray[np.float64]
     """Times at which samples are wanted; states and mode there."""
     _passed_at: int
@@ -130,7 +127,7 @@ class ModeChanges(State):
         before, source = self.mode, int(self.scalars.mode)
         row = self.integrator.mode_table.row(decision.mode)
         if row is None:
-            return "failed", f"the mode after t = {self.time:.17g} has no equations"
+            return self._without_equations()
         self.scalars.mode = row
         self._set_known_zeros(decision.mode, zeros)
         changed = [i for i, s in enumerate(decision.mode) if s != before[i] or i in resets]
@@ -144,6 +141,9 @@ class ModeChanges(State):
             )
         return ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
 
+    def _without_equations(self) -> tuple[Status, str]:
+        return "failed", f"the mode after t = {self.time:.17g} has no equations"
+
     def _jump(self, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> tuple[Status, str] | None:
         """Let the state jump where surfaces reset it, ``hits`` being all guards at zero; None if the run goes on."""
         state = list(zip(self.x.tolist(), self.x_low.tolist(), strict=True))
@@ -151,9 +151,8 @@ class ModeChanges(State):
         until, until_low = self.until
         most = REMAINING * (until - self.start.time[0])
         after = self.start.constants.jumps.after(surfaces, hits, self.mode, time, state, most)
-        jumped = tuple(high for high, _ in after.state)
-        self.jumped = Jumped(surfaces, time[0], tuple(self.x.tolist()), jumped, self.mode)
-        self.x[:] = jumped
+        self.before_jump[:] = self.x
+        self.x[:] = [high for high, _ in after.state]
         self.x_low[:] = [low for _, low in after.state]
         ended, rest = self._change_mode(after.decision, after.known_zeros, (), surfaces), after.rest
         if ended is not None or rest is None:
@@ -212,6 +211,9 @@ class ModeChanges(State):
         """Complete a transition that is decided, into a mode that has no row yet."""
         mode_table, row, hit = self.integrator.mode_table, int(self.scalars.mode), int(self.scalars.guard)
         guard, what = self.guards[hit], int(self.scalars.pending_kind)
+        if what == RESET:  # the loop goes through the event anew
+            after = numbered_mode(int(self.scalars.pending_mode), len(self.mode))
+            return None if mode_table.row(after) is not None else self._without_equations()
         after = replaced(self.mode, guard.index, 0 if what == STICK else guard.to_sign)
         released = int(mode_table.compiled.records[row]["guards"][hit]["zeros_at_release"])
         zeros = {STICK: 0, CROSSING: 1}.get(what, released)

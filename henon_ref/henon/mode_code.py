@@ -45,11 +45,18 @@ class ModeCode:
     """Whether the field may have branch points."""
     guards_branch: tuple[bool, ...]
     """Whether each guard may have some."""
+    jumps: ModeTape | None = None
+    """The system's maps of resets, if compiled code makes jumps."""
 
     @property
     def guards_branch_alone(self) -> bool:
         """Whether some guard may have branch points, and the field has none."""
         return any(self.guards_branch) and not self.field_branches
+
+    @property
+    def tapes(self) -> tuple[ModeTape, ...]:
+        """Those whose constants the compiled loop reads, in its order; of all modes of a system as many."""
+        return (self.expansion, self.probe, *([] if self.jumps is None else [self.jumps]))
 
     @property
     def fields(self) -> dict[str, int]:

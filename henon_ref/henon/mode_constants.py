@@ -33,8 +33,8 @@ class LoopData(NamedTuple):
     tables: NDArray[np.int64]
     """See :attr:`CompiledModes.tables`."""
     numbers: NDArray[np.float64]
-    """(M, 2, K): for each mode the constants of its expansion, and of its probe, rounded to double; behind them what
-    the rounding lost of each."""
+    """(M, 2 or 3, K): for each mode the constants of its expansion, of its probe, and of the maps of resets where
+    compiled code makes jumps, rounded to double; behind them what the rounding lost of each."""
     normals: tuple[Any, ...]
     """Begin of the loop's argument ``selection``; empty where there is nothing to select."""
 
@@ -84,8 +84,8 @@ class ExactConstants(ModeConstants):
     def __init__(self, mode_table: ModeTable, values: FilippovSystem) -> None:
         self._table, self._values = mode_table, values
         self._known: dict[tuple[ModeTape, int, tuple[int, ...]], Pair] = {}
-        self._rows = np.zeros((0, 2, 1))
-        self.latest = self._extended(mode_table.compiled, np.zeros((0, 2, 1)))
+        self._rows = np.zeros((0, 0, 1))
+        self.latest = self._extended(mode_table.compiled, np.zeros((0, 0, 1)))
 
     @cached_property
     def switching(self) -> Switching:
@@ -107,13 +107,14 @@ class ExactConstants(ModeConstants):
 
     def _extended(self, compiled: CompiledModes, numbers: NDArray[np.float64]) -> LoopData:
         rows = [
-            [self._numbers(tape, mode) for tape in (code.expansion, code.probe)]
+            [self._numbers(tape, mode) for tape in code.tapes]
             for mode, code in zip(compiled.modes[len(numbers) :], compiled.codes[len(numbers) :], strict=True)
         ]
         longest = max([numbers.shape[2], *(len(constants) for row in rows for constants in row)])
         if len(compiled.modes) > len(self._rows) or longest > self._rows.shape[2]:
-            self._rows = np.zeros((2 * len(compiled.modes), 2, longest))
-            self._rows[: len(numbers), :, : numbers.shape[2]] = numbers
+            tapes = max((len(code.tapes) for code in compiled.codes), default=0)
+            self._rows = np.zeros((2 * len(compiled.modes), tapes, longest))
+            self._rows[: len(numbers), : numbers.shape[1], : numbers.shape[2]] = numbers
         found = self._rows[: len(compiled.modes)]  # whoever has fewer rows of it does not see the new ones
         for place, row in enumerate(rows, start=len(numbers)):
             for own, constants in zip(found[place], row, strict=True):

@@ -4,7 +4,7 @@ them (:mod:`henon_ref.henon.mode_constants`)."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,8 +15,9 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.attraction import EXHAUSTIVE
 from henon_ref.filippov.contact_loops import guard_count
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.modes import Mode, mode_number, replaced
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.jump_code import jump_code
 from henon_ref.henon.mode_code import (
     ModeCode,
     NormalVelocities,
@@ -63,6 +64,11 @@ class ModeTable:
     system : FilippovSystem
     order : int
         Order of the Taylor expansion.
+
+    Raises
+    ------
+    ModelError
+        Where the map of a reset has a function that is not smooth.
     """
 
     def __init__(self, system: FilippovSystem, order: int) -> None:
@@ -71,6 +77,7 @@ class ModeTable:
         """Row of each mode that is compiled."""
         surfaces = len(system.surfaces)
         self._switched = system.switched
+        self._jumps = jump_code(system)
         several = 1 < surfaces <= SURFACES and not (system.overrides or system.resets)
         self.compiled = CompiledModes(
             modes=(),
@@ -144,11 +151,12 @@ class ModeTable:
         """Machine code of a mode, which it has in common with those that slide on the same surfaces, or with all."""
         sliding = frozenset() if self._switched else frozenset(i for i, s in enumerate(mode) if s == 0)
         if sliding not in self._codes:
-            self._codes[sliding] = (
+            code = (
                 switched_mode_code(self.system, self._switched, self.order)
                 if self._switched
                 else sliding_mode_code(self.system, sliding, self.order)
             )
+            self._codes[sliding] = replace(code, jumps=self._jumps.tape) if self._jumps else code
         return self._codes[sliding]
 
     def _append(self, mode: Mode, code: ModeCode) -> None:
@@ -158,7 +166,7 @@ class ModeTable:
         # Where it may not attract, compiled code does not settle on it.
         if rows.size and all(g.kind != "attracts" for g in self.guards(mode)):
             rows = rows.copy()
-            rows[sum((s + 1) * 3**i for i, s in enumerate(mode))] = row
+            rows[mode_number(mode)] = row
         index = {**self.index, mode: row}
         for other in [mode, *_neighbours(mode)]:
             if other in index:
@@ -175,6 +183,8 @@ class ModeTable:
         own, records = found[0]["mode"], found[0]["guards"]
         for name, value in code.fields.items():
             own[name] = value
+        if self._jumps:
+            own["number"], own["surfaces"], own["jump"] = mode_number(mode), len(mode), self._jumps.transition
         own["guards"], own["bernstein"] = len(guards), bernstein_code(self.order).address("bernstein")
         records["mode_across"] = records["mode_stuck"] = -1
         records["branches"][: len(code.guards_branch)] = code.guards_branch
@@ -184,6 +194,7 @@ class ModeTable:
             record["hold_zone"] = surface and system.held_inside(guard.index)
             record["side"] = mode[guard.index] if surface else 0
             resets = surface and guard.index in system.resets and mode[guard.index] > 0
+            record["jump"] = self._jumps.address(mode, guard.index) if resets and self._jumps else 0
             record["coupled"] = resets or system.decided_together(guard, sliding)
             # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
             tangent = guard.kind == "release" and guard.index not in system.overrides

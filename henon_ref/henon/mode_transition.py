@@ -6,6 +6,7 @@ from numba import float64, int64
 
 from henon_ref.henon.compile_units import compile_unit
 from henon_ref.henon.event_detection import zeros_at_release
+from henon_ref.henon.jump_transition import call_jump
 from henon_ref.henon.mode_selection import select_mode
 from henon_ref.henon.recorder import change_mode, events_accumulate, record_transition, set_known_zeros
 from henon_ref.henon.records import CROSSING, RELEASE, RELEASED, STICK, SURFACE, VALID, guard_of, mode_of
@@ -68,6 +69,11 @@ def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, 
         return ReturnCode.LEFT_DOMAIN.value
     zeros, what, target = 1, CROSSING, guard_of(layout, hit).mode_across
     if kind == SURFACE:
+        if guard_of(layout, hit).jump != 0 and not coincident:
+            modes, constants = rows_in(tables, 0), rows_in(numbers, 0)
+            return call_jump(
+                mode_of(layout).jump, run, x, known_zeros, records, tables.shape[0], modes, constants, band, room
+            )
         if coincident or guard_of(layout, hit).coupled == 1:
             if selection is None:
                 return ReturnCode.SELECT_MODE.value

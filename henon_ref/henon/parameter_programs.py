@@ -28,11 +28,13 @@ class LoopProgram:
     compiled: CompiledModes
     program: ConstantProgram
     sources: NDArray[np.int64]
-    """Registers of the constants of expansions and probes, shape (k,)."""
+    """Registers of the constants of the modes' tapes, shape (k,)."""
     places: NDArray[np.int64]
     """Where each one's double, and what its rounding lost, is put, shape (2, k)."""
+    tapes: int
+    """Rows of constants that a mode has: of its expansion, its probe, and maps of resets if any."""
     longest: int
-    """Constants of a mode's expansion or probe, with what rounding lost of them: the most there are."""
+    """Constants of such a row, with what rounding lost of them: the most there are."""
     normal_sources: NDArray[np.int64]
     """Registers of the constants of the normal velocities."""
 
@@ -40,20 +42,21 @@ class LoopProgram:
     def bytes_a_point(self) -> int:
         """Memory that :meth:`numbers` takes for each point."""
         registers = self.program.inputs + len(self.program.numbers) + len(self.program.operations)
-        return 8 * (3 * registers + 2 * self.longest * len(self.compiled.modes) + 2 * len(self.normal_sources) + 1)
+        constants = self.tapes * self.longest * len(self.compiled.modes) + 2 * len(self.normal_sources) + 1
+        return 8 * (3 * registers + constants)
 
     def numbers(self, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """At parameter values, shape (points, parameters).
 
         Returns
         -------
-        numbers : ndarray, shape (points, M, 2, longest)
+        numbers : ndarray, shape (points, M, tapes, longest)
             See :attr:`henon_ref.henon.mode_constants.LoopData.numbers`.
         normals : ndarray, shape (points, 2 k + 1)
             Constants of the normal velocities.
         """
         registers, points, modes = self.program.registers(values), len(values), len(self.compiled.modes)
-        numbers = np.zeros((points, modes * 2 * self.longest))
+        numbers = np.zeros((points, modes * self.tapes * self.longest))
         if not scatter(registers, self.sources, *self.places, numbers):
             self.program.made_accurate(registers)
             scatter(registers, self.sources, *self.places, numbers)
@@ -62,7 +65,7 @@ class LoopProgram:
         if count:
             places = np.arange(count)
             scatter(registers, self.normal_sources, places, places + count, normals)
-        return numbers.reshape(points, modes, 2, self.longest), normals
+        return numbers.reshape(points, modes, self.tapes, self.longest), normals
 
 
 class ParameterPrograms:
@@ -152,11 +155,7 @@ class ParameterPrograms:
         known: dict[tuple[int, int, tuple[int, ...]], int] = {}
         sources: list[int] = []
         places: list[tuple[int, int]] = []
-        tapes = [
-            (mode, tape)
-            for mode, code in zip(compiled.modes, compiled.codes, strict=True)
-            for tape in (code.expansion, code.probe)
-        ]
+        tapes = [(mode, tape) for mode, code in zip(compiled.modes, compiled.codes, strict=True) for tape in code.tapes]
         longest = max([1, *(2 * len(tape.tape.constants) for _, tape in tapes)])
         for row, (mode, tape) in enumerate(tapes):
             count = len(tape.tape.constants)
@@ -173,7 +172,8 @@ class ParameterPrograms:
         registers, count = np.array(program.outputs, dtype=np.int64), len(expressions)
         put = np.ascontiguousarray(np.array(places, dtype=np.int64).reshape(-1, 2).T)
         own = registers[:count][np.array(sources, dtype=np.int64)]
-        return LoopProgram(compiled, program, own, put, longest, registers[count:])
+        rows = max((len(code.tapes) for code in compiled.codes), default=0)
+        return LoopProgram(compiled, program, own, put, rows, longest, registers[count:])
 
 
 def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:

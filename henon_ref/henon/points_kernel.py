@@ -108,7 +108,7 @@ def _begin(state, template, times, initial, point, row, surface, tables, numbers
     for i in range(template.size):
         state[i] = template[i]
     run = run_of(row_of(state))
-    run.time, run.horizon, run.mode = times[point, 0], times[point, 1], row
+    run.time, run.begin, run.horizon, run.mode = times[point, 0], times[point, 0], times[point, 1], row
     run.unit = max(run.horizon - run.time, 1e-280)
     for i in range(initial.shape[1]):
         state[STATE_PLACE + i] = initial[point, i]

@@ -28,7 +28,9 @@ MODE = np.dtype(
         ("polynomial_degree", "i8"),  # of the motion, if that is a polynomial which the expansion holds whole; else 0
         ("slopes", "i8"),  # where the field has branch points, the code of its first coefficients alone; else 0
         ("guards_branch", "i8"),  # whether some guard has branch points
-        ("unused", "i8", (2,)),  # a mode's record is as long as a guard's
+        ("number", "i8"),  # of the mode (henon_ref.filippov.modes.mode_number); 0 where no jump is compiled
+        ("surfaces", "i8"),  # of the system
+        ("jump", "i8"),  # address of what makes jumps; a mode's record is as long as a guard's
     ],
     align=True,
 )  # fmt: skip
@@ -44,6 +46,7 @@ GUARD = np.dtype(
         ("zeros_at_release", "i8"),  # with which its surface is left; 0: to be measured, or the guard is no release
         ("side", "i8"),  # of its surface on which the mode is, -1 or +1; 0 for guards that are no surface's
         ("branches", "i8"),  # whether it has branch points of its own
+        ("jump", "i8"),  # address of the map of its surface, if that resets the state and it is compiled; else 0
     ],
     align=True,
 )  # fmt: skip

@@ -13,7 +13,7 @@ from henon_ref.filippov.resets import resetting
 from henon_ref.henon.endings import ending_of
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.loop import advance
-from henon_ref.henon.mode_changes import ModeChanges
+from henon_ref.henon.mode_changes import Jumped, ModeChanges
 from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
 from henon_ref.henon.recorder import events_accumulate
 from henon_ref.henon.records import (
@@ -96,7 +96,6 @@ class Run(ModeChanges):
             self.samples[:, 0] = sample_times
         self.blocks = []
         self.step_blocks = []
-        self.jumped = None
         self._passed_at = -1
         self._steps = None
         self.ended: Trajectory | None = None
@@ -143,11 +142,22 @@ class Run(ModeChanges):
 
     def next_event(self) -> Transition | Trajectory:
         """Go to the next transition; the trajectory instead where the run ends before one."""
+        self.blocks.clear()  # transitions handed out already
         self.scalars.transitions = 0
         while (end := self._advance(stop=True)) is None:
             if self.scalars.transitions:
-                return TransitionArray(self.workspace.transitions[:1], self.integrator.mode_table.modes)[0]
+                last = slice(self.scalars.transitions - 1, self.scalars.transitions)
+                return TransitionArray(self.workspace.transitions[last], self.integrator.mode_table.modes)[0]
         return end
+
+    def last_jump(self) -> Jumped | None:
+        """The jump of the state at the event that :meth:`next_event` has come to; None where the state went on."""
+        records = np.concatenate([*self.blocks, self.workspace.transitions[: self.scalars.transitions]])
+        resets = [t for t in TransitionArray(records, self.integrator.mode_table.modes) if t.kind == "reset"]
+        if not resets:
+            return None
+        surfaces, before = tuple(t.surface for t in resets), tuple(self.before_jump.tolist())
+        return Jumped(surfaces, resets[0].time, before, resets[0].state, resets[0].from_mode)
 
     def _advance(self, *, stop: bool = False) -> Trajectory | None:
         """Let the compiled loop run until it needs something; None if the run goes on."""

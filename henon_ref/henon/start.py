@@ -10,6 +10,7 @@ from struct import Struct
 import numpy as np
 from numpy.typing import NDArray
 
+from henon_ref.filippov.resting import REMAINING
 from henon_ref.henon.mode_constants import ModeConstants
 from henon_ref.henon.state import LAST_STEPS, RUN, RUN_VIEW, STATE_PLACE, state_places
 from henon_ref.henon.workspace import CHUNK
@@ -17,11 +18,11 @@ from henon_ref.trajectory import Trajectory
 
 NO_LIMIT = 1 << 62
 """More steps than any run takes."""
-_BEGIN, _HORIZON, _MODE = Struct("3d"), Struct("2d"), Struct("q")
+_BEGIN, _HORIZON, _MODE = Struct("4d"), Struct("2d"), Struct("q")
 _NAMES = RUN.names or ()
 _HORIZON_PLACE, _MODE_PLACE = 8 * _NAMES.index("horizon"), 8 * _NAMES.index("mode")
-"""In bytes; time, what rounding it lost, and unit come first."""
-assert _NAMES[:3] == ("time", "time_low", "unit")
+"""In bytes; time, what rounding it lost, unit and begin come first."""
+assert _NAMES[:4] == ("time", "time_low", "unit", "begin")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +68,14 @@ class Start:
         limits = self.stop_falling, self.stop_rising, self.most_steps
         state = _template(n, guards, self.order, self.landing, self.tolerance, *limits).copy()
         length = (self.until[0] - self.time[0]) + (self.until[1] - self.time[1])
-        _BEGIN.pack_into(state.data, 0, *self.time, max(length, 1e-280))
+        _BEGIN.pack_into(state.data, 0, *self.time, max(length, 1e-280), self.time[0])
         _HORIZON.pack_into(state.data, _HORIZON_PLACE, *self.until)
         _MODE.pack_into(state.data, _MODE_PLACE, self.row)
         high, low = zip(*self.x, strict=True)
         state[STATE_PLACE : STATE_PLACE + 2 * n] = high + low
         if any(self.zeros):
-            state[STATE_PLACE + 2 * n : STATE_PLACE + 2 * n + guards].view(np.int64)[:] = self.zeros
+            first = STATE_PLACE + 3 * n
+            state[first : first + guards].view(np.int64)[:] = self.zeros
         return state
 
 
@@ -92,6 +94,7 @@ def _template(
     state = np.zeros(state_places(states, guards))
     run = state[:LAST_STEPS].view(RUN_VIEW)[0]
     run.event_time, run.tolerance, run.order, run.method = -np.inf, tolerance, order, method
+    run.rest_part = REMAINING
     run.stepped_mode, run.transition_capacity, run.states, run.guards = -1, CHUNK, states, guards
     run.stop_falling, run.stop_rising, run.most_steps = stop_falling, stop_rising, most_steps
     return state

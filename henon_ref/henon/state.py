@@ -38,6 +38,8 @@ RUN = np.dtype(
     [
         ("time", "f8"), ("time_low", "f8"),  # s, and what rounding it lost
         ("unit", "f8"),  # s: unit of the expansion
+        ("begin", "f8"),  # s: of the run
+        ("rest_part", "f8"),  # of the run that later flights may last together where impacts have come to their limit
         ("event_time", "f8"), ("event_time_low", "f8"),  # s: last event
         ("suspect", "f8"),  # s: where an undecided event is, from the step's start
         ("step_length", "f8"),  # s: of an undecided step
@@ -53,6 +55,8 @@ RUN = np.dtype(
         ("remembered", "i8"),  # modes of which the last step is kept
         ("step_place", "i8"),  # of the present one among them
         ("pending_kind", "i8"),  # of the event that leads to a mode without a row
+        ("pending_mode", "i8"),  # number of that mode, after a reset
+        ("event_pending", "i8"),  # 1 where the event that the run stands at is still to be gone through
         ("order", "i8"),
         ("method", "i8"),  # of landing
         ("transition_capacity", "i8"),  # of a block of memory
@@ -65,14 +69,15 @@ RUN = np.dtype(
     align=True,
 )  # fmt: skip
 """A run's scalars, the same for every system; behind them in one block of doubles: the last step of modes [s], shape
-(REMEMBERED_STEPS,); x and what rounding it lost, shape (n,) each; as integers known zeros of each guard at the present
-point (the surface just left), which are divided out, and 1 for a guard that is at zero, shape (G,) each."""
+(REMEMBERED_STEPS,); x, what rounding it lost, and x before the last jump, shape (n,) each; as integers known zeros of
+each guard at the present point (the surface just left), which are divided out, and 1 for a guard that is at zero, shape
+(G,) each."""
 RUN_RECORD = from_dtype(RUN)
 """Its type in compiled code."""
 LAST_STEPS = RUN.itemsize // 8
 """Where, in doubles, the last steps stand in the block."""
 STATE_PLACE = LAST_STEPS + REMEMBERED_STEPS
-"""Where the state stands, followed by what rounding it lost."""
+"""Where the state stands, followed by what rounding it lost, and by the state before the last jump."""
 
 
 run_of = record_view(RUN)
@@ -82,13 +87,13 @@ run_of = record_view(RUN)
 @register_jitable
 def state_places(n, most):  # type: ignore[no-untyped-def]
     """Length of a run's scalars and vectors, in doubles: of n states, and as many guards as the largest mode has."""
-    return STATE_PLACE + 2 * n + 2 * most
+    return STATE_PLACE + 3 * n + 2 * most
 
 
 @inner(forceinline=True)
 def vectors_of(block, n, most):  # type: ignore[no-untyped-def]
     """Rows behind the scalars: last steps, x, what rounding it lost, known zeros, guards at zero."""
-    integers = integers_in(rest_of(block, STATE_PLACE + 2 * n))
+    integers = integers_in(rest_of(block, STATE_PLACE + 3 * n))
     x = rest_of(block, STATE_PLACE)
     return rest_of(block, LAST_STEPS), x, rest_of(x, n), integers, rest_of(integers, most)
 

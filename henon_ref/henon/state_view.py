@@ -48,7 +48,7 @@ class State:
 
     @property
     def _integers(self) -> NDArray[np.int64]:
-        return self.state[STATE_PLACE + 2 * len(self.start.x) :].view(np.int64)
+        return self.state[STATE_PLACE + 3 * len(self.start.x) :].view(np.int64)
 
     @property
     def until(self) -> tuple[float, float]:
@@ -68,6 +68,12 @@ class State:
     def x_low(self) -> NDArray[np.float64]:
         """What rounding it lost: a view; whoever changes ``x`` sets it to 0 there."""
         return self.state[STATE_PLACE + len(self.start.x) : STATE_PLACE + 2 * len(self.start.x)]
+
+    @property
+    def before_jump(self) -> NDArray[np.float64]:
+        """State before the last jump, shape (n,): a view."""
+        n = len(self.start.x)
+        return self.state[STATE_PLACE + 2 * n : STATE_PLACE + 3 * n]
 
     @property
     def known_zeros(self) -> NDArray[np.int64]:

@@ -141,3 +141,15 @@ def test_what_is_linear_in_time_but_not_by_its_form_is_a_clock_without_time_in_i
     tape = build_tape((x,), (hidden,), (x,))
     assert all(not constant.free_symbols for constant in tape.constants)
     assert tape.nodes[tape.field[0]].op in ("clock", "constant")
+
+
+def test_a_part_of_a_tape_has_its_values_and_all_constants() -> None:
+    outputs = [sp.sin(a * x) + 2, sp.cos(a * x) * y, sp.tanh(y) / 3, t * x, sp.Integer(5)]
+    whole = build_tape((x, y), (), outputs)
+    numbers = [float(c.subs(a, 0.7)) for c in whole.constants]
+    values = [series[0] for series in expand(whole, numbers, 0.3, [0.2, -0.4], 0)[1]]
+    for wanted in ([1], [4, 0], [3, 2], []):
+        part = whole.part(wanted)
+        assert part.constants == whole.constants
+        assert len(part.nodes) < len(whole.nodes)
+        assert [s[0] for s in expand(part, numbers, 0.3, [0.2, -0.4], 0)[1]] == [values[at] for at in wanted]

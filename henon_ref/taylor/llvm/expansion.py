@@ -10,10 +10,10 @@ the size of a step, so that coefficients neither overflow nor vanish whatever th
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import count
 
-from henon_ref.jit.ir_writer import LANES, IRWriter, Value, row_length
+from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value, row_length
 from henon_ref.taylor import rules
 from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Functions
 from henon_ref.taylor.llvm.convolutions import Convolutions, convolved
@@ -69,6 +69,29 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
         exponentials = [(n.op, expansion.series[n.args[0]]) for n in tape.nodes if n.op in ("exp", "sinh", "tanh")]
         for at, value in enumerate([*last_terms(w, rows, expansion.sizes, order), longest_step(w, exponentials)]):
             w.store(value, "%C", len(rows) * width + at)
+    return _function(w, name)
+
+
+def values_ir(tape: Tape, states: int, name: str, places: Sequence[int]) -> str:
+    """LLVM IR of the same kind of function, which puts the values of a tape's outputs, each at its place, and no more.
+
+    Parameters
+    ----------
+    tape, states, name
+        See :func:`expansion_ir`.
+    places : sequence of int
+        Of each output, in ``C``.
+    """
+    w = IRWriter()
+    expansion = _Expansion(w, tape, states, 0)
+    expansion.run()
+    for place, values in zip(places, expansion.outputs, strict=True):
+        w.store(values[0] or ZERO, "%C", place)
+    return _function(w, name)
+
+
+def _function(w: IRWriter, name: str) -> str:
+    """The function of the instructions written."""
     body = "\n".join(w.lines)
     return (
         f"define void @{name}(double %t_hi, double %t_lo, double %unit, ptr noalias %x, ptr noalias %K, "

@@ -1,0 +1,85 @@
+"""Machine code of the maps of resets, for the jumps that compiled code decides (`henon/jump_transition`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import sympy as sp
+
+from henon_ref.filippov.mode_tape import ModeTape
+from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.resets import Jump, jump_of
+from henon_ref.filippov.resting import impact_of, pressed_by
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.jump_transition import compiled_jump
+from henon_ref.henon.mode_code import native_module
+from henon_ref.jit.ir_writer import declarations
+from henon_ref.jit.native_module import NativeModule
+from henon_ref.taylor.llvm.expansion import values_ir
+from henon_ref.taylor.tape import build_tape
+
+MOST_SURFACES = 39
+"""With more surfaces a mode has no number that an integer of the machine holds."""
+
+
+@dataclass(frozen=True, eq=False)
+class JumpCode:
+    """Machine code of the maps of a system's resets."""
+
+    system: FilippovSystem
+    tape: ModeTape
+    """All maps; one tape for all modes, as no map holds signs."""
+    code: NativeModule
+    jumps: Mapping[int, Jump]
+    """Of the surfaces that reset the state."""
+    transition: int
+    """Address of :func:`henon_ref.henon.jump_transition.jump_transition`."""
+
+    def address(self, mode: Mode, index: int) -> int:
+        """Address of the map of a surface that a mode reaches; 0 where Python has to decide what follows.
+
+        That is so where a body that rests on another surface would be pressed on, where the jump leaves the state on
+        another surface that the mode slides on, and where the speed of an impact depends on other surfaces' signs.
+        """
+        jump, impact = self.jumps[index], impact_of(self.system, index)
+        stays = any(entry == 0 and j in jump.kept for j, entry in enumerate(mode))
+        if stays or pressed_by(self.system, mode, jump) or (impact and impact.speed.has(*self.system.signs)):
+            return 0
+        return self.code.address(f"jump_{index}")
+
+
+def jump_code(system: FilippovSystem) -> JumpCode | None:
+    """The code of a system's maps; None where it has none, or more surfaces than :data:`MOST_SURFACES`.
+
+    A map's function (:func:`henon_ref.taylor.llvm.expansion.values_ir`) takes the state before, and behind it what
+    rounding has lost of that. It puts the new values of the states that it moves, what is lost of them to first order
+    (the map's derivative times what was lost before), the values of the surfaces whose functions it changes, and the
+    part of the speed that the impact leaves (1 where that is none).
+    """
+    if not system.resets or len(system.surfaces) > MOST_SURFACES:
+        return None
+    n, jumps = len(system.states), {i: jump for i in sorted(system.resets) if (jump := jump_of(system, (i,)))}
+    lost = tuple(sp.Symbol(f"lost of {x.name}", real=True) for x in system.states)
+    outputs: list[sp.Expr] = []
+    places: dict[int, list[int]] = {}
+    for i, jump in jumps.items():  # of one surface alone there is one
+        outputs += [jump.states[k] for k in jump.moved]
+        outputs += [_carried(jump.states[k], system.states, lost) for k in jump.moved]
+        new = [j for j in range(len(system.surfaces)) if j not in jump.kept]
+        outputs += [jump.guards[j] for j in new]
+        impact = impact_of(system, i)
+        outputs += [sp.Integer(1) if impact is None or impact.refusal else impact.ratio]
+        places[i] = [*jump.moved, *(n + k for k in jump.moved), *(2 * n + j for j in new), 2 * n + len(system.surfaces)]
+    tape = build_tape((*system.states, *lost), (), outputs)
+    code, first = declarations(), 0
+    for i, own in places.items():
+        code += values_ir(tape.part(range(first, first + len(own))), 2 * n, f"jump_{i}", own)
+        first += len(own)
+    return JumpCode(system, ModeTape(tape, ()), native_module(code), jumps, compiled_jump())
+
+
+def _carried(value: sp.Expr, states: tuple[sp.Symbol, ...], lost: tuple[sp.Symbol, ...]) -> sp.Expr:
+    """A function's derivative along what rounding has lost of the states."""
+    moving = value.free_symbols
+    return sp.Add(*(sp.diff(value, x) * low for x, low in zip(states, lost, strict=True) if x in moving))
