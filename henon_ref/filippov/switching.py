@@ -161,7 +161,7 @@ class Switching(ModeEvaluation):
         except (ZeroDivisionError, ValueError, OverflowError):
             return False
         speed = above if mode[guard.index] > 0 else -below
-        return bool(speed > PLAIN * abs(above - below))
+        return bool(speed > PLAIN * abs(above - below) > 0)
 
     def _decide(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float = ZERO) -> Decision:
         """Try with what rounding may have made of a zero first; then, where no mode fits, with more and with less."""

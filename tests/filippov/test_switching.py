@@ -89,6 +89,7 @@ def test_contact_orders_count_the_zeros_of_h() -> None:
     switching = Switching(problem.system)
     assert switching.contact_orders(0.0, [0.0, 1.0], (1,), [0]) == [1]
     assert switching.contact_orders(0.5, [0.0, 0.0], (1,), [0]) == [2]
+    assert switching.contact_orders(0.5, [0.0, 1e-17], (1,), [0]) == [2]  # a speed that rounding has left
     assert switching.contact_orders(0.0, [0.0, 0.0], (1,), [0]) == [3]
     assert switching.contact_orders(0.0, [0.0, 0.0], (1,), []) == [0]
 
