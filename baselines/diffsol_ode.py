@@ -14,6 +14,7 @@ back: where a run failed is known from the library's message alone.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -30,6 +31,9 @@ from henon_ref.filippov.callables import ARITHMETIC
 
 STAGES = 6
 """Right-hand sides of a step of Tsit45: seven stages, of which the first is the last of the step before."""
+
+KEPT = 64
+"""Compiled modes that a process keeps: more than a system visits."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +75,8 @@ class _Flow(SmoothMode):
         self, adapter: DiffsolOde, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float
     ) -> None:
         super().__init__(library, model, work, horizon)
-        module = library.module
-        self._ode = module.Ode(mode_text(model), ode_solver=getattr(module, adapter.method))
-        self._ode.rtol, self._ode.atol = library.rtol, library.atol
+        self._ode = _compiled(library.module, adapter.method, mode_text(model))
+        self._tolerances = library.rtol, library.atol
         self._stages = STAGES if adapter.method == "tsit45" else 0
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
@@ -106,6 +109,7 @@ class _Flow(SmoothMode):
     def _solve(self, t: float, x: NDArray[np.float64], until: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Times, shape (k,), and unknowns, shape (k, N), of the steps from (t, x) on."""
         lifts, quiet = self.gates.lifts, np.maximum(self.gates.quiet, -1e300)
+        self._ode.rtol, self._ode.atol = self._tolerances
         self._ode.t0 = t
         self._ode.h0 = min(1.0, until - t)
         solution = self._ode.solve(np.concatenate([x, lifts, quiet]), until)
@@ -141,6 +145,12 @@ class _Flow(SmoothMode):
                 t, x = time, self._solve(t, x, time)[1][-1]
             rows.append(x[: self.states])
         return np.array(rows).reshape(-1, self.states)
+
+
+@lru_cache(maxsize=KEPT)
+def _compiled(module: Any, method: str, text: str) -> Any:
+    """The ``Ode`` of one mode, compiled once for all tolerances and restarts; every solve sets what it depends on."""
+    return module.Ode(text, ode_solver=getattr(module, method))
 
 
 TSIT45 = DiffsolOde("diffsol-tsit45", "tsit45")

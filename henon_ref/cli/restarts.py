@@ -21,7 +21,7 @@ app = application()
 def main(
     cases: Cases,
     solvers: Annotated[
-        str, typer.Option(help="Libraries, with commas; of others earlier rows are kept.", show_default="all")
+        str, typer.Option(help="Libraries, with commas; other rows are kept.", show_default="all")
     ] = "",
     jobs: Annotated[int, typer.Option(min=1, help="Readings at work at once.")] = 2,
     out: Folder = Path("out"),

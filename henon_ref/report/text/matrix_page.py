@@ -9,7 +9,7 @@ from henon_ref.columns import Row
 from henon_ref.report.files.write import REPORT
 from henon_ref.report.text.choice import Key, key_of
 from henon_ref.report.text.matrix import matrix_table, solvers_of
-from henon_ref.report.text.matrix_rows import short_commit
+from henon_ref.report.text.matrix_rows import commits_of
 from henon_ref.report.text.paired_times import link
 from henon_ref.report.text.ranking import LEVELS, name, number
 from henon_ref.report.text.tables import Table
@@ -25,9 +25,9 @@ def by_reading(rows: Sequence[Row]) -> dict[Key, list[Row]]:
 
 
 def reading_table(rows: Sequence[Row]) -> Table:
-    """Digits that each solver reaches on each reading, with its kind and the commit of the program that ran it."""
+    """Digits that each solver reaches on each reading, with its kind and the commits of the program that ran it."""
     lines = [
-        ((link(*key, reports=""), str(own[0]["kind"] or ""), short_commit(str(own[0]["commit"] or ""), 7)), own)
+        ((link(*key, reports=""), str(own[0]["kind"] or ""), ", ".join(commits_of(own, 7))), own)
         for key, own in by_reading(rows).items()
     ]
     return matrix_table(("reading", "kind", "commit"), lines)
