@@ -16,7 +16,7 @@ from henon_ref.report.text.kinds_figure import draw_kinds
 from henon_ref.report.text.markdown import environment
 from henon_ref.report.text.matrix import KEY
 from henon_ref.report.text.matrix_merge import merged
-from henon_ref.report.text.matrix_page import reading_table, solver_table, titles
+from henon_ref.report.text.matrix_page import coverage_table, reading_table, solver_table, titles
 from henon_ref.report.text.matrix_rows import MATRIX_COLUMNS
 from henon_ref.report.text.paired_times import cheapest, own_words, read_ratios
 from henon_ref.report.text.ranking import NOT_RUN, name, number
@@ -80,7 +80,7 @@ def index_text(rows: Sequence[Row], folder: Path) -> str:
         Where it lies: links lead only to what is there.
     """
     suite = read_suite(folder)
-    beaten = beaten_table(suite)
+    beaten, coverage = beaten_table(suite), coverage_table(rows)
     text = (
         environment()
         .get_template("index.md.j2")
@@ -90,6 +90,7 @@ def index_text(rows: Sequence[Row], folder: Path) -> str:
                 restart: words for restart, words in WHY.items() if any(f"`{restart}`" in row[2] for row in beaten.rows)
             },
             choice=choice_table(rows).markdown,
+            coverage=coverage.markdown if coverage.rows else "",
             own=own_words(read_ratios(folder)),
             figure=FIGURE if is_drawn(rows) else "",
             cases=case_table([row for row in rows if (folder / str(row["case"]) / REPORT).exists()]).markdown,

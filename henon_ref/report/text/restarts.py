@@ -101,7 +101,7 @@ def ending(row: Row) -> str:
 
 
 def merged(fresh: Sequence[Row], earlier: Sequence[Row]) -> list[Row]:
-    """Fresh rows and, of cases and libraries that have none, earlier ones, by case, in the registry's order of libraries.
+    """Fresh rows and, of cases and libraries that have none, earlier ones, by case and library.
 
     So that the study of a library that takes long can be made case by case.
     """
