@@ -7,6 +7,7 @@ the reason of a row: where the row itself leaves no other. Where it does, the ro
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -22,20 +23,25 @@ PAIR_BY_PACKAGE |= dict.fromkeys(SCIPY, "scipy-pair")
 DIFFRAX = ("diffrax-dopri8", "diffrax-kvaerno5")
 DIFFSOL = ("diffsol-tsit45", "diffsol-bdf")
 PAIR_BY_PACKAGE |= dict.fromkeys(DIFFRAX, "diffrax-pair") | dict.fromkeys(DIFFSOL, "diffsol-pair")
+EPSILON = sys.float_info.epsilon
 TOO_SMALL = "Required step size is less than spacing between numbers"
 NOT_FINITE = "the state is not finite"
 LATE = 1e8
 """Times [s] from which ten roundings are 1e-7 and more."""
 LOST = 1e-15
 """A surface function that goes no deeper than this part of the state's size between two roots is in its rounding."""
-STRAIGHT = 100.0
-"""Tolerances that a run's own error stays below: a time that is off by more was located wrongly."""
 IN_FRONT = 1000.0
 """Tolerances that a run's error stays below where nothing locates its end: BDF's is 200 of them at 1e-12."""
 NO_SOLUTION = 10.0
 """Steps in front of a blow-up of order one in which an implicit step has no solution: four, and what order 1 is off."""
 SMOOTHED_BAND = 2000.0
 """Half-width of the band of ``scipy-smoothed`` in absolute tolerances (:mod:`baselines.scipy_naive`)."""
+
+
+def number(row: Row, column: str) -> float:
+    """A number of a row; NaN where it is missing."""
+    value = row[column]
+    return float(value) if isinstance(value, int | float) else float("nan")
 
 
 @dataclass(frozen=True)
@@ -62,8 +68,7 @@ class Seen:
 
     def number(self, column: str) -> float:
         """A number of the run's row; NaN where it is missing."""
-        value = self.run[column]
-        return float(value) if isinstance(value, int | float) else float("nan")
+        return number(self.run, column)
 
     @property
     def missed_pairs(self) -> list[list[Row]]:
@@ -250,12 +255,16 @@ def _octave(seen: Seen) -> str | None:
 
 
 def _off_by_location(seen: Seen) -> bool:
-    """Whether a time is off by far more than what an error of the tolerance in the state makes of it."""
-    granted = STRAIGHT * seen.number("atol")
+    """Whether a time is off by more than the errors of all steps make of it.
+
+    Step-size control grants each accepted step the absolute tolerance, so that together they move a transition by
+    ``steps * atol * conditioning`` at most; the time itself is rounded in each. What is beyond that is the location's.
+    """
+    steps, atol = seen.number("steps"), seen.number("atol")
     return any(
         isinstance(error := row.get("time_error_s"), float)
         and isinstance(conditioning := row.get("conditioning"), float)
-        and abs(error) > granted * max(conditioning, 1.0)
+        and abs(error) > steps * (atol * conditioning + EPSILON * abs(number(row, "reference_time_s")))
         for row in seen.transitions
         if row["outcome"] == "matched"
     )

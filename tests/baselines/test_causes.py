@@ -106,11 +106,19 @@ def test_programs_in_other_languages_have_causes_of_their_own() -> None:
     assert cause_of(run_row(solver="octave-ode45", **pole), []) == "octave-blow-up"
     past = ended | {"status": "wrong", "status_reason": "went on past t = 1, where the exact run is failed"}
     assert cause_of(run_row(solver="octave-ode45", **past), []) == "octave-nan"
-    drifted = run_row(solver="octave-ode45", status="wrong", missed=0, spurious=2, rtol=1e-9, atol=1e-9)
-    off: Row = {"outcome": "matched", "time_error_s": 1e-3, "conditioning": 20.0}
-    assert cause_of(drifted, [off]) == "octave-line"
-    assert cause_of(drifted, [off | {"time_error_s": 1e-8}]) is None
-    assert cause_of(drifted, [off | {"conditioning": 1e7}]) is None
+
+
+def test_a_time_is_off_by_the_location_where_the_errors_of_all_steps_cannot_move_it_so_far() -> None:
+    """500 steps of 1e-9 move a transition of conditioning 20 by 1e-5 at most."""
+    wrong = run_row(solver="octave-ode45", missed=0, spurious=2, rtol=1e-9, atol=1e-9, steps=500)
+    off: Row = {"outcome": "matched", "time_error_s": 1.1e-5, "conditioning": 20.0, "reference_time_s": 3.0}
+    assert cause_of(wrong, [off]) == "octave-line"
+    assert cause_of(wrong, [off | {"time_error_s": 0.9e-5}]) is None
+    assert cause_of(wrong | {"steps": 600}, [off]) is None
+    assert cause_of(wrong | {"steps": None}, [off]) is None
+    held = off | {"conditioning": 0.0}  # nothing before it moves it
+    assert cause_of(wrong, [held | {"time_error_s": -1e-12}]) == "octave-line"
+    assert cause_of(wrong, [held | {"time_error_s": 1e-15}]) is None
 
 
 def test_a_root_that_no_second_one_follows_is_lost_with_one_that_a_slide_does_not_meet() -> None:
