@@ -32,6 +32,9 @@ from henon_ref.filippov.callables import ARITHMETIC
 STAGES = 6
 """Right-hand sides of a step of Tsit45: seven stages, of which the first is the last of the step before."""
 
+SHORTEST = 1e-13
+"""diffsol's own shortest step, below which a run fails [s]: its estimate of a first step from a state that is nearly
+zero is shorter. What the horizon's rounding is longer than would not advance."""
 KEPT = 64
 """Compiled modes that a process keeps: more than a system visits."""
 
@@ -110,6 +113,7 @@ class _Flow(SmoothMode):
         """Times, shape (k,), and unknowns, shape (k, N), of the steps from (t, x) on."""
         lifts, quiet = self.gates.lifts, np.maximum(self.gates.quiet, -1e300)
         self._ode.rtol, self._ode.atol = self._tolerances
+        self._ode.options.min_timestep = min(SHORTEST, EPSILON * abs(until))
         self._ode.t0 = t
         self._ode.h0 = min(1.0, until - t)
         solution = self._ode.solve(np.concatenate([x, lifts, quiet]), until)
