@@ -29,8 +29,8 @@ def pair_in_one_step() -> str:
             found = solve(f"u_i {{ y = -1.0 }} F_i {{ 1.0 }} stop_i {{ {stops} }}", 2.0, method)
             holds(found.ts[-1] == 2.0, f"{method} stops at {found.ts[-1]}")
     return (
-        "roots at t = 1 - 1e-6 and 1 + 1e-6, of one stop function or of two, are reported neither by tsit45 nor by bdf; "
-        "the run ends at 2"
+        "roots at t = 1 - 1e-6 and 1 + 1e-6, of one stop function or of two, are reported neither by tsit45 nor by "
+        "bdf; the run ends at 2"
     )
 
 

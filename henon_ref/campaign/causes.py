@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import sys
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -74,7 +75,8 @@ class Seen:
     def missed_pairs(self) -> list[list[Row]]:
         """Groups of transitions that are missed in a row, where each group leads back to where it began.
 
-        Empty where something else went wrong, too: then it is not known what the run did in between.
+        Each surface is crossed an even number of times in it, and there and back again. Empty where something else went
+        wrong, too: then it is not known what the run did in between.
         """
         if self.run["status"] != "wrong" or self.number("spurious") != 0:
             return []
@@ -86,9 +88,8 @@ class Seen:
                 groups.append([])
         groups = [group for group in groups if group]
         whole = all(
-            len(group) % 2 == 0
-            and group[0]["from_mode"] == group[-1]["to_mode"]
-            and len({row["surface"] for row in group}) == 1
+            group[0]["from_mode"] == group[-1]["to_mode"]
+            and all(count % 2 == 0 for count in Counter(row["surface"] for row in group).values())
             for group in groups
         )
         return groups if whole else []

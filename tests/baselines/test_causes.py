@@ -55,6 +55,15 @@ def test_a_missed_pair_is_explained_by_signs_at_the_ends_of_a_step() -> None:
     assert cause_of(run_row(solver="ida@offset"), PAIR) == "ida-pair"
 
 
+def test_pairs_of_two_surfaces_may_lie_in_one_step() -> None:
+    """Both surfaces are crossed, and then both crossed back."""
+    modes = ("--", "+-", "++", "-+", "--")
+    four = [missed(*own, surface=surface) for *own, surface in zip(modes, modes[1:], "huhu", strict=False)]
+    assert cause_of(run_row(solver="diffsol-bdf", missed=4), four) == "diffsol-pair"
+    odd = [row | {"surface": surface} for row, surface in zip(four, "huuu", strict=True)]
+    assert cause_of(run_row(solver="diffsol-bdf", missed=4), odd) is None
+
+
 def test_nothing_is_explained_that_is_not_certain() -> None:
     assert cause_of(run_row(), PAIR[:1]) is None
     assert cause_of(run_row(spurious=1), PAIR) is None
