@@ -8,11 +8,13 @@ Roots are located by a secant method on the step's interpolant to ``100 eps (abs
 inside one step is not seen.
 
 A whole mode is one call into Rust, so that a deadline is looked at between modes only, and the guards are never called
-back: where a run failed is known from the library's message alone.
+back: when a run failed is known from the library's message alone, and the state there is not known (the mode's first
+one stands for it).
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Literal
@@ -89,6 +91,8 @@ class _Flow(SmoothMode):
             try:
                 times, rows = self._solve(t, x, until)
             except RuntimeError as error:
+                told = re.search(r" at time = ([-+.e\d]+)", str(error))
+                self.last.value(float(told[1]) if told else t, x)
                 return self.failed(f"diffsol: {error}")
             steps = times.size - 1
             self.work.steps += steps
