@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import re
 import sys
-from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
-from henon_ref import registry
+from henon_ref.campaign.seen_run import Seen, number
 from henon_ref.columns import Row
 
 EXPLAINED = ("solver defect", "not judged")
@@ -33,77 +31,12 @@ LOST = 1e-15
 """A surface function that goes no deeper than this part of the state's size between two roots is in its rounding."""
 IN_FRONT = 1000.0
 """Tolerances that a run's error stays below where nothing locates its end: BDF's is 200 of them at 1e-12."""
+FIRST_STEP = 1e-9
+"""First step of octave-ode45 in each mode, as a part of the run's length."""
 NO_SOLUTION = 10.0
 """Steps in front of a blow-up of order one in which an implicit step has no solution: four, and what order 1 is off."""
 SMOOTHED_BAND = 2000.0
 """Half-width of the band of ``scipy-smoothed`` in absolute tolerances (:mod:`baselines.scipy_naive`)."""
-
-
-def number(row: Row, column: str) -> float:
-    """A number of a row; NaN where it is missing."""
-    value = row[column]
-    return float(value) if isinstance(value, int | float) else float("nan")
-
-
-@dataclass(frozen=True)
-class Seen:
-    """One wrong run, as the rules want it."""
-
-    run: Row
-    transitions: Sequence[Row]
-
-    @property
-    def solver(self) -> str:
-        """The solver's name without its restart and variant."""
-        return registry.base_name(str(self.run["solver"])).partition("+")[0]
-
-    @property
-    def restart(self) -> str:
-        """How the library was restarted."""
-        return registry.restart_of(str(self.run["solver"]))
-
-    @property
-    def reason(self) -> str:
-        """The solver's own words."""
-        return str(self.run["status_reason"] or "")
-
-    def number(self, column: str) -> float:
-        """A number of the run's row; NaN where it is missing."""
-        return number(self.run, column)
-
-    @property
-    def missed_pairs(self) -> list[list[Row]]:
-        """Groups of transitions that are missed in a row, where each group leads back to where it began.
-
-        Each surface is crossed an even number of times in it, and there and back again. Empty where something else went
-        wrong, too: then it is not known what the run did in between.
-        """
-        if self.run["status"] != "wrong" or self.number("spurious") != 0:
-            return []
-        groups: list[list[Row]] = [[]]
-        for row in self.transitions:
-            if row["outcome"] == "missed":
-                groups[-1].append(row)
-            elif groups[-1] and row["outcome"] != "touch":
-                groups.append([])
-        groups = [group for group in groups if group]
-        whole = all(
-            group[0]["from_mode"] == group[-1]["to_mode"]
-            and all(count % 2 == 0 for count in Counter(row["surface"] for row in group).values())
-            for group in groups
-        )
-        return groups if whole else []
-
-    @property
-    def depth(self) -> float:
-        """Greatest depth of the surface function within the pairs that are missed [unit of the surface]."""
-        depths = [row["graze_distance"] for group in self.missed_pairs for row in group]
-        return max((float(d) for d in depths if isinstance(d, int | float)), default=float("nan"))
-
-    @property
-    def right_so_far(self) -> bool:
-        """What was found before the run ended is right."""
-        return self.number("spurious") == 0
 
 
 def cause_of(run: Row, transitions: Sequence[Row]) -> str | None:
@@ -252,7 +185,27 @@ def _octave(seen: Seen) -> str | None:
         return "octave-blow-up"
     if seen.run["expected_status"] == "failed" and "went on past" in seen.reason and seen.right_so_far:
         return "octave-nan"
+    if seen.reason.startswith(NOT_FINITE) and seen.right_so_far:
+        return "octave-nan-state"
+    if _in_first_step(seen):
+        return "octave-first-step"
     return "octave-line" if seen.run["status"] == "wrong" and _off_by_location(seen) else None
+
+
+def _in_first_step(seen: Seen) -> bool:
+    """Whether the first transition that is missed comes within the first step after the one before it, or after zero.
+
+    That step is a part of the run's length, which ends at its horizon: it went on to there.
+    """
+    if seen.run["status"] != "wrong" or not seen.right_so_far:
+        return False
+    before = 0.0
+    for row in seen.transitions:
+        time = number(row, "reference_time_s")
+        if row["outcome"] == "missed":
+            return 0.0 < time - before <= FIRST_STEP * seen.number("end_time_s")
+        before = time
+    return False
 
 
 def _off_by_location(seen: Seen) -> bool:
@@ -320,6 +273,7 @@ NAMES = (
     "scipy-radau-order", "scipy-bdf-order", "scipy-lsoda-nan", "heyoka-start", "heyoka-double-root",
     "heyoka-hidden-drive", "heyoka-event-polynomial", "heyoka-past-end", "sign-chatter", "smoothed-creep",
     "cvode-c-pair", "cvode-c-late-end", "cvode-c-error", "octave-pair", "octave-blow-up", "octave-nan", "octave-line",
+    "octave-nan-state", "octave-first-step",
     "diffrax-pair", "diffrax-start", "diffsol-pair", "diffsol-small-step", "diffsol-nan", "diffsol-late",
     "diffsol-stop-nan",
     "nosnoc-infeasible", "nosnoc-cost", "nosnoc-grid",

@@ -130,6 +130,18 @@ def test_a_time_is_off_by_the_location_where_the_errors_of_all_steps_cannot_move
     assert cause_of(wrong, [held | {"time_error_s": 1e-15}]) is None
 
 
+def test_ode45_takes_a_state_without_a_value_and_excuses_events_of_a_first_step() -> None:
+    lost = {"status": "failed", "status_reason": "the state is not finite after t = 0.9", "missed": 0}
+    assert cause_of(run_row(solver="octave-ode45", **lost), []) == "octave-nan-state"
+    assert cause_of(run_row(solver="octave-ode45", **lost | {"spurious": 1}), []) is None
+    row = run_row(solver="octave-ode45", missed=1, end_time_s=2.0)
+    early, found = missed("0", "+", reference_time_s=1e-9), missed("+", "0", outcome="matched", reference_time_s=1.0)
+    assert cause_of(row, [early]) == "octave-first-step"
+    assert cause_of(row, [early | {"reference_time_s": 1e-8}]) is None
+    assert cause_of(row, [found, early | {"reference_time_s": 1.0 + 1e-9}]) == "octave-first-step"
+    assert cause_of(row, [found, early | {"reference_time_s": 1.1}]) is None
+
+
 def test_a_root_that_no_second_one_follows_is_lost_with_one_that_a_slide_does_not_meet() -> None:
     past = {"status_reason": "went on past t = 1, where the exact run is nonunique", "missed": 1}
     lone = run_row(solver="cvode-c-adams", found_transitions=0, **past)
