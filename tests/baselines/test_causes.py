@@ -187,6 +187,19 @@ def test_time_stepping_goes_on_over_a_blow_up() -> None:
     assert cause_of(row | {"missed": 1}, [missed("+", "-", outcome="spurious", time_s=0.995)]) is None
 
 
+def test_time_stepping_finds_before_the_horizon_what_is_a_step_behind_it() -> None:
+    row = run_row(solver="siconos", missed=0, spurious=1, step_s=1e-3, rtol=None, expected_status="ok", end_time_s=1.0)
+    assert cause_of(row, [missed("+", "-", outcome="spurious", time_s=0.998)]) == "siconos-step"
+    assert cause_of(row, [missed("+", "-", outcome="spurious", time_s=0.99)]) is None
+    assert cause_of(row | {"missed": 1}, [missed("+", "-", outcome="spurious", time_s=0.998)]) is None
+
+
+def test_bisection_without_a_sign_change_is_a_zero_at_the_start() -> None:
+    said = {"status": "failed", "status_reason": "diffrax: The root is not contained in [lower, upper]", "missed": 3}
+    assert cause_of(run_row(solver="diffrax-dopri8@none", **said), []) == "diffrax-start"
+    assert cause_of(run_row(solver="diffrax-dopri8", **said), []) is None
+
+
 def test_what_peers_do_is_explained_by_peers() -> None:
     for solver in ("diffrax-dopri8", "diffrax-kvaerno5@none", "diffsol-bdf", "nosnoc"):
         assert cause_of(run_row(solver=solver), PAIR) == {"diffrax": "diffrax-pair", "diffsol": "diffsol-pair"}.get(

@@ -17,6 +17,7 @@ import henon_ref
 from baselines.adapter import Adapter
 from baselines.diffrax_ode import DOPRI8, KVAERNO5
 from baselines.diffsl_text import mode_text, number, to_diffsl
+from baselines.diffrax_ode import _said
 from baselines.diffsol_ode import BDF, TSIT45
 from baselines.jax_functions import mode_source
 from baselines.mode_functions import ModeFunctions
@@ -123,6 +124,13 @@ def test_diffsol_starts_where_the_state_is_nearly_zero() -> None:
     found = BDF.prepare(Problem(system, sp.Integer(0), start, sp.Integer(2)), rtol=1e-9, atol=1e-9)()
     assert found.status == "ok"
     assert found.end_state == pytest.approx((2.0, 6.0), abs=1e-8)
+
+
+def test_what_a_compiled_solve_raises_is_one_sentence() -> None:
+    """Not jax's traceback, which names folders of the machine."""
+    words = 'INTERNAL: CpuCallback error: Traceback:\n  File "x.py"\n_EquinoxRuntimeError: The root is not there\n\n---'
+    assert _said(RuntimeError(words)) == "The root is not there"
+    assert _said(RuntimeError("INTERNAL: out of memory\n  File")) == "INTERNAL: out of memory"
 
 
 def test_several_surfaces(runs: Runs) -> None:
