@@ -15,9 +15,8 @@ from child import child, trajectory
 
 import henon_ref
 from baselines.adapter import Adapter
-from baselines.diffrax_ode import DOPRI8, KVAERNO5
+from baselines.diffrax_ode import DOPRI8, KVAERNO5, _said
 from baselines.diffsl_text import mode_text, number, to_diffsl
-from baselines.diffrax_ode import _said
 from baselines.diffsol_ode import BDF, TSIT45
 from baselines.jax_functions import mode_source
 from baselines.mode_functions import ModeFunctions
