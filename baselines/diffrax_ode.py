@@ -18,6 +18,7 @@ seconds) once a process for all parameter values and tolerances; that time is ``
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -106,7 +107,10 @@ class _Flow(SmoothMode):
         begin, start = t, x
         signs = self._unarmed(t, x)
         while True:
-            solved = self._run(t, x, until, signs)
+            try:
+                solved = self._run(t, x, until, signs)
+            except RuntimeError as error:  # raised out of compiled code, with its traceback as text
+                return self.failed(f"diffrax: {_said(error)}")
             self.last.value(solved.t, solved.x)
             risen = [k for k in solved.fallen if signs[k] < 0]
             if risen:
@@ -169,6 +173,12 @@ class _Flow(SmoothMode):
             rows.append(x[: self.states])
         work.steps, work.rhs, work.events = kept
         return np.array(rows).reshape(-1, self.states)
+
+
+def _said(error: RuntimeError) -> str:
+    """What Equinox's check says within jax's message; else that message's first line."""
+    found = re.search(r"EquinoxRuntimeError: (.+)", str(error))
+    return found[1] if found else str(error).partition("\n")[0]
 
 
 _SOLVES: dict[tuple[str, bool, ModeSource], Any] = {}

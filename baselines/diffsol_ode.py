@@ -8,12 +8,15 @@ Roots are located by a secant method on the step's interpolant to ``100 eps (abs
 inside one step is not seen.
 
 A whole mode is one call into Rust, so that a deadline is looked at between modes only, and the guards are never called
-back: where a run failed is known from the library's message alone.
+back: when a run failed is known from the library's message alone, and the state there is not known (the mode's first
+one stands for it).
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -30,6 +33,12 @@ from henon_ref.filippov.callables import ARITHMETIC
 
 STAGES = 6
 """Right-hand sides of a step of Tsit45: seven stages, of which the first is the last of the step before."""
+
+SHORTEST = 1e-13
+"""diffsol's own shortest step, below which a run fails [s]: its estimate of a first step from a state that is nearly
+zero is shorter. What the horizon's rounding is longer than would not advance."""
+KEPT = 64
+"""Compiled modes that a process keeps: more than a system visits."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +80,8 @@ class _Flow(SmoothMode):
         self, adapter: DiffsolOde, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float
     ) -> None:
         super().__init__(library, model, work, horizon)
-        module = library.module
-        self._ode = module.Ode(mode_text(model), ode_solver=getattr(module, adapter.method))
-        self._ode.rtol, self._ode.atol = library.rtol, library.atol
+        self._ode = _compiled(library.module, adapter.method, mode_text(model))
+        self._tolerances = library.rtol, library.atol
         self._stages = STAGES if adapter.method == "tsit45" else 0
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
@@ -83,6 +91,8 @@ class _Flow(SmoothMode):
             try:
                 times, rows = self._solve(t, x, until)
             except RuntimeError as error:
+                told = re.search(r" at time = ([-+.e\d]+)", str(error))
+                self.last.value(float(told[1]) if told else t, x)
                 return self.failed(f"diffsol: {error}")
             steps = times.size - 1
             self.work.steps += steps
@@ -106,6 +116,8 @@ class _Flow(SmoothMode):
     def _solve(self, t: float, x: NDArray[np.float64], until: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Times, shape (k,), and unknowns, shape (k, N), of the steps from (t, x) on."""
         lifts, quiet = self.gates.lifts, np.maximum(self.gates.quiet, -1e300)
+        self._ode.rtol, self._ode.atol = self._tolerances
+        self._ode.options.min_timestep = min(SHORTEST, EPSILON * abs(until))
         self._ode.t0 = t
         self._ode.h0 = min(1.0, until - t)
         solution = self._ode.solve(np.concatenate([x, lifts, quiet]), until)
@@ -141,6 +153,12 @@ class _Flow(SmoothMode):
                 t, x = time, self._solve(t, x, time)[1][-1]
             rows.append(x[: self.states])
         return np.array(rows).reshape(-1, self.states)
+
+
+@lru_cache(maxsize=KEPT)
+def _compiled(module: Any, method: str, text: str) -> Any:
+    """The ``Ode`` of one mode, compiled once for all tolerances and restarts; every solve sets what it depends on."""
+    return module.Ode(text, ode_solver=getattr(module, method))
 
 
 TSIT45 = DiffsolOde("diffsol-tsit45", "tsit45")

@@ -67,6 +67,18 @@ def end_of_a_field() -> str:
     return f"h' = -sqrt(h) ends at t = {ends['loose']:.4f} at 1e-6, at {ends['tight']:.6f} at 1e-12, not at 2"
 
 
+def infinite_jacobian() -> str:
+    """h' = -1/4 - sqrt(h) from 1/4: nothing is left at t = 1 - log(3)/2, where the Jacobian is infinite."""
+    flag, end, level, steps = seen()["pump-infinite"]
+    holds(flag >= 0 and end == 4 and level == 0, f"flag {flag:g} at t = {end}, h = {level}")
+    refused, gave_up, _, _ = seen()["pump-refused"]
+    holds(refused < 0 and gave_up < 1, f"refused: flag {refused:g} at t = {gave_up}")
+    return (
+        f"h' = -1/4 - sqrt(h), which would be negative from t = {gave_up:.4f} on, stays at 0 to t = {end:g} in "
+        f"{steps:g} steps; where the Jacobian is refused CVODE gives up at {gave_up:.4f}"
+    )
+
+
 CVODE_C = (
     Cause(
         "cvode-c-pair",
@@ -84,6 +96,15 @@ CVODE_C = (
         "Where a field has no value any more CVODE makes its steps shorter until it gives up. What the tolerance leaves"
         " in a level that runs out like (2 - t)² is its root in the time, and more after a restart at order 1.",
         end_of_a_field,
+    ),
+    Cause(
+        "cvode-c-infinite-jacobian",
+        "sundials",
+        "With an infinite Jacobian every step is accepted",
+        "Newton's matrix is infinite then, its correction zero, and the iteration has converged: the state stays where "
+        "it is, whatever its rate, and the steps grow. The adapter refuses such a Jacobian, as it does a field without "
+        "a value.",
+        infinite_jacobian,
     ),
     Cause(
         "cvode-c-error",

@@ -23,11 +23,15 @@ def solve(text: str, until: float, method: str = "tsit45") -> Any:
 
 
 def pair_in_one_step() -> str:
-    """y' = 1 through y^2 = d^2/4: two roots, and no step ends between them."""
+    """y' = 1 through y^2 = d^2/4: two roots, and no step ends between them; another function with the same roots."""
     for method in ("tsit45", "bdf"):
-        found = solve("u_i { y = -1.0 } F_i { 1.0 } stop_i { y * y - 1e-12 }", 2.0, method)
-        holds(found.ts[-1] == 2.0, f"{method} stops at {found.ts[-1]}")
-    return "roots at t = 1 - 1e-6 and 1 + 1e-6 are reported neither by tsit45 nor by bdf; the run ends at 2"
+        for stops in ("y * y - 1e-12", "y * y - 1e-12, 2.0 * y * y - 2e-12"):
+            found = solve(f"u_i {{ y = -1.0 }} F_i {{ 1.0 }} stop_i {{ {stops} }}", 2.0, method)
+            holds(found.ts[-1] == 2.0, f"{method} stops at {found.ts[-1]}")
+    return (
+        "roots at t = 1 - 1e-6 and 1 + 1e-6, of one stop function or of two, are reported neither by tsit45 nor by "
+        "bdf; the run ends at 2"
+    )
 
 
 def any_direction() -> str:
@@ -121,6 +125,29 @@ def stop_function_that_is_none() -> str:
     return "a stop function that is NaN from t = 1 on is passed over by tsit45 and bdf; the run ends at 2"
 
 
+def first_step_too_short() -> str:
+    """y' = 3 from 4e-14 by BDF at 1e-9, with the shortest step of its own and with a shorter one."""
+    import pydiffsol
+
+    ode = pydiffsol.Ode("u_i { x = 0.0, y = 4e-14 } F_i { 1.0, 3.0 }", ode_solver=pydiffsol.bdf)
+    ode.rtol = ode.atol = 1e-9
+    own = ode.options.min_timestep
+    try:
+        ode.solve(np.array([]), 3.0)
+    except RuntimeError as error:
+        words, _, time = str(error).partition(" at time = ")
+    else:
+        raise ClaimError("it ends at 3")
+    holds("Step size is too small" in words and 0 < float(time) < own, f"{words} at {time}")
+    ode.options.min_timestep = 1e-16
+    end = float(ode.solve(np.array([]), 3.0).ts[-1])
+    holds(end == 3.0, f"with a shorter one it ends at {end}")
+    return (
+        f"x' = 1, y' = 3 from (0, 4e-14) ends at t = {float(time):.1e}, {words}; with `options.min_timestep` 1e-16 in "
+        f"place of {own:g} it comes to 3"
+    )
+
+
 DIFFSOL = (
     Cause(
         "diffsol-pair",
@@ -174,6 +201,15 @@ DIFFSOL = (
         "diffsol has no word for divergence or for a field without a value, which it meets behind a surface, too; the "
         "error holds the time and nothing of what was computed before.",
         small_steps,
+    ),
+    Cause(
+        "diffsol-first-step",
+        "pydiffsol",
+        "A first step that is shorter than the shortest step",
+        "The first step is estimated as a hundredth of the state over its rate, whatever `h0` says. From a state that "
+        "is nearly zero that is below the shortest step, 1e-13 s whatever the time, and the run fails. The adapter "
+        "makes the shortest step the rounding of the horizon.",
+        first_step_too_short,
     ),
     Cause(
         "diffsol-late",

@@ -76,6 +76,16 @@ def no_number() -> str:
     return f"an event function that is NaN from x = 1 on is passed over; the run ends at {end:g} as if nothing were"
 
 
+def state_without_value() -> str:
+    """y' = sqrt(1 - t) from 0, which is no number from t = 1 on."""
+    finite, end, y = seen()["lost"][0]
+    holds(finite < 1 and end == 2 and math.isnan(y), f"finite up to {finite}, the run ends at {end} with y = {y}")
+    return (
+        f"y' = sqrt(1 - t) is NaN from t = 1 on; the state is so from the step on that begins at {finite:.4f}, and "
+        + (f"the run ends at {end:g} as if nothing were")
+    )
+
+
 OCTAVE = (
     Cause(
         "octave-line",
@@ -120,5 +130,13 @@ OCTAVE = (
         "An event function without a value is no event",
         "The sign of NaN is NaN, and equal to no direction: a run goes on beyond the end of its event function.",
         no_number,
+    ),
+    Cause(
+        "octave-nan-state",
+        "octave",
+        "A step to a state without a value is accepted",
+        "The error of such a step is NaN, and not greater than its bound: `ode45` goes on to the horizon with a state "
+        "that is no number. The adapter ends the run at the last state that is one, a step in front of the end.",
+        state_without_value,
     ),
 )

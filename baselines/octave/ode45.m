@@ -139,14 +139,16 @@ function run = advance (run, task, mode, left, stop_at)
   options = odeset ("RelTol", task.rtol, "AbsTol", task.atol, "Events", stops, "InitialStep", first, "Refine", 1);
   found = ode45 (counted, [run.t, task.until], run.x, options);
   run.steps += numel (found.x) - 1;
-  run.t = found.x(end);
-  run.x = found.y(:, end);
-  if (rows (run.x) != task.states)
-    run.x = found.y(end, :).';
+  states = found.y;
+  if (rows (states) != task.states)
+    states = states.';
   end
+  finite = find (all (isfinite (states), 1), 1, "last");
+  run.t = found.x(finite);
+  run.x = states(:, finite);
   at = numel (found.ie);
-  if (! all (isfinite (run.x)))
-    run = ended (run, "failed", "ode45 returned a state that is not finite");
+  if (finite < numel (found.x))
+    run = ended (run, "failed", sprintf ("the state is not finite after t = %.17g", run.t));
   elseif (at && found.xe(at) == run.t && found.ie(at) > numel (mode.kinds))
     run = ended (run, "diverged", "a state passed 1e100");
   elseif (at && found.xe(at) == run.t)

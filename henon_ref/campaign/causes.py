@@ -7,10 +7,10 @@ the reason of a row: where the row itself leaves no other. Where it does, the ro
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
-from henon_ref import registry
+from henon_ref.campaign.seen_run import Seen, number
 from henon_ref.columns import Row
 
 EXPLAINED = ("solver defect", "not judged")
@@ -22,82 +22,24 @@ PAIR_BY_PACKAGE |= dict.fromkeys(SCIPY, "scipy-pair")
 DIFFRAX = ("diffrax-dopri8", "diffrax-kvaerno5")
 DIFFSOL = ("diffsol-tsit45", "diffsol-bdf")
 PAIR_BY_PACKAGE |= dict.fromkeys(DIFFRAX, "diffrax-pair") | dict.fromkeys(DIFFSOL, "diffsol-pair")
+EPSILON = sys.float_info.epsilon
+NO_BRACKET = "The root is not contained in [lower, upper]"
 TOO_SMALL = "Required step size is less than spacing between numbers"
 NOT_FINITE = "the state is not finite"
 LATE = 1e8
 """Times [s] from which ten roundings are 1e-7 and more."""
 LOST = 1e-15
 """A surface function that goes no deeper than this part of the state's size between two roots is in its rounding."""
-STRAIGHT = 100.0
-"""Tolerances that a run's own error stays below: a time that is off by more was located wrongly."""
 IN_FRONT = 1000.0
 """Tolerances that a run's error stays below where nothing locates its end: BDF's is 200 of them at 1e-12."""
+OFF = 3.0
+"""Steps by which siconos may be off with a time (the cause siconos-step sees less)."""
+FIRST_STEP = 1e-9
+"""First step of octave-ode45 in each mode, as a part of the run's length."""
 NO_SOLUTION = 10.0
 """Steps in front of a blow-up of order one in which an implicit step has no solution: four, and what order 1 is off."""
 SMOOTHED_BAND = 2000.0
 """Half-width of the band of ``scipy-smoothed`` in absolute tolerances (:mod:`baselines.scipy_naive`)."""
-
-
-@dataclass(frozen=True)
-class Seen:
-    """One wrong run, as the rules want it."""
-
-    run: Row
-    transitions: Sequence[Row]
-
-    @property
-    def solver(self) -> str:
-        """The solver's name without its restart and variant."""
-        return registry.base_name(str(self.run["solver"])).partition("+")[0]
-
-    @property
-    def restart(self) -> str:
-        """How the library was restarted."""
-        return registry.restart_of(str(self.run["solver"]))
-
-    @property
-    def reason(self) -> str:
-        """The solver's own words."""
-        return str(self.run["status_reason"] or "")
-
-    def number(self, column: str) -> float:
-        """A number of the run's row; NaN where it is missing."""
-        value = self.run[column]
-        return float(value) if isinstance(value, int | float) else float("nan")
-
-    @property
-    def missed_pairs(self) -> list[list[Row]]:
-        """Groups of transitions that are missed in a row, where each group leads back to where it began.
-
-        Empty where something else went wrong, too: then it is not known what the run did in between.
-        """
-        if self.run["status"] != "wrong" or self.number("spurious") != 0:
-            return []
-        groups: list[list[Row]] = [[]]
-        for row in self.transitions:
-            if row["outcome"] == "missed":
-                groups[-1].append(row)
-            elif groups[-1] and row["outcome"] != "touch":
-                groups.append([])
-        groups = [group for group in groups if group]
-        whole = all(
-            len(group) % 2 == 0
-            and group[0]["from_mode"] == group[-1]["to_mode"]
-            and len({row["surface"] for row in group}) == 1
-            for group in groups
-        )
-        return groups if whole else []
-
-    @property
-    def depth(self) -> float:
-        """Greatest depth of the surface function within the pairs that are missed [unit of the surface]."""
-        depths = [row["graze_distance"] for group in self.missed_pairs for row in group]
-        return max((float(d) for d in depths if isinstance(d, int | float)), default=float("nan"))
-
-    @property
-    def right_so_far(self) -> bool:
-        """What was found before the run ended is right."""
-        return self.number("spurious") == 0
 
 
 def cause_of(run: Row, transitions: Sequence[Row]) -> str | None:
@@ -110,7 +52,7 @@ def cause_of(run: Row, transitions: Sequence[Row]) -> str | None:
 
 def _restart(seen: Seen) -> str | None:
     """A restart that keeps no root out: the library stops where it starts, or loses the next root."""
-    if seen.restart == "none" and "accumulate" in seen.reason:
+    if seen.restart == "none" and ("accumulate" in seen.reason or NO_BRACKET in seen.reason):
         fires = {"heyoka": "heyoka-start"} | dict.fromkeys(SCIPY, "scipy-fires-at-start")
         return (fires | dict.fromkeys(DIFFRAX, "diffrax-start")).get(seen.solver)
     if seen.restart == "direction" and seen.solver == "heyoka" and "stepped over" in seen.reason:
@@ -246,27 +188,63 @@ def _octave(seen: Seen) -> str | None:
         return "octave-blow-up"
     if seen.run["expected_status"] == "failed" and "went on past" in seen.reason and seen.right_so_far:
         return "octave-nan"
+    if seen.reason.startswith(NOT_FINITE) and seen.right_so_far:
+        return "octave-nan-state"
+    if _in_first_step(seen):
+        return "octave-first-step"
     return "octave-line" if seen.run["status"] == "wrong" and _off_by_location(seen) else None
 
 
+def _in_first_step(seen: Seen) -> bool:
+    """Whether the first transition that is missed comes within the first step after the one before it, or after zero.
+
+    That step is a part of the run's length, which ends at its horizon: it went on to there.
+    """
+    if seen.run["status"] != "wrong" or not seen.right_so_far:
+        return False
+    before = 0.0
+    for row in seen.transitions:
+        time = number(row, "reference_time_s")
+        if row["outcome"] == "missed":
+            return 0.0 < time - before <= FIRST_STEP * seen.number("end_time_s")
+        before = time
+    return False
+
+
 def _off_by_location(seen: Seen) -> bool:
-    """Whether a time is off by far more than what an error of the tolerance in the state makes of it."""
-    granted = STRAIGHT * seen.number("atol")
+    """Whether a time is off by more than the errors of all steps make of it.
+
+    Step-size control grants each accepted step the absolute tolerance, so that together they move a transition by
+    ``steps * atol * conditioning`` at most; the time itself is rounded in each. What is beyond that is the location's.
+    """
+    steps, atol = seen.number("steps"), seen.number("atol")
     return any(
         isinstance(error := row.get("time_error_s"), float)
         and isinstance(conditioning := row.get("conditioning"), float)
-        and abs(error) > granted * max(conditioning, 1.0)
+        and abs(error) > steps * (atol * conditioning + EPSILON * abs(number(row, "reference_time_s")))
         for row in seen.transitions
         if row["outcome"] == "matched"
     )
 
 
 def _time_stepping(seen: Seen) -> str | None:
-    """What begins and ends within a step is not there; steps of one length take long, and go on over a blow-up."""
+    """What begins and ends within a step is not there, what comes within some steps behind the horizon may be; steps
+    of one length take long, and go on over a blow-up.
+    """
     if seen.solver != "siconos":
         return None
     slow = seen.run["status"] == "timeout" and seen.right_so_far
-    return "siconos-step" if seen.missed_pairs or slow else ("siconos-no-solution" if _over_the_end(seen) else None)
+    if seen.missed_pairs or slow or _at_the_end(seen):
+        return "siconos-step"
+    return "siconos-no-solution" if _over_the_end(seen) else None
+
+
+def _at_the_end(seen: Seen) -> bool:
+    """Whether nothing is wrong but transitions within the error of a time in front of the horizon."""
+    extra = [row for row in seen.transitions if row["outcome"] == "spurious"]
+    first = seen.number("end_time_s") - OFF * seen.number("step_s")
+    right = seen.run["status"] == "wrong" and seen.run["expected_status"] == "ok" and seen.number("missed") == 0
+    return right and len(extra) > 0 and all(number(row, "time_s") >= first for row in extra)
 
 
 def _over_the_end(seen: Seen) -> bool:
@@ -310,6 +288,7 @@ NAMES = (
     "scipy-radau-order", "scipy-bdf-order", "scipy-lsoda-nan", "heyoka-start", "heyoka-double-root",
     "heyoka-hidden-drive", "heyoka-event-polynomial", "heyoka-past-end", "sign-chatter", "smoothed-creep",
     "cvode-c-pair", "cvode-c-late-end", "cvode-c-error", "octave-pair", "octave-blow-up", "octave-nan", "octave-line",
+    "octave-nan-state", "octave-first-step",
     "diffrax-pair", "diffrax-start", "diffsol-pair", "diffsol-small-step", "diffsol-nan", "diffsol-late",
     "diffsol-stop-nan",
     "nosnoc-infeasible", "nosnoc-cost", "nosnoc-grid",

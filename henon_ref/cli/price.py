@@ -1,4 +1,4 @@
-"""The command: ``python -m henon_ref.price CASES [--out out/price]``.
+"""The command: ``python -m henon_ref.price CASES [--solvers a,b] [--out out/price]``.
 
 Exit statuses: see :mod:`henon_ref.cli.exit_status`.
 """
@@ -19,9 +19,12 @@ app = application()
 KEPT = "finished rows are kept, --resume goes on from them"
 
 
-@app.command(epilog=examples("price fig8", "price fig8 free_coulomb --resume"))
+@app.command(epilog=examples("price fig8", "price fig8 free_coulomb --resume", "price fig8 --solvers all"))
 def main(
     cases: Cases,
+    solvers: Annotated[
+        str, typer.Option(help="Solvers, with commas, beside henon; all: and the peers.", show_default="its own list")
+    ] = "",
     out: Folder = Path("out/price"),
     jobs: Annotated[int, typer.Option(min=1, help="Runs at work at once; more than one disturb each other.")] = 1,
     resume: Annotated[
@@ -33,7 +36,8 @@ def main(
     from henon_ref.studies.price.run import run
 
     with writing_into(out, kept=KEPT):
-        return run(cases, out, jobs=jobs, resume=resume, observer=Shown())
+        chosen = [name.strip() for name in solvers.split(",")] if solvers else []
+        return run(cases, out, chosen=chosen, jobs=jobs, resume=resume, observer=Shown())
 
 
 def command(arguments: Sequence[str] | None = None) -> int:

@@ -41,5 +41,11 @@ class Request:
 
     @property
     def whole(self) -> bool:
-        """A folder is run with the settings of its cases: it gets the atlas and the experiments, too."""
-        return any(located(path).is_dir() for path in self.cases) and self.tolerances is None and not self.restarts
+        """A folder is run with the settings of its cases: it gets the atlas and the experiments, too.
+
+        Not where some solvers were chosen: the atlas would lose the others.
+        """
+        from henon_ref.registry import ALL
+
+        chosen = self.tolerances is not None or bool(self.restarts) or self.solvers not in (None, (ALL,))
+        return not chosen and any(located(path).is_dir() for path in self.cases)

@@ -20,9 +20,7 @@ app = application()
 @app.command(epilog=examples("restarts cases --out reports", "restarts hard --solvers scipy-rk45,ida --jobs 2"))
 def main(
     cases: Cases,
-    solvers: Annotated[
-        str, typer.Option(help="Libraries, with commas; of others earlier rows are kept.", show_default="all")
-    ] = "",
+    solvers: Annotated[str, typer.Option(help="Libraries, with commas; other rows are kept.", show_default="all")] = "",
     jobs: Annotated[int, typer.Option(min=1, help="Readings at work at once.")] = 2,
     out: Folder = Path("out"),
 ) -> int:

@@ -55,6 +55,15 @@ def test_a_missed_pair_is_explained_by_signs_at_the_ends_of_a_step() -> None:
     assert cause_of(run_row(solver="ida@offset"), PAIR) == "ida-pair"
 
 
+def test_pairs_of_two_surfaces_may_lie_in_one_step() -> None:
+    """Both surfaces are crossed, and then both crossed back."""
+    modes = ("--", "+-", "++", "-+", "--")
+    four = [missed(*own, surface=surface) for *own, surface in zip(modes, modes[1:], "huhu", strict=False)]
+    assert cause_of(run_row(solver="diffsol-bdf", missed=4), four) == "diffsol-pair"
+    odd = [row | {"surface": surface} for row, surface in zip(four, "huuu", strict=True)]
+    assert cause_of(run_row(solver="diffsol-bdf", missed=4), odd) is None
+
+
 def test_nothing_is_explained_that_is_not_certain() -> None:
     assert cause_of(run_row(), PAIR[:1]) is None
     assert cause_of(run_row(spurious=1), PAIR) is None
@@ -106,11 +115,31 @@ def test_programs_in_other_languages_have_causes_of_their_own() -> None:
     assert cause_of(run_row(solver="octave-ode45", **pole), []) == "octave-blow-up"
     past = ended | {"status": "wrong", "status_reason": "went on past t = 1, where the exact run is failed"}
     assert cause_of(run_row(solver="octave-ode45", **past), []) == "octave-nan"
-    drifted = run_row(solver="octave-ode45", status="wrong", missed=0, spurious=2, rtol=1e-9, atol=1e-9)
-    off: Row = {"outcome": "matched", "time_error_s": 1e-3, "conditioning": 20.0}
-    assert cause_of(drifted, [off]) == "octave-line"
-    assert cause_of(drifted, [off | {"time_error_s": 1e-8}]) is None
-    assert cause_of(drifted, [off | {"conditioning": 1e7}]) is None
+
+
+def test_a_time_is_off_by_the_location_where_the_errors_of_all_steps_cannot_move_it_so_far() -> None:
+    """500 steps of 1e-9 move a transition of conditioning 20 by 1e-5 at most."""
+    wrong = run_row(solver="octave-ode45", missed=0, spurious=2, rtol=1e-9, atol=1e-9, steps=500)
+    off: Row = {"outcome": "matched", "time_error_s": 1.1e-5, "conditioning": 20.0, "reference_time_s": 3.0}
+    assert cause_of(wrong, [off]) == "octave-line"
+    assert cause_of(wrong, [off | {"time_error_s": 0.9e-5}]) is None
+    assert cause_of(wrong | {"steps": 600}, [off]) is None
+    assert cause_of(wrong | {"steps": None}, [off]) is None
+    held = off | {"conditioning": 0.0}  # nothing before it moves it
+    assert cause_of(wrong, [held | {"time_error_s": -1e-12}]) == "octave-line"
+    assert cause_of(wrong, [held | {"time_error_s": 1e-15}]) is None
+
+
+def test_ode45_takes_a_state_without_a_value_and_excuses_events_of_a_first_step() -> None:
+    lost = {"status": "failed", "status_reason": "the state is not finite after t = 0.9", "missed": 0}
+    assert cause_of(run_row(solver="octave-ode45", **lost), []) == "octave-nan-state"
+    assert cause_of(run_row(solver="octave-ode45", **lost | {"spurious": 1}), []) is None
+    row = run_row(solver="octave-ode45", missed=1, end_time_s=2.0)
+    early, found = missed("0", "+", reference_time_s=1e-9), missed("+", "0", outcome="matched", reference_time_s=1.0)
+    assert cause_of(row, [early]) == "octave-first-step"
+    assert cause_of(row, [early | {"reference_time_s": 1e-8}]) is None
+    assert cause_of(row, [found, early | {"reference_time_s": 1.0 + 1e-9}]) == "octave-first-step"
+    assert cause_of(row, [found, early | {"reference_time_s": 1.1}]) is None
 
 
 def test_a_root_that_no_second_one_follows_is_lost_with_one_that_a_slide_does_not_meet() -> None:
@@ -156,6 +185,19 @@ def test_time_stepping_goes_on_over_a_blow_up() -> None:
     assert cause_of(row, [missed("+", "-", outcome="spurious", time_s=0.995)]) == "siconos-no-solution"
     assert cause_of(row, [missed("+", "-", outcome="spurious", time_s=0.5)]) is None
     assert cause_of(row | {"missed": 1}, [missed("+", "-", outcome="spurious", time_s=0.995)]) is None
+
+
+def test_time_stepping_finds_before_the_horizon_what_is_a_step_behind_it() -> None:
+    row = run_row(solver="siconos", missed=0, spurious=1, step_s=1e-3, rtol=None, expected_status="ok", end_time_s=1.0)
+    assert cause_of(row, [missed("+", "-", outcome="spurious", time_s=0.998)]) == "siconos-step"
+    assert cause_of(row, [missed("+", "-", outcome="spurious", time_s=0.99)]) is None
+    assert cause_of(row | {"missed": 1}, [missed("+", "-", outcome="spurious", time_s=0.998)]) is None
+
+
+def test_bisection_without_a_sign_change_is_a_zero_at_the_start() -> None:
+    said = {"status": "failed", "status_reason": "diffrax: The root is not contained in [lower, upper]", "missed": 3}
+    assert cause_of(run_row(solver="diffrax-dopri8@none", **said), []) == "diffrax-start"
+    assert cause_of(run_row(solver="diffrax-dopri8", **said), []) is None
 
 
 def test_what_peers_do_is_explained_by_peers() -> None:

@@ -15,7 +15,7 @@ from child import child, trajectory
 
 import henon_ref
 from baselines.adapter import Adapter
-from baselines.diffrax_ode import DOPRI8, KVAERNO5
+from baselines.diffrax_ode import DOPRI8, KVAERNO5, _said
 from baselines.diffsl_text import mode_text, number, to_diffsl
 from baselines.diffsol_ode import BDF, TSIT45
 from baselines.jax_functions import mode_source
@@ -101,6 +101,35 @@ def test_a_guard_that_is_no_number_beside_a_finite_state_is_a_failure() -> None:
     found = TSIT45.prepare(problem, rtol=1e-6, atol=1e-6)()
     assert found.status == "failed"
     assert found.reason.startswith("the state is not finite")
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-12])
+def test_diffsol_says_when_it_gave_up(tolerance: float) -> None:
+    """x' = x^2 from 1 has its pole at 1; the message holds the time, which is the run's end."""
+    pytest.importorskip("pydiffsol")
+    system = FilippovSystem((X,), (S,), (X + 1,), (X**2,))
+    found = BDF.prepare(
+        Problem(system, sp.Integer(0), (sp.Integer(1),), sp.Integer(2)), rtol=tolerance, atol=tolerance
+    )()
+    assert found.status == "failed"
+    assert found.end_time == pytest.approx(1.0, abs=1000 * tolerance)
+
+
+def test_diffsol_starts_where_the_state_is_nearly_zero() -> None:
+    """v' = 3 from 4e-14: the first step that diffsol takes is below its own shortest one."""
+    pytest.importorskip("pydiffsol")
+    system = FilippovSystem((X, V), (S,), (X + 1,), (sp.Integer(1), sp.Integer(3)))
+    start = sp.Integer(0), sp.Rational(4, 10**14)
+    found = BDF.prepare(Problem(system, sp.Integer(0), start, sp.Integer(2)), rtol=1e-9, atol=1e-9)()
+    assert found.status == "ok"
+    assert found.end_state == pytest.approx((2.0, 6.0), abs=1e-8)
+
+
+def test_what_a_compiled_solve_raises_is_one_sentence() -> None:
+    """Not jax's traceback, which names folders of the machine."""
+    words = 'INTERNAL: CpuCallback error: Traceback:\n  File "x.py"\n_EquinoxRuntimeError: The root is not there\n\n---'
+    assert _said(RuntimeError(words)) == "The root is not there"
+    assert _said(RuntimeError("INTERNAL: out of memory\n  File")) == "INTERNAL: out of memory"
 
 
 def test_several_surfaces(runs: Runs) -> None:

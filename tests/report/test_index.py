@@ -17,9 +17,10 @@ from henon_ref.errors import CaseError
 from henon_ref.report.case_report import write_report
 from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.text.choice import case_table, choice_table
-from henon_ref.report.text.index import FIGURE, commits, counted, is_drawn, write_index
+from henon_ref.report.text.index import FIGURE, commits, counted, index_text, is_drawn, write_index
 from henon_ref.report.text.kinds_figure import draw_kinds
-from henon_ref.report.text.matrix_page import solver_table
+from henon_ref.report.text.matrix_merge import updated
+from henon_ref.report.text.matrix_page import coverage_table, reading_table, solver_table
 from henon_ref.report.text.matrix_rows import MATRIX_COLUMNS, read_matrix, rows_of_report, summary
 
 
@@ -87,9 +88,49 @@ def test_fresh_reports_replace_the_rows_of_their_case_and_leave_the_others(tmp_p
     write_report(named("second", compared(made("henon", 1e-6, 1e-4))), replace(ORIGIN, commit="f" * 40), tmp_path)
     text = write_index(tmp_path).read_text()
     rows = read_matrix(tmp_path)
-    assert {(own["case"], own["commit"]) for own in rows} == {("first", "0123456789ab"), ("second", "f" * 12)}
-    assert [own["solver"] for own in rows if own["case"] == "second"] == ["henon"]
+    assert {own["commit"] for own in rows if own["case"] == "first"} == {"0123456789ab"}
+    fresh = {own["solver"] for own in rows if own["commit"] == "f" * 12}
+    assert fresh == {"henon"}
     assert "2 commits of the program" in " ".join(text.split())
+
+
+def test_a_comparison_of_some_solvers_leaves_the_rows_of_the_others(tmp_path):
+    write_report(usual(), ORIGIN, tmp_path)
+    write_index(tmp_path)
+    before = {own["solver"]: own for own in read_matrix(tmp_path)}
+    shutil.rmtree(tmp_path / "made_up")
+    write_report(compared(made("octave-ode45", 1e-6, 1e-4)), replace(ORIGIN, commit="f" * 40), tmp_path)
+    text = write_index(tmp_path).read_text()
+    rows = {own["solver"]: own for own in read_matrix(tmp_path)}
+    assert list(rows) == ["henon", "heyoka", "ida", "scipy-rk45", "octave-ode45", "scipy-sign"]
+    assert {solver: own for solver, own in rows.items() if solver in before} == before
+    assert rows["octave-ode45"]["kind"] == "stick-slip"
+    matrix, *_ = tables((tmp_path / "matrix.md").read_text())
+    assert matrix.rows[0][2] == "0123456, fffffff"
+    assert "Not every solver was run on every reading" not in text
+    write_index(tmp_path)
+    assert {own["solver"]: own for own in read_matrix(tmp_path)} == rows
+
+
+def test_rows_of_readings_that_a_case_has_no_more_go():
+    earlier = [row("henon"), row("henon", "gone"), row("heyoka", title="of old")]
+    fresh = [row("henon", commit="b", title="new")]
+    assert updated(earlier, fresh, ["default", "other"]) == [fresh[0], row("heyoka", title="new")]
+    assert updated([row("henon", "other")], fresh, ["other", "default"])[0]["reading"] == "other"
+
+
+def test_a_solver_that_was_run_on_a_part_is_not_wrong_elsewhere(tmp_path):
+    rows = [timed("henon", reading) for reading in ("a", "b", "c")] + [timed("octave-ode45", "a", 0.5)]
+    (whole, part) = coverage_table(rows).rows
+    assert (whole, part) == (("3 of 3", "`henon`"), ("1 of 3", "`octave-ode45`"))
+    assert coverage_table(rows[:3]).rows == []
+    (line,) = choice_table(rows).rows
+    assert line[2] == "`henon` 3; `octave-ode45` 1 (×0.5)"
+    assert [line[-1] for line in reading_table(rows).rows] == ["9", "", ""]
+    counts = cells(solver_table(rows, {}))["`octave-ode45`"]
+    assert (counts["right in"], counts["judged in"], counts["run on"]) == ("1", "1", "1")
+    text = index_text(rows, tmp_path)
+    assert "| 1 of 3 | `octave-ode45` |" in text
 
 
 def test_a_report_of_an_earlier_version_keeps_the_kind_that_the_matrix_has(tmp_path):
@@ -171,7 +212,7 @@ def test_the_matrix_page_has_a_column_a_solver_and_counts_per_solver(tmp_path):
         ("[made_up](made_up/report.md)", "stick-slip", "0123456", "12", "12", "·", "12 *", "wrong"),
     ]  # fmt: skip
     table = cells(solvers)
-    assert list(table["`henon`"].values()) == ["`henon`", "1", "1", "1", "1", "1", "1"]
+    assert list(table["`henon`"].values()) == ["`henon`", "1", "1", "1", "1", "1", "1", "1"]
     counts = [(table[f"`{solver}`"]["right in"], table[f"`{solver}`"]["judged in"]) for solver in ("scipy-sign", "ida")]
     assert counts == [("0", "1"), ("0", "0")]
     assert "- [made_up](made_up/report.md): A made-up system" in (tmp_path / "matrix.md").read_text()

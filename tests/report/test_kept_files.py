@@ -26,7 +26,8 @@ from henon_ref.errors import CaseError
 from henon_ref.report import case_report
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.write import check_index
-from henon_ref.report.text.index import index_text, matrix_text, merged, write_index
+from henon_ref.report.text.index import index_text, matrix_text, write_index
+from henon_ref.report.text.matrix_merge import merged
 from henon_ref.report.text.matrix_rows import MATRIX_COLUMNS
 
 paper = importlib.import_module("henon_ref.cli.paper")

@@ -130,10 +130,10 @@ def test_every_status_of_the_contract_ends_a_run_in_one_way() -> None:
     assert {status for status, end in found.items() if end == "failed"} == {"failed", "timeout"}
 
 
-def test_rows_of_libraries_that_did_not_run_are_kept() -> None:
-    earlier = [of("none", 1, solver="scipy-rk45"), of("none", 1), of("offset", 1, case="gone")]
+def test_rows_of_libraries_and_cases_that_did_not_run_are_kept() -> None:
+    earlier = [of("none", 1, solver="scipy-rk45"), of("none", 1), of("offset", 1, case="b")]
     fresh = [of("none", 2)]
-    assert merged(fresh, earlier) == [fresh[0], earlier[0]]
+    assert merged(fresh, earlier) == [fresh[0], earlier[0], earlier[2]]
     assert merged([], earlier) == [earlier[1], earlier[0], earlier[2]]
 
 

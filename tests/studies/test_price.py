@@ -13,11 +13,13 @@ from types import SimpleNamespace
 import pytest
 import sympy as sp
 
+from henon_ref import registry
 from henon_ref.campaign import timing
 from henon_ref.campaign.interleaved import MOST, Turns, interleaved
 from henon_ref.campaign.options import Options, Silent
 from henon_ref.casefile.case import load_case
 from henon_ref.columns import RUN_COLUMNS, Row
+from henon_ref.errors import CaseError
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.studies.price import effects
@@ -25,6 +27,7 @@ from henon_ref.studies.price.compiling import Ready, paid_after, readiness
 from henon_ref.studies.price.costs import mean_costs, why_not
 from henon_ref.studies.price.fit import power
 from henon_ref.studies.price.growth import STICKS, Horizon, exponent, horizons
+from henon_ref.studies.price.ladder import solvers
 from henon_ref.studies.price.ladder_pairs import samples_of, time_ladder_pairs
 from henon_ref.studies.price.landings import crest_crossings, landings
 from henon_ref.studies.price.operations import count, work
@@ -175,6 +178,23 @@ def test_others_are_said_to_take_so_many_times_as_long() -> None:
     (cells,) = rival_table([slow, pair("heyoka", 1 / 8)]).rows
     assert "1000 (900 to 1800)" in cells
     assert "8 (8 to 8)" in cells
+
+
+def test_a_peer_that_ran_has_a_column() -> None:
+    columns = rival_table([pair("heyoka", 1 / 8), pair("diffsol-tsit45", 1 / 70)])
+    assert columns.headings[-1] == "`diffsol-tsit45`"
+    assert columns.rows[0][-1].startswith("70 ")
+    assert "`diffsol-tsit45`" not in rival_table([pair("heyoka", 1 / 8)]).headings
+
+
+def test_the_ladder_has_cvode_from_c_and_those_that_are_asked_for_beside_the_reference() -> None:
+    assert {"henon", "heyoka", "cvode-c-adams", "cvode-c-bdf", "cvode-adams+numba"} <= set(solvers())
+    assert "diffrax-dopri8" not in solvers()
+    assert solvers(["diffrax-dopri8", "heyoka"]) == ("henon", "diffrax-dopri8", "heyoka")
+    assert solvers(["all"])[0] == "henon"
+    assert set(registry.default_names()) <= set(solvers(["all"]))
+    with pytest.raises(CaseError, match="unknown solver 'heyokka'"):
+        solvers(["heyokka"])
 
 
 def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> None:

@@ -65,8 +65,8 @@ def test_a_default_is_set_against_the_best_other_restart() -> None:
         run("heyoka@direction", "failed", reading="gained"),
     ]
     (line,) = default_table(suite_rows(rows)).rows
-    assert line[:4] == ("`heyoka`", f"`{default}`", "3", "21")
-    assert line[5:8] == ("`none`", "4", "30")
+    assert line[:5] == ("`heyoka`", "1", f"`{default}`", "3", "21")
+    assert line[6:9] == ("`none`", "4", "30")
 
 
 def test_an_option_is_set_beside_the_library_as_it_is() -> None:

@@ -19,6 +19,13 @@ function [value, terminal, direction] = two (t, x)
   direction = [-1; -1];
 end
 
+function value = root (a)
+  value = NaN;
+  if (a >= 0)
+    value = sqrt (a);
+  end
+end
+
 function value = ifelse (condition, one, other)
   value = other;
   if (condition)
@@ -46,3 +53,6 @@ printf ("pole %.17g %.17g\n", t(end), x(end));
 options = odeset ("Events", @(t, x) deal (ifelse (x > 1, NaN, 1), 1, -1));
 [t, x, te] = ode45 (@(t, x) 1, [0, 2], 0, options);
 printf ("nan %d %.17g\n", numel (te), t(end));
+options = odeset ("RelTol", 1e-9, "AbsTol", 1e-9, "Refine", 1);
+[t, x] = ode45 (@(t, x) [1; root(1 - x(1))], [0, 2], [0; 0], options);
+printf ("lost %.17g %.17g %.17g\n", t(find (all (isfinite (x), 2), 1, "last")), t(end), x(end, 2));

@@ -70,6 +70,7 @@ def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[st
         "timeout_s": options.timeout,
         "processes": options.processes,
         "readings": {result.reading.name: _reading(result) for result in comparison.readings},
+        "case_readings": [reading.name for reading in comparison.case.readings],
         "files": sorted(files),
     }
     return json_text(content) + "\n"

@@ -1,7 +1,7 @@
 """Everything that the page of a folder of reports shows, as JSON: the matrix, and what is known of each case.
 
-The details of a case (its runs, its portrait) come from its folder; of a case whose folder is gone, from the page that
-stands there already, so that the page forgets no more than the matrix does.
+The details of a case (its runs, its portrait) come from its folder; of a case whose folder is gone, and of solvers that
+the comparison there did not run, from the page that stands there already: it forgets no more than the matrix does.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from henon_ref.report.html.rounding import rounded
 from henon_ref.report.text.choice import UNKNOWN, by_kind
 from henon_ref.report.text.matrix import solvers_of
 from henon_ref.report.text.matrix_page import by_reading
+from henon_ref.report.text.matrix_rows import commits_of
 from henon_ref.report.text.ranking import LEVELS, by_solver, floor, name
 from henon_ref.text import one_line
 
@@ -54,7 +55,7 @@ def content(folder: Path, rows: Sequence[Row]) -> dict[str, Any]:
         cases.setdefault(case, []).append((reading, own))
     made = []
     for case, readings in cases.items():
-        details = details_of(folder / case) or earlier.get(case, {})
+        details = updated(details_of(folder / case), earlier.get(case, {}))
         own_readings = [_reading(*one, details, solvers, kinds, words) for one in readings]
         known = {key: value for key, value in details.items() if key != "readings"}
         made.append({"name": case, "title": one_line(str(readings[0][1][0]["title"])), **known,
@@ -76,14 +77,14 @@ def _reading(
     reading: str, rows: Sequence[Row], details: Details, solvers: Sequence[str], kinds: Sequence[str], words: Words
 ) -> dict[str, Any]:
     own = details.get("readings", {}).get(reading, {})
-    runs = own.get("runs", {})
+    runs, ran = own.get("runs", {}), {name(row) for row in rows}
     return {
         "name": reading,
         "kind": kinds.index(str(rows[0]["kind"] or UNKNOWN)),
-        "commit": str(rows[0]["commit"] or ""),
+        "commit": ", ".join(commits_of(rows)),
         **{key: value for key, value in own.items() if key != "runs"},
         "cells": [[solvers.index(name(row)), *_cell(row, words)] for row in rows],
-        "runs": {str(solvers.index(s)): [packed(r, words) for r in runs[s]] for s in runs if s in solvers},
+        "runs": {str(solvers.index(s)): [packed(r, words) for r in runs[s]] for s in runs if s in ran},
     }
 
 
@@ -137,6 +138,29 @@ def _told_of(manifest: Mapping[str, Any], story: str, rows: Sequence[Row]) -> De
         **{key: value for key, value in told.items() if value not in (None, "")},
         "runs": {solver: [field_values(row) for row in own] for solver, own in by_solver(rows).items()},
     }
+
+
+def updated(fresh: Details | None, earlier: Details) -> Details:
+    """What a case's folder says, and what an earlier page knows beside it: a portrait, runs of other solvers.
+
+    Parameters
+    ----------
+    fresh : Details or None
+        Of a folder; None where it is gone.
+    earlier : Details
+        Of the page; empty where it does not know the case.
+    """
+    if fresh is None:
+        return earlier
+    known = earlier.get("readings", {})
+    readings = {reading: _both(own, known.get(reading, {})) for reading, own in fresh["readings"].items()}
+    kept = {key: earlier[key] for key in ("portrait",) if key in earlier}
+    return {**kept, **fresh, "readings": {**known, **readings}}
+
+
+def _both(fresh: Details, earlier: Details) -> Details:
+    floors = [own["floor"] for own in (fresh, earlier) if own.get("floor")]
+    return {**earlier, **fresh, "floor": max(floors, default=0.0), "runs": {**earlier.get("runs", {}), **fresh["runs"]}}
 
 
 def earlier_details(folder: Path) -> dict[str, Details]:

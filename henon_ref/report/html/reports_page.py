@@ -14,6 +14,7 @@ from henon_ref.report.html.rendering import rendered, source
 from henon_ref.report.text.choice import by_kind, key_of, package_of, reaches
 from henon_ref.report.text.formats import count, duration, significant
 from henon_ref.report.text.index import PAGES, commits
+from henon_ref.report.text.matrix_page import coverage
 from henon_ref.report.text.ranking import name
 from henon_ref.score.kinds import CLOSE
 
@@ -63,8 +64,16 @@ def page_text(folder: Path, rows: Sequence[Row]) -> str:
         summary=f"{count(readings, 'reading')} of {count(cases, 'case')}, {count(solvers, 'solver')}; {commits(rows)}.",
         choice={"headings": HEADINGS, "numbers": NUMBERS, "rows": choice_rows(rows, f"wall_{DIGITS}_s")},
         mean_parts=round(1 / CLOSE),
+        coverage=coverage_words(rows),
         files=_files(folder),
     )
+
+
+def coverage_words(rows: Sequence[Row]) -> str:
+    """On how many readings each solver was run, in a sentence; empty where all were run on all."""
+    groups = coverage(rows)
+    words = "; ".join(f"{own}: {', '.join(solvers)}" for own, solvers in groups)
+    return f"Of {len({key_of(row) for row in rows})} readings the solvers were run on {words}." if groups else ""
 
 
 def _case(row: Row) -> str:

@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from henon_ref.columns import Row
-from henon_ref.errors import CaseError
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.links import without_dead_links
 from henon_ref.report.files.svg import svg
-from henon_ref.report.files.write import INDEX, MANIFEST, MATRIX, MATRIX_PAGE, REPORT, RUNS, check_index, replace_file
+from henon_ref.report.files.write import INDEX, MATRIX, MATRIX_PAGE, REPORT, check_index, replace_file
 from henon_ref.report.text.choice import case_table, choice_table, key_of
 from henon_ref.report.text.formats import count
 from henon_ref.report.text.kinds_figure import draw_kinds
 from henon_ref.report.text.markdown import environment
 from henon_ref.report.text.matrix import KEY
-from henon_ref.report.text.matrix_page import reading_table, solver_table, titles
-from henon_ref.report.text.matrix_rows import MATRIX_COLUMNS, read_matrix, rows_of_report
+from henon_ref.report.text.matrix_merge import merged
+from henon_ref.report.text.matrix_page import coverage_table, reading_table, solver_table, titles
+from henon_ref.report.text.matrix_rows import MATRIX_COLUMNS
 from henon_ref.report.text.paired_times import cheapest, own_words, read_ratios
 from henon_ref.report.text.ranking import NOT_RUN, name, number
 from henon_ref.report.text.restarts import WHY, beaten_table, read_suite
 from henon_ref.score.kinds import CLOSE
-from henon_ref.text import code, message
+from henon_ref.text import code
 
 PAGES = {
     "price": "[Price list](price/README.md): what accuracy costs in time, from one transition to a million seconds",
@@ -48,7 +47,7 @@ FEWEST_DRAWN = 4
 def write_index(folder: Path) -> Path:
     """Write the index of all reports in a folder, its matrix (CSV and page) and its figure.
 
-    The matrix keeps the rows of cases whose folders are gone; those of a case that is there are made from its report.
+    The matrix keeps its rows of solvers and cases that no report there has (:func:`.matrix_merge.merged`).
 
     Raises
     ------
@@ -63,33 +62,6 @@ def write_index(folder: Path) -> Path:
         replace_file(folder / FIGURE, svg(draw_kinds(rows)))
     replace_file(folder / INDEX, index_text(rows, folder).encode())
     return folder / INDEX
-
-
-def merged(folder: Path) -> list[Row]:
-    """The matrix's rows by case: of the reports in a folder, and of its matrix for cases that have none there.
-
-    A report that cannot be read is named, and left out.
-    """
-    cases: dict[str, list[Row]] = {}
-    for row in read_matrix(folder):
-        cases.setdefault(str(row["case"]), []).append(row)
-    for manifest in sorted(folder.glob(f"*/{MANIFEST}")):
-        if manifest.with_name(RUNS).exists():
-            try:
-                fresh = rows_of_report(manifest)
-            except CaseError as error:
-                print(message(f"left out of the index: {error}"), file=sys.stderr)
-                continue
-            _keep_kinds(fresh, cases.get(manifest.parent.name, []))
-            cases[manifest.parent.name] = fresh
-    return [row for case in sorted(cases) for row in cases[case]]
-
-
-def _keep_kinds(fresh: Sequence[Row], earlier: Sequence[Row]) -> None:
-    """Give readings whose report does not say their kind the one that the matrix has of them."""
-    known = {key_of(row): row["kind"] for row in earlier}
-    for row in fresh:
-        row["kind"] = row["kind"] or known.get(key_of(row))
 
 
 def is_drawn(rows: Sequence[Row]) -> bool:
@@ -108,7 +80,7 @@ def index_text(rows: Sequence[Row], folder: Path) -> str:
         Where it lies: links lead only to what is there.
     """
     suite = read_suite(folder)
-    beaten = beaten_table(suite)
+    beaten, coverage = beaten_table(suite), coverage_table(rows)
     text = (
         environment()
         .get_template("index.md.j2")
@@ -118,6 +90,7 @@ def index_text(rows: Sequence[Row], folder: Path) -> str:
                 restart: words for restart, words in WHY.items() if any(f"`{restart}`" in row[2] for row in beaten.rows)
             },
             choice=choice_table(rows).markdown,
+            coverage=coverage.markdown if coverage.rows else "",
             own=own_words(read_ratios(folder)),
             figure=FIGURE if is_drawn(rows) else "",
             cases=case_table([row for row in rows if (folder / str(row["case"]) / REPORT).exists()]).markdown,

@@ -16,8 +16,8 @@ MARKS = {"unsupported": "–", "unavailable": "·", "timeout": "timeout", "faile
 KEY = (
     "Decimal digits of the worst transition time (in seconds, or in the unit of time that the case's report names) at "
     "the most accurate setting with the right sequence. "
-    "`*`: not right at another setting. `–`: the solver cannot do this problem, `·`: not installed; otherwise how its "
-    "last run ended."
+    "`*`: not right at another setting. `–`: the solver cannot do this problem, `·`: not installed, empty: it was not "
+    "run on it; otherwise how its last run ended."
 )
 """What the cells mean."""
 

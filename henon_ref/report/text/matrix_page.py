@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from urllib.parse import quote
 
@@ -9,7 +10,7 @@ from henon_ref.columns import Row
 from henon_ref.report.files.write import REPORT
 from henon_ref.report.text.choice import Key, key_of
 from henon_ref.report.text.matrix import matrix_table, solvers_of
-from henon_ref.report.text.matrix_rows import short_commit
+from henon_ref.report.text.matrix_rows import commits_of
 from henon_ref.report.text.paired_times import link
 from henon_ref.report.text.ranking import LEVELS, name, number
 from henon_ref.report.text.tables import Table
@@ -25,12 +26,30 @@ def by_reading(rows: Sequence[Row]) -> dict[Key, list[Row]]:
 
 
 def reading_table(rows: Sequence[Row]) -> Table:
-    """Digits that each solver reaches on each reading, with its kind and the commit of the program that ran it."""
+    """Digits that each solver reaches on each reading, with its kind and the commits of the program that ran it."""
     lines = [
-        ((link(*key, reports=""), str(own[0]["kind"] or ""), short_commit(str(own[0]["commit"] or ""), 7)), own)
+        ((link(*key, reports=""), str(own[0]["kind"] or ""), ", ".join(commits_of(own, 7))), own)
         for key, own in by_reading(rows).items()
     ]
     return matrix_table(("reading", "kind", "commit"), lines)
+
+
+def coverage(rows: Sequence[Row]) -> list[tuple[int, list[str]]]:
+    """On how many readings solvers were run, and which on as many, the most first; empty where all were run on all.
+
+    A row of the matrix counts, whether the solver could do the problem or not.
+    """
+    counts, groups = Counter(map(name, rows)), dict[int, list[str]]()
+    for solver in solvers_of(rows):
+        groups.setdefault(counts[solver], []).append(solver)
+    return [] if set(groups) <= {len(by_reading(rows))} else sorted(groups.items(), reverse=True)
+
+
+def coverage_table(rows: Sequence[Row]) -> Table:
+    """The same as a table."""
+    readings = len(by_reading(rows))
+    lines = [(f"{own} of {readings}", ", ".join(map(code, solvers))) for own, solvers in coverage(rows)]
+    return Table(("readings", "solvers run on them"), "rl", lines)
 
 
 def titles(rows: Sequence[Row]) -> dict[str, str]:
@@ -42,7 +61,7 @@ def titles(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def solver_table(rows: Sequence[Row], in_turn: Mapping[tuple[str, str, int], str]) -> Table:
-    """In how many readings each solver is right, of those it is judged in, and how often it is the cheapest.
+    """In how many readings each solver is right, of those it is judged in and run on; how often it is the cheapest.
 
     Right is a solver that is so at one setting at least. Who is the cheapest for so many digits decide the times taken
     in turn where there are some, by case, reading and digits; elsewhere the reports' own times do. Where nobody else
@@ -65,10 +84,10 @@ def solver_table(rows: Sequence[Row], in_turn: Mapping[tuple[str, str, int], str
     for solver in solvers_of(rows):
         own = [row for row in rows if name(row) == solver]
         right, judged = (sum(number(row, column) > 0 for row in own) for column in ("right", "judged"))
-        won = wins.get(solver, {})
-        lines.append((right, (code(solver), f"{right}", f"{judged}", *(f"{won.get(d) or ''}" for d in LEVELS))))
+        won, counts = wins.get(solver, {}), (f"{right}", f"{judged}", f"{len(own)}")
+        lines.append((right, (code(solver), *counts, *(f"{won.get(d) or ''}" for d in LEVELS))))
     cells = [own for _, own in sorted(lines, key=lambda line: -line[0])]
-    cells.append(("all readings", "", f"{len(readings)}", *(f"{reached[level]}" for level in LEVELS)))
-    cells.append(("of these, another solver gets there, too", "", "", *(f"{contested[level]}" for level in LEVELS)))
-    headings = ("solver", "right in", "judged in", *(f"cheapest for {level} digits" for level in LEVELS))
+    cells.append(("all readings", "", "", f"{len(readings)}", *(f"{reached[level]}" for level in LEVELS)))
+    cells.append(("of these, another solver gets there, too", *3 * ("",), *(f"{contested[level]}" for level in LEVELS)))
+    headings = ("solver", "right in", "judged in", "run on", *(f"cheapest for {level} digits" for level in LEVELS))
     return Table(headings, "l" + "r" * (len(headings) - 1), cells)

@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.errors import CaseError
@@ -70,14 +71,10 @@ def rows_of_report(manifest: Path) -> list[Row]:
     CaseError
         Where manifest or runs are not what this package writes.
     """
-    file = manifest
+    content, file = _content(manifest), manifest.with_name(RUNS)
     try:
-        content = json.loads(manifest.read_text(encoding="utf-8"))
-        if not isinstance(content, dict) or not isinstance(content.get("title"), str):
-            raise CaseError("is no manifest of a report: it names no title", file=str(file))
-        file = manifest.with_name(RUNS)
         runs = read_rows(file)
-    except (OSError, RecursionError, ValueError, csv.Error) as error:
+    except (OSError, ValueError, csv.Error) as error:
         raise CaseError(f"cannot be read: {error}", file=str(file)) from error
     by_reading: dict[str, list[Row]] = {}
     for row in runs:
@@ -98,6 +95,29 @@ def rows_of_report(manifest: Path) -> list[Row]:
     ]
 
 
+def case_readings(manifest: Path) -> list[str]:
+    """All readings of a report's case, of whatever solvers; of an earlier version's report those that it has.
+
+    Raises
+    ------
+    CaseError
+        Where it is not what this package writes.
+    """
+    content = _content(manifest)
+    named = content.get("case_readings", content.get("readings"))
+    return [str(reading) for reading in named] if isinstance(named, list | dict) else []
+
+
+def _content(manifest: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(manifest.read_text(encoding="utf-8"))
+    except (OSError, RecursionError, ValueError) as error:
+        raise CaseError(f"cannot be read: {error}", file=str(manifest)) from error
+    if not isinstance(content, dict) or not isinstance(content.get("title"), str):
+        raise CaseError("is no manifest of a report: it names no title", file=str(manifest))
+    return content
+
+
 def short_commit(commit: str, length: int) -> str:
     """The beginning of a commit, with the mark of files that differed from it.
 
@@ -107,6 +127,11 @@ def short_commit(commit: str, length: int) -> str:
     ('9994b95', '9994b95+', '9994b95+')
     """
     return commit.rstrip("+")[:length] + ("+" if commit.endswith("+") else "")
+
+
+def commits_of(rows: Sequence[Row], length: int = SHORT) -> list[str]:
+    """The commits of the program that made some rows of the matrix, each once, in the rows' order."""
+    return list(dict.fromkeys(short_commit(str(row["commit"]), length) for row in rows if row["commit"]))
 
 
 def _kind(readings: object, reading: str) -> str | None:

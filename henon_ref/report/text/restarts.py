@@ -101,9 +101,12 @@ def ending(row: Row) -> str:
 
 
 def merged(fresh: Sequence[Row], earlier: Sequence[Row]) -> list[Row]:
-    """Fresh rows and, of libraries that have none, earlier ones, in the registry's order of libraries."""
-    present = {row["solver"] for row in fresh}
-    rows = [*fresh, *(row for row in earlier if row["solver"] not in present)]
+    """Fresh rows and, of cases and libraries that have none, earlier ones, by case and library.
+
+    So that the study of a library that takes long can be made case by case.
+    """
+    present = {(row.get("case"), row["solver"]) for row in fresh}
+    rows = [*fresh, *(row for row in earlier if (row.get("case"), row["solver"]) not in present)]
     order = {solver: place for place, solver in enumerate(registry.names())}
     return sorted(rows, key=lambda row: (str(row.get("case", "")), order.get(name(row), len(order))))
 

@@ -27,6 +27,10 @@ AGAINST = {
     "scipy-dop853+numba": ("scipy-dop853",),
     "cvode-adams+numba": ("cvode-adams",),
     "cvode-c-adams": ("cvode-adams",),
+    "diffrax-dopri8": ("scipy-dop853",),
+    "diffrax-kvaerno5": ("scipy-radau",),
+    "diffsol-tsit45": ("scipy-dop853",),
+    "diffsol-bdf": ("scipy-radau",),
 }
 """Solvers that compile, and those that each is set against: quicker to prepare, slower to run."""
 WARM_RUNS = 3

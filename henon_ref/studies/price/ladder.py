@@ -9,24 +9,36 @@ from henon_ref import registry
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.casefile.case import Case
 from henon_ref.columns import Row
+from henon_ref.report.text.paired_times import FIRST
 from henon_ref.studies.runs import records_of
 
 LADDER = tuple(10.0**-k for k in range(3, 16))
 """Relative tolerances. A library that refuses one says so, and the row with it."""
 TIMEOUT = 4.0
 """Seconds that one run may take: a slower one is never the cheapest where any other gets there."""
-WHEN_NAMED = ("octave-ode45",)
-"""Solvers that run when named, which belong here all the same."""
+WHEN_NAMED = ("cvode-c-adams", "cvode-c-bdf", "octave-ode45")
+"""Solvers that run when named elsewhere, which belong here all the same."""
 SAMPLES = ("case", "reading", "against", "digits", "solver", "rtol", "step_s", "samples_us")
 """Columns of the raw samples; against: the pair that a setting was timed in, empty for the ladder's own times."""
 
 
-def solvers() -> tuple[str, ...]:
-    """Names of the solvers: those that run by default, each with compiled callbacks, and :data:`WHEN_NAMED`.
+def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
+    """Names of the solvers; those of a fixed step run at the steps that the case names.
 
-    Solvers of a fixed step run at the steps that the case names.
+    Parameters
+    ----------
+    chosen : sequence of str
+        Those asked for (``all``: with all peers that are installed), to which the reference is added that prices are
+        multiples of. None: those that run by default, each with compiled callbacks, and :data:`WHEN_NAMED`.
+
+    Raises
+    ------
+    CaseError
+        For an unknown name.
     """
     known = registry.names()
+    if chosen:
+        return tuple(dict.fromkeys((FIRST, *map(registry.check, registry.expanded(chosen)))))
     own = (*registry.default_names(), *WHEN_NAMED)
     return tuple(name for solver in own for name in (solver, solver + registry.COMPILED) if name in known)
 

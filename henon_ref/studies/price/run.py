@@ -18,7 +18,7 @@ from henon_ref.studies.price.compiling import readiness
 from henon_ref.studies.price.effects import effect_costs
 from henon_ref.studies.price.fresh import caches_in, in_fresh_process
 from henon_ref.studies.price.growth import horizons
-from henon_ref.studies.price.ladder import run_ladder
+from henon_ref.studies.price.ladder import run_ladder, solvers
 from henon_ref.studies.price.ladder_pairs import time_ladder_pairs
 from henon_ref.studies.price.landings import crest_crossings, landings
 from henon_ref.studies.price.operations import work
@@ -30,15 +30,22 @@ from henon_ref.truth.reference import Truth
 
 
 def run(
-    paths: Sequence[Path], out: Path, *, jobs: int, resume: bool, observer: AbstractContextManager[Observer]
+    paths: Sequence[Path],
+    out: Path,
+    *,
+    chosen: Sequence[str],
+    jobs: int,
+    resume: bool,
+    observer: AbstractContextManager[Observer],
 ) -> int:
-    """Measure everything and write the page."""
+    """Measure everything and write the page; ``chosen``: as for :func:`henon_ref.studies.price.ladder.solvers`."""
     check_writable(out)
-    cases = load_cases(paths)
+    cases, wanted = load_cases(paths), solvers(chosen)
     journals = [out / case.name for case in cases]
-    names = " ".join(str(path) for path in paths)
+    names = " ".join([*map(str, paths), *(["--solvers", ",".join(chosen)] if chosen else [])])
+    options = Options(solvers=wanted, processes=jobs, folder=out, resume=resume, keep_journals=True)
     with locked([out, *journals]):
-        found = _measured(cases, out, observer, jobs=jobs, resume=resume)
+        found = _measured(cases, options, observer)
         page = write_page(found, provenance(f"python -m henon_ref.price {names}"), out)
         for folder in journals:
             (folder / FILE).unlink(missing_ok=True)
@@ -48,11 +55,8 @@ def run(
     return 0
 
 
-def _measured(
-    cases: Sequence[Case], out: Path, observer: AbstractContextManager[Observer], *, jobs: int, resume: bool
-) -> Prices:
+def _measured(cases: Sequence[Case], options: Options, observer: AbstractContextManager[Observer]) -> Prices:
     """Everything that the page is made of."""
-    options = Options(processes=jobs, folder=out, resume=resume, keep_journals=True)
     with observer as shown:
         ladder = run_ladder(cases, options, shown)
         timed, failed = time_ladder_pairs(cases, ladder.rows, options, shown)

@@ -19,7 +19,8 @@ from henon_ref.studies.price.landings import Landed
 from henon_ref.studies.price.states import Size
 
 LISTED = ("heyoka", "cvode-c-adams", "cvode-adams", "cvode-adams+numba", "scipy-dop853", "scipy-dop853+numba")
-"""Rivals whose pairs are shown reading by reading; those of all are in the file."""
+"""Rivals whose pairs are shown reading by reading, with :data:`PEERS` where they ran; those of all are in the file."""
+PEERS = ("diffrax-dopri8", "diffrax-kvaerno5", "diffsol-tsit45", "diffsol-bdf")
 
 
 def title(case: str, reading: str) -> str:
@@ -58,18 +59,20 @@ def own_times(pairs: Sequence[Row]) -> str:
 
 def rival_table(found: Sequence[Row]) -> Table:
     """How many times as long as `henon` others take, for the same digits, reading by reading."""
+    ran = {str(row["rival"]) for row in found}
+    listed = (*LISTED, *(peer for peer in PEERS if peer in ran))
     ratios: dict[tuple[str, str, str], dict[str, Row]] = {}
     for row in found:
-        if row["rival"] in LISTED:
+        if row["rival"] in listed:
             key = str(row["case"]), str(row["reading"]), bound(row["digits"])
             ratios.setdefault(key, {})[str(row["rival"])] = row
     lines = []
     for (case, reading, digits), own in ratios.items():
-        cells = [_times_as_long(own[rival]) if rival in own else "" for rival in LISTED]
+        cells = [_times_as_long(own[rival]) if rival in own else "" for rival in listed]
         ratio = own_ratio(own[SECOND]) if SECOND in own else None
         alone = "" if ratio is None else significant(ratio, 2)
         lines.append((title(case, reading), digits, *cells[:1], alone, *cells[1:]))
-    headings = [f"`{rival}`" for rival in LISTED]
+    headings = [f"`{rival}`" for rival in listed]
     headings.insert(1, f"`{SECOND}`, its own calls alone")
     return Table(("reading", "digits", *headings), "lr" + "r" * len(headings), lines)
 

@@ -38,7 +38,7 @@ from henon_ref.text import code
 
 
 def write_page(study: Study, tried: Sequence[Row], origin: Provenance, out: Path) -> Path:
-    """Write runs, suite, options and page; of libraries that have not run the earlier rows are kept.
+    """Write runs, suite, options and page; of cases and libraries that have not run the earlier rows are kept.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def summary_table(suite: Sequence[Row]) -> Table:
 
 
 def default_table(suite: Sequence[Row]) -> Table:
-    """Each library's default and its best other restart: right runs, digits and time of these."""
+    """Cases of each library, its default and its best other restart: right runs, digits and time of these."""
     lines = []
     for library in libraries_of(suite):
         found, own = merits(suite, library), registry.restart_of(library)
@@ -119,6 +119,7 @@ def default_table(suite: Sequence[Row]) -> Table:
             (code(restart), f"{found[restart].right}", f"{found[restart].digits:.0f}", duration(found[restart].wall_s))
             for restart in (own, best)
         ]
-        lines.append((code(library), *cells[0], *cells[1]))
+        cases = len({row["case"] for row in suite if row["solver"] == library})
+        lines.append((code(library), f"{cases}", *cells[0], *cells[1]))
     side = ("right", "digits", "time")
-    return Table(("library", "default", *side, "best other", *side), "llrrrlrrr", lines)
+    return Table(("library", "cases", "default", *side, "best other", *side), "lrlrrrlrrr", lines)

@@ -82,6 +82,17 @@ def test_a_closed_form(solver) -> None:
 
 
 @installed
+@pytest.mark.parametrize("solver", [ADAMS, BDF], ids=lambda solver: solver.name)
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-12])
+def test_a_run_ends_where_its_field_does(solver, tolerance) -> None:
+    """h' = -1/4 - sqrt(h) has no value behind h = 0, where its derivative is infinite: t = 2 - log(5)/2."""
+    _, own = reading_of("hard/running_dry", "pumped")
+    found = solver.prepare(own.problem, rtol=tolerance, atol=tolerance)()
+    assert found.status == "failed"
+    assert found.end_time == pytest.approx(2 - math.log(5) / 2, abs=1e4 * tolerance)
+
+
+@installed
 def test_readings_that_differ_in_parameters_share_one_program_that_is_kept(monkeypatch) -> None:
     made = []
     compile_ = build._compile

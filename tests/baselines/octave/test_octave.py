@@ -70,3 +70,12 @@ def test_without_octave_it_is_unavailable(monkeypatch) -> None:
     monkeypatch.setattr(module, "octave_version", lambda: "")
     with pytest.raises(UnavailableError, match="octave-cli is not installed"):
         ODE45.prepare(henon_ref.parse_case(BLOCK).readings[0].problem, rtol=1e-9)
+
+
+def test_a_run_ends_at_the_last_state_that_is_one() -> None:
+    """y' = sqrt(x), x' = -1 from 1: no number from t = 1 on; ode45 goes on, the adapter does not."""
+    (own,) = (own for own in henon_ref.load_case("hard/nan_region").readings if own.name == "field")
+    found = ODE45.prepare(own.problem, rtol=1e-9, atol=1e-9)()
+    assert found.status == "failed"
+    assert 0.9 < found.end_time < 1.0
+    assert found.end_state[0] == pytest.approx(1.0 - found.end_time, abs=1e-9)

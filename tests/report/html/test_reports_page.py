@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fakes import CASE, case
-from html_pages import comparison, made_folder
+from html_pages import RUNS, comparison, made_folder
 from made_reports import ORIGIN
 
 from henon_ref.cli.check import page_differences
@@ -174,6 +174,32 @@ def test_the_page_keeps_the_runs_of_cases_whose_folders_are_gone(tmp_path: Path,
     assert after["cases"] == before["cases"]
     write_folder_report(tmp_path)
     assert data_of(page) == after
+
+
+def test_a_comparison_of_another_solver_adds_its_runs_to_a_case(tmp_path: Path) -> None:
+    page = made_folder(tmp_path)
+    before = data_of(page)
+    assert "the solvers were run on" not in page.read_text()
+    shutil.rmtree(tmp_path / "first")
+    bare = comparison("first", solvers={"octave-ode45": ("right", 1e-2)})
+    bare.readings[0].samples = None  # as without figures
+    write_report(bare, replace(ORIGIN, commit="f" * 40), tmp_path)
+    write_folder_report(tmp_path)
+    data, (old, _) = data_of(page), before["cases"]
+    first, second = data["cases"]
+    names = [own["name"] for own in data["solvers"]]
+    (reading,), (known,) = first["readings"], old["readings"]
+    assert [names[cell[0]] for cell in reading["cells"]] == ["henon", "heyoka", "ida", "scipy-rk45", "octave-ode45"]
+    assert set(reading["runs"]) == {str(names.index(own)) for own in (*RUNS["first"], "octave-ode45")}
+    assert len(reading["runs"][str(names.index("henon"))]) == len(known["runs"]["0"])
+    assert first["portrait"] == old["portrait"]
+    assert reading["commit"] == "0123456789ab, ffffffffffff"
+    assert second["readings"][0]["runs"].keys() == before["cases"][1]["readings"][0]["runs"].keys()
+    told = "Of 2 readings the solvers were run on 2: henon, heyoka, ida, scipy-rk45; 1: octave-ode45."
+    assert told in page.read_text()
+    write_folder_report(tmp_path)
+    assert data_of(page) == data
+    assert page_differences(tmp_path) == []
 
 
 def test_a_case_that_only_the_matrix_knows_has_its_cells(tmp_path: Path) -> None:

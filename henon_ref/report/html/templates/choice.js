@@ -110,7 +110,9 @@ function drawBars(holder, lines, label) {
   const width = widthOf(holder);
   const names = Math.min(132, 0.34 * width);
   const middle = names + (width - names) * 0.52;
-  const bars = { from: names + 6, to: middle - 46 };
+  const most = Math.max(...lines.map((line) => line.judged));
+  const partial = lines.some((line) => line.judged < most);
+  const bars = { from: names + 6, to: middle - (partial ? 82 : 46) };
   const slowest = Math.max(10, ...lines.map((line) => line.slower || 1));
   const axis = { low: 1, high: 10 ** Math.ceil(Math.log10(slowest) - 1e-9), log: true };
   const times = scale(axis, middle + 10, width - 18);
@@ -119,14 +121,15 @@ function drawBars(holder, lines, label) {
   const svg = shape("svg", { class: "bars", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label },
     shape("text", { class: "tick", x: bars.from, y: 12 }, "share of readings"),
     shape("text", { class: "tick", x: middle + 6, y: 12 }, "time over the fastest"));
-  const most = Math.max(2, Math.floor((width - middle) / 44));
-  for (const tick of ticks({ ...axis, text: (k) => (k < 4 ? `×${10 ** k}` : `×${powerOfTen(k)}`) }, most)) {
+  const labels = Math.max(2, Math.floor((width - middle) / 44));
+  for (const tick of ticks({ ...axis, text: (k) => (k < 4 ? `×${10 ** k}` : `×${powerOfTen(k)}`) }, labels)) {
     svg.append(shape("line", { class: "grid", x1: times(tick.value), x2: times(tick.value), y1: top - 4, y2: height - 6 }),
       shape("text", { class: "tick", x: times(tick.value), y: 27, "text-anchor": "middle" }, tick.text));
   }
   lines.forEach((line, k) => {
     const y = top + ROW * k;
     const percent = `${Math.floor(100 * line.share)} %`;
+    const of = line.judged < most ? ` of ${line.judged}` : "";
     const words = `${line.solver.name}: ${line.walls.size} of ${line.judged} readings (${percent})` +
       (line.slower ? `\n×${significant(line.slower, 2)} as long as the fastest (median)` : "");
     const row = shape("g", null,
@@ -134,7 +137,7 @@ function drawBars(holder, lines, label) {
       shape("text", { x: names, y: y + 14, "text-anchor": "end" }, shortName(line.solver.name)),
       shape("rect", { class: "bar-all", x: bars.from, y: y + 4, width: bars.to - bars.from, height: ROW - 8 }),
       shape("rect", { class: "bar-in", x: bars.from, y: y + 4, width: (bars.to - bars.from) * line.share, height: ROW - 8 }),
-      shape("text", { class: "tick", x: bars.to + 5, y: y + 14 }, percent));
+      shape("text", { class: "tick", x: bars.to + 5, y: y + 14 }, percent + of));
     if (line.slower) row.append(shape("circle", { class: "dot", cx: times(line.slower), cy: y + ROW / 2, r: 3.6 }));
     tooltip.on(row, words);
     svg.append(row);

@@ -36,7 +36,7 @@ function runWords(reading) {
   return [make("p", null, make("strong", null, title)),
     reading.story ? make("p", null, reading.story) : null,
     make("p", { class: "quiet small" }, [`Kind: ${reading.kindName}.`, truth, own.source ? `Source: ${own.source}.`.replace("..", ".") : null,
-      own.tags ? `Tags: ${own.tags.join(", ")}.` : null, reading.commit ? `Run by commit ${reading.commit}.` : null]
+      own.tags ? `Tags: ${own.tags.join(", ")}.` : null, reading.commit ? `Run by commit ${reading.commit.replaceAll(", ", " and ")}.` : null]
       .filter(Boolean).join(" "))].filter(Boolean);
 }
 

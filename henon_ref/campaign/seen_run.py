@@ -1,0 +1,77 @@
+"""One wrong run, as the rules on causes want it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from henon_ref import registry
+from henon_ref.columns import Row
+
+
+def number(row: Row, column: str) -> float:
+    """A number of a row; NaN where it is missing."""
+    value = row[column]
+    return float(value) if isinstance(value, int | float) else float("nan")
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One wrong run, as the rules want it."""
+
+    run: Row
+    transitions: Sequence[Row]
+
+    @property
+    def solver(self) -> str:
+        """The solver's name without its restart and variant."""
+        return registry.base_name(str(self.run["solver"])).partition("+")[0]
+
+    @property
+    def restart(self) -> str:
+        """How the library was restarted."""
+        return registry.restart_of(str(self.run["solver"]))
+
+    @property
+    def reason(self) -> str:
+        """The solver's own words."""
+        return str(self.run["status_reason"] or "")
+
+    def number(self, column: str) -> float:
+        """A number of the run's row; NaN where it is missing."""
+        return number(self.run, column)
+
+    @property
+    def missed_pairs(self) -> list[list[Row]]:
+        """Groups of transitions that are missed in a row, where each group leads back to where it began.
+
+        Each surface is crossed an even number of times in it, and there and back again. Empty where something else went
+        wrong, too: then it is not known what the run did in between.
+        """
+        if self.run["status"] != "wrong" or self.number("spurious") != 0:
+            return []
+        groups: list[list[Row]] = [[]]
+        for row in self.transitions:
+            if row["outcome"] == "missed":
+                groups[-1].append(row)
+            elif groups[-1] and row["outcome"] != "touch":
+                groups.append([])
+        groups = [group for group in groups if group]
+        whole = all(
+            group[0]["from_mode"] == group[-1]["to_mode"]
+            and all(count % 2 == 0 for count in Counter(row["surface"] for row in group).values())
+            for group in groups
+        )
+        return groups if whole else []
+
+    @property
+    def depth(self) -> float:
+        """Greatest depth of the surface function within the pairs that are missed [unit of the surface]."""
+        depths = [row["graze_distance"] for group in self.missed_pairs for row in group]
+        return max((float(d) for d in depths if isinstance(d, int | float)), default=float("nan"))
+
+    @property
+    def right_so_far(self) -> bool:
+        """What was found before the run ended is right."""
+        return self.number("spurious") == 0
