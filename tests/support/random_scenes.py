@@ -51,8 +51,10 @@ BOUNDS = {"henon": 1e-11, "heyoka": 1e-9, "scipy-dop853": 1e-6}
 """Error of a transition's time [s] where its conditioning times the size of the state is at most 1 s."""
 DEADLINE = 60.0
 """Processor time of one route on one scene [s]."""
-EXPLAINED = ("ill-conditioned", "not unique", "not judged", "loop")
-"""Verdicts that put a disagreement down to the question."""
+NO_REST = "no rest is derived"
+"""In the reason of a run that ends where impacts come to a limit beyond what the package knows (``docs/scenes.md``)."""
+EXPLAINED = ("ill-conditioned", "not unique", "not judged", "loop", NO_REST)
+"""Verdicts that put a disagreement down to the question, and limits of the package that its documentation names."""
 AT_REST = 1e-6
 """A relative velocity [m/s or rad/s] or a distance below this counts as zero, where a run could not go on."""
 
@@ -235,14 +237,14 @@ class Comparison:
         places = [(t.time, t.state) for t in exact.expected.transitions]
         places += [found.end for found in (own, *(found for _, found in asked)) if found.word and found.end[1]]
         troubled = exact.status == "failed" or own.word or asked[-1][1].word
-        looped = bool(troubled) and any(itertools.starmap(Loops(problem).at, places))
+        excuse = NO_REST if NO_REST in exact.reason else ""
+        if troubled and any(itertools.starmap(Loops(problem).at, places)):
+            excuse = "loop"
         if exact.status == "failed":
-            words.append(
-                self._told("exact", "loop" if looped else "failed", f"exact run fails: {exact.reason}", number)
-            )
+            words.append(self._told("exact", excuse or "failed", f"exact run fails: {exact.reason}", number))
         for name, found in (("henon", own), asked[-1]):
             if found.word:
-                words.append(self._told(name, "loop" if looped else found.word, found.fault, number))
+                words.append(self._told(name, excuse or found.word, found.fault, number))
         if len(asked) > 1 and not asked[-1][1].word:
             tally.explained[f"{asked[-1][0]} right where {asked[-2][0]} is not"] += 1
             words.append(asked[-2][1].fault)
