@@ -1,7 +1,7 @@
 """Random scenes: the reference, the multiprecision route and a library find the same transitions.
 
 What two of them disagree on is explained by the conditioning of the question, or is a fault.
-``python tests/support/random_scenes.py --seed 1 --count 300`` makes the long comparison (half an hour of one processor).
+``python tests/support/random_scenes.py --seed 1 --count 300`` makes the long comparison (half an hour).
 """
 
 from __future__ import annotations
