@@ -129,7 +129,9 @@ def _groups(
             if j != i and (rows[i] & rows[j] or any(e.has(system.signs[j]) for e in (*moved, *loads))):
                 edges.append((i, j))
     parts = connected_components((sorted(sliding), edges))
-    return [tuple(sorted(part)) for part in parts if any(i in held for i in part)]
+    groups = [(tuple(sorted(part)), tuple(i for i in part if i in held)) for part in parts]
+    # A body at rest stays where it is, whatever plain friction does to it: that slides beside it, in the field at rest.
+    return [own if len(own) == 1 and held[own[0]].entry == "resting" else part for part, own in groups if own]
 
 
 class _Joint:

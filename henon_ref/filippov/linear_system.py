@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import permutations
 
 import sympy as sp
@@ -149,15 +149,39 @@ def surfaces_solved(system: SwitchedField, sliding: Sequence[int]) -> tuple[dict
     What they are, in time and the states that are left free, is empty where it cannot be written in a short formula.
     """
     states = system.states
-    solved: dict[int, int] = {}
+    linear = {
+        i: [
+            k
+            for k, x in enumerate(states)
+            if x in system.surfaces[i].free_symbols and constant_slope(system.surfaces[i], x, states) is not None
+        ]
+        for i in sliding
+    }
+    taken: dict[int, int] = {}  # state -> its surface
     for i in sliding:
-        taken, moving = set(solved.values()), system.surfaces[i].free_symbols
-        for k, x in enumerate(states):
-            if k not in taken and x in moving and constant_slope(system.surfaces[i], x, states) is not None:
-                solved[i] = k
-                break
+        _give_state(i, linear, taken, set())
+    places = {i: k for k, i in taken.items()}
+    solved = {i: places[i] for i in sliding if i in places}
     unknown = [states[k] for k in solved.values()]
     return solved, _on_surfaces(system, solved, unknown)
+
+
+def _give_state(surface: int, linear: Mapping[int, Sequence[int]], taken: dict[int, int], tried: set[int]) -> bool:
+    """Give a surface a state of its own, where need be one of another surface that can do with another one.
+
+    Without that ``v_a - v_b`` would take v_a and leave nothing to ``v_a``. (Augmenting paths of a bipartite matching.)
+    """
+    free = [k for k in linear[surface] if k not in taken]
+    if free:
+        taken[free[0]] = surface
+        return True
+    for k in linear[surface]:
+        if k not in tried:
+            tried.add(k)
+            if _give_state(taken[k], linear, taken, tried):
+                taken[k] = surface
+                return True
+    return False
 
 
 def _on_surfaces(

@@ -24,7 +24,7 @@ from henon_ref.filippov.equations import Guard, ModeEquations, along
 from henon_ref.filippov.held_contacts import held_field
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.sliding import filippov_sliding
-from henon_ref.filippov.switched_field import SwitchedField
+from henon_ref.filippov.switched_field import SwitchedField, up_to_a_number
 from henon_ref.precision import one_at_a_time
 
 EntryRule = Literal["attracting", "inside", "resting"]
@@ -165,9 +165,12 @@ class FilippovSystem(SwitchedField):
     ) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
         """Equations of sliding where some of it is overridden: field, what ends it, and equivalent signs."""
         zones = {i: self.hold_guards(i) for i in sorted(overridden)}
+        for j, (i, way) in self._contacts_at_rest(overridden).items():  # the two let go together, by one limit
+            zones[i], zones[j] = (), tuple(g for g in zones[j] if g.to_sign == way)
+            overridden, sliding = overridden - {j}, sliding - {j}
         if len(sliding) == 1:
             (i,) = sliding
-            return self.overrides[i].field, zones[i], {}
+            return self.overrides[i].field, tuple(g for zone in zones.values() for g in zone), {}
         held = {i: self.overrides[i] for i in sorted(overridden)}
         made = held_field(self, held, zones, sliding)
         field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
@@ -178,6 +181,21 @@ class FilippovSystem(SwitchedField):
         known = {**made.signs, **{self.signs[i]: found for i, found in signs.items()}}
         releases = tuple(replace(g, expression=put(put(g.expression, made.on_surface), known)) for g in made.ends)
         return field, tuple(sorted(releases + own, key=lambda g: (g.kind == "attracts", g.index))), signs
+
+    def _contacts_at_rest(self, sliding: Iterable[int]) -> dict[int, tuple[int, int]]:
+        """Contacts with static friction that a body which rests on a surface has along the way it would lift off.
+
+        Each with that surface and the sign of lifting off. The surface carries what presses the body on, so that such a
+        contact gives way only where the body is drawn off with more than static friction.
+        """
+        speeds = {up_to_a_number(self.numeric(self.normal_velocity(i))): i for i in sliding if self.rests(i)}
+        found = {}
+        for j in filter(self.held_inside, sliding):
+            form, own = up_to_a_number(self.numeric(self.surfaces[j]))
+            for way in (1, -1):
+                if (form, way) in speeds:
+                    found[j] = speeds[form, way], own * way
+        return found
 
     def normal_velocity(self, index: int) -> sp.Expr:
         """dh_i/dt along f, in time, states, signs and parameters."""

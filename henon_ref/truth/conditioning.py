@@ -88,7 +88,11 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
         spread = change @ spread
         time, state = first.time, arrived if resets else landed
         falls = _fallen_guards(flow, mode, first.to_mode, [transitions[i].surface for i in group], time, state, length)
+        rests = [transitions[i].kind == "stick" and transitions[i].surface in problem.system.resets for i in group]
         for i in group:
+            if any(rests) and not resets and not length > 0:  # an impact that leaves no speed: at rest at that instant
+                found.append(found[-1])
+                continue
             own = [f for f in falls if f[0].index == transitions[i].surface] or falls
             rows = [-gradient / rate for _, gradient, rate in own if rate]
             if transitions[i].kind == "stick" and transitions[i].surface in problem.system.resets and not resets:

@@ -148,3 +148,52 @@ def test_friction_that_turns_round_in_flight_is_refused_at_the_limit(name: str) 
     # It is pushed from 1 to 2 with 3 - 1 against it; thrown back it is slowed by 3 + 1, then comes on with 3 - 1.
     assert found.status == "failed"
     assert "changes with the sign of rub in flight" in found.reason
+
+
+@pytest.mark.parametrize("name", ["henon", "heyoka", "scipy-dop853"])
+@pytest.mark.parametrize(
+    ("contact", "stop", "sign"),
+    [
+        ("[a, wall]", "[a, wall], gap: 0", 1),
+        ("[wall, a]", "[wall, a], gap: -1", 1),
+        ("[wall, a]", "[a, wall], gap: 0", -1),
+    ],
+)
+def test_static_friction_holds_a_body_at_a_stop_against_what_draws_it_off(
+    name: str, contact: str, stop: str, sign: int
+) -> None:
+    """The force off the stop is t/10 + 1/10: it passes kinetic friction (3/10) at t = 2, static friction at t = 6."""
+    away = -1 if stop.startswith("[wall") else 1
+    connections = [
+        f'force: {{on: a, value: "{away}*(0.1 + 0.1*t)"}}',
+        f"friction: {{between: {contact}, law: coulomb, force: 0.3, static: 0.7}}",
+        f"stop: {{between: {stop}, restitution: 0}}",
+    ]
+    head = "schema: 1\nname: held\ntitle: Held at a stop\nscene:\n  bodies: {a: {mass: 1}, wall: fixed}\n  connections:"
+    text = "\n    - ".join([head, *connections])
+    start = "{x_a: 1, v_a: -2}" if away > 0 else "{x_a: 0, v_a: 2}"
+    own = parse_case(f"{text}\ninitial: {start}\nuntil: 8\n").readings[0].problem
+    run = solver(name).prepare(own, rtol=1e-12, atol=1e-12)()
+    assert (run.status, run.reason) == ("ok", "")
+    assert [t.kind for t in run.transitions] == ["stick", "reset", "stick", "release", "release"]
+    assert run.transitions[2].to_mode == (0, 0)
+    assert run.transitions[4].to_mode == (sign, 1)
+    assert [t.time for t in run.transitions[3:]] == pytest.approx([6, 6], abs=1e-9)
+    assert abs(run.end_state[0] - (0 if away > 0 else 1)) == pytest.approx(14 / 15, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["henon", "heyoka", "scipy-dop853"])
+def test_a_block_sticks_on_a_body_that_rests_at_a_stop_and_leaves_with_it(name: str) -> None:
+    """Forces t/10 - 3/2 on a alone: it leaves at t = 15, and b with it, both by (t/10 - 3/2)/2: 0.225 m in 3 s."""
+    more = """stop: {between: [a, wall], gap: 0, restitution: 0}
+    - force: {on: a, value: 0.1*t - 1.5}
+    - friction: {between: [b, a], law: coulomb, force: 0.3}"""
+    text = TEXT.replace("STOP", more).replace("{mass: 2}, b: {mass: 3}", "{mass: 1}, b: {mass: 1}")
+    text = text.replace("x_a: 1, v_a: 0, x_b: 0, v_b: 0", "x_a: 1, v_a: -1, x_b: 0, v_b: -1").replace(
+        "until: 3", "until: 18"
+    )
+    found = run(parse_case(text).readings[0].problem, name)
+    assert (found.status, found.reason) == ("ok", "")
+    assert [(t.kind, t.to_mode) for t in found.transitions[-2:]] == [("stick", (0, 0)), ("release", (1, 0))]
+    assert found.transitions[-1].time == pytest.approx(15, abs=1e-9)
+    assert (found.end_state[0], found.end_state[1]) == pytest.approx((0.225, 0.225), abs=1e-8)

@@ -79,6 +79,29 @@ def test_two_blocks_that_let_go_at_once_have_a_row_each() -> None:
     assert {e.after for e in second.events} == {(-1, 0, -1)}
 
 
+def test_a_block_that_stops_on_another_one_at_rest_holds_until_its_load_is_static_friction() -> None:
+    """The load 0.2 t - 0.3 is 0.5 at t = 4. Both speeds are that of the belt then, and no speed is left in the loads:
+
+    one that rounding has put off by 1e-17 had a time scale of its own there, of 1e17 s, beside which the loads were 0.
+    """
+    connections = [
+        "force: {on: b, value: 0.2*t - 0.3}",
+        "friction: {between: [b, a], law: stribeck_exp, force: 0.4, velocity: 0.2, static: 0.5}",
+        "friction: {between: [a, belt], law: coulomb, force: 0.8, static: 1.1}",
+    ]
+    lines = ["scene:", "  bodies: {a: {mass: 1}, b: {mass: 1}, belt: {velocity: 0.114}}", "  connections:"]
+    lines += [f"    - {one}" for one in connections]
+    lines += ["initial: {x_a: 0, v_a: 0.3, x_b: 0, v_b: 0.5}", "until: 5", ""]
+    problem = parse_case(HEAD + "\n".join(lines)).readings[0].problem
+    made = problem.system.equations((0, 0))
+    speeds = {problem.system.states[1], problem.system.states[3]}
+    assert (made.field[1], made.field[3]) == (0, 0)
+    assert not any(g.expression.free_symbols & speeds for g in made.guards)
+    run = solver("henon").prepare(problem, rtol=1e-13)()
+    assert (run.status, [t.kind for t in run.transitions]) == ("ok", ["stick", "stick", "release"])
+    assert run.transitions[-1].time == pytest.approx(4, abs=1e-13)
+
+
 def test_more_blocks_than_are_tried_exhaustively_are_searched() -> None:
     problem = chain(("1.2", "1.5", "-1.6", "0", "1.4", "-1.2"), "1", "0")
     expected = (0, -1, 1, 0, -1, 0)

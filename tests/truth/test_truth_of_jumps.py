@@ -6,6 +6,7 @@ import pytest
 import sympy as sp
 from flint import arb
 
+from henon_ref.casefile.case import parse_case
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resting import with_resting
 from henon_ref.filippov.system import FilippovSystem, Reset
@@ -76,6 +77,34 @@ def _after(impacts: int, speed: sp.Expr) -> sp.Expr:
     time = (w + arrival) / 10 + 2 * arrival / 10 * sum(R**j for j in range(1, impacts))
     at = {h: 0, w: speed}
     return sp.sqrt(sp.diff(time, h).subs(at) ** 2 + sp.diff(time, w).subs(at) ** 2)
+
+
+def test_a_rest_at_the_instant_of_its_impact_moves_with_it() -> None:
+    """x = 1 - 2t + 3t^2/20 is at the stop at t0 with the speed w; an error (x, v) at the start moves that (x + v t0)/w.
+
+    Restitution 0 leaves no speed: friction sticks, and the body rests on the stop at once, by rows of that one instant.
+    """
+    text = """\
+schema: 1
+name: brought_to_rest
+title: A sliding body that a stop brings to rest
+source: closed form
+equations: x'' = -3/10 sign(v)
+scene:
+  bodies: {a: {mass: 1}, wall: fixed}
+  connections:
+    - friction: {between: [a, wall], law: coulomb, force: 0.3}
+    - stop: {between: [a, wall], gap: 0, restitution: 0}
+initial: {x_a: 1, v_a: -2}
+until: 2
+"""
+    problem = parse_case(text).readings[0].problem
+    found = multiprecision(problem).transitions
+    w = (4 - 0.6) ** 0.5
+    t0 = (2 - w) / 0.3
+    assert {t.kind for t in found} >= {"reset"}
+    assert [t.time for t in found] == pytest.approx([t0] * len(found), abs=1e-15)
+    assert conditioning(problem, found) == pytest.approx([(1 + t0**2) ** 0.5 / w] * len(found), rel=1e-3)
 
 
 def test_the_limit_of_the_impacts_of_a_ball() -> None:
