@@ -121,6 +121,9 @@ class FilippovSystem(SwitchedField):
                 ),
                 equivalent_signs={i: put(e, slip) for i, e in shared.equivalent_signs.items()},
             )
+            if any(e.has(sp.zoo, sp.nan) for e in self._cache[key].field + tuple(g.expression for g in self._cache[key].guards)):
+                del self._cache[key]
+                raise ModelError("a contact that slides has no load, and no sign that keeps it on its surface")
         return self._cache[key]
 
     @cached_property
@@ -170,7 +173,9 @@ class FilippovSystem(SwitchedField):
         field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
         signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}
         if others:
-            field, ends, found = filippov_sliding(replace(self, field=field), others)
+            rested = [self.overrides[i].field for i in overridden if self.rests(i)]
+            kept = {k for own in rested for k, rate in enumerate(own) if rate != self.field[k]}
+            field, ends, found = filippov_sliding(replace(self, field=field), others, kept)
             own, signs = own + ends, signs | found
         known = {**made.signs, **{self.signs[i]: found for i, found in signs.items()}}
         releases = tuple(
