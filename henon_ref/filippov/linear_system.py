@@ -156,7 +156,9 @@ def surfaces_solved(
         i: [
             k
             for k, x in enumerate(states)
-            if k not in kept and x in system.surfaces[i].free_symbols and constant_slope(system.surfaces[i], x, states) is not None
+            if k not in kept
+            and x in system.surfaces[i].free_symbols
+            and constant_slope(system.surfaces[i], x, states) is not None
         ]
         for i in sliding
     }

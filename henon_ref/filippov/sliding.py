@@ -53,7 +53,7 @@ def filippov_sliding(
 ) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
     """Filippov's convex combination on the intersection of the sliding surfaces.
 
-    ``kept``: states that are at rest whatever the signs are (:func:`~henon_ref.filippov.linear_system.surfaces_solved`).
+    ``kept``: states that are at rest whatever the signs are.
 
     Surfaces that are one another's multiples are one contact: there are but two fields beside it, and their signs stay
     equal (or opposite) in the combination of these.
