@@ -182,6 +182,10 @@ class FilippovSystem(SwitchedField):
         field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
         signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}
         if others:
+            if any(self.multiples[j][0] not in others for j in others if j in self.multiples):
+                raise ModelError(
+                    "a surface that is a multiple of one with a sliding of its own does not slide beside it"
+                )
             rested = [self.overrides[i].field for i in overridden if self.rests(i)]
             kept = {k for own in rested for k, rate in enumerate(own) if rate != self.field[k]}
             field, ends, found = filippov_sliding(replace(self, field=field), others, kept)
