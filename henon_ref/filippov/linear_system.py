@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import permutations
 
 import sympy as sp
@@ -143,9 +143,12 @@ def rational(system: SwitchedField, matrix: Matrix) -> DomainMatrix:
     return DomainMatrix.from_Matrix(numbers).convert_to(sp.QQ)
 
 
-def surfaces_solved(system: SwitchedField, sliding: Sequence[int]) -> tuple[dict[int, int], dict[sp.Symbol, sp.Expr]]:
+def surfaces_solved(
+    system: SwitchedField, sliding: Sequence[int], kept: Collection[int] = ()
+) -> tuple[dict[int, int], dict[sp.Symbol, sp.Expr]]:
     """For surfaces that are linear in a state with a constant factor, that state; and what these states are on them.
 
+    ``kept``: states that something else keeps where they are, so that another one is to follow from a surface.
     What they are, in time and the states that are left free, is empty where it cannot be written in a short formula.
     """
     states = system.states
@@ -153,7 +156,9 @@ def surfaces_solved(system: SwitchedField, sliding: Sequence[int]) -> tuple[dict
         i: [
             k
             for k, x in enumerate(states)
-            if x in system.surfaces[i].free_symbols and constant_slope(system.surfaces[i], x, states) is not None
+            if k not in kept
+            and x in system.surfaces[i].free_symbols
+            and constant_slope(system.surfaces[i], x, states) is not None
         ]
         for i in sliding
     }

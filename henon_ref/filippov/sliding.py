@@ -7,7 +7,7 @@ nobody. Equations that would be too large are refused.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -49,9 +49,11 @@ def _interpolated(expression: sp.Expr, signs: tuple[sp.Symbol, ...]) -> sp.Expr:
 
 
 def filippov_sliding(
-    system: SwitchedField, sliding: tuple[int, ...]
+    system: SwitchedField, sliding: tuple[int, ...], kept: Collection[int] = ()
 ) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
     """Filippov's convex combination on the intersection of the sliding surfaces.
+
+    ``kept``: states that are at rest whatever the signs are.
 
     Surfaces that are one another's multiples are one contact: there are but two fields beside it, and their signs stay
     equal (or opposite) in the combination of these.
@@ -60,14 +62,14 @@ def filippov_sliding(
     if tied:
         joined = {system.signs[j]: way * system.signs[i] for j, (i, way) in tied.items()}
         lone = replace(system, field=tuple(f.xreplace(joined) for f in system.field))
-        field, releases, found = filippov_sliding(lone, tuple(i for i in sliding if i not in tied))
+        field, releases, found = filippov_sliding(lone, tuple(i for i in sliding if i not in tied), kept)
         for j, (i, way) in tied.items():
             own = [g for g in releases if g.kind == "release" and g.index == i]
             releases += tuple(replace(g, index=j, to_sign=way * g.to_sign) for g in own)
             found[j] = way * found[i]
         return field, releases, found
     signs = tuple(system.signs[i] for i in sliding)
-    solved, on_surface = surfaces_solved(system, sliding)
+    solved, on_surface = surfaces_solved(system, sliding, kept)
     rhs = _small(tuple(_interpolated(put(f, on_surface), signs) for f in system.field), signs)
     slope, rest, normal = _normal_velocities(system, sliding, rhs, on_surface)
     equivalent, guards = _equivalent_signs(system, sliding, slope, rest, normal)

@@ -111,7 +111,7 @@ class FilippovSystem(SwitchedField):
                 return self.shared.equations(mode)
             shared = self.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
             slip = {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
-            self._cache[key] = ModeEquations(
+            made = ModeEquations(
                 field=tuple(put(e, slip) for e in shared.field),
                 guards=tuple(
                     replace(
@@ -123,6 +123,9 @@ class FilippovSystem(SwitchedField):
                 ),
                 equivalent_signs={i: put(e, slip) for i, e in shared.equivalent_signs.items()},
             )
+            if any(e.has(sp.zoo, sp.nan) for e in (*made.field, *(g.expression for g in made.guards))):
+                raise ModelError("a contact that slides has no load in this mode, and no sign that keeps it there")
+            self._cache[key] = made
         return self._cache[key]
 
     @cached_property
@@ -165,8 +168,17 @@ class FilippovSystem(SwitchedField):
     ) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
         """Equations of sliding where some of it is overridden: field, what ends it, and equivalent signs."""
         zones = {i: self.hold_guards(i) for i in sorted(overridden)}
-        for j, (i, way) in self._contacts_at_rest(overridden).items():  # the two let go together, by one limit
-            zones[i], zones[j] = (), tuple(g for g in zones[j] if g.to_sign == way)
+        for j, (i, way) in self._contacts_at_rest(sliding).items():  # the two let go together, by one limit
+            off = {self.signs[j]: sp.Integer(way)}
+            own = (
+                zones[j]
+                if j in overridden
+                else [replace(g, index=j, expression=put(g.expression, off)) for g in zones[i]]
+            )
+            zones[i], zones[j] = (
+                (),
+                tuple(replace(g, to_sign=way) for g in own if j not in overridden or g.to_sign == way),
+            )
             overridden, sliding = overridden - {j}, sliding - {j}
         if len(sliding) == 1:
             (i,) = sliding
@@ -176,21 +188,28 @@ class FilippovSystem(SwitchedField):
         field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
         signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}
         if others:
-            field, ends, found = filippov_sliding(replace(self, field=field), others)
+            if any(self.multiples[j][0] not in others for j in others if j in self.multiples):
+                raise ModelError(
+                    "a surface that is a multiple of one with a sliding of its own does not slide beside it"
+                )
+            rested = [self.overrides[i].field for i in overridden if self.rests(i)]
+            kept = {k for own in rested for k, rate in enumerate(own) if rate != self.field[k]}
+            field, ends, found = filippov_sliding(replace(self, field=field), others, kept)
             own, signs = own + ends, signs | found
         known = {**made.signs, **{self.signs[i]: found for i, found in signs.items()}}
         releases = tuple(replace(g, expression=put(put(g.expression, made.on_surface), known)) for g in made.ends)
         return field, tuple(sorted(releases + own, key=lambda g: (g.kind == "attracts", g.index))), signs
 
     def _contacts_at_rest(self, sliding: Iterable[int]) -> dict[int, tuple[int, int]]:
-        """Contacts with static friction that a body which rests on a surface has along the way it would lift off.
+        """Contacts that a body which rests on a surface has along the way it would lift off.
 
         Each with that surface and the sign of lifting off. The surface carries what presses the body on, so that such a
-        contact gives way only where the body is drawn off with more than static friction.
+        contact gives way only where the body is drawn off with more than its friction.
         """
+        sliding = tuple(sliding)
         speeds = {up_to_a_number(self.numeric(self.normal_velocity(i))): i for i in sliding if self.rests(i)}
         found = {}
-        for j in filter(self.held_inside, sliding):
+        for j in (j for j in sliding if self.held_inside(j) or j not in self.overrides):
             form, own = up_to_a_number(self.numeric(self.surfaces[j]))
             for way in (1, -1):
                 if (form, way) in speeds:
@@ -217,10 +236,12 @@ class FilippovSystem(SwitchedField):
     def decided_together(self, guard: Guard, sliding: Iterable[int]) -> bool:
         """Whether what follows a guard depends on other surfaces that slide.
 
-        Where an equivalent sign reaches -1 or +1 no force jumps; where static friction lets go, it does.
+        Where an equivalent sign reaches -1 or +1 no force jumps; where static friction lets go, it does. A body that
+        rests on a surface may leave it with that sign.
         """
-        jumps = guard.kind == "surface" or (guard.kind == "release" and self.held_inside(guard.index))
-        return jumps and len(self.in_play([guard.index], sliding)) > 1
+        others = self.in_play([guard.index], sliding) - {guard.index}
+        jumps = self.held_inside(guard.index) or any(map(self.rests, others))
+        return bool(others) and (guard.kind == "surface" or (guard.kind == "release" and jumps))
 
     def in_play(self, hit: Iterable[int], sliding: Iterable[int]) -> frozenset[int]:
         """Surfaces whose entries of the mode are open where some are hit: these, and what acts on them."""

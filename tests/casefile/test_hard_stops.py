@@ -183,6 +183,25 @@ def test_static_friction_holds_a_body_at_a_stop_against_what_draws_it_off(
 
 
 @pytest.mark.parametrize("name", ["henon", "heyoka", "scipy-dop853"])
+@pytest.mark.parametrize("contact", ["[a, wall]", "[wall, a]"])
+@pytest.mark.parametrize("law", ["coulomb, force: 0.3", "stribeck, force: 0.3, slope: 0"])
+def test_kinetic_friction_holds_a_body_at_a_stop_whatever_way_its_contact_is_written(
+    name: str, contact: str, law: str
+) -> None:
+    """The force off the stop passes friction at t = 2, and then x = (t - 2)^3/60: 3.6 m at t = 8."""
+    more = f"""stop: {{between: [a, wall], gap: 0, restitution: 0}}
+    - force: {{on: a, value: 0.1 + 0.1*t}}
+    - friction: {{between: {contact}, law: {law}}}"""
+    text = TEXT.replace("STOP", more).replace("{mass: 2}, b: {mass: 3},", "{mass: 1},")
+    text = text.replace("x_a: 1, v_a: 0, x_b: 0, v_b: 0", "x_a: 1, v_a: -2").replace("until: 3", "until: 8")
+    found = run(parse_case(text).readings[0].problem, name)
+    assert (found.status, found.reason) == ("ok", "")
+    assert [t.time for t in found.transitions[-2:]] == pytest.approx([2, 2], abs=1e-9)
+    assert found.end_mode == (1, 1 if contact == "[a, wall]" else -1)
+    assert found.end_state == pytest.approx((3.6, 1.8), abs=1e-8)
+
+
+@pytest.mark.parametrize("name", ["henon", "heyoka", "scipy-dop853"])
 def test_a_block_sticks_on_a_body_that_rests_at_a_stop_and_leaves_with_it(name: str) -> None:
     """Forces t/10 - 3/2 on a alone: it leaves at t = 15, and b with it, both by (t/10 - 3/2)/2: 0.225 m in 3 s."""
     more = """stop: {between: [a, wall], gap: 0, restitution: 0}
