@@ -91,6 +91,7 @@ def test_an_interrupt_ends_a_comparison_and_leaves_no_process(tmp_path, before):
     caller = subprocess.Popen(
         [sys.executable, script(tmp_path, before + textwrap.dedent(code))],
         stderr=subprocess.PIPE, text=True, start_new_session=True, env=dict(os.environ) | {"PYTHONPATH": path},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's jobs in the background ignore it
     )  # fmt: skip
     ends = time.monotonic() + 120
     while not notes.exists() and time.monotonic() < ends:

@@ -75,9 +75,13 @@ def test_a_bad_case_or_an_index_of_somebody_else_removes_nothing(reports, tmp_pa
     assert (reports / "atlas" / "runs.csv").exists()
 
 
-def test_a_fresh_comparison_of_one_case_keeps_the_others(reports, tmp_path):
+def test_a_fresh_comparison_of_one_case_by_one_solver_keeps_all_other_rows(reports, tmp_path):
+    before = {(r["case"], r["solver"]): r for r in read_matrix(reports)}
     assert command([str(tmp_path / "made_up.yaml"), "--reports", str(reports)]) == 0
     shutil.rmtree(reports / "made_up")
-    assert run(tmp_path / "made_up.yaml", "--out", "out", "--solvers", "henon") == 0
-    solvers = {case: {r["solver"] for r in read_matrix(reports) if r["case"] == case} for case in ("made_up", "other")}
-    assert solvers == {"made_up": {"henon"}, "other": {"henon", "heyoka"}}
+    assert run(tmp_path / "made_up.yaml", "--out", "out", "--solvers", "henon", "--tolerances", "1e-9") == 0
+    after = {(r["case"], r["solver"]): r for r in read_matrix(reports)}
+    assert set(after) == set(before)
+    own = ("made_up", "henon")
+    assert {key: row for key, row in after.items() if key != own} == {k: row for k, row in before.items() if k != own}
+    assert (before[own]["settings"], after[own]["settings"]) == (2, 1)
