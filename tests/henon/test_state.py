@@ -34,7 +34,9 @@ def test_counts_and_places_are_integers_and_the_rest_doubles() -> None:
         "stepped_mode",
         "remembered",
         "step_place",
+        "event_pending",
         "pending_kind",
+        "pending_mode",
         "order",
         "method",
     }
