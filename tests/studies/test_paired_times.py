@@ -226,7 +226,7 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
     listed = index.write_index(tmp_path).read_text()
     assert "](rivals/README.md)" in listed
     # By the report's own times it was `henon`.
-    assert "| `heyoka` | 1 | 1 | 1 | 1 | 1 |  |" in (tmp_path / MATRIX_PAGE).read_text()
+    assert "| `heyoka` | 1 | 1 | 1 | 1 | 1 | 1 |  |" in (tmp_path / MATRIX_PAGE).read_text()
 
 
 def test_the_index_counts_the_readings_that_one_solver_alone_gets(tmp_path: Path) -> None:
@@ -235,7 +235,7 @@ def test_the_index_counts_the_readings_that_one_solver_alone_gets(tmp_path: Path
     reported(tmp_path, [*ROWS, *(entry | {"reading": "alone"} for entry in alone)])
     index.write_index(tmp_path)
     lines = [line[2:-2].split(" | ") for line in (tmp_path / MATRIX_PAGE).read_text().splitlines()]
-    counts = {line[0]: line[3:] for line in lines if len(line) == 7}
+    counts = {line[0]: line[4:] for line in lines if len(line) == 8}
     assert counts["`henon`"] == ["2", "2", "2", "1"]
     assert counts["`heyoka`"] == ["", "", "", ""]
     assert counts["all readings"] == ["2", "2", "2", "1"]
