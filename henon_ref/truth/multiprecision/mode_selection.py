@@ -20,10 +20,10 @@ from henon_ref.filippov.decision import Decision, ended, explained, without_inde
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.held_groups import by_groups, decide_groups
+from henon_ref.filippov.mode_consistency import EXHAUSTIVE
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.resting import unless_into_surface
 from henon_ref.filippov.staying import staying_mode
-from henon_ref.filippov.switching import EXHAUSTIVE
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.multiprecision import series

@@ -1,0 +1,127 @@
+"""Whether a mode is consistent at a point: whether its own field keeps it just after.
+
+A mode is *consistent* when every surface in slip is left on the mode's side (first non-zero derivative of h), and on
+every sliding surface the equivalent sign stays inside [-1, 1] and the two fields point at the surface. A surface whose
+sliding is overridden with ``entry: inside`` is held wherever every release guard is positive just after the point
+(first non-zero derivative; one that stays at zero holds); no slip starts on it there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.mode_evaluation import ZERO, ModeEvaluation
+from henon_ref.filippov.modes import Mode, replaced
+
+EXHAUSTIVE = 4
+"""With at most this many surfaces in play all candidate modes are tried; beyond, they are searched."""
+
+
+class ModeConsistency(ModeEvaluation):
+    """Tells which guards of a candidate mode do not hold just after a point; see :class:`ModeEvaluation`."""
+
+    def _indeterminate(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float) -> bool:
+        """Whether no end of a slide on a surface is anything but zero, so far as its derivatives tell."""
+        made = self._equations(mode)
+        assert made is not None
+        outputs, rate = self._expanded(mode, t, x)
+        size = self._size(t, x, mode, index)
+        ends = [c for g, c in zip(made[0].guards, outputs, strict=True) if g.kind == "release" and g.index == index]
+        return index not in self.system.overrides and all(not self._sign(c, 0, rate, size, zero) for c in ends)
+
+    def _violations(
+        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float, *, grouped: bool = False
+    ) -> tuple[Guard, ...] | None:
+        """Guards of the mode that do not hold just after (t, x); None where the mode has no equations.
+
+        ``grouped``: which of several contacts hold is decided for all of them, not for each beside the others.
+        """
+        made = self._equations(mode)
+        if made is None:
+            return None
+        try:
+            outputs, rate = self._expanded(mode, t, x)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return None
+        active = set(active)
+        broken: list[Guard] = []
+        for guard, series in zip(made[0].guards, outputs, strict=True):
+            if guard.ends or guard.index not in active:
+                continue
+            if guard.index in self.system.overrides and not (grouped and guard.kind == "surface"):
+                sticks = self._sticks(t, x, mode, guard.index, zero)
+                # Where entry is decided by the hold zone, no slip starts inside it.
+                inside = self.system.held_inside(guard.index) or self.system.rests(guard.index)
+                refused = not sticks if guard.kind == "release" else sticks and inside
+                if refused and guard.kind == "release" and len(active) > EXHAUSTIVE:  # a search goes where it leads
+                    refused = self._sign(series, 0, rate, self._size(t, x, mode, guard.index), zero) < 0
+                if refused:
+                    broken.append(guard)
+                if refused or guard.kind == "release":
+                    continue
+            first = 1 if guard.kind == "surface" else 0
+            size = self._size(t, x, mode, guard.index)
+            head = self._sign(series, first, rate, size, zero)
+            # A surface that is never left is no slip; an equivalent sign that stays at its limit still holds.
+            if head < 0 or (head == 0 and guard.kind == "surface"):
+                broken.append(guard)
+        return tuple(broken)
+
+    def _staying(
+        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float
+    ) -> frozenset[int] | None:
+        """Surfaces that a slip does not leave, where nothing else keeps the mode out; else None."""
+        broken = self._violations(t, x, mode, active, zero)
+        if broken is None:
+            return None
+        kept = {
+            guard.index for guard in broken if guard.kind == "surface" and self.stays(t, x, mode, guard.index, zero)
+        }
+        return frozenset(kept) if len(kept) == len(broken) else None
+
+    def _same_motion(self, t: float, x: Sequence[float], first: Mode, second: Mode) -> bool:
+        """Whether two modes that have equations have the same motion, so far as its derivatives tell."""
+        made = [self._equations(mode) for mode in (first, second)]
+        motions = [self._motion(own[1], own[2], t, x) for own in made if own is not None]
+        return all(self._equal(one, other) for one, other in zip(*motions, strict=True))
+
+    def stays(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float = ZERO) -> bool:
+        """Whether a slip stays on a surface, so far as its derivatives tell, at a point that is on it."""
+        made = self._equations(mode)
+        assert made is not None
+        outputs, rate = self._expanded(mode, t, x)
+        own = [c for g, c in zip(made[0].guards, outputs, strict=True) if g.kind == "surface" and g.index == index]
+        return not any(self._sign(c, 1, rate, self._size(t, x, mode, index), zero) for c in own)
+
+    def _sticks(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float) -> bool:
+        """Whether a surface whose sliding is overridden is slid on from here."""
+        if self.system.rests(index):
+            return self._rests(t, x, mode, index, zero)
+        if not self.system.held_inside(index):
+            return self._attracts(t, x, mode, index)
+        made = self._equations(replaced(mode, index, 0))
+        if made is None:  # beside another sliding surface it has no equations: no derivatives, but the load is there
+            values = self._hold_values(mode, index)
+            # A load that depends on how another surface slides is not known: no slip is told from a stick there.
+            return values is None or all(value > 0 for value in values(t, *x))
+        equations, tape, numbers = made
+        ends = [k for k, g in enumerate(equations.guards) if g.kind == "release" and g.index == index]
+        try:
+            return self._holds_by(tape, numbers, ends, t, x, zero)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return False
+
+    def _rests(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float) -> bool:
+        """Whether a body on a surface stays there: off it, h would neither rise at once nor fall with a speed."""
+        free = replaced(mode, index, 1)
+        made = self._equations(free)
+        if made is None:
+            return False
+        try:
+            outputs, rate = self._expanded(free, t, x)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return False
+        own = next(k for k, g in enumerate(made[0].guards) if g.kind == "surface" and g.index == index)
+        first = self._leading(outputs[own], 1, rate, 0.0, zero)
+        return first is None or (first > 1 and outputs[own][first] < 0)
