@@ -16,7 +16,7 @@ from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.resets import jump_of, shared
-from henon_ref.filippov.resting import Impact, impact_of, pressed_by, time_to_rest
+from henon_ref.filippov.resting import Impact, impact_of, pressed_by, time_to_rest, turning_in_flight
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.text import listed
 
@@ -154,6 +154,7 @@ class _Rule:
                 (before,), (then,) = (self.numbers.values((speed,), self.t, x) for x in (self.x, after))
             else:
                 before, ratio = self.numbers.values((speed, impact.ratio), self.t, self.x)
+                before = 0 * before if self.numbers.sign(before) > 0 else before  # rounding: the surface was reached
                 then = ratio * before
             found[i] = before, then
         return found
@@ -178,7 +179,8 @@ class _Rule:
             i = guard.index
             if guard.kind != "surface" or i not in speeds or mode[i] < 0:
                 continue
-            time = time_to_rest(*speeds[i], 2 * own[2], most)
+            falling = self._falling(i, mode, after) if numbers.sign(speeds[i][1]) else None
+            time = time_to_rest(*speeds[i], 2 * own[2], most, falling)
             if time is not None:
                 times[i] = time
             elif numbers.sign(speeds[i][1]) == 0:  # no speed, and nothing presses: what follows is told by h'' and on
@@ -191,20 +193,48 @@ class _Rule:
             return AfterJump(Decision("unique", mode) if rest else decision, after, on, rest, still)
         if not times:
             return AfterJump(decision, after, on)
-        stuck = mode
-        for i in times:
-            stuck = replaced(stuck, i, 0)
-        refusal = self._refusal(times, mode, stuck, guards, series)
+        at_rest = self._mode_at_rest(times, mode, after, sides, valid)
+        stuck = at_rest.mode or mode
+        refusal = self._refusal(times, mode, at_rest, guards, series)
         if refusal:
             return AfterJump(self._refused(refusal), after)
         time = next(iter(times.values()))  # of several all are 0
         return AfterJump(decision, after, on, Rest(time, self._at_rest(tuple(times), after, stuck, time), stuck))
 
+    def _turned(self, index: int, mode: Mode) -> list[int]:
+        """Surfaces on whose sign it depends how a body is pressed on, and that the impact has changed the side of."""
+        acceleration, signs = self.impacts[index].acceleration, self.system.signs
+        return [j for j, s in enumerate(signs) if mode[j] != self.mode[j] and j != index and acceleration.has(s)]
+
+    def _falling(self, index: int, mode: Mode, after: Sequence[Any]) -> Any:
+        """h'' on the way back to a surface, where what presses the body on turns round at the height of a flight."""
+        turned = self._turned(index, mode)
+        if not turned or not turning_in_flight(self.system, index).issuperset(turned):
+            return None
+        signs = {s: sp.Integer(entry) for s, entry in zip(self.system.signs, self.mode, strict=True)}
+        return self.numbers.values((self.impacts[index].acceleration.xreplace(signs),), self.t, after)[0]
+
+    def _mode_at_rest(
+        self, times: Mapping[int, Any], mode: Mode, after: Sequence[Any], sides: Sequence[int], valid: Sequence[int]
+    ) -> Decision:
+        """The mode in which bodies rest: where friction has turned round in flight it is decided with no speed."""
+        stuck, x = mode, after
+        open_ones: set[int] = set()
+        for i in times:
+            stuck, impact = replaced(stuck, i, 0), self.impacts[i]
+            if not impact.refusal:
+                x = without_speed(impact, self.numbers, self.t, x)
+                open_ones |= turning_in_flight(self.system, i).intersection(self._turned(i, mode))
+        if not open_ones:
+            return Decision("unique", stuck)
+        still = [0 if i in times or i in open_ones else side for i, side in enumerate(sides)]
+        return self.numbers.decide(self.t, x, still, valid)
+
     def _refusal(
         self,
         times: Mapping[int, Any],
         mode: Mode,
-        stuck: Mode,
+        at_rest: Decision,
         guards: Sequence[Guard],
         series: Sequence[Sequence[Any]],
     ) -> str:
@@ -216,24 +246,24 @@ class _Rule:
             impact = self.impacts[i]
             if impact.refusal:
                 return begin + impact.refusal
-            turned = [
-                system.sign_names[j]
-                for j, sign in enumerate(system.signs)
-                if mode[j] != self.mode[j] and j not in times and impact.acceleration.has(sign)
-            ]
+            turned = set(self._turned(i, mode)) - set(times) - turning_in_flight(system, i)
             if turned and numbers.sign(times[i]):
-                return begin + f"the force that presses the body on changes with the sign of {listed(turned)} in flight"
+                signs = listed([system.sign_names[j] for j in sorted(turned)])
+                return begin + f"the force that presses the body on changes with the sign of {signs} in flight"
         lasting = [time for time in times.values() if numbers.sign(time)]
         if lasting and len(self.surfaces) > 1:
             return begin + "several surfaces reset the state at once"
+        if at_rest.mode is None:
+            return begin + at_rest.reason
         try:
-            system.equations(stuck)
+            system.equations(at_rest.mode)
         except ModelError as error:
             return begin + str(error)
+        passed = set(times) | {j for i in times for j in turning_in_flight(system, i)}
         for guard, own in zip(guards, series, strict=True):
             value, rate, bend, *_ = own
             stays = not any(map(numbers.sign, own))  # rest on a kink, say
-            if lasting and not stays and not (guard.kind == "surface" and guard.index in times):
+            if lasting and not stays and not (guard.kind == "surface" and guard.index in passed):
                 time = lasting[0]
                 if not abs(value) > abs(rate) * time + abs(bend) * time * time:
                     return begin + "another event is as close"

@@ -2,10 +2,12 @@
 
 A body that a surface h throws back ever more weakly comes to rest on it in a finite time: with the speed v of h just
 after an impact, its acceleration -a < 0 between impacts, and the ratio r < 1 of the speeds after and before an impact,
-all later flights together last ``2 v / (a (1 - r))``. That neglects how a changes meanwhile, so that it is wrong by
-about the square of that time: it is used once the time is below :data:`REMAINING` of the run. Impacts are told of up
-to there; then the body rests on the surface, a one-sided constraint (Brogliato, *Nonsmooth Mechanics*, 2016, Ch. 5):
-the force of the surface acts along the jumps of the state and keeps h'' at zero, as long as it does not have to pull.
+all later flights together last ``2 v / (a (1 - r))``. Where friction turns round at the height of each flight it is -a
+on the way up and -b on the way down: a flight ends with the speed ``q v``, q = sqrt(b/a), and all of them together
+last ``v (1 + 1/q) / (a (1 - q r))``. That neglects how a and b change meanwhile, so that it is wrong by about the
+square of that time: it is used once the time is below :data:`REMAINING` of the run. Impacts are told of up to there;
+then the body rests on the surface, a one-sided constraint (Brogliato, *Nonsmooth Mechanics*, 2016, Ch. 5): the force of
+the surface acts along the jumps of the state and keeps h'' at zero, as long as it does not have to pull.
 """
 
 from __future__ import annotations
@@ -133,7 +135,18 @@ def with_resting(system: FilippovSystem) -> FilippovSystem:
     return replace(system, overrides={**system.overrides, **own}) if own else system
 
 
-def time_to_rest(before: Any, after: Any, acceleration: Any, most: Any) -> Any:
+@lru_cache(maxsize=64)
+def turning_in_flight(system: FilippovSystem, index: int) -> frozenset[int]:
+    """Surfaces whose functions are multiples of h': their signs change at the height of each flight, and at impacts."""
+    impact = impact_of(system, index)
+    if impact is None or impact.speed.has(*system.signs):
+        return frozenset()
+    speed = system.numeric(impact.speed)
+    parts = {j: sp.cancel(system.numeric(h) / speed) for j, h in enumerate(system.surfaces) if j != index}
+    return frozenset(j for j, part in parts.items() if part.is_number)
+
+
+def time_to_rest(before: Any, after: Any, acceleration: Any, most: Any, falling: Any = None) -> Any:
     """How long all later flights last together; None where they last longer than ``most``, or there is no rest.
 
     Parameters
@@ -144,8 +157,21 @@ def time_to_rest(before: Any, after: Any, acceleration: Any, most: Any) -> Any:
         h'' after it.
     most
         The longest that counts as come to rest [s].
+    falling : optional
+        h'' on the way back, where that is another one.
     """
-    if not acceleration < 0 or after < 0 or not after < -before:
+    if not acceleration < 0 or after < 0 or not before < 0:
         return None
-    time = 2 * after / (-acceleration * (1 + after / before))
+    if falling is None:
+        if not after < -before:
+            return None
+        time = 2 * after / (-acceleration * (1 + after / before))
+        return time if time <= most else None
+    if not falling < 0:
+        return None
+    faster = (falling / acceleration) ** 0.5
+    lost = 1 + faster * after / before
+    if not lost > 0:
+        return None
+    time = after * (1 + 1 / faster) / (-acceleration * lost)
     return time if time <= most else None

@@ -115,20 +115,21 @@ def _row_of(run, number, count, tables):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _is_left(run, row, speed, ratio):  # type: ignore[no-untyped-def]
+def _is_left(run, row, speed, ratio, turned):  # type: ignore[no-untyped-def]
     """1 where a surface is clearly left after an impact, 0 where the impact clearly ends on it, else UNCLEAR.
 
     ``row``: coefficients of its function after the impact; ``speed``: with which it was reached, and of which the
-    impact leaves ``ratio``.
+    impact leaves ``ratio``; ``turned``: whether another surface changes its side.
     """
     size = 0.0
     for k in range(2, run.order + 1):
         size += abs(row[k])
     if ratio == 0.0:
         return 0 if row[2] < -CLEAR * size else UNCLEAR
-    # All later flights last 2 v / (a (1 - r)): see :mod:`henon_ref.filippov.resting`.
+    # All later flights last 2 v / (a (1 - r)): see :mod:`henon_ref.filippov.resting`. Where friction has turned round
+    # the way up alone lasts v / a.
     rise, reached = row[1], speed * run.unit
-    ending = larger(-row[2], 0.0) * larger(1.0 - rise / reached, 0.0)
+    ending = larger(-row[2], 0.0) * (2.0 if turned else larger(1.0 - rise / reached, 0.0))
     rest = LASTING * run.rest_part * (run.horizon - run.begin)
     return 1 if rise > TANGENT * reached and run.unit * rise > rest * ending else UNCLEAR
 
@@ -198,7 +199,10 @@ def jump_transition(run, x, known_zeros, records, count, tables, numbers, band, 
     if not _holds(run, room, after, _numbers(numbers, target)[0], ahead, index if kept else -1):
         return ReturnCode.SELECT_MODE.value
     if kept:
-        left = _is_left(run, ahead[n + _guard_on(after, index)], speed, values[surfaces])
+        turned = False
+        for j in range(surfaces):
+            turned = turned or (j != index and _entry(before, j) != _entry(number, j))
+        left = _is_left(run, ahead[n + _guard_on(after, index)], speed, values[surfaces], turned)
         if left == UNCLEAR:
             return ReturnCode.SELECT_MODE.value
         if left == 0:

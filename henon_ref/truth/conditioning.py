@@ -41,7 +41,7 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import jump_of
-from henon_ref.filippov.resting import impact_of
+from henon_ref.filippov.resting import impact_of, turning_in_flight
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.reference import ReferenceTransition, instants
@@ -95,8 +95,8 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
                 continue
             own = [f for f in falls if f[0].index == transitions[i].surface] or falls
             rows = [-gradient / rate for _, gradient, rate in own if rate]
-            if transitions[i].kind == "stick" and transitions[i].surface in problem.system.resets and not resets:
-                row = flow.time_of_rest(transitions[i].surface, mode, *origin)
+            if any(rests) and not resets:
+                row = flow.time_of_rest(transitions[group[rests.index(True)]].surface, mode, *origin)
                 found.append(float(np.linalg.norm(row @ spread_there, axis=-1).max()))
                 continue
             touch = transitions[i].kind == "graze" or not rows
@@ -212,23 +212,28 @@ class _Variations:
     def time_of_rest(self, surface: int, mode: Mode, time: float, state: Vector) -> Vector:
         """How the limit of impacts moves with the state just after the last one, shape (n,).
 
-        From height h and speed v it is ``(v + s) / a + 2 r s / (a (1 - r))`` away with ``s^2 = v^2 + 2 a h``: its
-        derivative is ``(1 + r) / ((1 - r) v)`` by h and ``2 / ((1 - r) a)`` by v (:mod:`henon_ref.filippov.resting`).
+        From height h and speed v it is ``v / a + s / b + r s (1 + 1/q) / (a (1 - q r))`` away, -a and -b = -q^2 a being
+        the accelerations on the way up and down (q = 1 where no friction turns round), and s^2 = q^2 v^2 + 2 b h: its
+        derivative is ``(1 + q^2 r) / ((1 - q r) q v)`` by h and ``(1 + q) / ((1 - q r) q a)`` by v
+        (:mod:`henon_ref.filippov.resting`).
         """
         system, resting, jump = self.system, impact_of(self.system, surface), jump_of(self.system, (surface,))
         assert resting is not None  # there is a rest
         assert jump is not None
         after = resting.speed.xreplace(dict(zip(system.states, jump.states, strict=True)))
         signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
-        written = [resting.acceleration, sp.cancel(after / resting.speed)]
+        turned = {system.signs[j]: -signs[system.signs[j]] for j in turning_in_flight(system, surface)}
+        written = [resting.acceleration, resting.acceleration.xreplace(turned), -sp.cancel(after / resting.speed)]
         written += [
             resting.speed,
             *(sp.diff(e, x) for e in (system.surfaces[surface], resting.speed) for x in system.states),
         ]
         values = sp.lambdify([TIME, *system.states], [system.numeric(e).xreplace(signs) for e in written], np)
-        acceleration, ratio, speed, *slopes = (float(v) for v in values(time, *state))
+        rising, falling, ratio, speed, *slopes = (float(v) for v in values(time, *state))
         height, own = np.array(slopes).reshape(2, -1)
-        return (1 - ratio) / (1 + ratio) / speed * height + 2 / ((1 + ratio) * -acceleration) * own
+        q = (falling / rising) ** 0.5
+        lost = q * (1 - q * ratio)
+        return (1 + q * q * ratio) / (lost * speed) * height + (1 + q) / (lost * -rising) * own
 
     def _map(self, surfaces: tuple[int, ...], time: float, state: Vector) -> tuple[Vector, Vector]:
         """Derivatives of a jump in time, shape (n,), and in the state, shape (n, n)."""

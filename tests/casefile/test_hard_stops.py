@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 import sympy as sp
+from multiprecision import multiprecision
 
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import CaseError
@@ -139,15 +140,44 @@ def test_a_body_that_a_belt_drives_to_a_stop_rests_there_and_slides_on_the_belt(
     assert last.time == pytest.approx(6.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["henon", "scipy-dop853"])
-def test_friction_that_turns_round_in_flight_is_refused_at_the_limit(name: str) -> None:
+@pytest.mark.parametrize("name", ["henon", "henon-newton", "heyoka", "scipy-dop853"])
+@pytest.mark.parametrize("static", ["", ", static: 4"])
+@pytest.mark.parametrize("restitution", [0.5, 1.0])
+def test_friction_that_turns_round_in_flight_presses_a_body_to_rest(name: str, static: str, restitution: float) -> None:
+    connections = f"""stop: {{between: [wall, a], gap: -2, restitution: {restitution}}}
+    - friction: {{between: [a, wall], law: coulomb, force: 2{static}, name: rub}}
+    - force: {{on: a, value: "6 - 2*max(0, t - 6)"}}"""
+    found = run(
+        parse_case(TEXT.replace("STOP", connections).replace("until: 3", "until: 12")).readings[0].problem, name
+    )
+    # From 1 to 2 with (6 - 2)/2 takes 1 s. Thrown back with v it is slowed by (6 + 2)/2 and comes on with (6 - 2)/2: a
+    # flight ends with v sqrt(1/2) and lasts v (1/4 + sqrt(1/8)). From 6 s on the force falls, at 9 s it is 0, and at 10
+    # or 11 s it draws with more than friction holds.
+    part = restitution * 0.5**0.5
+    limit = 1 + 2 * restitution * (0.25 + 0.125**0.5) / (1 - part)
+    told = [(t.kind, t.surface, t.time) for t in found.transitions if t.kind in ("stick", "release")]
+    assert (found.status, set(found.end_mode)) == ("ok", {1, -1})
+    assert [(kind, surface) for kind, surface, _ in told] == [
+        ("stick", 0),
+        ("stick", 1),
+        ("release", 0),
+        ("release", 1),
+    ]
+    last = 11.0 if static else 10.0
+    assert [time for *_, time in told] == pytest.approx(
+        [limit, limit, last, last], abs=1e-9 if name.startswith("henon") else 2e-8
+    )
+    assert {t.kind for t in found.transitions if t.surface == 1 and t.time < last} == {"crossing", "stick"}
+
+
+def test_multiprecision_has_the_limit_where_friction_turns_round_in_flight() -> None:
     connections = """stop: {between: [wall, a], gap: -2, restitution: e}
-    - friction: {between: [a, wall], law: coulomb, force: 1, name: rub}
-    - force: {on: a, value: 3}"""
-    found = run(problem(connections), name)
-    # It is pushed from 1 to 2 with 3 - 1 against it; thrown back it is slowed by 3 + 1, then comes on with 3 - 1.
-    assert found.status == "failed"
-    assert "changes with the sign of rub in flight" in found.reason
+    - friction: {between: [a, wall], law: coulomb, force: 2, name: rub}
+    - force: {on: a, value: 6}"""
+    found = multiprecision(problem(connections))
+    assert (found.status, [t.kind for t in found.transitions[-2:]]) == ("ok", ["stick", "stick"])
+    limit = 1 + (0.25 + 0.125**0.5) / (1 - 0.125**0.5)
+    assert [float(t.time) for t in found.transitions[-2:]] == pytest.approx([limit, limit], abs=1e-14)
 
 
 @pytest.mark.parametrize("name", ["henon", "heyoka", "scipy-dop853"])

@@ -15,7 +15,7 @@ from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import resetting
-from henon_ref.filippov.resting import REMAINING
+from henon_ref.filippov.resting import REMAINING, turning_in_flight
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
 from henon_ref.truth.multiprecision.heyoka import to_real
@@ -269,7 +269,7 @@ class _Simulation:
         if not self.accumulating:
             self.termination.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
         resets = resetting(self.problem.system, before, hits)
-        if self.accumulating and resets != self.accumulating:
+        if self.accumulating and resets != self.accumulating and not self._turns_in_flight(hits):
             raise EndedError("failed", f"something happens where impacts accumulate, at t = {self._now()}")
         if resets:
             after, active, rest = self._jump(resets, hits)
@@ -290,6 +290,11 @@ class _Simulation:
                 self._come_to_rest(after, rest)
                 return
         self._enter(after, active)
+
+    def _turns_in_flight(self, hits: Sequence[Guard]) -> bool:
+        """Whether friction turns round at the height of a flight between impacts that accumulate."""
+        turning = frozenset().union(*(turning_in_flight(self.problem.system, i) for i in self.accumulating))
+        return all(guard.kind == "surface" and guard.index in turning for guard in hits)
 
     def _come_to_rest(self, before: Mode, rest: Rest) -> None:
         """Go to where a body comes to rest on a surface, or to the horizon before that."""
