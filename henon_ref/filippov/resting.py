@@ -65,7 +65,7 @@ def impact_of(system: FilippovSystem, index: int) -> Impact | None:
     if speed.has(*system.signs):
         names = listed([s.name for s in system.signs if speed.has(s)])
         return Impact(speed, acceleration, f"how fast the surface is reached depends on the sign of {names}")
-    on, moving = _solved(surface, system.states), set(system.states)
+    on, moving = settled_state(surface, system.states), set(system.states)
     fast = speed.xreplace(on)
     changes = {k: (jump.states[k] - system.states[k]).xreplace(on) for k in jump.moved}
     shares = {k: sp.Integer(0) if fast == 0 else sp.cancel(change / fast) for k, change in changes.items()}
@@ -116,7 +116,7 @@ def unless_into_surface(
     return decision
 
 
-def _solved(surface: sp.Expr, states: Collection[sp.Symbol]) -> dict[sp.Symbol, sp.Expr]:
+def settled_state(surface: sp.Expr, states: Collection[sp.Symbol]) -> dict[sp.Symbol, sp.Expr]:
     """A state that the surface settles, where it is linear in one with a constant factor."""
     for x in states:
         slope = sp.diff(surface, x)

@@ -8,7 +8,7 @@ roots, and after an event at the very start of a step it can miss the next one (
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from henon_ref.filippov.equations import Guard, along
 from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.resting import impact_of, settled_state
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.multiprecision import series
@@ -71,6 +72,20 @@ def _integrator(variables: tuple[Any, ...], rhs: tuple[Any, ...], bits: int, par
     )
 
 
+def _unless_constant(slope: sp.Expr, system: FilippovSystem, sliding: Collection[int]) -> sp.Expr:
+    """A guard's derivative; 0 where the surfaces that are slid on, or rested on, keep it at zero.
+
+    Of a difference of two velocities that are one an enclosure could not tell that it is zero.
+    """
+    kept = slope
+    for _ in sliding:
+        for i in sliding:
+            impact = impact_of(system, i) if system.rests(i) else None
+            surface = system.surfaces[i] if impact is None else impact.speed
+            kept = kept.xreplace(settled_state(system.numeric(surface), system.states))
+    return sp.S.Zero if sp.expand(kept) == 0 else slope
+
+
 class Stepper:
     """Integrates every mode in which exactly these surfaces slide; every mode of a system with equations for all.
 
@@ -95,6 +110,7 @@ class Stepper:
             ends = tuple(g.expression for g in self.guards)
         field, outputs = [system.numeric(f) for f in written], [system.numeric(g) for g in ends]
         slopes = [along(g, system.states, tuple(field)) for g in outputs]
+        slopes = [_unless_constant(slope, system, sliding) for slope in slopes]
         self._dimension = len(field)
         self._rows = list(range(len(field), len(field) + len(outputs)))
         """Rows of the guards' coefficients."""
