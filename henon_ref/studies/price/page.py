@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from henon_ref.columns import RUN_COLUMNS, Row
+from henon_ref.registry import COMPILED
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.text.formats import duration
@@ -75,6 +76,7 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
         "fewest": FEWEST,
         "rivals": tables.rival_table(found.pairs).markdown,
         "own": own_words(found.pairs),
+        "compiled": any(str(row["solver"]).endswith(COMPILED) for row in found.rows),
         "callbacks": tables.callback_costs(found.rows).markdown,
         "failed": [markdown(words) for words in found.failed],
         "ready": tables.ready_table(found.ready).markdown,

@@ -18,9 +18,10 @@ from henon_ref.studies.price.growth import Horizon
 from henon_ref.studies.price.landings import Landed
 from henon_ref.studies.price.states import Size
 
-LISTED = ("heyoka", "cvode-c-adams", "cvode-adams", "cvode-adams+numba", "scipy-dop853", "scipy-dop853+numba")
-"""Rivals whose pairs are shown reading by reading, with :data:`PEERS` where they ran; those of all are in the file."""
-PEERS = ("diffrax-dopri8", "diffrax-kvaerno5", "diffsol-tsit45", "diffsol-bdf")
+CALLBACKS = ("cvode-c-adams", "cvode-adams", "cvode-adams+numba", "scipy-dop853", "scipy-dop853+numba")
+"""Solvers whose right-hand sides are priced."""
+LISTED = (SECOND, *CALLBACKS, "diffrax-dopri8", "diffrax-kvaerno5", "diffsol-tsit45", "diffsol-bdf")
+"""Rivals whose pairs are shown reading by reading, where they ran; those of all are in the file."""
 
 
 def title(case: str, reading: str) -> str:
@@ -60,7 +61,7 @@ def own_times(pairs: Sequence[Row]) -> str:
 def rival_table(found: Sequence[Row]) -> Table:
     """How many times as long as `henon` others take, for the same digits, reading by reading."""
     ran = {str(row["rival"]) for row in found}
-    listed = (*LISTED, *(peer for peer in PEERS if peer in ran))
+    listed = [SECOND, *(rival for rival in LISTED[1:] if rival in ran)]
     ratios: dict[tuple[str, str, str], dict[str, Row]] = {}
     for row in found:
         if row["rival"] in listed:
@@ -240,13 +241,14 @@ def size_table(found: Sequence[Size]) -> Table:
 
 def callback_costs(rows: Sequence[Row], digits: int = 9) -> Table:
     """Wall time by right-hand sides, plain and compiled callbacks, at the cheapest setting for so many digits."""
-    lines = []
+    ran = by_solver(rows)
+    solvers, lines = [solver for solver in CALLBACKS if solver in ran], []
     for (case, reading), own in readings_of(rows).items():
         cells = []
-        for solver in LISTED[1:]:
+        for solver in solvers:
             able = [r for r in own if r["solver"] == solver and r["verdict"] == "right" and r["wall_s"]]
             able = [r for r in able if r["digits"] is not None and number(r, "digits") >= digits]
             least = min(able, key=lambda r: number(r, "wall_s"), default=None)
             cells.append("" if least is None else duration(number(least, "wall_s") / number(least, "rhs_evaluations")))
         lines.append((title(case, reading), *cells))
-    return Table(("reading", *(f"`{solver}`" for solver in LISTED[1:])), "l" + "r" * len(LISTED[1:]), lines)
+    return Table(("reading", *(f"`{solver}`" for solver in solvers)), "l" + "r" * len(solvers), lines)
