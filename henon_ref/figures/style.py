@@ -23,7 +23,8 @@ WIDTH = 7.2
 
 BLUE, VERMILLION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 SKY, PURPLE, BLACK, GREY = "#56B4E9", "#AA4499", "#000000", "#767676"
-"""Okabe and Ito's palette, told apart by colour-blind readers (purple darkened to hold on white)."""
+BROWN, PINK, OLIVE = "#8C4A2F", "#CC79A7", "#6B6B00"
+"""Okabe and Ito's palette, told apart by colour-blind readers (purple darkened to hold on white), and two more."""
 
 STICK_SHADE, PLUS_SHADE, MINUS_SHADE = "#F6C48A", "#CFE3F3", "#FFFFFF"
 """Backgrounds of stick, of slip with s = +1 and of slip with s = -1."""
@@ -78,7 +79,9 @@ _LINES = {
     "henon-listing": Line(ORANGE, "X", "--"),
     "heyoka": Line(BLACK, "D", width=1.6),
     "cvode-adams": Line(GREEN, "o"),
+    "cvode-c-adams": Line(GREEN, "d", "--"),
     "cvode-bdf": Line("#004D38", "s", "--"),
+    "cvode-c-bdf": Line("#004D38", "P", ":"),
     "ida": Line("#66CDAA", "^", ":"),
     "scipy-rk45": Line("#6CBFF2", "o"),
     "scipy-dop853": Line(BLUE, "D"),
@@ -87,15 +90,22 @@ _LINES = {
     "scipy-lsoda": Line("#12124F", "v", ":"),
     "scipy-smoothed": Line(GREY, "P", "--"),
     "scipy-sign": Line("#A6A6A6", "X", ":"),
+    "diffrax-dopri8": Line(PURPLE, "p"),
+    "diffrax-kvaerno5": Line(PURPLE, "h", "--"),
+    "diffsol-tsit45": Line(BROWN, "d"),
+    "diffsol-bdf": Line(BROWN, "<", "--"),
+    "octave-ode45": Line(PINK, "*"),
+    "siconos": Line(OLIVE, "8"),
+    "nosnoc": Line(OLIVE, "h", "--"),
 }
 """SUNDIALS is green, SciPy blue; their solvers differ in lightness, which colour-blind readers see too."""
 
 _THIRD = tuple(
     Line(colour, marker, dashes)
     for dashes, markers in (("-", "dph*"), ("--", "<>8H"), (":", "dph*"))
-    for colour, marker in zip((PURPLE, "#8C4A2F", "#CC79A7", "#6B6B00"), markers, strict=True)
+    for colour, marker in zip((PURPLE, BROWN, PINK, OLIVE), markers, strict=True)
 )
-"""Third parties' solvers: purple, brown, pink and olive, which no other solver has."""
+"""Third parties' solvers: purple, brown, pink and olive, as the peers', with other markers."""
 
 _VARIANTS: dict[str, Dashes] = {
     "numba": "-.",
