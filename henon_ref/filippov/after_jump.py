@@ -174,6 +174,8 @@ class _Rule:
         series = numbers.guard_series(mode, self.t, after)
         guards = system.equations(mode).guards
         times: dict[int, Any] = {}
+        still = [i for i, (_, speed) in speeds.items() if numbers.sign(speed) == 0]
+        meets = any(side == 0 for side in sides)  # a contact comes to rest with the body: decided together
         for guard, own in zip(guards, series, strict=True):
             i = guard.index
             if guard.kind != "surface" or i not in speeds or mode[i] < 0:
@@ -181,8 +183,10 @@ class _Rule:
             time = time_to_rest(*speeds[i], 2 * own[2], most)
             if time is not None:
                 times[i] = time
-            elif numbers.sign(speeds[i][1]) == 0:  # no speed, and nothing presses: what follows is told by h'' and on
+            elif i in still:  # no speed, and nothing presses: what follows is told by h'' and on
                 sides[i] = 0
+        if meets:
+            sides[:] = [0 if i in still else side for i, side in enumerate(sides)]
         if 0 in (sides[i] for i in speeds):
             decision = numbers.decide(self.t, after, sides, valid)
             stays = decision.mode is not None and any(decision.mode[i] == 0 for i in speeds)
