@@ -110,6 +110,8 @@ def held_field(
             rates = [
                 new if k in made.rows else kept for k, (new, kept) in enumerate(zip(made.field, rates, strict=True))
             ]
+            if any(held[i].push for i in group if i in held):  # a body at rest stays where it is, to the last bit
+                rates = [put(rate, made.on_surface) for rate in rates]
             on_surface = {**on_surface, **made.on_surface}
             signs |= made.signs
             guards += made.guards
@@ -157,15 +159,16 @@ def _with_reactions(
             continue
         speed = along(reacting.surfaces[i], reacting.states, reacting.field)
         added = sp.Add(*(factor * s for s, factor in (coefficients(speed, signs) or {}).items()))
+        if added == 0:
+            continue
         inertia = held[i].inertia
-        if added != 0 and inertia is None:
+        if inertia is None:
             raise ModelError(
                 f"how the load of {reacting.sign_names[i]} grows with the reaction on a body at rest is not known: "
                 "its 'sliding' is written by hand"
             )
         ends[i] = tuple(
-            replace(guard, expression=guard.expression - guard.to_sign * inertia * added) if added != 0 else guard
-            for guard in zones[i]
+            replace(guard, expression=guard.expression - guard.to_sign * inertia * added) for guard in zones[i]
         )
     return ends
 
