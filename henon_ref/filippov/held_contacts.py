@@ -79,7 +79,7 @@ def held_field(
     ----------
     system : SwitchedField
     reacting : SwitchedField
-        The same with bodies at rest as contacts.
+        The same with bodies that are at rest as contacts.
     held : mapping
         Surface -> its override.
     zones : mapping

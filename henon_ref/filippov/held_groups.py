@@ -208,7 +208,7 @@ def _may_slip(system: FilippovSystem, group: tuple[int, ...], choice: tuple[int,
 def _shared(system: FilippovSystem, group: tuple[int, ...], choice: tuple[int, ...]) -> dict[int, bool]:
     """Of the contacts of an assignment that are held in loops, by their places, whether others settle its surface."""
     held = tuple(i for i, entry in zip(group, choice, strict=True) if entry == 0)
-    found = relations(system.with_reactions, held) if system.has_loops else ()
+    found = relations(system.velocities, held) if system.has_loops else ()
     settled = {max(relation) for relation in found}
     return {k: i in settled for k, i in enumerate(group) if any(i in relation for relation in found)}
 

@@ -24,12 +24,12 @@ def with_held_loops(system: FilippovSystem) -> FilippovSystem:
     :func:`henon_ref.filippov.sliding.filippov_sliding`, which takes them for one contact.
     """
     acting = [i for i, s in enumerate(system.signs) if i in system.overrides or system.normal_velocity(i).has(s)]
-    if not relations(system.with_reactions, tuple(acting)):
+    if not relations(system.velocities, tuple(acting)):
         return system
     lone = {i: _held(system, i) for i in acting if i not in system.overrides and i not in system.resets}
     plain = {i: override for i, override in lone.items() if override is not None}
     contacts = tuple(i for i in acting if i in plain or system.held_inside(i) or system.rests(i))
-    found = loops(relations(system.with_reactions, contacts))
+    found = loops(relations(system.velocities, contacts))
     members = [sorted(set().union(*loop)) for loop in found]
     multiples = {k for k, loop in enumerate(found) if all(len(relation) == 2 for relation in loop)}
     held = set(system.overrides).union(*(own for k, own in enumerate(members) if k not in multiples))

@@ -177,7 +177,7 @@ class FilippovSystem(SwitchedField):
             (i,) = sliding
             return self.overrides[i].field, tuple(g for zone in zones.values() for g in zone), {}
         held = {i: self.overrides[i] for i in sorted(overridden)}
-        made = held_field(self, self.with_reactions, held, zones, sliding)
+        made = held_field(self, self.with_reactions(self.resting & overridden), held, zones, sliding)
         field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
         signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}
         if others:
@@ -194,21 +194,36 @@ class FilippovSystem(SwitchedField):
         return field, tuple(sorted(releases + own, key=lambda g: (g.kind == "attracts", g.index))), signs
 
     @cached_property
-    def with_reactions(self) -> SwitchedField:
-        """The field with bodies that rest on surfaces as contacts.
+    def resting(self) -> frozenset[int]:
+        """Surfaces that a body can rest on."""
+        return frozenset(i for i in self.overrides if self.rests(i))
+
+    @cached_property
+    def _reacting(self) -> dict[frozenset[int], SwitchedField]:
+        return {}
+
+    def with_reactions(self, resting: frozenset[int]) -> SwitchedField:
+        """The field with bodies that rest on some surfaces as contacts.
 
         Such a surface is then its velocity h', and its sign stands for the reaction, an acceleration of h.
         """
-        rests = [i for i in self.overrides if self.rests(i)]
-        if not rests:
+        if not resting:
             return self
-        off = {self.signs[i]: sp.S.One for i in rests}
-        rates = [
-            sp.Add(put(rate, off), *(self.overrides[i].push[k] * self.signs[i] for i in rests))
-            for k, rate in enumerate(self.field)
-        ]
-        surfaces = [self._normal[i] if i in rests else h for i, h in enumerate(self.surfaces)]
-        return SwitchedField(self.states, self.signs, tuple(surfaces), tuple(rates), self.parameters)
+        if resting not in self._reacting:
+            signs = {i: self.signs[i] for i in sorted(resting)}
+            off = dict.fromkeys(signs.values(), sp.S.One)
+            rates = tuple(
+                sp.Add(put(rate, off), *(self.overrides[i].push[k] * s for i, s in signs.items()))
+                for k, rate in enumerate(self.field)
+            )
+            surfaces = tuple(self._normal[i] if i in resting else h for i, h in enumerate(self.surfaces))
+            self._reacting[resting] = SwitchedField(self.states, self.signs, surfaces, rates, self.parameters)
+        return self._reacting[resting]
+
+    @property
+    def velocities(self) -> SwitchedField:
+        """The same with all bodies that can rest, whose contacts have velocities for surfaces."""
+        return self.with_reactions(self.resting)
 
     def normal_velocity(self, index: int) -> sp.Expr:
         """dh_i/dt along f, in time, states, signs and parameters."""
@@ -250,7 +265,7 @@ class FilippovSystem(SwitchedField):
         """
         zero = frozenset((*hit, *sliding))
         still = frozenset(i for i in zero if i in sliding or not self.rests(i))
-        return zero | closed(self.with_reactions, still, self._in_loops) if self.has_loops else zero
+        return zero | closed(self.velocities, still, self._in_loops) if self.has_loops else zero
 
     @property
     def has_loops(self) -> bool:
@@ -260,7 +275,7 @@ class FilippovSystem(SwitchedField):
     @cached_property
     def _in_loops(self) -> tuple[int, ...]:
         held = tuple(sorted(i for i in self.overrides if self.held_inside(i) or self.rests(i)))
-        found = {i for relation in relations(self.with_reactions, held) for i in relation}
+        found = {i for relation in relations(self.velocities, held) for i in relation}
         return tuple(sorted(i for i in found if self.held_inside(i)))
 
     @cached_property
