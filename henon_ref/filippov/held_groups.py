@@ -20,7 +20,7 @@ from math import prod
 from typing import Any, NamedTuple
 
 from henon_ref.errors import ModelError, UnsupportedError
-from henon_ref.filippov.contact_loops import relations
+from henon_ref.filippov.contact_loops import closed, relations
 from henon_ref.filippov.decision import Decision, with_entries
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.modes import Mode, mode_text
@@ -200,9 +200,9 @@ def _never_left(system: FilippovSystem, index: int) -> bool:
 
 
 def _may_slip(system: FilippovSystem, group: tuple[int, ...], choice: tuple[int, ...]) -> bool:
-    """Whether no surface that slips is zero wherever those are that are held."""
-    held = {i for i, entry in zip(group, choice, strict=True) if entry == 0}
-    return not (system.closed((), held) - held) & set(group)
+    """Whether no contact that slips, nor a body that lifts off, stays wherever those do that are held."""
+    held = frozenset(i for i, entry in zip(group, choice, strict=True) if entry == 0)
+    return closed(system.velocities, held, tuple(i for i in group if i in system.overrides)) == held
 
 
 def _shared(system: FilippovSystem, group: tuple[int, ...], choice: tuple[int, ...]) -> dict[int, bool]:
