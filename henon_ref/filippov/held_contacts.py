@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import combinations
 from typing import Protocol
 
 import sympy as sp
@@ -134,7 +135,8 @@ def _groups(
     for i in sliding:
         own = stuck.get(i, slipping)
         rows[i] = {k for k, rate in enumerate(slipping) if rate.has(system.signs[i]) or rate != own[k]}
-    edges = []
+    plain = [i for i in sorted(sliding) if i not in held]
+    edges = [(i, j) for i, j in combinations(plain, 2) if rows[i] & rows[j]]
     for i in held:
         moved = [e for k in rows[i] for e in (slipping[k], stuck[i][k])]
         loads = [guard.expression for guard in zones[i]]

@@ -170,3 +170,42 @@ def test_the_proof_sees_it_where_no_two_surfaces_are_reached_at_once(case: str) 
         return
     assert proof.status == "certified", proof.reason
     assert [(t.kind, t.surface, t.to_mode) for t in proof.transitions] == [(k, i, mode) for k, i, _, mode in rows]
+
+
+HAND = """\
+schema: 1
+name: rest
+title: t
+system:
+  state: [x, v, u]
+  surfaces: {g: 2*x, s: v - u}
+  field: [v, -5 - 3*s, "t + 3*s"]
+resets: {g: {map: {v: 0}}}
+SLIDING
+initial: {t: 0, x: 0, v: 0, u: 0}
+until: 4
+"""
+SLIDING = """\
+sliding:
+  s:
+    field: [v, (t - 5)/2, (t - 5)/2]
+    release: [{when: (-5 - t)/2 - 4, direction: rising, to: 1}, {when: (-5 - t)/2 + 4, direction: falling, to: -1}]
+    entry: inside
+"""
+
+
+def test_a_surface_of_a_system_that_a_body_rests_on_beside_friction() -> None:
+    """In the unit of 2 x, and without static friction: u goes with t - 3 from t = 3 on."""
+    problem = parse_case(HAND.replace("SLIDING\n", "")).readings[0].problem
+    for name in ("henon", "scipy-dop853"):
+        run = solver(name).prepare(problem, rtol=1e-12)()
+        assert [(t.kind, t.surface, t.to_mode) for t in run.transitions] == [("release", 1, (0, -1))], run.reason
+        assert run.transitions[0].time == pytest.approx(3, abs=1e-9)
+        assert run.end_state == pytest.approx((0, 0, 0.5), abs=1e-9)
+
+
+def test_a_sliding_written_by_hand_does_not_say_what_a_reaction_adds_to_its_load() -> None:
+    problem = parse_case(HAND.replace("SLIDING\n", SLIDING)).readings[0].problem
+    run = solver("henon").prepare(problem, rtol=1e-12)()
+    assert run.status == "failed"
+    assert "how the load of s grows with the reaction on a body at rest is not known" in run.reason
