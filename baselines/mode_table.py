@@ -191,8 +191,8 @@ class ModeTable:
         """What follows any event, by :class:`Switching`."""
         model = entry.model
         guards = [model.guards[k] for k in hits]
-        zero = {g.index for g in guards if g.ends is None} | {i for i, s in enumerate(model.mode) if s == 0}
-        involved = self.system.closed(zero)
+        sliding = {i for i, s in enumerate(model.mode) if s == 0}
+        involved = self.system.closed({g.index for g in guards if g.ends is None}, sliding)
         x, drift = projected([self._surface(i) for i in sorted(involved)], t, x)
         for i, entry_now in enumerate(model.mode):  # what errors have made of the speed of a body at rest
             impact = impact_of(self.system, i) if entry_now == 0 and self.system.rests(i) else None

@@ -113,19 +113,21 @@ class Scene:
             load = (q.inertia * f_p - p.inertia * f_q) / (p.inertia + q.inertia)
             together = (f_p + f_q) / (p.inertia + q.inertia)
             held = {p.name: together, q.name: together}
+            inertia = p.inertia * q.inertia / (p.inertia + q.inertia)
         elif p.inertia is not None:
             on_surface = {p.velocity: q.velocity}
             load = f_p - p.inertia * q.acceleration
-            held = {p.name: q.acceleration}
+            held, inertia = {p.name: q.acceleration}, p.inertia
         elif q.inertia is not None:
             on_surface = {q.velocity: p.velocity}
             load = q.inertia * p.acceleration - f_q
-            held = {q.name: p.acceleration}
+            held, inertia = {q.name: p.acceleration}, q.inertia
         else:  # whose motion is given, at one velocity: nothing to carry
-            on_surface, load, held = {}, sp.Integer(0), {}
+            on_surface, load, held, inertia = {}, sp.Integer(0), {}, sp.Integer(0)
         load, limit = load.xreplace(on_surface), hold.limit.xreplace(on_surface)
         return SlidingOverride(
             field=self._field(on_surface, held),
             release=(Release(load - limit, "rising", 1), Release(load + limit, "falling", -1)),
             entry="inside",
+            inertia=inertia,
         )

@@ -185,10 +185,16 @@ class _Rule:
                 times[i] = time
             elif numbers.sign(speeds[i][1]) == 0:  # no speed, and nothing presses: what follows is told by h'' and on
                 sides[i] = 0
+        for i, (_, speed) in speeds.items():
+            if numbers.sign(speed) == 0 and len(system.together(i, on)) > 1:  # contacts may come to rest with the body
+                sides[i] = 0
         if 0 in (sides[i] for i in speeds):
             decision = numbers.decide(self.t, after, sides, valid)
-            stays = decision.mode is not None and any(decision.mode[i] == 0 for i in speeds)
-            rest = Rest(0 * self.t, after, decision.mode) if decision.mode is not None and stays else None
+            stays = () if decision.mode is None else tuple(i for i in speeds if decision.mode[i] == 0)
+            rest = None
+            if stays and decision.mode is not None:
+                now = 0 * self.t
+                rest = Rest(now, self._at_rest(stays, after, decision.mode, now), decision.mode)
             still = () if rest else tuple(i for i in speeds if sides[i] == 0)
             return AfterJump(Decision("unique", mode) if rest else decision, after, on, rest, still)
         if not times:

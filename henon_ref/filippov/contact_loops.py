@@ -14,6 +14,9 @@ the cuts that part the bodies in two, and the theorem is Hoffman's on circulatio
 113-127), the maximum flow being the minimum cut; y is the relative velocity at each contact as one part moves off, so
 in mechanics it is the kinematic theorem of limit analysis (Drucker, Prager and Greenberg, *Q. Appl. Math.* 9 (1952)
 381-389). Each cut has two guards, one a way. A contact in no loop is a cut by itself.
+
+A stop that a body rests on is a contact whose velocity is h'. Its load, the reaction, has 0 for one limit and none the
+other way, so that a cut which would move the body into the stop has no guard.
 """
 
 from __future__ import annotations
@@ -35,6 +38,7 @@ from henon_ref.filippov.sampling import AGREE, sample
 from henon_ref.filippov.switched_field import SwitchedField
 from henon_ref.text import listed
 
+SIDES = (1, -1)
 Relation = Mapping[int, sp.Rational]
 """Surface -> its factor, not 0, in a sum that is zero at all times."""
 
@@ -117,7 +121,7 @@ def cuts(loop: Sequence[Relation]) -> Iterator[dict[int, int]]:
 
 
 def guard_count(system: SwitchedField, surfaces: Collection[int]) -> int:
-    """Guards of the cuts of all loops of some surfaces."""
+    """Guards of the cuts of all loops of some surfaces, at most."""
     found = loops(relations(system, tuple(sorted(surfaces))))
     return sum(2 for loop in found for _ in cuts(loop))
 
@@ -135,7 +139,7 @@ def loop_ends(
     system : SwitchedField
     found : sequence of Relation
     zones : mapping
-        Surface -> the two ends of its hold zone, in signs of other surfaces.
+        Surface -> the two ends of its hold zone, in signs of other surfaces; the one end of a rest.
     signs : mapping
         What stands for signs, in those of the surfaces that relations settle, which are free.
 
@@ -150,11 +154,16 @@ def loop_ends(
         weights = _weights(system, loop, ends, signs)
         guards |= dict.fromkeys(ends, ())
         for cut in cuts(loop):
-            first = min(cut)
-            for way in (1, -1):
+            first = min(cut, key=lambda i: (len(ends[i]) < len(SIDES), i))  # where there is one, not a rest
+            for way in SIDES:
                 sides = {i: way if y > 0 else -way for i, y in cut.items()}
+                if any(side not in ends[i] for i, side in sides.items()):
+                    continue
+                order = sorted(sides, key=lambda i: (i != first, i))
                 parts = [abs(y) * ends[i][sides[i]].expression / weights[i] for i, y in cut.items()]
-                end = replace(ends[first][sides[first]], expression=sp.Add(*parts), cut=tuple(sides.items()))
+                end = replace(
+                    ends[first][sides[first]], expression=sp.Add(*parts), cut=tuple((i, sides[i]) for i in order)
+                )
                 guards[first] += (end,)
     return guards
 
@@ -162,7 +171,7 @@ def loop_ends(
 def _ends(system: SwitchedField, index: int, zones: Mapping[int, Sequence[Guard]]) -> dict[int, Guard]:
     """The end of a contact's hold zone for each sign that it is released into."""
     ends = {guard.to_sign: guard for guard in zones.get(index, ())}
-    if len(zones.get(index, ())) != 2 or set(ends) != {-1, 1}:
+    if len(zones.get(index, ())) != len(ends) or set(ends) not in ({-1, 1}, {1}):
         name = system.sign_names[index]
         raise ModelError(f"{name} is in a loop of contacts that hold together, and has not one end of its hold a way")
     return ends
@@ -203,9 +212,8 @@ def _share(
     others: Mapping[sp.Symbol, sp.Expr],
 ) -> sp.Expr:
     """How much a contact's load grows with a free sign."""
-    values = [put(put(ends[way].expression, signs), dict(others)) for way in (-1, 1)]
-    slopes = [sp.diff(value, free) for value in values]
-    total, share = sample(system, (slopes[0] + slopes[1], slopes[0]))
-    if abs(total) > AGREE * (1 + abs(share)) or share == 0:
+    slopes = [-way * sp.diff(put(put(ends[way].expression, signs), dict(others)), free) for way in sorted(ends)]
+    share, last = sample(system, (slopes[0], slopes[-1]))
+    if abs(last - share) > AGREE * (1 + abs(share)) or share == 0:
         raise ModelError(f"{system.sign_names[ends[1].index]} does not carry what goes round the loop that it is in")
     return slopes[0]

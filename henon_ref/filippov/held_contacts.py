@@ -4,6 +4,7 @@ A contact that holds while none that slides acts on it moves as its ``sliding`` 
 other at once hold by the loads that keep all of them: each surface's velocity is constant, which is a linear system for
 the signs that stand for the loads (a load over the friction in sliding, so that it may be larger than 1). Static
 friction limits the loads, not these signs: see :mod:`henon_ref.filippov.held_groups` and the literature named there.
+A body at rest on a stop is one contact more of its group: its velocity is h', its sign the reaction, limited by 0.
 Where surfaces depend on each other the system has many solutions, with one motion; one of them is taken, in which the
 contacts whose surfaces the others settle carry nothing, and :mod:`henon_ref.filippov.contact_loops` has the limits.
 """
@@ -13,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import combinations
 from typing import Protocol
 
 import sympy as sp
@@ -41,6 +43,12 @@ class Held(Protocol):
     @property
     def entry(self) -> str: ...
 
+    @property
+    def inertia(self) -> sp.Expr | None: ...
+
+    @property
+    def push(self) -> tuple[sp.Expr, ...]: ...
+
 
 @dataclass(frozen=True)
 class HeldField:
@@ -61,6 +69,7 @@ class HeldField:
 
 def held_field(
     system: SwitchedField,
+    reacting: SwitchedField,
     held: Mapping[int, Held],
     zones: Mapping[int, Sequence[Guard]],
     sliding: Collection[int],
@@ -70,6 +79,8 @@ def held_field(
     Parameters
     ----------
     system : SwitchedField
+    reacting : SwitchedField
+        The same with bodies that are at rest as contacts.
     held : mapping
         Surface -> its override.
     zones : mapping
@@ -95,14 +106,17 @@ def held_field(
             rates = [own if own != rate else kept for own, rate, kept in zip(stuck[i], slipping, rates, strict=True)]
         else:
             _check_balance(system, held, sliding, group)
-            made = _Joint(system, group, frozenset(held))
+            made = _Joint(reacting, group, frozenset(held))
+            ends |= _with_reactions(reacting, held, zones, group)
             rates = [
                 new if k in made.rows else kept for k, (new, kept) in enumerate(zip(made.field, rates, strict=True))
             ]
+            if any(held[i].push for i in group if i in held):  # a body at rest stays where it is, to the last bit
+                rates = [put(rate, made.on_surface) for rate in rates]
             on_surface = {**on_surface, **made.on_surface}
             signs |= made.signs
             guards += made.guards
-            ends |= made.loop_ends(zones)
+            ends |= made.loop_ends(ends)
         decided |= set(group)
     kept = tuple(guard for zone in ends.values() for guard in zone)
     return HeldField(tuple(rates), on_surface, signs, kept, tuple(guards), frozenset(decided))
@@ -121,7 +135,8 @@ def _groups(
     for i in sliding:
         own = stuck.get(i, slipping)
         rows[i] = {k for k, rate in enumerate(slipping) if rate.has(system.signs[i]) or rate != own[k]}
-    edges = []
+    plain = [i for i in sorted(sliding) if i not in held]
+    edges = [(i, j) for i, j in combinations(plain, 2) if rows[i] & rows[j]]
     for i in held:
         moved = [e for k in rows[i] for e in (slipping[k], stuck[i][k])]
         loads = [guard.expression for guard in zones[i]]
@@ -132,6 +147,32 @@ def _groups(
     groups = [(tuple(sorted(part)), tuple(i for i in part if i in held)) for part in parts]
     # A body at rest stays where it is, whatever plain friction does to it: that slides beside it, in the field at rest.
     return [own if len(own) == 1 and held[own[0]].entry == "resting" else part for part, own in groups if own]
+
+
+def _with_reactions(
+    reacting: SwitchedField, held: Mapping[int, Held], zones: Mapping[int, Sequence[Guard]], group: Sequence[int]
+) -> dict[int, tuple[Guard, ...]]:
+    """The ends of what a group holds, with what the reactions on bodies at rest add to its loads."""
+    signs = [reacting.signs[i] for i in group if i in held and held[i].push]
+    ends: dict[int, tuple[Guard, ...]] = {}
+    for i in (i for i in group if i in held):
+        if held[i].push:
+            ends[i] = tuple(replace(guard, expression=reacting.signs[i]) for guard in zones[i])
+            continue
+        speed = along(reacting.surfaces[i], reacting.states, reacting.field)
+        added = sp.Add(*(factor * s for s, factor in (coefficients(speed, signs) or {}).items()))
+        if added == 0:
+            continue
+        inertia = held[i].inertia
+        if inertia is None:
+            raise ModelError(
+                f"how the load of {reacting.sign_names[i]} grows with the reaction on a body at rest is not known: "
+                "its 'sliding' is written by hand"
+            )
+        ends[i] = tuple(
+            replace(guard, expression=guard.expression - guard.to_sign * inertia * added) for guard in zones[i]
+        )
+    return ends
 
 
 class _Joint:
@@ -233,7 +274,7 @@ def _check_balance(
 ) -> None:
     """Refuse a group in which an override does not do what the balance of forces says."""
     for i in group:
-        if i in held and (held[i].entry != "inside" or not _balanced(system, i, held[i].field)):
+        if i in held and not held[i].push and (held[i].entry != "inside" or not _balanced(system, i, held[i].field)):
             raise ModelError(
                 "surfaces that act on each other at once, one with a 'sliding' override that is not what keeps its "
                 f"surface, cannot slide together: {_names(system, sorted(sliding))}"

@@ -20,7 +20,7 @@ from math import prod
 from typing import Any, NamedTuple
 
 from henon_ref.errors import ModelError, UnsupportedError
-from henon_ref.filippov.contact_loops import relations
+from henon_ref.filippov.contact_loops import closed, relations
 from henon_ref.filippov.decision import Decision, with_entries
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.modes import Mode, mode_text
@@ -71,7 +71,7 @@ def check_groups(system: FilippovSystem) -> None:
 
 def by_groups(system: FilippovSystem, active: Sequence[int]) -> bool:
     """Whether surfaces in play are decided as groups: some have static friction, none attracts by its own rule."""
-    own = [i for i in active if i in system.overrides]
+    own = [i for i in active if i in system.overrides and not system.rests(i)]
     return bool(own) and all(system.held_inside(i) for i in own)
 
 
@@ -173,11 +173,12 @@ def _possible(
     system: FilippovSystem, mode: Mode, group: tuple[int, ...], evaluate: Evaluate, negative: Negative
 ) -> tuple[list[tuple[int, ...]], bool]:
     """Assignments of a group that are not clearly refused, and whether the first is the one that counts."""
-    entries = [(0,) if _never_left(system, i) else (-1, 0, 1) for i in group]
+    entries = [(0,) if _never_left(system, i) else system.entries_from(mode[i], i) for i in group]
     choices = sorted(product(*entries), key=lambda choice: -choice.count(0))
     if system.has_loops:
         choices = [choice for choice in choices if _may_slip(system, group, choice)]
-    balance = _balance(mode, group, evaluate, negative)
+    # A reaction is in no normal velocity: where a body rests, derivatives tell.
+    balance = None if any(map(system.rests, group)) else _balance(mode, group, evaluate, negative)
     if balance is None:
         return choices, False
     open_ones, settled = [], []
@@ -199,15 +200,15 @@ def _never_left(system: FilippovSystem, index: int) -> bool:
 
 
 def _may_slip(system: FilippovSystem, group: tuple[int, ...], choice: tuple[int, ...]) -> bool:
-    """Whether no surface that slips is zero wherever those are that are held."""
-    held = {i for i, entry in zip(group, choice, strict=True) if entry == 0}
-    return not (system.closed(held) - held) & set(group)
+    """Whether no contact that slips, nor a body that lifts off, stays wherever those do that are held."""
+    held = frozenset(i for i, entry in zip(group, choice, strict=True) if entry == 0)
+    return closed(system.velocities, held, tuple(i for i in group if i in system.overrides)) == held
 
 
 def _shared(system: FilippovSystem, group: tuple[int, ...], choice: tuple[int, ...]) -> dict[int, bool]:
     """Of the contacts of an assignment that are held in loops, by their places, whether others settle its surface."""
     held = tuple(i for i, entry in zip(group, choice, strict=True) if entry == 0)
-    found = relations(system, held) if system.has_loops else ()
+    found = relations(system.velocities, held) if system.has_loops else ()
     settled = {max(relation) for relation in found}
     return {k: i in settled for k, i in enumerate(group) if any(i in relation for relation in found)}
 

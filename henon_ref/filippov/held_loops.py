@@ -1,8 +1,13 @@
-"""Loops of contacts some of which have no static friction: these hold as well, at most what they slide with."""
+"""Loops of contacts some of which have no static friction: these hold as well, at most what they slide with.
+
+A stop that a body rests on may be in a loop: of the contacts that a block has with a wall and with that body, say.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+
+import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.contact_loops import loops, relations
@@ -19,12 +24,12 @@ def with_held_loops(system: FilippovSystem) -> FilippovSystem:
     :func:`henon_ref.filippov.sliding.filippov_sliding`, which takes them for one contact.
     """
     acting = [i for i, s in enumerate(system.signs) if i in system.overrides or system.normal_velocity(i).has(s)]
-    if not relations(system, tuple(acting)):
+    if not relations(system.velocities, tuple(acting)):
         return system
     lone = {i: _held(system, i) for i in acting if i not in system.overrides and i not in system.resets}
     plain = {i: override for i, override in lone.items() if override is not None}
-    contacts = tuple(i for i in acting if i in plain or system.held_inside(i))
-    found = loops(relations(system, contacts))
+    contacts = tuple(i for i in acting if i in plain or system.held_inside(i) or system.rests(i))
+    found = loops(relations(system.velocities, contacts))
     members = [sorted(set().union(*loop)) for loop in found]
     multiples = {k for k, loop in enumerate(found) if all(len(relation) == 2 for relation in loop)}
     held = set(system.overrides).union(*(own for k, own in enumerate(members) if k not in multiples))
@@ -49,4 +54,4 @@ def _held(system: FilippovSystem, index: int) -> SlidingOverride | None:
     except ModelError:
         return None
     ends = tuple(Release(guard.expression, "falling", guard.to_sign) for guard in guards)
-    return SlidingOverride(field, ends, "inside")
+    return SlidingOverride(field, ends, "inside", sp.S.One)

@@ -128,7 +128,7 @@ def settled_state(surface: sp.Expr, states: Collection[sp.Symbol]) -> dict[sp.Sy
 def with_resting(system: FilippovSystem) -> FilippovSystem:
     """The system with the sliding of bodies that rest on surfaces which reset the state."""
     own = {
-        i: SlidingOverride(impact.field, (Release(impact.acceleration, "rising", 1),), "resting")
+        i: SlidingOverride(impact.field, (Release(impact.acceleration, "rising", 1),), "resting", push=impact.push)
         for i in system.resets
         if (impact := impact_of(system, i)) is not None and not impact.refusal
     }

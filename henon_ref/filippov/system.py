@@ -24,7 +24,7 @@ from henon_ref.filippov.equations import Guard, ModeEquations, along
 from henon_ref.filippov.held_contacts import held_field
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.sliding import filippov_sliding
-from henon_ref.filippov.switched_field import SwitchedField, up_to_a_number
+from henon_ref.filippov.switched_field import SwitchedField
 from henon_ref.precision import one_at_a_time
 
 EntryRule = Literal["attracting", "inside", "resting"]
@@ -55,6 +55,11 @@ class SlidingOverride:
     zero, too, and the first derivative of h that is not, the slip field being in force, is negative; a one-sided
     constraint on a surface that resets the state (:mod:`henon_ref.filippov.resting`).
     """
+    inertia: sp.Expr | None = None
+    """How much the load, in the unit of the ends of the hold zone, grows with the acceleration of the surface by
+    forces that these ends do not know: of a body on a wall its mass. None where that is not known."""
+    push: tuple[sp.Expr, ...] = ()
+    """Of a body at rest: change of x' by a reaction of the surface that changes h'' by 1, shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -168,23 +173,11 @@ class FilippovSystem(SwitchedField):
     ) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
         """Equations of sliding where some of it is overridden: field, what ends it, and equivalent signs."""
         zones = {i: self.hold_guards(i) for i in sorted(overridden)}
-        for j, (i, way) in self._contacts_at_rest(sliding).items():  # the two let go together, by one limit
-            off = {self.signs[j]: sp.Integer(way)}
-            own = (
-                zones[j]
-                if j in overridden
-                else [replace(g, index=j, expression=put(g.expression, off)) for g in zones[i]]
-            )
-            zones[i], zones[j] = (
-                (),
-                tuple(replace(g, to_sign=way) for g in own if j not in overridden or g.to_sign == way),
-            )
-            overridden, sliding = overridden - {j}, sliding - {j}
         if len(sliding) == 1:
             (i,) = sliding
             return self.overrides[i].field, tuple(g for zone in zones.values() for g in zone), {}
         held = {i: self.overrides[i] for i in sorted(overridden)}
-        made = held_field(self, held, zones, sliding)
+        made = held_field(self, self.with_reactions(self.resting & overridden), held, zones, sliding)
         field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
         signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}
         if others:
@@ -200,21 +193,37 @@ class FilippovSystem(SwitchedField):
         releases = tuple(replace(g, expression=put(put(g.expression, made.on_surface), known)) for g in made.ends)
         return field, tuple(sorted(releases + own, key=lambda g: (g.kind == "attracts", g.index))), signs
 
-    def _contacts_at_rest(self, sliding: Iterable[int]) -> dict[int, tuple[int, int]]:
-        """Contacts that a body which rests on a surface has along the way it would lift off.
+    @cached_property
+    def resting(self) -> frozenset[int]:
+        """Surfaces that a body can rest on."""
+        return frozenset(i for i in self.overrides if self.rests(i))
 
-        Each with that surface and the sign of lifting off. The surface carries what presses the body on, so that such a
-        contact gives way only where the body is drawn off with more than its friction.
+    @cached_property
+    def _reacting(self) -> dict[frozenset[int], SwitchedField]:
+        return {}
+
+    def with_reactions(self, resting: frozenset[int]) -> SwitchedField:
+        """The field with bodies that rest on some surfaces as contacts.
+
+        Such a surface is then its velocity h', and its sign stands for the reaction, an acceleration of h.
         """
-        sliding = tuple(sliding)
-        speeds = {up_to_a_number(self.numeric(self.normal_velocity(i))): i for i in sliding if self.rests(i)}
-        found = {}
-        for j in (j for j in sliding if self.held_inside(j) or j not in self.overrides):
-            form, own = up_to_a_number(self.numeric(self.surfaces[j]))
-            for way in (1, -1):
-                if (form, way) in speeds:
-                    found[j] = speeds[form, way], own * way
-        return found
+        if not resting:
+            return self
+        if resting not in self._reacting:
+            signs = {i: self.signs[i] for i in sorted(resting)}
+            off = dict.fromkeys(signs.values(), sp.S.One)
+            rates = tuple(
+                sp.Add(put(rate, off), *(self.overrides[i].push[k] * s for i, s in signs.items()))
+                for k, rate in enumerate(self.field)
+            )
+            surfaces = tuple(self._normal[i] if i in resting else h for i, h in enumerate(self.surfaces))
+            self._reacting[resting] = SwitchedField(self.states, self.signs, surfaces, rates, self.parameters)
+        return self._reacting[resting]
+
+    @property
+    def velocities(self) -> SwitchedField:
+        """The same with all bodies that can rest, whose contacts have velocities for surfaces."""
+        return self.with_reactions(self.resting)
 
     def normal_velocity(self, index: int) -> sp.Expr:
         """dh_i/dt along f, in time, states, signs and parameters."""
@@ -245,23 +254,29 @@ class FilippovSystem(SwitchedField):
 
     def in_play(self, hit: Iterable[int], sliding: Iterable[int]) -> frozenset[int]:
         """Surfaces whose entries of the mode are open where some are hit: these, and what acts on them."""
-        sliding = set(sliding)
-        zero = self.closed({*hit, *sliding})
-        return frozenset(j for i in {*hit, *(zero - sliding)} for j in self.together(i, zero))
+        hit, sliding = set(hit), set(sliding)
+        zero = self.closed(hit, sliding)
+        return frozenset(j for i in hit | (zero - sliding) for j in self.together(i, zero))
 
-    def closed(self, zero: Collection[int]) -> frozenset[int]:
-        """Surfaces at zero, with those in loops of contacts that are zero wherever these are."""
-        return closed(self, frozenset(zero), self._in_loops) if self.has_loops else frozenset(zero)
+    def closed(self, hit: Collection[int], sliding: Collection[int]) -> frozenset[int]:
+        """Surfaces that are hit or slid on, with those in loops of contacts that are zero wherever these are.
+
+        A surface that is hit with a speed keeps no contact at rest.
+        """
+        zero = frozenset((*hit, *sliding))
+        still = frozenset(i for i in zero if i in sliding or not self.rests(i))
+        return zero | closed(self.velocities, still, self._in_loops) if self.has_loops else zero
 
     @property
     def has_loops(self) -> bool:
-        """Whether surfaces of contacts that are held depend on each other."""
+        """Whether surfaces of contacts that are held depend on each other, or on rests."""
         return bool(self._in_loops)
 
     @cached_property
     def _in_loops(self) -> tuple[int, ...]:
-        held = tuple(sorted(i for i in self.overrides if self.held_inside(i)))
-        return tuple(sorted({i for relation in relations(self, held) for i in relation}))
+        held = tuple(sorted(i for i in self.overrides if self.held_inside(i) or self.rests(i)))
+        found = {i for relation in relations(self.velocities, held) for i in relation}
+        return tuple(sorted(i for i in found if self.held_inside(i)))
 
     @cached_property
     def _beside(self) -> tuple[frozenset[int], ...]:

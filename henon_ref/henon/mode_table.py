@@ -104,7 +104,7 @@ class ModeTable:
         if self._switched:
             return len(self._switched.outputs)
         releases = sum(max(2, len(o.release)) for o in system.overrides.values())
-        releases += guard_count(system, system.overrides)
+        releases += guard_count(system.velocities, system.overrides)
         surfaces = len(system.surfaces)
         minors = 0 if self.decoupled else 2**surfaces - 1 if surfaces <= EXHAUSTIVE else surfaces + 1
         return 2 * surfaces + releases + minors + len(system.valid)

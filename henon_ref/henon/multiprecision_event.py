@@ -316,8 +316,8 @@ def _next_mode(
     if decision.mode is None:
         return decision, ()
     zero = {g.index for g in hits if g.kind != "valid"}
-    zero |= {i for i, s in enumerate(decision.mode) if s == 0 or mode[i] == 0}
-    active = modes.system.closed(zero)
+    slid = {i for i, s in enumerate(decision.mode) if s == 0 or mode[i] == 0}
+    active = modes.system.closed(zero, slid)
     return decision, tuple(switching.contact_orders(time, state, decision.mode, active, zero=TIE_LEVEL))
 
 

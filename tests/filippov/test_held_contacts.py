@@ -109,3 +109,24 @@ def test_more_blocks_than_are_tried_exhaustively_are_searched() -> None:
     assert Switching(problem.system).initial_mode(*at).mode == expected
     with ctx.workprec(256):
         assert ModeSelection(problem.system, 256).initial_mode(*at).mode == expected
+
+
+def test_friction_without_a_static_limit_on_friction_without_one_on_a_held_block() -> None:
+    """Before, the equations kept a sign: the first contact without a static limit is told by the second one's."""
+    text = """schema: 1
+name: chain
+title: t
+scene:
+  bodies: {wall: fixed, a: {mass: 1}, b: {mass: 2}, c: {mass: 3}}
+  connections:
+    - friction: {between: [a, wall], law: coulomb, force: 4, static: 5}
+    - friction: {between: [a, b], law: coulomb, force: 2}
+    - friction: {between: [b, c], law: coulomb, force: 1}
+    - force: {on: c, value: t}
+initial: {x_a: 0, v_a: 0, x_b: 0, v_b: 0, x_c: 0, v_c: 0}
+until: 3
+"""
+    run = solver("henon").prepare(parse_case(text).readings[0].problem, rtol=1e-12)()
+    assert [(t.kind, t.surface, t.to_mode) for t in run.transitions] == [("release", 2, (0, 0, -1))], run.reason
+    assert run.transitions[0].time == pytest.approx(1, abs=1e-12)
+    assert run.end_state[5] == pytest.approx(2 / 3, abs=1e-12)  # of (t - 1)/3

@@ -276,7 +276,7 @@ class _Simulation:
             changed = tuple(i for i, s in enumerate(after) if s != before[i] or i in resets)
         else:
             after = self._decided(self.selection.after_event(point, before, hits, touched=touched))
-            active = self.problem.system.closed({g.index for g in hits} | {i for i, s in enumerate(before) if s == 0})
+            active = self.problem.system.closed({g.index for g in hits}, {i for i, s in enumerate(before) if s == 0})
             changed = tuple(i for i in sorted(active) if after[i] != before[i])
         met = tuple(sorted({g.index for g in hits}))
         state = tuple(v.mid() for v in self.point.state)

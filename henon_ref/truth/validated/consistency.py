@@ -13,6 +13,7 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.equations import Guard, Refusal
 from henon_ref.filippov.held_groups import by_groups, decide_groups
 from henon_ref.filippov.modes import Mode, mode_text, replaced
+from henon_ref.filippov.switched_field import up_to_a_number
 from henon_ref.truth.balls import enclose, proves_zero
 from henon_ref.truth.validated.enclosure import UndecidedError
 from henon_ref.truth.validated.model import ModeModel, SystemModel, solve_for_states
@@ -64,13 +65,21 @@ class Identities:
     def vanishes(self, expression: sp.Expr) -> bool:
         """Whether an expression is proven to be zero at the point."""
         rest = _substituted(expression, self.values)
-        return proves_zero(rest) or any(proves_zero(rest - z) or proves_zero(rest + z) for z in self.unsolved)
+        return proves_zero(rest) or any(
+            proves_zero(rest - z) or proves_zero(rest + z) or _without_factor(rest) == _without_factor(z)
+            for z in self.unsolved
+        )
 
 
 def _substituted(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
     for _ in range(len(values)):
         expression = expression.xreplace(dict(values))
     return expression
+
+
+def _without_factor(expression: sp.Expr) -> sp.Expr:
+    """An expression up to a number: a reaction is in another unit than the acceleration that lifts a body off."""
+    return up_to_a_number(sp.expand(expression))[0]
 
 
 class Judge:

@@ -102,7 +102,7 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
         if hit.ends is None or hit.ends == "none":  # not told is not proven
             raise UndecidedError(refused.reason, "mode")
         raise EndedError(refused.reason, hit.ends)
-    on = tuple(sorted(system.closed({i for i, s in enumerate(mode) if s == 0} | {hit.index})))
+    on = tuple(sorted(system.closed({hit.index}, {i for i, s in enumerate(mode) if s == 0})))
     if hit.kind == "surface" or system.decided_together(hit, on):
         moving = [hit.index] if hit.kind == "surface" and mode[hit.index] else []
         released_by = [hit.expression] if hit.kind == "release" else []
