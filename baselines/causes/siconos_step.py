@@ -24,7 +24,7 @@ def seen() -> list[list[str]]:
             done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=True, env=variables)
         except (OSError, subprocess.SubprocessError) as error:
             raise ClaimError(f"{interpreter()}: {error}") from error
-    return [line.split() for line in done.stdout.splitlines() if line.startswith(("turn ", "pole "))]
+    return [line.split() for line in done.stdout.splitlines() if line.startswith(("turn ", "pole ", "steep "))]
 
 
 def error_of_a_step() -> str:
@@ -46,6 +46,15 @@ def step_without_a_solution() -> str:
     )
 
 
+def sign_of_a_steep_surface() -> str:
+    """x' = 1 from 1 and the surface function 1 - exp(50 (x - 1)): negative from the first step on."""
+    ((wrong, first),) = ([*map(float, numbers)] for name, *numbers in seen() if name == "steep")
+    holds(wrong > 0 and 1.5 < first < 2.0, f"{wrong:g} steps, the first at x = {first}")
+    return f"of 1 - exp(50 (x - 1)), which is negative, the relay's sign is not -1 after {wrong:g} steps from x = " + (
+        f"{first:.3g} on"
+    )
+
+
 SICONOS = (
     Cause(
         "siconos-step",
@@ -63,6 +72,15 @@ SICONOS = (
         "In front of a blow-up the equation of an implicit step has no solution any more. Newton's iteration stops "
         "after so many iterations with a warning, what it has then is the state, and the run goes on.",
         step_without_a_solution,
+        ("https://nonsmooth.gricad-pages.univ-grenoble-alpes.fr/siconos/",),
+    ),
+    Cause(
+        "siconos-steep",
+        "siconos",
+        "The sign of a large surface function is lost",
+        "Where the surface function falls to 1e15 and beyond, the sign that the solver of the relay's complementarity "
+        "problem gives is often not its sign. Our adapter ends the run at the first such step.",
+        sign_of_a_steep_surface,
         ("https://nonsmooth.gricad-pages.univ-grenoble-alpes.fr/siconos/",),
     ),
 )

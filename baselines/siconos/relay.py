@@ -31,6 +31,10 @@ NEWTON = 1e-12
 """Residual at which Newton's iteration of a step ends, in units of the state."""
 ITERATIONS = 30
 LIMIT = 1e100
+LOST_SIGN = "the relay's sign is not that of the surface function"
+"""In the reason of a run that ends there: no transition that is read off such a sign means anything."""
+LATE = 2.0
+"""Steps that a relay's sign may be behind the surface function."""
 
 
 class TimePassedError(Exception):
@@ -89,6 +93,12 @@ class Equations:
     def half(self, x: list[float]) -> list[float]:
         """(f+ - f-)/2, and 0 for the time."""
         return [(a - b) / 2 for b, a in self.sides(x)] + [0.0]
+
+    def contradicts(self, x: list[float], mode: int, step: float) -> bool:
+        """Whether the surface function has the other sign than a mode, and is further than steps lead."""
+        field = (self.above if mode > 0 else self.below)(x, self.p)
+        rate = sum(slope * f for slope, f in zip(self.gradient(x, self.p), field, strict=True))
+        return self.surface(x, self.p)[0] * mode < -LATE * step * abs(rate)
 
     def slopes(self, function: Callable[[list[float]], list[float]], x: list[float]) -> list[tuple[float, ...]]:
         """Rows of a function's derivatives, by central differences: Newton's iteration needs no more."""
@@ -201,6 +211,8 @@ def run(siconos: tuple[Any, Any, Any], own: Equations, request: Any) -> tuple[st
                 return "diverged", "a state passed 1e100", events, end, done
             if min(own.valid([*state, at], own.p)) <= 0.0:
                 return "invalid", "the model ends: its valid expression fell to 0", events, end, done
+            if mode and own.contradicts([*state, at], mode, request["step"]):
+                return "failed", f"{LOST_SIGN} at t = {at:.17g}", events, end, done
             if mode != before:
                 event = {"time": at, "before": before, "after": mode, "state": state}
                 if events and before == 0 and at - events[-1]["time"] < 1.5 * request["step"]:

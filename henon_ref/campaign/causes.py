@@ -32,6 +32,9 @@ LOST = 1e-15
 """A surface function that goes no deeper than this part of the state's size between two roots is in its rounding."""
 IN_FRONT = 1000.0
 """Tolerances that a run's error stays below where nothing locates its end: BDF's is 200 of them at 1e-12."""
+LOST_SIGN = "the relay's sign is not that of the surface function"
+NO_VALUE = re.compile(r"ZeroDivisionError|ValueError: math domain error")
+"""What Python says of a function that has no value."""
 OFF = 3.0
 """Steps by which siconos may be off with a time (the cause siconos-step sees less)."""
 FIRST_STEP = 1e-9
@@ -233,10 +236,18 @@ def _time_stepping(seen: Seen) -> str | None:
     """
     if seen.solver != "siconos":
         return None
+    if LOST_SIGN in seen.reason:
+        return "siconos-steep"
     slow = seen.run["status"] == "timeout" and seen.right_so_far
-    if seen.missed_pairs or slow or _at_the_end(seen):
+    if seen.missed_pairs or slow or _at_the_end(seen) or _a_step_early(seen):
         return "siconos-step"
     return "siconos-no-solution" if _over_the_end(seen) else None
+
+
+def _a_step_early(seen: Seen) -> bool:
+    """Whether a function has no value in the very step in which the model ends, all before that being right."""
+    ended = seen.run["status"] == "failed" and seen.run["expected_status"] == "invalid"
+    return ended and NO_VALUE.match(seen.reason) is not None and seen.number("missed") == seen.number("spurious") == 0
 
 
 def _at_the_end(seen: Seen) -> bool:
@@ -292,6 +303,6 @@ NAMES = (
     "diffrax-pair", "diffrax-start", "diffsol-pair", "diffsol-small-step", "diffsol-nan", "diffsol-late",
     "diffsol-stop-nan",
     "nosnoc-infeasible", "nosnoc-cost", "nosnoc-grid",
-    "siconos-step", "siconos-no-solution",
+    "siconos-step", "siconos-no-solution", "siconos-steep",
 )  # fmt: skip
 """Every name that a rule may give."""

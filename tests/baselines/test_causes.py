@@ -187,6 +187,24 @@ def test_time_stepping_goes_on_over_a_blow_up() -> None:
     assert cause_of(row | {"missed": 1}, [missed("+", "-", outcome="spurious", time_s=0.995)]) is None
 
 
+def test_a_sign_that_is_lost_is_that_of_a_steep_surface() -> None:
+    said = {"status": "failed", "status_reason": "the relay's sign is not that of the surface function at t = 1.7"}
+    assert cause_of(run_row(solver="siconos", missed=0, **said), []) == "siconos-steep"
+    assert cause_of(run_row(solver="octave-ode45", missed=0, **said), []) is None
+
+
+def test_time_stepping_has_no_value_in_the_step_in_which_the_model_ends() -> None:
+    said = {
+        "status": "failed",
+        "missed": 0,
+        "spurious": 0,
+        "status_reason": "ZeroDivisionError: float division by zero",
+    }
+    assert cause_of(run_row(solver="siconos", expected_status="invalid", **said), []) == "siconos-step"
+    assert cause_of(run_row(solver="siconos", expected_status="ok", **said), []) is None
+    assert cause_of(run_row(solver="siconos", expected_status="invalid", **said | {"spurious": 1}), []) is None
+
+
 def test_time_stepping_finds_before_the_horizon_what_is_a_step_behind_it() -> None:
     row = run_row(solver="siconos", missed=0, spurious=1, step_s=1e-3, rtol=None, expected_status="ok", end_time_s=1.0)
     assert cause_of(row, [missed("+", "-", outcome="spurious", time_s=0.998)]) == "siconos-step"

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy
 import siconos.kernel as kernel
 import siconos.numerics as numerics
+
+Function = Callable[[float], float]
 
 
 def sides(start: list[float], field: list[list[float]], push: list[float], step: float, until: float) -> list[float]:
@@ -31,25 +35,27 @@ def sides(start: list[float], field: list[list[float]], push: list[float], step:
     return found
 
 
-def square(step: float, until: float) -> list[float]:
-    """States of x' = x^2 from 1 after each step, with a relay that does nothing."""
+def followed(
+    field: Function, slope: Function, surface: Function, gradient: Function, until: float
+) -> list[list[float]]:
+    """[x, sign] of x' = field(x) from 1 after each step of 0.001, with a relay on a surface that does nothing."""
 
-    class Square(kernel.FirstOrderNonLinearDS):
+    class Field(kernel.FirstOrderNonLinearDS):
         def computef(self, time: float, x: numpy.ndarray) -> None:
-            self.f()[:] = [x[0] ** 2]
+            self.f()[:] = [field(x[0])]
 
         def computeJacobianfx(self, time: float, x: numpy.ndarray) -> None:  # noqa: N802
-            self.jacobianfx()[:] = [[2.0 * x[0]]]
+            self.jacobianfx()[:] = [[slope(x[0])]]
 
     class Idle(kernel.FirstOrderNonLinearR):
         def computeh(self, time: Any, x: Any, lam: Any, z: Any, y: Any) -> None:
-            y[0] = x[0]
+            y[0] = surface(x[0])
 
         def computeg(self, time: Any, x: Any, lam: Any, z: Any, r: Any) -> None:
             r[:] = [0.0]
 
         def computeJachx(self, time: Any, x: Any, lam: Any, z: Any, c: Any) -> None:  # noqa: N802
-            c[:] = [[1.0]]
+            c[:] = [[gradient(x[0])]]
 
         def computeJacglambda(self, time: Any, x: Any, lam: Any, z: Any, b: Any) -> None:  # noqa: N802
             b[:] = [[0.0]]
@@ -60,28 +66,37 @@ def square(step: float, until: float) -> list[float]:
         def computeJachlambda(self, time: Any, x: Any, lam: Any, z: Any, d: Any) -> None:  # noqa: N802
             d[:] = [[0.0]]
 
-    system, relation = Square([1.0]), Idle()
-    system.setFPtr([1.0])
+    system, relation = Field([1.0]), Idle()
+    system.setFPtr([field(1.0)])
     system.setJacobianfxPtr(numpy.zeros((1, 1)))
     interaction = kernel.Interaction(kernel.RelayNSL(1, -1.0, 1.0), relation)
     model = kernel.NonSmoothDynamicalSystem(0.0, until)
     model.insertDynamicalSystem(system)
     model.link(interaction, system)
-    clock, relay = kernel.TimeDiscretisation(0.0, step), kernel.Relay(numerics.SICONOS_RELAY_LEMKE)
+    clock, relay = kernel.TimeDiscretisation(0.0, 1e-3), kernel.Relay(numerics.SICONOS_RELAY_LEMKE)
     stepping = kernel.TimeStepping(model, clock, kernel.EulerMoreauOSI(1.0), relay)
     stepping.setComputeResiduY(True)
     stepping.setComputeResiduR(True)
+    stepping.setNewtonTolerance(1e-12)
     stepping.setNewtonMaxIteration(30)
     found = []
     while stepping.hasNextEvent():
         stepping.advanceToEvent()
-        found.append(float(system.x()[0]))
+        found.append([float(system.x()[0]), -float(interaction.lambda_(0)[0])])
         stepping.nextStep()
     return found
+
+
+def steep(x: float) -> float:
+    """Of a surface function that falls from 0 to -5e21 within a second, and its slope over 50."""
+    return -math.exp(50.0 * (x - 1.0))
 
 
 for step in (1e-2, 1e-3):
     (time, *_) = sides([1.1, 0.0], [[0.0, 1.0], [-1.0, 0.0]], [0.0, 0.25], step, 4.0)
     print("turn", step, repr(time))
-states = square(1e-3, 2.0)
+states = [x for x, _ in followed(lambda x: x**2, lambda x: 2.0 * x, lambda x: x, lambda x: 1.0, 2.0)]
 print("pole", len(states), repr(states[-1]), next(k for k, x in enumerate(states, 1) if x < 0))
+signs = followed(lambda x: 1.0, lambda x: 0.0, lambda x: 1.0 + steep(x), lambda x: 50.0 * steep(x), 1.0)
+wrong = [x for x, sign in signs if x > 1.01 and sign > -0.5]
+print("steep", len(wrong), repr(min(wrong, default=math.nan)))
