@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COORDINATES = re.compile(rb' (?:d|points|x|y)="[^"]*"')
+_INDENT = re.compile(rb"(?<=\n) +(?=<)")
 _LONG = re.compile(rb"-?\d+\.\d{4,}(?![\d.e])")
 
 
@@ -19,7 +20,7 @@ def svg(figure: Figure) -> bytes:
 
     buffer = io.BytesIO()
     save(figure, buffer)
-    return short_coordinates(buffer.getvalue())
+    return _INDENT.sub(b"", short_coordinates(buffer.getvalue()))
 
 
 def short_coordinates(content: bytes) -> bytes:
