@@ -32,6 +32,7 @@ from henon_ref.filippov.equations import ModeEquations
 from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.switched_field import SwitchedField
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
@@ -90,6 +91,10 @@ class AugmentedSystem(FilippovSystem):
             field = _with_tangents(equations.field, base.states, self.states[n:])
             self._cache[key] = replace(equations, field=field)
         return self._cache[key]
+
+    def with_reactions(self, resting: frozenset[int]) -> SwitchedField:
+        """See :meth:`FilippovSystem.with_reactions`: of the base, whose contacts these are."""
+        return cast(FilippovSystem, self.base).with_reactions(resting)
 
 
 def _with_tangents(
