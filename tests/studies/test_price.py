@@ -34,7 +34,7 @@ from henon_ref.studies.price.operations import count, work
 from henon_ref.studies.price.orbit import orbit_problem
 from henon_ref.studies.price.run import truths_of
 from henon_ref.studies.price.states import Size, fitted, sizes
-from henon_ref.studies.price.tables import landing_table, price_table, ready_table, rival_table
+from henon_ref.studies.price.tables import callback_costs, landing_table, price_table, ready_table, rival_table
 from henon_ref.taylor.tape import TIME
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -185,6 +185,12 @@ def test_a_peer_that_ran_has_a_column() -> None:
     assert columns.headings[-1] == "`diffsol-tsit45`"
     assert columns.rows[0][-1].startswith("70 ")
     assert "`diffsol-tsit45`" not in rival_table([pair("heyoka", 1 / 8)]).headings
+    assert "`scipy-dop853+numba`" not in columns.headings
+
+
+def test_right_hand_sides_are_priced_of_solvers_that_ran() -> None:
+    table = callback_costs([row("cvode-c-adams", 1e-3, 9.5, rhs_evaluations=100), row("henon", 1e-5, 12.0)])
+    assert (table.headings, [cells[1] for cells in table.rows]) == (("reading", "`cvode-c-adams`"), ["10 µs"])
 
 
 def test_the_ladder_has_cvode_from_c_and_those_that_are_asked_for_beside_the_reference() -> None:
