@@ -195,14 +195,13 @@ def jump_transition(run, x, known_zeros, records, count, tables, numbers, band, 
     target = _row_of(run, number, count, tables)
     if target < 0:
         return _not_compiled(run, number)
-    after, end = _layout(run, tables, target), target
+    after, end, changes = _layout(run, tables, target), target, 0
+    for j in range(surfaces):
+        changes += 1 if j == index or _entry(before, j) != _entry(number, j) else 0
     if not _holds(run, room, after, _numbers(numbers, target)[0], ahead, index if kept else -1):
         return ReturnCode.SELECT_MODE.value
     if kept:
-        turned = False
-        for j in range(surfaces):
-            turned = turned or (j != index and _entry(before, j) != _entry(number, j))
-        left = _is_left(run, ahead[n + _guard_on(after, index)], speed, values[surfaces], turned)
+        left = _is_left(run, ahead[n + _guard_on(after, index)], speed, values[surfaces], changes > 1)
         if left == UNCLEAR:
             return ReturnCode.SELECT_MODE.value
         if left == 0:
@@ -212,9 +211,7 @@ def jump_transition(run, x, known_zeros, records, count, tables, numbers, band, 
                 return _not_compiled(run, resting)
             if not _holds(run, room, _layout(run, tables, end), _numbers(numbers, end)[0], ahead, -1):
                 return ReturnCode.SELECT_MODE.value
-    changes = 1 if end != target else 0
-    for j in range(surfaces):
-        changes += 1 if j == index or _entry(before, j) != _entry(number, j) else 0
+    changes += 1 if end != target else 0
     # Of a block that is empty there is memory for all, however few transitions it is to hold.
     if run.transitions > 0 and run.transitions + changes > run.transition_capacity:
         run.event_pending = 1
