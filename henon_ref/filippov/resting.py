@@ -162,16 +162,12 @@ def time_to_rest(before: Any, after: Any, acceleration: Any, most: Any, falling:
     """
     if not acceleration < 0 or after < 0 or not before < 0:
         return None
-    if falling is None:
-        if not after < -before:
-            return None
-        time = 2 * after / (-acceleration * (1 + after / before))
-        return time if time <= most else None
-    if not falling < 0:
+    fall = 1 if falling is None else falling / acceleration
+    if not fall > 0:
         return None
-    faster = (falling / acceleration) ** 0.5
-    lost = 1 + faster * after / before
+    part = fall**0.5  # of the speed that a flight begins with: with that it ends
+    lost = 1 + part * after / before
     if not lost > 0:
         return None
-    time = after * (1 + 1 / faster) / (-acceleration * lost)
+    time = after * (1 + 1 / part) / (-acceleration * lost)
     return time if time <= most else None
