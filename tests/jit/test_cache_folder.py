@@ -52,7 +52,7 @@ def test_the_folder_is_made_for_the_user_alone(folder: Path, caplog: pytest.LogC
 
 
 def test_without_the_variable_it_is_in_the_users_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(VARIABLE)
+    monkeypatch.delenv(VARIABLE, raising=False)
     monkeypatch.setattr(cachefolder, "user_cache_path", lambda name: tmp_path / name)
     assert cache_root() == (tmp_path / "henon_ref").resolve()
 
