@@ -28,19 +28,22 @@ def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
     Parameters
     ----------
     chosen : sequence of str
-        Those asked for (``all``: with all peers that are installed), to which the reference is added that prices are
-        multiples of. None: those that run by default, each with compiled callbacks, and :data:`WHEN_NAMED`.
+        Those asked for, to which the reference is added that prices are multiples of. None: those that run by default
+        and :data:`WHEN_NAMED`, each with compiled callbacks, too; with ``all`` the peers that are installed as well.
 
     Raises
     ------
     CaseError
         For an unknown name.
     """
+    named = [registry.check(name) for name in chosen if name != registry.ALL]
+    if registry.ALL in chosen:
+        every = registry.expanded((registry.ALL,))
+    else:
+        every = () if named else (*registry.default_names(), *WHEN_NAMED)
     known = registry.names()
-    if chosen:
-        return tuple(dict.fromkeys((FIRST, *map(registry.check, registry.expanded(chosen)))))
-    own = (*registry.default_names(), *WHEN_NAMED)
-    return tuple(name for solver in own for name in (solver, solver + registry.COMPILED) if name in known)
+    both = (name for solver in every for name in (solver, solver + registry.COMPILED) if name in known)
+    return tuple(dict.fromkeys((FIRST, *both, *named)))
 
 
 @dataclass(frozen=True)
