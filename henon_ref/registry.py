@@ -131,6 +131,12 @@ def expanded(wanted: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for entry in wanted for name in (every if entry == ALL else (entry,))))
 
 
+def is_peer(name: str) -> bool:
+    """Whether a built-in solver's library comes with an extra, so that it may not be installed."""
+    base = base_name(name)
+    return base in _BUILT_IN and _BUILT_IN[base].peer
+
+
 def check(name: str) -> str:
     """The name itself, where there is such a solver.
 

@@ -24,6 +24,7 @@ from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say
 from henon_ref.cli.typer_app import Cases, application, examples
 from henon_ref.columns import Row
 from henon_ref.errors import CaseError
+from henon_ref.registry import is_peer
 from henon_ref.report.case_report import write_report
 from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import provenance
@@ -49,6 +50,9 @@ MACHINE = ("timeout",)
 def differences(stored: Path, fresh: Path) -> list[str]:
     """What a case's stored report folder and a fresh one differ in.
 
+    The rows of a peer (:func:`henon_ref.registry.is_peer`) are compared where it was run afresh, since its library may
+    not be installed.
+
     Parameters
     ----------
     stored, fresh : Path
@@ -59,6 +63,8 @@ def differences(stored: Path, fresh: Path) -> list[str]:
     old, new = _by_run(stored / RUNS), _by_run(fresh / RUNS)
     if {column for row in old.values() for column in row} != {column for row in new.values() for column in row}:
         return [f"the columns of {stored / RUNS} are those of another version"]
+    ran = {row["solver"] for row in new.values()}
+    old = {key: row for key, row in old.items() if row["solver"] in ran or not is_peer(str(row["solver"]))}
     found = [f"{_label(key)} is stored, and is not run any more" for key in old if key not in new]
     found += [f"{_label(key)} is not stored" for key in new if key not in old]
     for key in old.keys() & new.keys():

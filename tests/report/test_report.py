@@ -278,6 +278,16 @@ def test_a_timeout_is_the_machine_s_doing(stored):
     assert check.differences(old, fresh) == []
 
 
+def test_rows_of_a_peer_are_checked_where_it_was_run(stored):
+    old, fresh = stored
+    rewrite(old, lambda rows: rows.append({**rows[0], "solver": "nosnoc"}))
+    assert check.differences(old, fresh) == []
+    rewrite(fresh, lambda rows: rows.append({**rows[0], "solver": "nosnoc", "matched": 4.0}))
+    assert len(check.differences(old, fresh)) == 1
+    rewrite(old, lambda rows: rows.append({**rows[0], "solver": "scipy-radau"}))
+    assert len(check.differences(old, fresh)) == 2
+
+
 def test_texts_and_files_are_checked_too(stored):
     old, fresh = stored
     report = fresh / "report.md"
