@@ -13,7 +13,6 @@ from types import SimpleNamespace
 import pytest
 import sympy as sp
 
-from henon_ref import registry
 from henon_ref.campaign import timing
 from henon_ref.campaign.interleaved import MOST, Turns, interleaved
 from henon_ref.campaign.options import Options, Silent
