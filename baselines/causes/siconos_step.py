@@ -13,6 +13,8 @@ from baselines.siconos.solver import ENVIRONMENT, interpreter
 
 SECONDS = 300.0
 """Wall time of the program [s]."""
+NAMES = ("turn ", "pole ", "steep ", "slide ", "swing ")
+"""What its lines begin with."""
 
 
 @cache
@@ -24,7 +26,7 @@ def seen() -> list[list[str]]:
             done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=True, env=variables)
         except (OSError, subprocess.SubprocessError) as error:
             raise ClaimError(f"{interpreter()}: {error}") from error
-    return [line.split() for line in done.stdout.splitlines() if line.startswith(("turn ", "pole ", "steep "))]
+    return [line.split() for line in done.stdout.splitlines() if line.startswith(NAMES)]
 
 
 def error_of_a_step() -> str:
@@ -55,6 +57,23 @@ def sign_of_a_steep_surface() -> str:
     )
 
 
+def rounding_of_a_slide() -> str:
+    """x' = -size above the surface x = 0 and 1 below it, from x = 0: it stays there."""
+    slides = ([*map(float, numbers)] for name, *numbers in seen() if name == "slide")
+    (_, slow), (_, fast) = slides
+    holds(slow < 1e-14 and fast > 1e-3, f"{slow}, {fast}")
+    return f"a slide on x = 0, between x' = 1 and -100, stays within {slow:.0e} of it; between 1 and -1e18, in " + (
+        f"steps of 0.001, x reaches {fast:.2g}"
+    )
+
+
+def damping_of_a_step() -> str:
+    """x'' = -10^4 x from 1 is -1 after half a turn, 31 steps; a step divides the energy by 1 + (w h)^2."""
+    ((lowest,),) = ([*map(float, numbers)] for name, *numbers in seen() if name == "swing")
+    holds(abs(-lowest - (1.0 + 1e-2) ** (-31 / 2)) < 0.01, f"{lowest}")
+    return f"x'' = -10⁴ x from 1 swings to {lowest:.3f} in steps of 0.001, not to -1"
+
+
 SICONOS = (
     Cause(
         "siconos-step",
@@ -81,6 +100,25 @@ SICONOS = (
         "Where the surface function falls to 1e15 and beyond, the sign that the solver of the relay's complementarity "
         "problem gives is often not its sign. Our adapter ends the run at the first such step.",
         sign_of_a_steep_surface,
+        ("https://nonsmooth.gricad-pages.univ-grenoble-alpes.fr/siconos/",),
+    ),
+    Cause(
+        "siconos-rounding",
+        "siconos",
+        "A slide between very different fields is rounded off its surface",
+        "In a slide the two fields cancel: what is left of a step is known to its length times the larger field, "
+        "rounded. Where that is more than a step of the slower field leads back, the run leaves the surface.",
+        rounding_of_a_slide,
+        ("https://nonsmooth.gricad-pages.univ-grenoble-alpes.fr/siconos/",),
+    ),
+    Cause(
+        "siconos-damping",
+        "siconos",
+        "A step damps what oscillates",
+        "The theta method with theta = 1 is implicit Euler: each step divides the energy of an oscillation of "
+        "frequency w by 1 + (w h)^2, and times run away from the exact ones. (With theta = 1/2 the adapter loses "
+        "short slides.)",
+        damping_of_a_step,
         ("https://nonsmooth.gricad-pages.univ-grenoble-alpes.fr/siconos/",),
     ),
 )

@@ -33,6 +33,10 @@ ITERATIONS = 30
 LIMIT = 1e100
 LOST_SIGN = "the relay's sign is not that of the surface function"
 """In the reason of a run that ends there: no transition that is read off such a sign means anything."""
+ROUNDED = "which the rounding of a step moves as far"
+"""Behind it, where that is so."""
+ROUNDINGS = 4.0
+"""Of a step's push."""
 LATE = 2.0
 """Steps that a relay's sign may be behind the surface function."""
 
@@ -95,10 +99,16 @@ class Equations:
         return [(a - b) / 2 for b, a in self.sides(x)] + [0.0]
 
     def contradicts(self, x: list[float], mode: int, step: float) -> bool:
-        """Whether the surface function has the other sign than a mode, and is further than steps lead."""
-        field = (self.above if mode > 0 else self.below)(x, self.p)
-        rate = sum(slope * f for slope, f in zip(self.gradient(x, self.p), field, strict=True))
-        return self.surface(x, self.p)[0] * mode < -LATE * step * abs(rate)
+        """Whether the surface function has the other sign than a mode, by more than steps and Newton's residual."""
+        field, slopes = (self.above if mode > 0 else self.below)(x, self.p), self.gradient(x, self.p)
+        rate = sum(slope * f for slope, f in zip(slopes, field, strict=True))
+        residual = NEWTON * sum(abs(slope) * (1.0 + abs(value)) for slope, value in zip(slopes, x, strict=False))
+        return self.surface(x, self.p)[0] * mode < -LATE * step * abs(rate) - residual
+
+    def is_rounded(self, x: list[float], step: float) -> bool:
+        """Whether rounding of a step's push moves the surface function as far as it is from zero."""
+        push = sum(abs(slope * half) for slope, half in zip(self.gradient(x, self.p), self.half(x), strict=False))
+        return abs(self.surface(x, self.p)[0]) <= ROUNDINGS * sys.float_info.epsilon * step * push
 
     def slopes(self, function: Callable[[list[float]], list[float]], x: list[float]) -> list[tuple[float, ...]]:
         """Rows of a function's derivatives, by central differences: Newton's iteration needs no more."""
@@ -212,7 +222,8 @@ def run(siconos: tuple[Any, Any, Any], own: Equations, request: Any) -> tuple[st
             if min(own.valid([*state, at], own.p)) <= 0.0:
                 return "invalid", "the model ends: its valid expression fell to 0", events, end, done
             if mode and own.contradicts([*state, at], mode, request["step"]):
-                return "failed", f"{LOST_SIGN} at t = {at:.17g}", events, end, done
+                rounded = f", {ROUNDED}," if own.is_rounded([*state, at], request["step"]) else ""
+                return "failed", f"{LOST_SIGN}{rounded} at t = {at:.17g}", events, end, done
             if mode != before:
                 event = {"time": at, "before": before, "after": mode, "state": state}
                 if events and before == 0 and at - events[-1]["time"] < 1.5 * request["step"]:

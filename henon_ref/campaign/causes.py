@@ -33,6 +33,7 @@ LOST = 1e-15
 IN_FRONT = 1000.0
 """Tolerances that a run's error stays below where nothing locates its end: BDF's is 200 of them at 1e-12."""
 LOST_SIGN = "the relay's sign is not that of the surface function"
+ROUNDED = "which the rounding of a step moves as far"
 NO_VALUE = re.compile(r"ZeroDivisionError|ValueError: math domain error")
 """What Python says of a function that has no value."""
 OFF = 3.0
@@ -237,11 +238,21 @@ def _time_stepping(seen: Seen) -> str | None:
     if seen.solver != "siconos":
         return None
     if LOST_SIGN in seen.reason:
-        return "siconos-steep"
+        return "siconos-rounding" if ROUNDED in seen.reason else "siconos-steep"
     slow = seen.run["status"] == "timeout" and seen.right_so_far
     if seen.missed_pairs or slow or _at_the_end(seen) or _a_step_early(seen):
         return "siconos-step"
-    return "siconos-no-solution" if _over_the_end(seen) else None
+    if _over_the_end(seen):
+        return "siconos-no-solution"
+    return "siconos-damping" if _runs_away(seen) else None
+
+
+def _runs_away(seen: Seen) -> bool:
+    """Whether no transition is missed, the first is in time, and the last of them is off by more than some steps."""
+    errors = [abs(number(row, "time_error_s")) for row in seen.transitions if row["outcome"] == "matched"]
+    bound = OFF * seen.number("step_s")
+    right = seen.run["status"] == "wrong" and seen.run["expected_status"] == "ok" and seen.number("missed") == 0
+    return right and len(errors) > 1 and errors[0] <= bound < errors[-1]
 
 
 def _a_step_early(seen: Seen) -> bool:
@@ -303,6 +314,6 @@ NAMES = (
     "diffrax-pair", "diffrax-start", "diffsol-pair", "diffsol-small-step", "diffsol-nan", "diffsol-late",
     "diffsol-stop-nan",
     "nosnoc-infeasible", "nosnoc-cost", "nosnoc-grid",
-    "siconos-step", "siconos-no-solution", "siconos-steep",
+    "siconos-step", "siconos-no-solution", "siconos-steep", "siconos-rounding", "siconos-damping",
 )  # fmt: skip
 """Every name that a rule may give."""

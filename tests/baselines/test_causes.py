@@ -193,6 +193,21 @@ def test_a_sign_that_is_lost_is_that_of_a_steep_surface() -> None:
     assert cause_of(run_row(solver="octave-ode45", missed=0, **said), []) is None
 
 
+def test_a_sign_that_rounding_has_turned_is_that_of_a_slide_between_very_different_fields() -> None:
+    words = "the relay's sign is not that of the surface function, which the rounding of a step moves as far, at t = 1"
+    said = {"status": "failed", "status_reason": words}
+    assert cause_of(run_row(solver="siconos", missed=0, **said), []) == "siconos-rounding"
+
+
+def test_a_motion_that_steps_damp_runs_away_from_the_exact_one() -> None:
+    row = run_row(solver="siconos", missed=0, spurious=1, step_s=1e-3, rtol=None, expected_status="ok")
+    there = [missed("+", "-", outcome="matched", time_error_s=error) for error in (-1e-3, -2e-2, -1e-1)]
+    more = missed("-", "+", outcome="spurious", time_s=5.0)
+    assert cause_of(row, [*there, more]) == "siconos-damping"
+    assert cause_of(row, [*there[1:], more]) is None
+    assert cause_of(row | {"missed": 1}, [*there, more]) is None
+
+
 def test_time_stepping_has_no_value_in_the_step_in_which_the_model_ends() -> None:
     said = {
         "status": "failed",

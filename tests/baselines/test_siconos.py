@@ -65,6 +65,24 @@ def test_a_slide_that_is_not_filippov_s_is_not_supported() -> None:
 
 
 @installed
+def test_a_field_that_is_zero_beyond_the_surface_is_no_lost_sign() -> None:
+    """x' = 1 below and 0 above: rounding alone tells on which side of it the state stays."""
+    text = BLOCK.replace("[x, v]", "[x]").replace("s: v", "s: x").replace('[v, "-x - s/4"]', '["(1 - s)/2"]')
+    problem = henon_ref.parse_case(text.replace("{t: 0, x: 11/10, v: 0}", "{x: -1}")).readings[0].problem
+    found = RELAY.prepare(problem, step=1e-2)()
+    assert (found.status, len(found.transitions)) == ("ok", 1)
+    assert found.transitions[0].time == pytest.approx(1.0, abs=2e-2)
+
+
+@installed
+def test_a_state_that_rounding_moves_off_its_surface_is_told() -> None:
+    problem = next(own for own in henon_ref.load_case("quick_restick").readings if own.name == "fast").problem
+    found = RELAY.prepare(problem, step=1e-3)()
+    assert found.status == "failed"
+    assert "the rounding of a step" in found.reason
+
+
+@installed
 def test_its_version_is_told() -> None:
     assert registry.library_version("siconos") == RELAY.version == siconos_version()
 

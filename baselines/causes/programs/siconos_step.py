@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy
@@ -13,8 +13,10 @@ import siconos.numerics as numerics
 Function = Callable[[float], float]
 
 
-def sides(start: list[float], field: list[list[float]], push: list[float], step: float, until: float) -> list[float]:
-    """Times at which the sign of the last state, which a relay of strength ``push`` acts on, has changed."""
+def steps_of(
+    start: list[float], field: list[list[float]], push: list[float], step: float, until: float
+) -> Iterator[tuple[float, float, float]]:
+    """(time, last state, relay) after each step of x' = field x + push relay; the relay acts on the last state."""
     system = kernel.FirstOrderLinearDS(start, numpy.array(field))
     relation = kernel.FirstOrderLinearTIR(numpy.array([[0.0] * (len(start) - 1) + [1.0]]), numpy.array([push]).T)
     interaction = kernel.Interaction(kernel.RelayNSL(1, -1.0, 1.0), relation)
@@ -24,14 +26,19 @@ def sides(start: list[float], field: list[list[float]], push: list[float], step:
     relay = kernel.Relay(numerics.SICONOS_RELAY_LEMKE)
     clock = kernel.TimeDiscretisation(0.0, step)
     stepping = kernel.TimeStepping(model, clock, kernel.EulerMoreauOSI(1.0), relay)
-    found, before = [], 0.0
     while stepping.hasNextEvent():
         stepping.computeOneStep()
-        now = float(interaction.lambda_(0)[0])
-        if before * now < 0:
-            found.append(float(stepping.nextTime()))
-        before = now
+        yield float(stepping.nextTime()), float(system.x()[-1]), float(interaction.lambda_(0)[0])
         stepping.nextStep()
+
+
+def turns(steps: Iterator[tuple[float, float, float]]) -> list[float]:
+    """Times at which the relay has changed its sign."""
+    found, before = [], 0.0
+    for time, _, now in steps:
+        if before * now < 0:
+            found.append(time)
+        before = now
     return found
 
 
@@ -93,10 +100,16 @@ def steep(x: float) -> float:
 
 
 for step in (1e-2, 1e-3):
-    (time, *_) = sides([1.1, 0.0], [[0.0, 1.0], [-1.0, 0.0]], [0.0, 0.25], step, 4.0)
+    (time, *_) = turns(steps_of([1.1, 0.0], [[0.0, 1.0], [-1.0, 0.0]], [0.0, 0.25], step, 4.0))
     print("turn", step, repr(time))
 states = [x for x, _ in followed(lambda x: x**2, lambda x: 2.0 * x, lambda x: x, lambda x: 1.0, 2.0)]
 print("pole", len(states), repr(states[-1]), next(k for k, x in enumerate(states, 1) if x < 0))
 signs = followed(lambda x: 1.0, lambda x: 0.0, lambda x: 1.0 + steep(x), lambda x: 50.0 * steep(x), 1.0)
 wrong = [x for x, sign in signs if x > 1.01 and sign > -0.5]
 print("steep", len(wrong), repr(min(wrong, default=math.nan)))
+for size in (1e2, 1e18):
+    # x' = -size above the surface x = 0 and 1 below it, from x = 0: the first state is the mean of the two.
+    slide = steps_of([(1.0 - size) / 2, 0.0], [[0.0, 0.0], [1.0, 0.0]], [0.0, (1.0 + size) / 2], 1e-3, 1e-1)
+    print("slide", size, repr(max(abs(x) for _, x, _ in slide)))
+swing = steps_of([0.0, 1.0], [[0.0, -1e4], [1.0, 0.0]], [0.0, 0.0], 1e-3, 4e-2)  # x'' = -1e4 x from 1
+print("swing", repr(min(x for _, x, _ in swing)))
