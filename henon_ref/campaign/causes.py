@@ -24,6 +24,7 @@ DIFFSOL = ("diffsol-tsit45", "diffsol-bdf")
 PAIR_BY_PACKAGE |= dict.fromkeys(DIFFRAX, "diffrax-pair") | dict.fromkeys(DIFFSOL, "diffsol-pair")
 EPSILON = sys.float_info.epsilon
 NO_BRACKET = "The root is not contained in [lower, upper]"
+NO_CONVERGENCE = "Failed to converge after"
 TOO_SMALL = "Required step size is less than spacing between numbers"
 NOT_FINITE = "the state is not finite"
 LATE = 1e8
@@ -87,6 +88,12 @@ def _heyoka_polynomial(seen: Seen) -> str | None:
 
 def _bracket(seen: Seen) -> str | None:
     return "scipy-bracket" if seen.solver in SCIPY and "must have different signs" in seen.reason else None
+
+
+def _flat_root(seen: Seen) -> str | None:
+    """brentq's iterations are used up: at a root at which the surface function has no slope."""
+    scipy = seen.solver in (*SCIPY, "scipy-smoothed", "scipy-sign")
+    return "scipy-flat-root" if scipy and NO_CONVERGENCE in seen.reason else None
 
 
 def _small_step(seen: Seen) -> str | None:
@@ -292,6 +299,7 @@ RULES: tuple[Callable[[Seen], str | None], ...] = (
     _heyoka_pair,
     _heyoka_polynomial,
     _bracket,
+    _flat_root,
     _small_step,
     _diffsol,
     _nosnoc,
@@ -306,8 +314,8 @@ RULES: tuple[Callable[[Seen], str | None], ...] = (
     _naive,
 )
 NAMES = (
-    "scipy-pair", "cvode-pair", "ida-pair", "scipy-fires-at-start", "scipy-bracket", "scipy-late", "scipy-blow-up",
-    "scipy-radau-order", "scipy-bdf-order", "scipy-lsoda-nan", "heyoka-start", "heyoka-double-root",
+    "scipy-pair", "cvode-pair", "ida-pair", "scipy-fires-at-start", "scipy-bracket", "scipy-flat-root", "scipy-late",
+    "scipy-blow-up", "scipy-radau-order", "scipy-bdf-order", "scipy-lsoda-nan", "heyoka-start", "heyoka-double-root",
     "heyoka-hidden-drive", "heyoka-event-polynomial", "heyoka-past-end", "sign-chatter", "smoothed-creep",
     "cvode-c-pair", "cvode-c-late-end", "cvode-c-error", "octave-pair", "octave-blow-up", "octave-nan", "octave-line",
     "octave-nan-state", "octave-first-step",

@@ -179,6 +179,12 @@ def test_diffsol_ends_in_words_where_the_exact_run_ends_or_in_front_of_a_pole() 
     assert cause_of(run_row(solver="diffsol-tsit45", **past), []) == "diffsol-stop-nan"
 
 
+def test_iterations_that_are_used_up_are_those_of_a_flat_root() -> None:
+    said = {"status": "failed", "status_reason": "RuntimeError: Failed to converge after 100 iterations."}
+    assert cause_of(run_row(solver="scipy-radau", missed=None, **said), []) == "scipy-flat-root"
+    assert cause_of(run_row(solver="heyoka", missed=None, **said), []) is None
+
+
 def test_time_stepping_goes_on_over_a_blow_up() -> None:
     past = {"status_reason": "went on past t = 1, where the exact run is diverged", "expected_status": "diverged"}
     row = run_row(solver="siconos", missed=0, spurious=1, step_s=1e-3, rtol=None, **past)
