@@ -107,6 +107,16 @@ def _small_step(seen: Seen) -> str | None:
     return None
 
 
+def _pole(seen: Seen) -> str | None:
+    """Steps that no longer move the time in front of an event, or of the model's end: nothing has a value behind it."""
+    stuck = "does not advance" in seen.reason if seen.solver in DIFFRAX else TOO_SMALL in seen.reason
+    if seen.solver not in (*SCIPY, *DIFFRAX) or not stuck or not seen.right_so_far:
+        return None
+    ends = seen.run["expected_status"] == "invalid" and seen.number("missed") == 0
+    there = ends or _in_front(seen, seen.number("end_time_s"))
+    return ("diffrax-pole" if seen.solver in DIFFRAX else "scipy-pole") if there else None
+
+
 def _diffsol(seen: Seen) -> str | None:
     """Words of diffsol's own, where the exact run ends or misses but the root in front of which they were said."""
     if seen.solver not in DIFFSOL or not seen.right_so_far:
@@ -301,6 +311,7 @@ RULES: tuple[Callable[[Seen], str | None], ...] = (
     _bracket,
     _flat_root,
     _small_step,
+    _pole,
     _diffsol,
     _nosnoc,
     _slow,
@@ -315,6 +326,7 @@ RULES: tuple[Callable[[Seen], str | None], ...] = (
 )
 NAMES = (
     "scipy-pair", "cvode-pair", "ida-pair", "scipy-fires-at-start", "scipy-bracket", "scipy-flat-root", "scipy-late",
+    "scipy-pole", "diffrax-pole",
     "scipy-blow-up", "scipy-radau-order", "scipy-bdf-order", "scipy-lsoda-nan", "heyoka-start", "heyoka-double-root",
     "heyoka-hidden-drive", "heyoka-event-polynomial", "heyoka-past-end", "sign-chatter", "smoothed-creep",
     "cvode-c-pair", "cvode-c-late-end", "cvode-c-error", "octave-pair", "octave-blow-up", "octave-nan", "octave-line",
