@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 
 _COORDINATES = re.compile(rb' (?:d|points|x|y)="[^"]*"')
 _INDENT = re.compile(rb"(?<=\n) +(?=<)")
-_LONG = re.compile(rb"-?\d+\.\d{4,}(?![\d.e])")
+_GROUP = re.compile(rb'<g id="[^"]*"')
+_LONG = re.compile(rb"-?\d+\.\d{3,}(?![\d.e])")
 
 
 def svg(figure: Figure) -> bytes:
@@ -20,20 +21,21 @@ def svg(figure: Figure) -> bytes:
 
     buffer = io.BytesIO()
     save(figure, buffer)
-    return _INDENT.sub(b"", short_coordinates(buffer.getvalue()))
+    return shortened(buffer.getvalue())
 
 
-def short_coordinates(content: bytes) -> bytes:
-    """An SVG with its coordinates to a thousandth of a point, which no eye can tell: less to keep.
+def shortened(content: bytes) -> bytes:
+    """An SVG with coordinates to a hundredth of a point, which no eye can tell, no indentation, and unnamed groups.
 
     Examples
     --------
-    >>> short_coordinates(b'<path d="M 49.621534 -33.20000 L 1e-05 7.5"/>')
-    b'<path d="M 49.622 -33.2 L 1e-05 7.5"/>'
+    >>> shortened(b'<g id="axes_1">\\n <path d="M 49.621534 -33.20000 \\nL 1e-05 7.5"/>')
+    b'<g>\\n<path d="M 49.62 -33.2L 1e-05 7.5"/>'
     """
-    return _COORDINATES.sub(lambda found: _LONG.sub(_rounded, found[0]), content)
+    content = _GROUP.sub(b"<g", _INDENT.sub(b"", content))
+    return _COORDINATES.sub(lambda found: _LONG.sub(_rounded, found[0].replace(b" \n", b"")), content)
 
 
 def _rounded(found: re.Match[bytes]) -> bytes:
-    text = f"{float(found[0]):.3f}".rstrip("0").rstrip(".")
+    text = f"{float(found[0]):.2f}".rstrip("0").rstrip(".")
     return (text if text != "-0" else "0").encode()
