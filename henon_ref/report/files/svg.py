@@ -11,8 +11,8 @@ if TYPE_CHECKING:
 
 _COORDINATES = re.compile(rb' (?:d|points|x|y)="[^"]*"')
 _INDENT = re.compile(rb"(?<=\n) +(?=<)")
-_GROUP = re.compile(rb'<g id="[^"]*"')
-_LONG = re.compile(rb"-?\d+\.\d{3,}(?![\d.e])")
+_GROUP = re.compile(rb'<g id="\w+_\d+"')
+_LONG = re.compile(rb"-?\d+\.\d{4,}(?![\d.e])")
 
 
 def svg(figure: Figure) -> bytes:
@@ -25,17 +25,17 @@ def svg(figure: Figure) -> bytes:
 
 
 def shortened(content: bytes) -> bytes:
-    """An SVG with coordinates to a hundredth of a point, which no eye can tell, no indentation, and unnamed groups.
+    """An SVG with coordinates to a thousandth of a point, which no eye can tell, no indentation, and no numbers of groups.
 
     Examples
     --------
     >>> shortened(b'<g id="axes_1">\\n <path d="M 49.621534 -33.20000 \\nL 1e-05 7.5"/>')
-    b'<g>\\n<path d="M 49.62 -33.2L 1e-05 7.5"/>'
+    b'<g>\\n<path d="M 49.622 -33.2L 1e-05 7.5"/>'
     """
     content = _GROUP.sub(b"<g", _INDENT.sub(b"", content))
     return _COORDINATES.sub(lambda found: _LONG.sub(_rounded, found[0].replace(b" \n", b"")), content)
 
 
 def _rounded(found: re.Match[bytes]) -> bytes:
-    text = f"{float(found[0]):.2f}".rstrip("0").rstrip(".")
+    text = f"{float(found[0]):.3f}".rstrip("0").rstrip(".")
     return (text if text != "-0" else "0").encode()
