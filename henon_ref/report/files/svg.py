@@ -25,7 +25,7 @@ def svg(figure: Figure) -> bytes:
 
 
 def shortened(content: bytes) -> bytes:
-    """An SVG with coordinates to a thousandth of a point, which no eye can tell, no indentation, and no numbers of groups.
+    """An SVG with coordinates to a thousandth of a point, which no eye can tell, and what no program needs left out.
 
     Examples
     --------
