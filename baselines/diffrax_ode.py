@@ -39,6 +39,8 @@ MAX_STEPS = 4096
 """Steps between two looks at the clock (diffrax's own default for ``max_steps``)."""
 STAGES = 13
 """Right-hand sides of a step of Dopri8: 14 stages, of which the first is the last of the step before."""
+DENSE_OUTPUT = 64.0
+"""Roundings of a time that the dense output makes of a root: on x' = 1 it is found 1.4e-14 from t = 1."""
 SCALE = 1e-100
 """Of the condition: bisection ends only where the condition, too, is below its absolute tolerance, which is one of
 time here."""
@@ -82,8 +84,8 @@ class DiffraxOde(Adapter):
         return DOP853.library(SCOUTING, SCOUTING)
 
     def location_error(self, t: float) -> float:
-        """The root finder's tolerances."""
-        return 4.0 * EPSILON * (1.0 + abs(t))
+        """Rounding of the dense output whose root is sought: more than the tolerances of the root finder."""
+        return DENSE_OUTPUT * EPSILON * (1.0 + abs(t))
 
     def flow(self, library: ConfiguredLibrary, model: ModeFunctions, work: Work, horizon: float) -> _Flow:
         return _Flow(self, library, model, work, horizon)

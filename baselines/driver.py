@@ -103,7 +103,10 @@ class Driver:
             return
         if len(self.problem.system.surfaces) > 1:
             scout = Driver(self.problem, self.library.loosened(), Work(self.work.deadline), known=self.table)
-            scout.run()
+            try:
+                scout.run()
+            except Exception as error:  # noqa: BLE001 - it may be another library's, and no fault of this one
+                _LOG.debug("the loose run ended early: %s", error)
             modes = scout.table.visited
         for mode in modes:
             try:

@@ -101,6 +101,19 @@ def start_on_the_surface() -> str:
     )
 
 
+def event_in_front_of_a_pole() -> str:
+    """v' = -1/(v + d) from 1, event v: a step that ends beyond the event has to come close to the pole at v = -d."""
+    import diffrax
+
+    events, steps = [], []
+    for d in (1e-3, 1e-9):
+        found = solve(lambda t, y, d=d: [-1.0 / (y[0] + d)], [1.0], 3.0, lambda t, y, args, **_: y[0], direction=False)
+        events.append(bool(found.result == diffrax.RESULTS.event_occurred))
+        steps.append(int(found.stats["num_steps"]))
+    holds(events == [True, False], f"an event is reported: {events}")
+    return f"1e-3 in front of the pole the event is found in {steps[0]} steps, 1e-9 in front of it not in {steps[1]}"
+
+
 def bisection_has_units() -> str:
     """y' = 1 through 1 - y, in two units of the condition."""
     import diffrax
@@ -164,6 +177,15 @@ DIFFRAX = (
         "A condition that is exactly zero where a run starts has changed its sign by the end of the first step. The "
         "adapter starts every guard clearly above zero, and counts falling roots only.",
         elsewhere(start_on_the_surface),
+        (DOCS,),
+    ),
+    Cause(
+        "diffrax-pole",
+        "diffrax",
+        "diffrax: an event in front of a pole",
+        "An event is located in a step that has passed it. Where the field has a pole, or no value, just behind the "
+        "surface, every such step is refused, and the steps no longer move the time.",
+        elsewhere(event_in_front_of_a_pole),
         (DOCS,),
     ),
     Cause(

@@ -58,6 +58,16 @@ def event_is_its_taylor_polynomial() -> str:
     return "the root of 1 - x at t = 1 is found; those of 1 - x^50 and -tanh(50 (x - 1)) at the same time are not"
 
 
+def root_of_third_order() -> str:
+    """x' = 1 through 1 - x and its third power: its derivative is zero at the root."""
+    x, field = _unit_speed()
+    plain, flat = (run(guard, field, [0.0], 2.0) for guard in (1.0 - x, (1.0 - x) ** 3.0))
+    either = run((1.0 - x) ** 3.0, field, [0.0], 2.0, any_direction=True)
+    holds(abs(plain - 1) < 1e-12 and abs(either - 1) < 1e-4, f"it stops at {plain} and {either}")
+    holds(flat == 2.0, f"with a direction (1 - x)^3 stops it at {flat}")
+    return "falling roots of 1 - x and (1 - x)³ at t = 1: the first is found, the other without a direction alone"
+
+
 def drive_between_expansions() -> str:
     """A pulse at t = 10 that cannot be seen from t = 0."""
     import heyoka
@@ -113,6 +123,15 @@ HEYOKA = (
         "Roots are sought on the Taylor polynomial of the event function over the step; the step is chosen from the "
         "state alone. An event function of slower convergence than the state is another function at the step's end.",
         event_is_its_taylor_polynomial,
+        (DOCS,),
+    ),
+    Cause(
+        "heyoka-flat-root",
+        "heyoka",
+        "A direction is the sign of the derivative",
+        "Whether a root rises or falls is read off the event's derivative there. At a root of third order that is "
+        "zero: with a direction it does not count.",
+        root_of_third_order,
         (DOCS,),
     ),
     Cause(

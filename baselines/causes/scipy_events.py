@@ -57,6 +57,18 @@ def fires_where_it_starts() -> str:
     )
 
 
+def root_of_third_order() -> str:
+    """x' = 1 through (x - 1)^3."""
+    for method in ("RK45", "DOP853", "Radau", "BDF", "LSODA"):
+        words = ""
+        try:
+            quiet(lambda t, x: [1.0], (0, 3), [0.0], method=method, events=lambda t, x: (x[0] - 1.0) ** 3)
+        except RuntimeError as error:
+            words = str(error)
+        holds("100 iterations" in words, f"{method} raises {words or 'nothing'}")
+    return "the root of (x - 1)³ at t = 1 ends a run of every method by an exception, after 100 iterations of brentq"
+
+
 def bracket_without_a_sign_change() -> str:
     """The event function has one sign at the step's end and another on the dense output there.
 
@@ -184,6 +196,14 @@ SCIPY = (
         "The sign at a step's end is taken from the step, the root is sought on its dense output. Where the two differ "
         "by a rounding, `brentq` gets a bracket without a sign change and raises.",
         bracket_without_a_sign_change,
+    ),
+    Cause(
+        "scipy-flat-root",
+        "scipy",
+        "A root of third order ends the run",
+        "`brentq` is called with a tolerance of four roundings and its default of 100 iterations, which a root of "
+        "third order uses up; its exception ends `solve_ivp`, and all that was computed is lost.",
+        root_of_third_order,
     ),
     Cause(
         "scipy-pole",

@@ -24,6 +24,7 @@ DIFFSOL = ("diffsol-tsit45", "diffsol-bdf")
 PAIR_BY_PACKAGE |= dict.fromkeys(DIFFRAX, "diffrax-pair") | dict.fromkeys(DIFFSOL, "diffsol-pair")
 EPSILON = sys.float_info.epsilon
 NO_BRACKET = "The root is not contained in [lower, upper]"
+NO_CONVERGENCE = "Failed to converge after"
 TOO_SMALL = "Required step size is less than spacing between numbers"
 NOT_FINITE = "the state is not finite"
 LATE = 1e8
@@ -89,6 +90,12 @@ def _bracket(seen: Seen) -> str | None:
     return "scipy-bracket" if seen.solver in SCIPY and "must have different signs" in seen.reason else None
 
 
+def _flat_root(seen: Seen) -> str | None:
+    """brentq's iterations are used up: at a root at which the surface function has no slope."""
+    scipy = seen.solver in (*SCIPY, "scipy-smoothed", "scipy-sign")
+    return "scipy-flat-root" if scipy and NO_CONVERGENCE in seen.reason else None
+
+
 def _small_step(seen: Seen) -> str | None:
     """SciPy's words for a step below ten roundings of the time: at a late time, at a blow-up, in front of an end."""
     if seen.solver not in SCIPY or TOO_SMALL not in seen.reason or not seen.right_so_far:
@@ -98,6 +105,16 @@ def _small_step(seen: Seen) -> str | None:
     if abs(seen.number("end_time_s")) >= LATE:
         return "scipy-late"
     return None
+
+
+def _pole(seen: Seen) -> str | None:
+    """Steps that no longer move the time in front of an event, or of the model's end: nothing has a value behind it."""
+    stuck = "does not advance" in seen.reason if seen.solver in DIFFRAX else TOO_SMALL in seen.reason
+    if seen.solver not in (*SCIPY, *DIFFRAX) or not stuck or not seen.right_so_far:
+        return None
+    ends = seen.run["expected_status"] == "invalid" and seen.number("missed") == 0
+    there = ends or _in_front(seen, seen.number("end_time_s"))
+    return ("diffrax-pole" if seen.solver in DIFFRAX else "scipy-pole") if there else None
 
 
 def _diffsol(seen: Seen) -> str | None:
@@ -292,7 +309,9 @@ RULES: tuple[Callable[[Seen], str | None], ...] = (
     _heyoka_pair,
     _heyoka_polynomial,
     _bracket,
+    _flat_root,
     _small_step,
+    _pole,
     _diffsol,
     _nosnoc,
     _slow,
@@ -306,8 +325,9 @@ RULES: tuple[Callable[[Seen], str | None], ...] = (
     _naive,
 )
 NAMES = (
-    "scipy-pair", "cvode-pair", "ida-pair", "scipy-fires-at-start", "scipy-bracket", "scipy-late", "scipy-blow-up",
-    "scipy-radau-order", "scipy-bdf-order", "scipy-lsoda-nan", "heyoka-start", "heyoka-double-root",
+    "scipy-pair", "cvode-pair", "ida-pair", "scipy-fires-at-start", "scipy-bracket", "scipy-flat-root", "scipy-late",
+    "scipy-pole", "diffrax-pole",
+    "scipy-blow-up", "scipy-radau-order", "scipy-bdf-order", "scipy-lsoda-nan", "heyoka-start", "heyoka-double-root",
     "heyoka-hidden-drive", "heyoka-event-polynomial", "heyoka-past-end", "sign-chatter", "smoothed-creep",
     "cvode-c-pair", "cvode-c-late-end", "cvode-c-error", "octave-pair", "octave-blow-up", "octave-nan", "octave-line",
     "octave-nan-state", "octave-first-step",

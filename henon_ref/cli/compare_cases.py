@@ -114,7 +114,8 @@ def _compared(cases: Sequence[Case], options: Options, request: Request, outputs
             written += experiments(cases, options, origin, request.out, shown)
     with locked_for_a_moment(request.out):
         index = write_folder_report(request.out)
-    discard(request.out, cases)
+    for folder in (request.out, request.out / ATLAS):
+        discard(folder, cases)
     where = written[0] if len(written) == 1 else index
     tally = sum(tallies, Tally())
     told = "".join(f"; {solver} right in {own.right} of {own.judged} judged" for solver, own in demands.items())
@@ -166,13 +167,11 @@ def experiments(
     return [page for page in pages if page is not None]
 
 
-def discard(out: Path, cases: Sequence[Case]) -> None:
-    """Remove the journals: everything that they hold is written."""
-    for folder in (out, out / ATLAS):
-        for case in cases:
-            (folder / case.name / FILE).unlink(missing_ok=True)
-            if folder != out:
-                remove_if_empty(folder / case.name)
+def discard(folder: Path, cases: Sequence[Case]) -> None:
+    """Remove the journals in a folder: everything that they hold is written."""
+    for case in cases:
+        (folder / case.name / FILE).unlink(missing_ok=True)
+        remove_if_empty(folder / case.name)
 
 
 def rerun_command(request: Request) -> str:

@@ -44,6 +44,7 @@ SUBCOMMANDS = {
     "check": Subcommand("check:command", "Tell whether stored reports still say what a fresh comparison says."),
     "price": Subcommand("price:command", "Time every solver at every tolerance, and what the parts of a run cost."),
     "restarts": Subcommand("restarts:command", "Restart every library in every way, and tell the best way of each."),
+    "atlas": Subcommand("atlas:command", "Run solvers on ever closer grazes and pairs of roots at every tolerance."),
     "paper": Subcommand("paper:command", "Compute everything that the paper computes again."),
 }
 """Name -> subcommand, in the order of the list."""

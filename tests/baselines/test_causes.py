@@ -179,6 +179,29 @@ def test_diffsol_ends_in_words_where_the_exact_run_ends_or_in_front_of_a_pole() 
     assert cause_of(run_row(solver="diffsol-tsit45", **past), []) == "diffsol-stop-nan"
 
 
+def test_iterations_that_are_used_up_are_those_of_a_flat_root() -> None:
+    said = {"status": "failed", "status_reason": "RuntimeError: Failed to converge after 100 iterations."}
+    assert cause_of(run_row(solver="scipy-radau", missed=None, **said), []) == "scipy-flat-root"
+    assert cause_of(run_row(solver="heyoka", missed=None, **said), []) is None
+
+
+@pytest.mark.parametrize(
+    ("solver", "words", "cause"),
+    [
+        ("scipy-dop853", "Required step size is less than spacing between numbers.", "scipy-pole"),
+        ("diffrax-dopri8", "diffrax does not advance from t = 0.99999999999999944", "diffrax-pole"),
+        ("heyoka", "heyoka does not advance from t = 1", None),
+    ],
+)
+def test_steps_that_come_to_a_halt_are_in_front_of_a_pole(solver: str, words: str, cause: str | None) -> None:
+    said = {"status": "failed", "status_reason": words, "end_time_s": 1.0 - 1e-15}
+    ended = run_row(solver=solver, missed=0, expected_status="invalid", **said)
+    assert cause_of(ended, []) == cause
+    stopped = run_row(solver=solver, missed=1, expected_status="ok", **said)
+    assert cause_of(stopped, [missed("+", "-", reference_time_s=1.0)]) == cause
+    assert cause_of(stopped, [missed("+", "-", reference_time_s=1.5)]) is None
+
+
 def test_time_stepping_goes_on_over_a_blow_up() -> None:
     past = {"status_reason": "went on past t = 1, where the exact run is diverged", "expected_status": "diverged"}
     row = run_row(solver="siconos", missed=0, spurious=1, step_s=1e-3, rtol=None, **past)

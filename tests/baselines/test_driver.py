@@ -149,6 +149,27 @@ def test_simultaneous_events_are_one_instant_even_if_the_library_names_only_one(
         assert [(t.from_mode, t.to_mode) for t in found.transitions] == [((1, 1), (0, 0))] * 2
 
 
+class _GivesUp(_Line):
+    def advance(self, *arguments: Any) -> Stop:
+        raise RuntimeError("the other library gave up")
+
+
+class _Other(Flat):
+    def flow(self, model: ModeFunctions, work: Work, horizon: float) -> _Line:
+        return _GivesUp(self, model, work)
+
+
+class _Scouted(Flat):
+    """A library for which another one finds out the modes."""
+
+    def loosened(self) -> Flat:
+        return _Other()
+
+
+def test_what_another_library_makes_of_the_modes_is_no_failure_of_this_one() -> None:
+    assert summary(run(pair("1", "2"), _Scouted())) == [("stick", 0, 1.0), ("stick", 1, 1.0)]
+
+
 def test_events_1e_12_apart_stay_two() -> None:
     found = run(pair("1", "2.000000000002"))
     assert [t.to_mode for t in found.transitions] == [(0, 1), (0, 0)]

@@ -138,6 +138,14 @@ def test_several_surfaces(runs: Runs) -> None:
     assert found["times"][-1] == pytest.approx(3.927104415444, abs=1e-7)
 
 
+def test_two_guards_that_fall_at_once_are_both_seen(runs: Runs) -> None:
+    """diffrax names one; its dense output finds the root some roundings away from where the other one says."""
+    for rtol in (1e-6, 1e-9):
+        found = runs("diffrax-dopri8", "same_surface_twice", rtol)
+        assert found["kinds"] == ["crossing"] * 2
+        assert found["times"] == pytest.approx([1.0, 1.0], abs=1e-12)
+
+
 def test_nosnoc_finds_the_transitions_by_its_own_method(runs: Runs) -> None:
     found = runs("nosnoc", "free_coulomb", 1e-9)
     assert found["kinds"] == ["crossing", "crossing", "crossing", "stick"]

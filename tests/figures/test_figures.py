@@ -55,7 +55,7 @@ def drawn_vertices(figure, axes) -> np.ndarray:
         if group.get("id") == "curve"
         for path in group.iter("{http://www.w3.org/2000/svg}path")
     ]
-    points = [[float(x), float(y)] for d in paths for x, y in re.findall(r"[ML] (\S+) (\S+)", d)]
+    points = [[float(x), float(y)] for d in paths for x, y in re.findall(r"[ML] ([-\d.e]+) ([-\d.e]+)", d)]
     figure.dpi = 72.0  # a point is the unit of an SVG, and its y axis points down
     height = figure.get_size_inches()[1] * 72.0
     return axes.transData.inverted().transform([(x, height - y) for x, y in points])

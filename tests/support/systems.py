@@ -145,3 +145,11 @@ def fig8(reading: str = "listing_limit", until: str = "70") -> Problem:
     hold = SlidingOverride((vp, sp.Integer(0)), (Release(z - tangent, "rising", -1),))
     system = FilippovSystem((X1, X2), (S,), (v,), (3 * X2, 3 * pull), parameters, overrides={0: hold})
     return Problem(system, sp.Integer(0), start, number(until), {0: 0})
+
+
+@cache
+def same_surface_twice() -> Problem:
+    """x' = 1 below the surface x = 0 and 3 above it, for two signs of the same x: both change at t = 1."""
+    upper, lower = sp.symbols("s1 s2", real=True)
+    system = FilippovSystem((X,), (upper, lower), (X, X), ((4 + upper + lower) / 2,))
+    return Problem(system, sp.Integer(0), (sp.Integer(-1),), sp.Integer(2))
