@@ -16,13 +16,14 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 from henon_ref.errors import CaseError, UnavailableError
 from henon_ref.solver import Solver, fault
 from henon_ref.text import did_you_mean, listed
 
 GROUP = "henon_ref.solvers"
+T = TypeVar("T", bound=str | Solver)
 RESTARTS = ("event-free-step", "offset", "direction", "none")
 """Ways of restarting a library on the surface it has just left; described in :mod:`baselines.restart`."""
 ALL = "all"
@@ -124,11 +125,15 @@ def default_names() -> tuple[str, ...]:
     return tuple(name for name in names() if name not in _BUILT_IN or _BUILT_IN[name].by_default)
 
 
-def expanded(wanted: Sequence[str]) -> tuple[str, ...]:
-    """The names, ``all`` replaced by the solvers that run by default and the peers that are installed."""
+def expanded(wanted: Sequence[T]) -> tuple[T | str, ...]:
+    """The solvers, ``all`` replaced by those that run by default and the peers that are installed; each name once."""
     peers = tuple(name for name, entry in _BUILT_IN.items() if entry.peer and library_version(name))
     every = (*default_names(), *peers)
-    return tuple(dict.fromkeys(name for entry in wanted for name in (every if entry == ALL else (entry,))))
+    found: dict[str, T | str] = {}
+    for entry in wanted:
+        for solver in every if isinstance(entry, str) and entry == ALL else (entry,):
+            found.setdefault(solver if isinstance(solver, str) else solver.name, solver)
+    return tuple(found.values())
 
 
 def is_peer(name: str) -> bool:

@@ -42,7 +42,7 @@ def check_solvers(cases: Sequence[Case], options: Options) -> None:
     CaseError
     """
     for entry in options.solvers or ():
-        if isinstance(entry, str):
+        if isinstance(entry, str) and entry != registry.ALL:
             registry.check(entry)
     for restart in options.restarts:
         registry.check_restart(restart)
@@ -71,7 +71,11 @@ def check_required(names: Sequence[str], cases: Sequence[Case], options: Options
 
 
 def chosen_solvers(reading: Reading, options: Options) -> dict[str, str | Solver]:
-    """Name -> solver of everything that runs on a reading, in the registry's order."""
+    """Name -> solver of everything that runs on a reading, in the registry's order.
+
+    ``all`` stands for the solvers that the reading lists; where it lists none, for those that run by default and the
+    peers that are installed.
+    """
     if options.solvers is None:
         listed = reading.solvers or registry.default_names()
         return {name: name for solver in registry.names() if solver in listed for name in _restarted(solver, options)}
@@ -79,6 +83,9 @@ def chosen_solvers(reading: Reading, options: Options) -> dict[str, str | Solver
     for entry in options.solvers:
         if not isinstance(entry, str):
             chosen[entry.name] = entry
+        elif entry == registry.ALL:
+            every = reading.solvers or registry.expanded((registry.ALL,))
+            chosen.update((name, name) for solver in every for name in _restarted(solver, options))
         elif reading.solvers is None or registry.base_name(entry) in reading.solvers:
             chosen.update((name, name) for name in _restarted(entry, options))
     return chosen

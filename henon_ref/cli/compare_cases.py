@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from henon_ref import registry
 from henon_ref.campaign.case_files import load_cases
 from henon_ref.campaign.comparison import Comparison, compare_all
 from henon_ref.campaign.journal import FILE, read
@@ -70,7 +69,7 @@ def run(request: Request) -> Unmet:
     cases = load_cases(request.cases)
     options = Options(
         keep_journals=True,
-        solvers=None if request.solvers is None else registry.expanded(request.solvers),
+        solvers=request.solvers,
         restarts=request.restarts,
         tolerances=request.tolerances,
         repeats=request.repeats,

@@ -42,7 +42,7 @@ def run_atlas(
         The page; None where no case is a family, or no solver with a tolerance was asked for.
     """
     found = families(cases)
-    names = options.solvers or registry.default_names()
+    names = registry.expanded(options.solvers or registry.default_names())
     # A solver that is driven by a step has no place on an axis of tolerances.
     solvers = tuple(s for s in names if not (fixed_step(s) if isinstance(s, str) else s.fixed_step))
     if not found or not solvers:

@@ -34,7 +34,7 @@ def run_restarts(
     Path or None
         The page; None where no reading has such a truth, or no solver that restarts a library was asked for.
     """
-    names = options.solvers or registry.default_names()
+    names = registry.expanded(options.solvers or registry.default_names())
     found = dict.fromkeys(
         registry.base_name(name) for name in names if isinstance(name, str) and registry.restart_of(name)
     )
