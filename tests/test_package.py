@@ -90,7 +90,7 @@ def test_readme_is_short_and_has_the_lines_that_ci_and_a_reader_take_from_it() -
     assert len(text.split()) <= 900
     lines = [line for line in text.splitlines() if line.startswith("python3 -m venv ")]
     assert [line.rpartition("python -m ")[2] for line in lines] == [
-        "henon_ref.compare cases/fig8.yaml", "pytest -q",
+        "henon_ref.compare cases/fig8.yaml", "pytest -q -n 2",
     ]  # fmt: skip
     report = (ROOT / "reports/fig8/report.md").read_text(encoding="utf-8")
     table = text[text.index("| digits | cheapest") : text.index("\n\n## One run")]
