@@ -18,7 +18,7 @@ from henon_ref.report.text.matrix import KEY
 from henon_ref.report.text.matrix_merge import merged
 from henon_ref.report.text.matrix_page import coverage_table, reading_table, solver_table, titles
 from henon_ref.report.text.matrix_rows import MATRIX_COLUMNS
-from henon_ref.report.text.paired_times import cheapest, own_words, read_ratios
+from henon_ref.report.text.paired_times import PRICE_PAIRS, cheapest, own_words, read_ratios
 from henon_ref.report.text.ranking import NOT_RUN, name, number
 from henon_ref.report.text.restarts import WHY, beaten_table, read_suite
 from henon_ref.score.kinds import CLOSE
@@ -91,7 +91,7 @@ def index_text(rows: Sequence[Row], folder: Path) -> str:
             },
             choice=choice_table(rows).markdown,
             coverage=coverage.markdown if coverage.rows else "",
-            own=own_words(read_ratios(folder)),
+            own=own_words(read_ratios(folder)) or own_words(read_ratios(folder, PRICE_PAIRS)),
             figure=FIGURE if is_drawn(rows) else "",
             cases=case_table([row for row in rows if (folder / str(row["case"]) / REPORT).exists()]).markdown,
             right_of_judged=RIGHT_OF_JUDGED,

@@ -23,6 +23,8 @@ FIRST = "henon"
 FOLDER = "rivals"
 """Where the page of paired times lies in a folder of reports."""
 RATIOS = "ratios.csv"
+PRICE_PAIRS = "price/pairs.csv"
+"""The pairs of the price list, in a folder of reports."""
 SECOND, OTHERS, LIBRARIES = "heyoka", "the cheapest other", "compiled callbacks"
 """What the reference is set against on every reading: the next best, whichever of all others is the cheapest, and
 whichever of the libraries with compiled callbacks is."""
@@ -36,10 +38,10 @@ its 95 % bootstrap interval; and what of the rival's time its library takes itse
 that a compiled program does not pay (heyoka's alone is known; files of earlier versions do not have it)."""
 
 
-def read_ratios(folder: Path) -> list[Row]:
-    """The ratios in a folder of reports; none where they are not there, or no ratios."""
+def read_ratios(folder: Path, file: str = f"{FOLDER}/{RATIOS}") -> list[Row]:
+    """The ratios in a file of a folder of reports; none where they are not there, or no ratios."""
     try:
-        rows = read_rows(folder / FOLDER / RATIOS)
+        rows = read_rows(folder / file)
     except (OSError, ValueError, csv.Error):
         return []
     known = set(COLUMNS) - {OWN}
