@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from importlib.util import find_spec
 from itertools import product
-from math import ceil
+from math import ceil, sqrt
 from types import SimpleNamespace
 from typing import Any
 
@@ -133,6 +133,7 @@ class _Simulation:
         import nosnoc
 
         self.problem, self.landing = problem, landing
+        self.nearest = sqrt(_complementarity(rtol))
         self.work = Work(deadline)
         self.start, self.until = float(problem.start), float(problem.until)
         self.success = nosnoc.Status.SUCCESS
@@ -149,7 +150,7 @@ class _Simulation:
 
     def run(self) -> Trajectory:
         """The whole run, afresh."""
-        system, self.largest = self.problem.system, np.full(len(self.problem.system.surfaces), 1e-300)
+        system, self.largest = self.problem.system, np.full(len(self.problem.system.surfaces), self.nearest)
         self.work.start()
         states = len(system.states)
         record = Record(self.work, len(system.surfaces), states, self.until - self.start, None, self.landing, 0.0)
@@ -209,7 +210,8 @@ class _Simulation:
         """A surface slides where its weight is between 0 and 1 by more than the state is off it.
 
         Of the two, which complement each other, one is zero but for the complementarity's tolerance; the state's
-        distance is taken as a part of the largest one so far.
+        distance is taken as a part of the largest one so far, or of the root of that tolerance, below which the two
+        cannot be told apart.
         """
         weight, off = element.weight, element.off.max(axis=1)
         self.largest = np.maximum(self.largest, off)
@@ -240,6 +242,12 @@ def _control_steps(problem: Problem, deadline: float | None) -> int:
     return min(max(ceil(REFINED * found.counts.steps / max(done, 1e-3)), FEWEST), MOST)
 
 
+def _complementarity(rtol: float) -> float:
+    """Tolerance of the complementarity at a row's tolerance."""
+    least, most = COMPLEMENTARITY
+    return min(max(1e-2 * rtol, least), most)
+
+
 def _options(nosnoc: Any, rtol: float, length: float) -> Any:
     """nosnoc's options for a row's tolerance."""
     options = nosnoc.NosnocOpts()
@@ -252,8 +260,7 @@ def _options(nosnoc: Any, rtol: float, length: float) -> Any:
     options.n_s = next(stages for bound, stages in STAGES if rtol > bound)
     options.N_finite_elements = ELEMENTS
     options.terminal_time = length
-    least, most = COMPLEMENTARITY
-    options.comp_tol = options.sigma_N = min(max(1e-2 * rtol, least), most)
+    options.comp_tol = options.sigma_N = _complementarity(rtol)
     options.tol_ipopt = 1e-2 * options.comp_tol
     options.sigma_0, options.homotopy_update_slope = HOMOTOPIES[0]
     return options

@@ -153,6 +153,13 @@ def test_nosnoc_finds_the_transitions_by_its_own_method(runs: Runs) -> None:
     assert runs("nosnoc", "rotating_crossing", 1e-6)["times"] == pytest.approx([1.0], abs=1e-4)
 
 
+def test_nosnoc_tells_a_slide_from_the_start_on(runs: Runs) -> None:
+    """The state is off the surface by nothing but the complementarity's tolerance until it lets go, on the grid."""
+    found = runs("nosnoc", "leaving_slide", 1e-6)
+    assert found["kinds"] == ["release"]
+    assert found["times"] == pytest.approx([1.0], abs=0.02)
+
+
 def test_nosnoc_says_what_it_cannot_express() -> None:
     with pytest.raises(UnsupportedError, match="the case replaces it"):
         NOSNOC.prepare(systems.static_belt(), rtol=1e-6)
