@@ -28,6 +28,8 @@ MODULES = {
     "axe-playwright-python": "axe_playwright_python",
 }
 """Package -> module, where the names differ."""
+PARALLEL = "pytest-xdist"
+"""A plugin of pytest that nothing imports: README's test command asks for it."""
 DOI = "10.1007/s11071-013-0826-7"
 
 
@@ -47,7 +49,10 @@ def test_every_dependency_is_imported(requirement: Requirement) -> None:
 
 @pytest.mark.parametrize("requirement", TESTS, ids=lambda r: r.name)
 def test_every_dependency_of_the_tests_is_imported(requirement: Requirement) -> None:
-    assert MODULES.get(requirement.name, requirement.name) in imported("tests")
+    if requirement.name == PARALLEL:
+        assert "pytest -q -n 2\n" in (ROOT / "README.md").read_text(encoding="utf-8")
+    else:
+        assert MODULES.get(requirement.name, requirement.name) in imported("tests")
 
 
 def test_the_lowest_versions_that_are_tried_are_the_bounds() -> None:
