@@ -48,7 +48,11 @@ def main(
     chosen = tuple(map(registry.check, registry.expanded(named))) or None
     loaded = load_cases(cases)
     check_index(out / FOLDER)
-    words = " ".join([*map(str, cases), *(["--solvers", ",".join(named)] if named else [])])
+    words = " ".join(
+        [*map(str, cases)]
+        + (["--solvers", ",".join(named)] if named else [])
+        + ([f"--timeout {timeout:g}"] if timeout != Options().timeout else [])
+    )
     with writing_into(out, kept=KEPT), locked([out / FOLDER]), Shown() as shown:
         options = Options(solvers=chosen, processes=jobs, timeout=timeout, resume=resume, keep_journals=True)
         page = run_atlas(loaded, options, provenance(f"henon-ref atlas {words}"), out, shown)
