@@ -150,12 +150,15 @@ class Campaign:
             self._deliver(state)
 
     def _rows(self, state: CaseState, pending: PendingRuns) -> Jobs:
-        """The rows of one solver on one reading; one that ran out of time is not asked for more accuracy."""
+        """The rows of one solver on one reading; one that ran out of time is not asked for more accuracy.
+
+        Unless it did so among transitions that are not the truth's: what such a run costs tells nothing of the others.
+        """
         settings = iter(pending.settings)
         for number, setting in enumerate(settings):
             outcome = yield from self._outcome(state, pending, setting, cold=number == 0)
             self._keep(state, outcome, pending.result)
-            if outcome.timed_out:
+            if outcome.timed_out and not outcome.invented:
                 for untried in _untried(outcome, settings, self.options.timeout):
                     self._keep(state, untried, pending.result)
 

@@ -51,6 +51,11 @@ class Outcome:
         known = self.failure or self.trajectory
         return known is not None and known.status == "timeout"
 
+    @property
+    def invented(self) -> bool:
+        """Whether it has transitions that are not the truth's."""
+        return self.score is not None and bool(self.score.matching.spurious)
+
 
 @dataclass(frozen=True)
 class Record:

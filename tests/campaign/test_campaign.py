@@ -127,6 +127,12 @@ def test_a_run_that_hangs_is_a_timeout_and_is_not_tried_at_tighter_tolerances():
     assert "not tried: with rtol 0.001 it took more than 0.2 s" in result.runs["status_reason"][1]
 
 
+def test_a_run_that_is_caught_in_false_transitions_says_nothing_of_tighter_tolerances():
+    result = run(Fake("caught", "chatters"), tolerances=[1e-3, 1e-6])
+    assert list(result.runs["status"]) == ["timeout", "ok"]
+    assert list(result.runs["verdict"]) == ["solver defect", "right"]
+
+
 @pytest.mark.parametrize(
     ("what", "status", "words"),
     [

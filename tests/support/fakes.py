@@ -163,6 +163,15 @@ def _stops(error: float, deadline: float) -> Trajectory:
     return trajectory(found(error=error)[:3], "timeout", end_time=2.5, reason="stopped after the deadline")
 
 
+def _chatters(error: float, deadline: float) -> Trajectory:
+    """At a loose tolerance caught in transitions that are none of the truth's; right at others."""
+    if error < 1e-4:
+        return _right(error, deadline)
+    first, second = found()[:2]
+    false = [replace((second, first)[k % 2], time=1.25 + 0.001 * k) for k in range(1, 9)]
+    return trajectory((first, second, *false), "timeout", end_time=1.3, reason="stopped after the deadline")
+
+
 def _slow(error: float, deadline: float) -> Trajectory:
     time.sleep(0.5)
     return _right(error, deadline)
@@ -244,6 +253,7 @@ _BEHAVIOURS: dict[str, Callable[[float, float], Trajectory]] = {
     "hangs": _hangs,
     "crashes": _crashes,
     "stops": _stops,
+    "chatters": _chatters,
     "slow": _slow,
     "raises later": _once(_raises),
     "crashes later": _once(_crashes),
