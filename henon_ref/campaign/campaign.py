@@ -26,7 +26,7 @@ from henon_ref.campaign.plan import (
 from henon_ref.campaign.pool import Jobs, WorkerPool
 from henon_ref.campaign.results import CaseState, ReadingResult
 from henon_ref.campaign.rows import Outcome, record, scored
-from henon_ref.campaign.run_jobs import PrepareJob, RunJob, TimeJob, most_transitions
+from henon_ref.campaign.run_jobs import TOO_LONG_TO_PREPARE, PrepareJob, RunJob, TimeJob, most_transitions
 from henon_ref.campaign.settings import Setting
 from henon_ref.campaign.truth_job import Statement, TruthJob, stored_statement
 from henon_ref.campaign.worker import Failure, Job
@@ -172,6 +172,8 @@ class Campaign:
         outcome = Outcome(state.case.name, reading, pending.name, setting, library_version=version)
         prepared = yield PrepareJob(pending.solver, reading.problem, setting, options.timeout)
         if isinstance(prepared, Failure):
+            if prepared.ignored:  # there is no deadline that it was told of
+                prepared = Failure("timeout", TOO_LONG_TO_PREPARE)
             return replace(outcome, failure=prepared)
         outcome = replace(outcome, **vars(prepared))
         ran = yield RunJob(options.timeout, most_transitions(0 if expected is None else len(expected.transitions)))
@@ -218,7 +220,8 @@ class Campaign:
 
 def _untried(outcome: Outcome, settings: Iterator[Setting], timeout: float) -> Iterator[Outcome]:
     """What is said of tighter settings than one that took too long: an ignored deadline is the fault of them all."""
-    reason = f"not tried: with {outcome.setting.label} it took more than {timeout:g} s"
+    what = f"it took more than {timeout:g} s" if outcome.prepared else TOO_LONG_TO_PREPARE
+    reason = f"not tried: with {outcome.setting.label} {what}"
     ignored = outcome.failure is not None and outcome.failure.ignored
     for setting in settings:
         yield Outcome(

@@ -46,6 +46,11 @@ class Outcome:
     score: Score | None = None
 
     @property
+    def prepared(self) -> bool:
+        """Whether its preparation came to an end."""
+        return self.compile_s is not None
+
+    @property
     def timed_out(self) -> bool:
         """Whether it took too long, by its own word or by ours."""
         known = self.failure or self.trajectory

@@ -45,6 +45,7 @@ SUBCOMMANDS = {
     "price": Subcommand("price:command", "Time every solver at every tolerance, and what the parts of a run cost."),
     "restarts": Subcommand("restarts:command", "Restart every library in every way, and tell the best way of each."),
     "atlas": Subcommand("atlas:command", "Run solvers on ever closer grazes and pairs of roots at every tolerance."),
+    "rivals": Subcommand("rivals:command", "Time henon in turn with whichever solvers reports say are the cheapest."),
     "paper": Subcommand("paper:command", "Compute everything that the paper computes again."),
 }
 """Name -> subcommand, in the order of the list."""

@@ -127,6 +127,18 @@ def test_a_run_that_hangs_is_a_timeout_and_is_not_tried_at_tighter_tolerances():
     assert "not tried: with rtol 0.001 it took more than 0.2 s" in result.runs["status_reason"][1]
 
 
+def test_a_solver_that_is_not_ready_in_time_is_not_judged(monkeypatch):
+    """A library that compiles for minutes answers right all the same: that is a limit of ours."""
+    monkeypatch.setattr(run_jobs, "PREPARE_SECONDS", 0.3)
+    runs = run(Fake("compiler", "prepares forever")).runs
+    assert list(runs["status"]) == ["timeout", "timeout"]
+    assert list(runs["verdict"]) == ["not judged", "not judged"]
+    assert list(runs["status_reason"]) == [
+        run_jobs.TOO_LONG_TO_PREPARE,
+        f"not tried: with rtol 0.001 {run_jobs.TOO_LONG_TO_PREPARE}",
+    ]
+
+
 def test_a_run_that_is_caught_in_false_transitions_says_nothing_of_tighter_tolerances():
     result = run(Fake("caught", "chatters"), tolerances=[1e-3, 1e-6])
     assert list(result.runs["status"]) == ["timeout", "ok"]

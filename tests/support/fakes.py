@@ -113,6 +113,8 @@ class Fake:
             raise UnsupportedError("it cannot")
         if self.what == "prepares nothing":
             return None
+        if self.what == "prepares forever":
+            _hangs(0.0, 0.0)
         error = step if self.fixed_step else rtol
 
         def run() -> Trajectory:

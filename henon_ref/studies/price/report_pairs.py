@@ -25,7 +25,13 @@ COMPILED_LEVELS = (6, 9)
 
 
 def run_paired_times(
-    cases: Sequence[Case], options: Options, origin: Provenance, out: Path, observer: Observer
+    cases: Sequence[Case],
+    options: Options,
+    origin: Provenance,
+    out: Path,
+    observer: Observer,
+    *,
+    reports: Path | None = None,
 ) -> Path | None:
     """Time the reference and its rivals in turn on every reading whose report is there, and write the page.
 
@@ -36,15 +42,17 @@ def run_paired_times(
         Limits are taken from it.
     origin : Provenance
     out : Path
-        Folder of the reports, whose rows tell who is to be timed at which setting.
+        Folder that gets the page's own.
     observer : Observer
+    reports : Path, optional
+        Folder of the reports whose rows tell who is to be timed at which setting; None: ``out``.
 
     Returns
     -------
     Path or None
         The page; None where no reading has a rival.
     """
-    runs = {case.name: read_rows(out / case.name / RUNS) for case in cases}
+    runs = {case.name: read_rows((reports or out) / case.name / RUNS) for case in cases}
     timings = {case.name: list(timings_of(case, runs[case.name], options.timeout)) for case in cases}
     if not any(timings.values()):
         return None
