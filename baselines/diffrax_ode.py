@@ -31,7 +31,7 @@ from baselines.base import SmoothMode
 from baselines.flow import LIMIT, Library, Stop
 from baselines.jax_functions import ModeSource, jax_function, mode_source
 from baselines.mode_functions import EPSILON, ModeFunctions
-from baselines.restart import Restart
+from baselines.restart import LEAST, Restart
 from baselines.work import Work
 from henon_ref.filippov.callables import ARITHMETIC
 
@@ -107,6 +107,7 @@ class _Flow(SmoothMode):
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
         """See :class:`baselines.base.SmoothMode`."""
         begin, start = t, x
+        self._lift(t, x)
         signs = self._unarmed(t, x)
         while True:
             try:
@@ -127,6 +128,16 @@ class _Flow(SmoothMode):
             t, x = solved.t, solved.x
             self.work.check()
         return stop if self.wanted is None else stop._replace(samples=self._sampled(begin, start, stop.t))
+
+    def _lift(self, t: float, x: NDArray[np.float64]) -> None:
+        """Lift a guard that was left and still reads no more than zero, as one of the time alone may by its rounding.
+
+        A minimum that is negative already falls no more: the roots of all others would be lost with it.
+        """
+        lifts = self.gates.lifts
+        for k, guard in enumerate(self.model.guards):
+            if lifts[k] > 0.0 and not guard.rising_only and (value := self._value(k, t, x)) <= 0.0:
+                lifts[k] += LEAST - 2.0 * value
 
     def _unarmed(self, t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """-1 for a guard that has yet to rise, whose negative is watched until it has; 1 for all others."""
@@ -159,9 +170,20 @@ class _Flow(SmoothMode):
             event=event,
             arrived=arrived,
             more=more,
-            fallen=[int(np.argmin(values))] if event else [],
+            fallen=[self._nearest(values, float(row[0]), row[1 : n + 1])] if event else [],
             words="" if event or arrived or more else str(result),
         )
+
+    def _nearest(self, values: NDArray[np.float64], t: float, x: NDArray[np.float64]) -> int:
+        """The guard whose root is nearest in time, of those that were watched: the last one is that of divergence.
+
+        Where the minimum's root is located to a rounding, a slow guard may read less than the one that falls.
+        """
+        try:
+            rates = np.abs(self.model.rates(t, *x[: self.states].tolist())[1::2])
+        except ARITHMETIC:
+            return int(np.argmin(values))
+        return int(np.argmin(np.append(values[:-1] / np.maximum(rates, LEAST), np.sign(values[-1]) * np.inf)))
 
     def _sampled(self, t: float, x: NDArray[np.float64], end: float) -> NDArray[np.float64]:
         """States at the wanted times up to the end, from one to the next, by a second pass that counts for nothing."""

@@ -66,8 +66,11 @@ def _restart(seen: Seen) -> str | None:
 
 
 def _pair(seen: Seen) -> str | None:
-    """Signs are compared at the ends of a step: a pair that is missed, and nothing else, lay in one step."""
-    return PAIR_BY_PACKAGE.get(seen.solver) if seen.missed_pairs else None
+    """Signs are compared at the ends of a step: a pair that is missed, and nothing else before it, lay in one step.
+
+    So did the two roots of an impact that is missed: the driver ends a run at whose stops a guard is negative.
+    """
+    return PAIR_BY_PACKAGE.get(seen.solver) if seen.missed_pairs or seen.first_missed else None
 
 
 def _heyoka_pair(seen: Seen) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 
 from henon_ref import registry
 from henon_ref.columns import Row
@@ -64,6 +65,28 @@ class Seen:
             for group in groups
         )
         return groups if whole else []
+
+    @property
+    def first_missed(self) -> list[Row]:
+        """Transitions missed first, up to where the mode is again as before them: what comes behind follows from them.
+
+        Empty where what comes before them is not right, where the mode does not become so before the next transition
+        of the run, and where they begin within a mean step of a transition of the same surface, whose restart may have
+        lost them.
+        """
+        if self.run["status"] != "wrong" or " missed, " not in self.reason:
+            return []
+        rows = [row for row in self.transitions if row["outcome"] != "touch"]
+        first = next((k for k, row in enumerate(rows) if row["outcome"] != "matched"), len(rows))
+        group = list(takewhile(lambda row: row["outcome"] == "missed", rows[first:]))
+        until = next((k for k, row in enumerate(group, 1) if row["to_mode"] == group[0]["from_mode"]), 0)
+        step = self.number("end_time_s") / self.number("steps")
+        left = [
+            number(row, "reference_time_s") for row in rows[:first] if group and row["surface"] == group[0]["surface"]
+        ]
+        if not until or (left and not number(group[0], "reference_time_s") - left[-1] > step):
+            return []
+        return group[:until]
 
     @property
     def depth(self) -> float:

@@ -64,6 +64,21 @@ def test_pairs_of_two_surfaces_may_lie_in_one_step() -> None:
     assert cause_of(run_row(solver="diffsol-bdf", missed=4), odd) is None
 
 
+def test_what_follows_a_missed_pair_or_a_missed_impact_follows_from_it() -> None:
+    run = run_row(status_reason="3 missed, 1 spurious, first missed", missed=3, spurious=1, end_time_s=8.0, steps=40.0)
+    before = missed("+", "0", outcome="matched", reference_time_s=1.0)
+    pair = [missed("0", "+", reference_time_s=1.5), missed("+", "0", reference_time_s=1.51)]
+    after = [missed("0", "-", outcome="spurious"), missed("0", "-", reference_time_s=4.0)]
+    assert cause_of(run, [before, *pair, *after]) == "scipy-pair"
+    impact = missed("+", "+", kind="reset", reference_time_s=1.5)
+    assert cause_of(run | {"solver": "octave-ode45"}, [impact, *after]) == "octave-pair"
+    # Another thing is wrong first; the mode does not come back; a restart is near; the run broke off.
+    assert cause_of(run, [after[0], *pair]) is None
+    assert cause_of(run, [before, pair[0], *after]) is None
+    assert cause_of(run, [before | {"reference_time_s": 1.4}, *pair, *after]) is None
+    assert cause_of(run | {"status": "failed"}, [before, *pair, *after]) is None
+
+
 def test_nothing_is_explained_that_is_not_certain() -> None:
     assert cause_of(run_row(), PAIR[:1]) is None
     assert cause_of(run_row(spurious=1), PAIR) is None

@@ -146,6 +146,14 @@ def test_two_guards_that_fall_at_once_are_both_seen(runs: Runs) -> None:
         assert found["times"] == pytest.approx([1.0, 1.0], abs=1e-12)
 
 
+@EACH
+def test_a_switch_in_time_hides_no_later_root(runs: Runs, solver: str, rtol: float, bound: float) -> None:
+    """Where it is found a rounding early, its own guard is negative: diffrax watches the least of all."""
+    found = runs(solver, "switch_before_a_surface", rtol)
+    assert found["kinds"] == ["crossing"] * 2
+    assert found["times"] == pytest.approx([0.65, 0.66], abs=bound)
+
+
 def test_nosnoc_finds_the_transitions_by_its_own_method(runs: Runs) -> None:
     found = runs("nosnoc", "free_coulomb", 1e-9)
     assert found["kinds"] == ["crossing", "crossing", "crossing", "stick"]

@@ -148,6 +148,13 @@ def fig8(reading: str = "listing_limit", until: str = "70") -> Problem:
 
 
 @cache
+def switch_before_a_surface() -> Problem:
+    """x' = -1 from x = 131/200, -1/2 behind t = 13/20; then through x = 0 at t = 33/50, within a step of the switch."""
+    late, below = sp.symbols("s1 s2", real=True)
+    system = FilippovSystem((X,), (late, below), (TIME - sp.Rational(13, 20), X), ((late - 3) / 4,))
+    return Problem(system, sp.Integer(0), (sp.Rational(131, 200),), sp.Integer(2))
+
+
 def same_surface_twice() -> Problem:
     """x' = 1 below the surface x = 0 and 3 above it, for two signs of the same x: both change at t = 1."""
     upper, lower = sp.symbols("s1 s2", real=True)
