@@ -208,8 +208,10 @@ def _octave(seen: Seen) -> str | None:
     """A blow-up that ode45 has no word for, a guard without a value, and events on a straight line."""
     if seen.solver != "octave-ode45":
         return None
-    if seen.run["expected_status"] == "diverged" and "ode45 ended at" in seen.reason and seen.right_so_far:
-        return "octave-blow-up"
+    if "ode45 ended at" in seen.reason and seen.right_so_far:
+        pole = _in_front(seen, seen.number("end_time_s"))
+        if seen.run["expected_status"] == "diverged" or pole:
+            return "octave-blow-up"
     if seen.run["expected_status"] == "failed" and "went on past" in seen.reason and seen.right_so_far:
         return "octave-nan"
     if seen.reason.startswith(NOT_FINITE) and seen.right_so_far:
@@ -260,7 +262,7 @@ def _time_stepping(seen: Seen) -> str | None:
     if LOST_SIGN in seen.reason:
         return "siconos-rounding" if ROUNDED in seen.reason else "siconos-steep"
     slow = seen.run["status"] == "timeout" and seen.right_so_far
-    if seen.missed_pairs or slow or _at_the_end(seen) or _a_step_early(seen):
+    if seen.missed_pairs or slow or _within_a_step(seen) or _at_the_end(seen) or _a_step_early(seen):
         return "siconos-step"
     if _over_the_end(seen):
         return "siconos-no-solution"
@@ -279,6 +281,13 @@ def _a_step_early(seen: Seen) -> bool:
     """Whether a function has no value in the very step in which the model ends, all before that being right."""
     ended = seen.run["status"] == "failed" and seen.run["expected_status"] == "invalid"
     return ended and NO_VALUE.match(seen.reason) is not None and seen.number("missed") == seen.number("spurious") == 0
+
+
+def _within_a_step(seen: Seen) -> bool:
+    """Whether nothing is wrong but that transitions within one step are missed."""
+    times = [number(row, "reference_time_s") for row in seen.transitions if row["outcome"] == "missed"]
+    alone = seen.run["status"] == "wrong" and seen.run["expected_status"] == "ok" and seen.right_so_far
+    return alone and len(times) > 1 and max(times) - min(times) <= seen.number("step_s")
 
 
 def _at_the_end(seen: Seen) -> bool:

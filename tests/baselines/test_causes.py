@@ -128,6 +128,10 @@ def test_programs_in_other_languages_have_causes_of_their_own() -> None:
     assert cause_of(run_row(solver="cvode-c-bdf", **late | {"missed": 1}), []) is None
     pole = ended | {"expected_status": "diverged", "status_reason": "ode45 ended at t = 0.999"}
     assert cause_of(run_row(solver="octave-ode45", **pole), []) == "octave-blow-up"
+    root = missed("+", "-", reference_time_s=0.9990001)
+    behind = run_row(solver="octave-ode45", **pole | {"expected_status": "ok", "end_time_s": 0.999, "missed": 1})
+    assert cause_of(behind, [root]) == "octave-blow-up"  # a pole behind the surface
+    assert cause_of(behind, [root | {"reference_time_s": 1.01}]) is None
     past = ended | {"status": "wrong", "status_reason": "went on past t = 1, where the exact run is failed"}
     assert cause_of(run_row(solver="octave-ode45", **past), []) == "octave-nan"
 
@@ -256,6 +260,15 @@ def test_time_stepping_has_no_value_in_the_step_in_which_the_model_ends() -> Non
     assert cause_of(run_row(solver="siconos", expected_status="invalid", **said), []) == "siconos-step"
     assert cause_of(run_row(solver="siconos", expected_status="ok", **said), []) is None
     assert cause_of(run_row(solver="siconos", expected_status="invalid", **said | {"spurious": 1}), []) is None
+
+
+def test_time_stepping_misses_all_that_lies_within_a_step() -> None:
+    row = run_row(solver="siconos", missed=3, step_s=1e-3, rtol=None, expected_status="ok", end_time_s=1.0)
+    modes = ("-", "+", "-", "0")
+    within = [missed(*own, reference_time_s=k * 1e-4) for k, own in enumerate(zip(modes, modes[1:], strict=False))]
+    assert cause_of(row, within) == "siconos-step"
+    assert cause_of(row, [*within[:2], within[2] | {"reference_time_s": 2e-3}]) is None
+    assert cause_of(row | {"spurious": 1}, within) is None
 
 
 def test_time_stepping_finds_before_the_horizon_what_is_a_step_behind_it() -> None:
