@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+from itertools import pairwise
 
 import pytest
 
@@ -265,7 +266,7 @@ def test_time_stepping_has_no_value_in_the_step_in_which_the_model_ends() -> Non
 def test_time_stepping_misses_all_that_lies_within_a_step() -> None:
     row = run_row(solver="siconos", missed=3, step_s=1e-3, rtol=None, expected_status="ok", end_time_s=1.0)
     modes = ("-", "+", "-", "0")
-    within = [missed(*own, reference_time_s=k * 1e-4) for k, own in enumerate(zip(modes, modes[1:], strict=False))]
+    within = [missed(*own, reference_time_s=k * 1e-4) for k, own in enumerate(pairwise(modes))]
     assert cause_of(row, within) == "siconos-step"
     assert cause_of(row, [*within[:2], within[2] | {"reference_time_s": 2e-3}]) is None
     assert cause_of(row | {"spurious": 1}, within) is None
