@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from fakes import Fake, case, expected, statement, trajectory
+from fakes import Fake, case, trajectory
 
 from henon_ref import registry
 from henon_ref.campaign.options import Options, Silent
 from henon_ref.campaign.settings import Setting
-from henon_ref.campaign.worker import WorkerState
 from henon_ref.columns import RUN_COLUMNS
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import provenance
@@ -22,7 +21,7 @@ from henon_ref.report.files.write import MATRIX_PAGE, RUNS
 from henon_ref.report.text import index
 from henon_ref.report.text.paired_times import (
     COLUMNS,
-    LIBRARIES,
+    FROM_C,
     OTHERS,
     cheapest,
     read_ratios,
@@ -31,8 +30,6 @@ from henon_ref.report.text.paired_times import (
 )
 from henon_ref.studies.price import report_pairs
 from henon_ref.studies.price.paired_times import TURN, PairedTiming
-from henon_ref.studies.price.paired_times_page import write_page
-from henon_ref.studies.price.pairs import Candidate, Pair, compiled_pairs
 from henon_ref.studies.price.report_pairs import run_paired_times, timings_of
 
 CASE = case()
@@ -108,71 +105,18 @@ def test_without_a_rival_or_without_the_reference_nothing_is_timed() -> None:
     assert chosen(ROWS[:3]) == chosen(ROWS[3:]) == []
 
 
-PLAIN = [
-    row("henon", 1e-6, 9.5, 1e-5),
-    row("scipy-dop853", 1e-6, 6.5, 4e-3),
-    row("scipy-dop853", 1e-9, 9.5, 5e-3),
-    row("scipy-rk45", 1e-9, 7.0, 6e-3),
-    row("scipy-lsoda", 1e-9, 8.0, 7e-3),
-    row("cvode-adams", 1e-9, 8.0, 8e-3),
-    row("heyoka", 1e-9, 9.5, 1e-5),
-    row("scipy-sign", 1e-6, 9.5, 1e-5),
-]
-
-
-def compiled(rows: list[dict[str, object]]) -> list[tuple[int | None, list[tuple[str, float | None]]]]:
-    found = compiled_pairs(rows, LIBRARIES, (6, 9))
-    assert all(pair.against == LIBRARIES and [own.solver for own in pair.own] == ["henon"] for pair in found)
-    return [
-        (pair.digits, [(entry.solver, entry.setting.rtol) for entry in pair.rival])
-        for pair in compiled_pairs(rows, LIBRARIES, (6, 9))
+def test_cvode_from_c_stands_beside_whoever_is_the_cheapest() -> None:
+    rows = [
+        ROWS[0],
+        row("heyoka", 1e-9, 9.5, 1e-5),
+        row("cvode-c-bdf", 1e-6, 6.5, 2e-4),
+        row("cvode-c-adams", 1e-9, 6.5, 1e-4),
     ]
-
-
-def test_the_cheapest_libraries_are_timed_with_compiled_callbacks() -> None:
-    """Three, each at the setting that is its cheapest one with plain callbacks; not those without any to compile."""
-    assert compiled(PLAIN) == [
-        (6, [("scipy-dop853+numba", 1e-6), ("scipy-rk45+numba", 1e-9), ("scipy-lsoda+numba", 1e-9)]),
-        (9, [("scipy-dop853+numba", 1e-9)]),
+    assert [(against, rivals) for digits, against, _, rivals in chosen(rows) if digits == 6] == [
+        ("heyoka", [("heyoka", 1e-9)]),
+        (FROM_C, [("cvode-c-adams", 1e-9), ("cvode-c-bdf", 1e-6)]),
+        (OTHERS, [("heyoka", 1e-9), ("cvode-c-adams", 1e-9), ("cvode-c-bdf", 1e-6)]),
     ]
-    assert compiled(PLAIN[1:]) == compiled([PLAIN[0], *PLAIN[6:]]) == []
-    idle = [entry | {"reference_transitions": 0, "digits": None} for entry in PLAIN[:3]]
-    assert compiled(idle) == [(None, [("scipy-dop853+numba", 1e-6)])]
-
-
-def test_answers_that_nobody_has_checked_are_checked_before_they_are_timed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The fakes are off by their tolerance: one is right to 6 digits, one to 8, and one misses a transition."""
-    fakes = {"henon": Fake("henon"), "a+numba": Fake("a"), "b+numba": Fake("b"), "c+numba": Fake("c", "misses")}
-    monkeypatch.setattr(registry, "solver", fakes.__getitem__)
-    own = (Candidate("henon", Setting(1e-10, 1e-10), 1e-3),)
-    loose, tight, wrong = (
-        Candidate(name, Setting(rtol, rtol), 1e-3)
-        for name, rtol in (("a+numba", 1e-7), ("b+numba", 1e-9), ("c+numba", 1e-10))
-    )
-    pairs = (
-        Pair(6, LIBRARIES, own, (loose, wrong)),
-        Pair(7, LIBRARIES, own, (loose, tight, wrong)),
-        Pair(8, LIBRARIES, own, (loose,)),
-        Pair(9, LIBRARIES, own, (wrong,)),
-    )
-    timing = PairedTiming("c", "r", READING.problem, pairs, 0.01, 1.0, expected())
-    rows, refused = timing.run(WorkerState(lambda kind, value: None))
-    assert refused == [
-        "c, r, c+numba at rtol 1e-10 for 6 digits: it is not right",
-        "c, r, a+numba at rtol 1e-07 for 7 digits: it gets 6.9",
-        "c, r, c+numba at rtol 1e-10 for 7 digits: it is not right",
-        "c, r, a+numba at rtol 1e-07 for 8 digits: it gets 6.9",
-        "c, r, c+numba at rtol 1e-10 for 9 digits: it is not right",
-    ]
-    assert [(row["digits"], row["rival"]) for row in rows] == [(6, "a+numba"), (7, "b+numba")]
-    assert all(row["against"] == LIBRARIES for row in rows)
-
-
-def test_what_reads_a_truth_is_timed_with_compiled_callbacks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(report_pairs, "stored_statement", lambda case, reading: None)
-    assert [timing.expected for timing in timings_of(CASE, PLAIN, 1.0)] == [None]
-    monkeypatch.setattr(report_pairs, "stored_statement", statement)
-    assert [timing.expected for timing in timings_of(CASE, PLAIN, 1.0)] == [None, expected()]
 
 
 @dataclass(frozen=True)
@@ -273,22 +217,6 @@ def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pyt
     assert f"- of `henon`: [{CASE.name}, lost](../{CASE.name}/report.md#lost)\n" in left
     assert "idle" not in left
     assert "on 1 of 4\nreadings" in text
-    assert "compiled by numba" not in text
-
-
-def test_the_page_says_where_compiled_callbacks_were_timed(tmp_path: Path) -> None:
-    def timed(reading: str, digits: float | None, against: str) -> dict[str, object]:
-        own = {"case": CASE.name, "reading": reading, "digits": digits, "against": against, "ratio": 0.5}
-        return dict.fromkeys(COLUMNS) | own
-
-    rows = [timed(reading, digits, OTHERS) for reading in "abc" for digits in (3.0, 6.0, 9.0)]
-    rows += [timed("a", 6.0, LIBRARIES), timed("b", 6.0, LIBRARIES), timed("b", 9.0, LIBRARIES)]
-    rows += [timed("idle", None, OTHERS), timed("idle", None, LIBRARIES)]
-    text = write_page(rows, [], {}, ROWS, provenance("again"), tmp_path).read_text()
-    assert "at 6 and 9 digits alone, and where there is no transition.\n" in text
-    readings = {tuple(line[2:-2].split(" | ")[:3]) for line in text.splitlines() if line.startswith(f"| {LIBRARIES} |")}
-    assert readings == {(LIBRARIES, "6", "2"), (LIBRARIES, "9", "1"), (LIBRARIES, "no transition", "1")}
-    assert "Left out" not in text
 
 
 def test_no_rival_no_page(tmp_path: Path) -> None:
@@ -313,15 +241,15 @@ def test_ratios_are_told_by_rival_and_digits() -> None:
         ratio("b", "idle", None, "heyoka", "heyoka", 2.0),
         ratio("b", "idle", None, "heyoka", OTHERS, 2.0),
         ratio("c", "default", 12.0, "scipy-rk45", OTHERS, 1.5),
-        ratio("c", "default", 9.0, "ida+numba", LIBRARIES, 0.5),
+        ratio("c", "default", 9.0, "cvode-c-bdf", FROM_C, 0.5),
     ]
     assert [line[:4] + line[-2:] for line in spread_table(rows).rows] == [
         ("`heyoka`", "6", "2", "1.33", "4", "0"),
         ("`heyoka`", "no transition", "1", "0.5", "0.5", "1"),
+        (FROM_C, "9", "1", "2", "2", "0"),
         (OTHERS, "6", "2", "1.33", "2", "0"),
         (OTHERS, "12", "1", "0.667", "0.667", "1"),
         (OTHERS, "no transition", "1", "0.5", "0.5", "1"),
-        (LIBRARIES, "9", "1", "2", "2", "0"),
     ]
     runs = [
         row("henon", 1e-6, 12.5, 1.0, case="c", reading="default", steps=1074.0),

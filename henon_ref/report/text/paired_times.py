@@ -25,9 +25,9 @@ FOLDER = "rivals"
 RATIOS = "ratios.csv"
 PRICE_PAIRS = "price/pairs.csv"
 """The pairs of the price list, in a folder of reports."""
-SECOND, OTHERS, LIBRARIES = "heyoka", "the cheapest other", "compiled callbacks"
-"""What the reference is set against on every reading: the next best, whichever of all others is the cheapest, and
-whichever of the libraries with compiled callbacks is."""
+SECOND, OTHERS, FROM_C = "heyoka", "the cheapest other", "CVODE from C"
+"""What the reference is set against on every reading: the next best, whichever of all others is the cheapest, and the
+library that is called without Python in its way."""
 OWN = "rival_own_s"
 COLUMNS = (
     "case", "reading", "digits", "against", "rtol", "rival", "rival_rtol", "rival_step_s", "wall_s", "rival_wall_s",
@@ -82,7 +82,7 @@ def cheapest(rows: Sequence[Row]) -> dict[tuple[str, str, int], str]:
 def spread_table(rows: Sequence[Row]) -> Table:
     """How many times as long as ``henon`` the others take over the readings; and in how many they take less."""
     lines = []
-    for against, label in ((SECOND, code(SECOND)), (OTHERS, OTHERS), (LIBRARIES, LIBRARIES)):
+    for against, label in ((SECOND, code(SECOND)), (FROM_C, FROM_C), (OTHERS, OTHERS)):
         for digits in (*LEVELS, None):
             found = [1.0 / number(row, "ratio") for row in rows if (row["against"], row["digits"]) == (against, digits)]
             if found:
@@ -121,14 +121,14 @@ def slower_table(rows: Sequence[Row], runs: Sequence[Row], reports: str = "../")
     rows : sequence of Row
         A row a pair, with COLUMNS.
     runs : sequence of Row
-        Rows of the reports: they know how many digits and steps a setting has. Of compiled callbacks none does.
+        Rows of the reports: they know how many digits and steps a setting has.
     reports : str
         The folder of the reports, as links have it.
     """
     known = {(own["case"], own["reading"], own["solver"], own["rtol"], own["step_s"]): own for own in runs}
     lines = []
     for row in rows:
-        if row["against"] in (OTHERS, LIBRARIES) and number(row, "ratio") > 1:
+        if row["against"] == OTHERS and number(row, "ratio") > 1:
             case, reading = str(row["case"]), str(row["reading"])
             cells = [link(case, reading, reports), bound(row["digits"])]
             for solver, rtol, step, wall in (

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import logging
-import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from henon_ref import registry
 from henon_ref.campaign.interleaved import Turns, interleaved
@@ -16,9 +15,6 @@ from henon_ref.campaign.worker import Failure, Job, WorkerState
 from henon_ref.columns import Row
 from henon_ref.filippov.problem import Problem
 from henon_ref.report.text.paired_times import OWN
-from henon_ref.score.errors import score
-from henon_ref.score.reference import Expected
-from henon_ref.score.verdict import RIGHT
 from henon_ref.solver import Run
 from henon_ref.studies.price.own_calls import ClockedHeyoka, clocked, own_part
 from henon_ref.studies.price.pairs import Candidate, Pair
@@ -49,8 +45,6 @@ class PairedTiming(Job):
     """Seconds that the runs may take in all; each is made :attr:`fewest` times at least."""
     deadline: float
     """Seconds that one run may take."""
-    expected: Expected | None = None
-    """Truth that the rivals' runs are scored against before they are timed; None where the rows have their digits."""
     fewest: int = FEWEST
 
     @property
@@ -72,23 +66,16 @@ class PairedTiming(Job):
     def seconds(self) -> float:
         return PREPARE_SECONDS + 10.0 * (self.rounds + 1) * self.round_s
 
-    def run(self, state: WorkerState) -> tuple[list[Row], list[str]]:
-        """Rows of all pairs, and which rivals have not been timed, a sentence each."""
+    def run(self, state: WorkerState) -> list[Row]:
+        """Rows of all pairs."""
         runs = {candidate: self._prepared(candidate) for candidate in self.candidates}
-        pairs, refused = self.pairs, []
-        if self.expected is not None:
-            rivals = dict.fromkeys(rival for pair in pairs for rival in pair.rival)
-            digits = {rival: _digits(runs[rival], rival, self.expected) for rival in rivals}
-            refused = [f"{self.case}, {self.reading}, {words}" for words in _refused(pairs, digits)]
-            pairs = _able(pairs, digits)
-        timed = dict.fromkeys(candidate for pair in pairs for candidate in (*pair.own, *pair.rival))
-        times = interleaved({candidate: runs[candidate] for candidate in timed}, rounds=self.rounds, turn=TURN)
+        times = interleaved(runs, rounds=self.rounds, turn=TURN)
         own_times: dict[Candidate, float | None] = {}
-        for pair in pairs:
+        for pair in self.pairs:
             rival = min(pair.rival, key=times.median)
             if rival not in own_times:
                 own_times[rival] = self._own_time(rival, runs[rival], times)
-        return [self._row(pair, times, own_times) for pair in pairs], refused
+        return [self._row(pair, times, own_times) for pair in self.pairs]
 
     def _prepared(self, candidate: Candidate, solver: ClockedHeyoka | None = None) -> Run:
         own = candidate.setting
@@ -128,31 +115,6 @@ class PairedTiming(Job):
         }
 
 
-def _digits(run: Run, candidate: Candidate, expected: Expected) -> float:
-    """Digits that a run gets; infinite where it is right and there is nothing to time, -1 where it is not right."""
-    scored = score(run(), expected, tolerance=candidate.setting.rtol)
-    if scored.verdict != RIGHT:
-        return -1.0
-    return math.inf if scored.digits is None else scored.digits
-
-
-def _able(pairs: Sequence[Pair], digits: Mapping[Candidate, float]) -> tuple[Pair, ...]:
-    """The pairs with those rivals alone that get so many digits, where there are any."""
-    found = (replace(p, rival=tuple(c for c in p.rival if digits[c] >= (p.digits or 0))) for p in pairs)
-    return tuple(pair for pair in found if pair.rival)
-
-
-def _refused(pairs: Sequence[Pair], digits: Mapping[Candidate, float]) -> Iterator[str]:
-    """A sentence for each rival that does not get so many digits."""
-    for pair in pairs:
-        for candidate in pair.rival:
-            if digits[candidate] < (pair.digits or 0):
-                got = digits[candidate]
-                what = "it is not right" if got < 0 else f"it gets {math.floor(10 * got) / 10}"
-                wanted = "" if pair.digits is None else f" for {pair.digits} digits"
-                yield f"{candidate.solver} at rtol {candidate.setting.rtol:g}{wanted}: {what}"
-
-
 def time_pairs(
     timings: Mapping[str, Sequence[PairedTiming]], options: Options, observer: Observer
 ) -> tuple[list[Row], list[str]]:
@@ -177,8 +139,7 @@ def time_pairs(
                 failed.append(f"{timing.case}, {timing.reading}, against {whom}: {result.reason}")
                 _LOG.info("cannot be timed in turn: %s", failed[-1])
             else:
-                rows.extend(result[0])
-                failed.extend(result[1])
+                rows.extend(result)
 
     pool = WorkerPool(workers=options.processes, memory=options.memory)
     for own in timings.values():

@@ -8,9 +8,8 @@ from pathlib import Path
 from henon_ref.columns import Row
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
-from henon_ref.report.text import formats as words
-from henon_ref.report.text.paired_times import COLUMNS, LIBRARIES, RATIOS, own_words, slower_table, spread_table
-from henon_ref.report.text.ranking import LEVELS, number, readings_of
+from henon_ref.report.text.paired_times import COLUMNS, RATIOS, own_words, slower_table, spread_table
+from henon_ref.report.text.ranking import LEVELS, readings_of
 from henon_ref.studies.page import write
 from henon_ref.text import markdown
 
@@ -50,7 +49,6 @@ def write_page(
         "total": len(readings_of(runs)),
         "left": left,
         "fewest": LEVELS[0],
-        "levels": words.listing([f"{digits}" for digits in compiled_levels(rows)]),
         "own": own_words(rows),
         "spread": spread_table(rows).markdown,
         "slower": slower.markdown if slower.rows else "",
@@ -58,8 +56,3 @@ def write_page(
         "origin": origin,
     }
     return write(folder, "paired_times", context, {RATIOS: csv_text(COLUMNS, rows)})
-
-
-def compiled_levels(rows: Sequence[Row]) -> list[int]:
-    """Digits at which libraries with compiled callbacks were timed."""
-    return sorted({int(number(row, "digits")) for row in rows if row["against"] == LIBRARIES and row["digits"]})

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from henon_ref import registry
 from henon_ref.campaign.settings import Setting
 from henon_ref.columns import Row
 from henon_ref.report.text.paired_times import FIRST
-from henon_ref.report.text.ranking import by_solver, name, number, reaching
+from henon_ref.report.text.ranking import name, number, reaching
 
 CANDIDATES = 3
 """Settings of a side that are timed: the cheapest by the rows. The cheapest in turn is among them, or next to it."""
@@ -57,29 +56,6 @@ def pairs_of(rows: Sequence[Row], rivals: Mapping[str, Collection[str]], levels:
             rival = _cheapest(able, solvers)
             if own and rival:
                 yield Pair(level, against, own, rival)
-
-
-def compiled_pairs(rows: Sequence[Row], against: str, levels: Sequence[int]) -> Iterator[Pair]:
-    """The same against libraries with compiled callbacks, which have no rows: their accuracy is not known.
-
-    They are those that are the cheapest with plain callbacks, each at its cheapest setting.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        The reading's, of plain callbacks.
-    against : str
-        What the rival is called.
-    levels : sequence of int
-        Digits to be reached.
-    """
-    for level, able in able_rows(rows, levels):
-        own, rival = _cheapest(able, (FIRST,)), []
-        for solver in by_solver(able):
-            if solver + registry.COMPILED in registry.names():
-                rival += [replace(c, solver=c.solver + registry.COMPILED) for c in _cheapest(able, (solver,))[:1]]
-        if own and rival:
-            yield Pair(level, against, own, tuple(sorted(rival, key=_wall)[:CANDIDATES]))
 
 
 def able_rows(rows: Sequence[Row], levels: Sequence[int]) -> Iterator[tuple[int | None, list[Row]]]:

@@ -6,22 +6,20 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from henon_ref.campaign.options import Observer, Options
-from henon_ref.campaign.truth_job import stored_statement
 from henon_ref.casefile.case import Case
 from henon_ref.columns import Row
 from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.files.write import RUNS
-from henon_ref.report.text.paired_times import FIRST, FOLDER, LIBRARIES, OTHERS, SECOND, link
+from henon_ref.report.text.paired_times import FIRST, FOLDER, FROM_C, OTHERS, SECOND, link
 from henon_ref.report.text.ranking import LEVELS, name, readings_of
 from henon_ref.studies.price.paired_times import PairedTiming, time_pairs
 from henon_ref.studies.price.paired_times_page import write_page
-from henon_ref.studies.price.pairs import able_rows, compiled_pairs, pairs_of
+from henon_ref.studies.price.pairs import able_rows, pairs_of
 
 SECONDS = 1.0
 """Time that the runs of a reading may take in all."""
-COMPILED_LEVELS = (6, 9)
-"""Digits at which libraries with compiled callbacks are timed, too: each has to be compiled at each setting."""
+CVODE_FROM_C = ("cvode-c-adams", "cvode-c-bdf")
 
 
 def run_paired_times(
@@ -78,11 +76,7 @@ def timings_of(case: Case, rows: Sequence[Row], deadline: float) -> Iterator[Pai
     by_reading = readings_of(rows)
     for reading in case.readings:
         own = by_reading.get((case.name, reading.name), [])
-        rivals = {SECOND: (SECOND,), OTHERS: set(map(name, own)) - {FIRST}}
+        rivals = {SECOND: (SECOND,), FROM_C: CVODE_FROM_C, OTHERS: set(map(name, own)) - {FIRST}}
         found = tuple(pairs_of(own, rivals, LEVELS))
         if found:
             yield PairedTiming(case.name, reading.name, reading.problem, found, SECONDS, deadline)
-        truth = stored_statement(case, reading)
-        found = tuple(compiled_pairs(own, LIBRARIES, COMPILED_LEVELS))
-        if found and truth is not None and truth.expected is not None:
-            yield PairedTiming(case.name, reading.name, reading.problem, found, SECONDS, deadline, truth.expected)
