@@ -134,7 +134,7 @@ NOSNOC = (
         "nosnoc-node",
         "nosnoc",
         "Switches close to each other are one",
-        "A switch is an end of a finite element. Two that are closer than the complementarity can tell and have one end "
+        "A switch is an end of a finite element. Two that are closer than the complementarity tells and have one end "
         "between them are taken there together: in no order, and both at a time that is neither's.",
         elsewhere(near_switches_are_one),
         (DOCS,),
