@@ -38,6 +38,7 @@ from baselines.driver import Driver, tolerances
 from baselines.flow import LIMIT
 from baselines.record import Record
 from baselines.scipy_ivp import RK45
+from baselines.sundials_cvode import ADAMS
 from baselines.work import DeadlinePassed, Work
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.filippov.callables import rounded
@@ -173,7 +174,8 @@ class _Simulation:
                 if element.length > EMPTY * self.length:
                     after = self._mode(element)
                     if after != mode and (k or at):
-                        record.event(t, 0.0, tuple(x[:states].tolist()), mode, after, ())
+                        within = min(max(t, self.start), self.until)  # lengths are to the complementarity's tolerance
+                        record.event(within, 0.0, tuple(x[:states].tolist()), mode, after, ())
                     mode = after
                     record.drift = max([record.drift, *element.off[[s == 0 for s in mode], -1]])
                 t, x = t + element.length, element.x
@@ -235,9 +237,13 @@ def _elements(problem: Any, result: dict[str, Any]) -> list[SimpleNamespace]:
 
 
 def _control_steps(problem: Problem, deadline: float | None) -> int:
-    """Steps that RK45 takes at a loose tolerance, over the whole horizon."""
-    scout = Driver(problem, RK45.library(GRID, GRID), Work(deadline))
-    found = scout.run()
+    """Steps that RK45 takes at a loose tolerance over the whole horizon, CVODE where SciPy raises (at a flat root)."""
+    try:
+        scout = Driver(problem, RK45.library(GRID, GRID), Work(deadline))
+        found = scout.run()
+    except RuntimeError:  # another library's, and no fault of nosnoc
+        scout = Driver(problem, ADAMS.library(GRID, GRID), Work(deadline))
+        found = scout.run()
     done = (found.end_time - scout.start) / (scout.until - scout.start)
     return min(max(ceil(REFINED * found.counts.steps / max(done, 1e-3)), FEWEST), MOST)
 

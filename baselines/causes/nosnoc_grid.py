@@ -99,6 +99,26 @@ def steps_are_programs() -> str:
     return f"a control step is {programs:.1f} nonlinear programs, here {1e3 * spent:.0f} ms of processor time"
 
 
+def near_switches_are_one() -> str:
+    """x' = 1 up to x = 0, 2 or 3 up to 1e-6, 4 beyond, from -1.1 in three steps, each with room for one switch."""
+    import casadi
+    import nosnoc
+
+    x, apart = casadi.SX.sym("x"), 1e-6
+    regions = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    model = nosnoc.NosnocModel(
+        x=x, F=[casadi.horzcat(4.0, 3.0, 2.0, 1.0)], S=[regions], c=[casadi.vertcat(x, x - apart)], x0=np.array([-1.1])
+    )
+    with redirect_stdout(io.StringIO()):
+        looper = nosnoc.NosnocSimLooper(nosnoc.NosnocSolver(_options(0.5, 3), model), model.x0, 3)
+        looper.run()
+    found = looper.get_results()
+    weights = [np.round(np.ravel(weight), 3).tolist() for step in found["alpha_sim"] for weight in step][-2:]
+    states = {status.name for status in found["status"]}
+    holds(states == {"SUCCESS"} and weights == [[0, 0], [1, 1]], f"statuses {states}, weights {weights}")
+    return f"surfaces {apart:g} apart are left at one node, t = {found['t_grid'][-2]:.8f}, and the step reports success"
+
+
 NOSNOC = (
     Cause(
         "nosnoc-grid",
@@ -108,6 +128,15 @@ NOSNOC = (
         "without a jump: an element that begins before the release may slip all through it. The release is then where "
         "the grid is, off by up to an element, whatever the order, and nothing is said.",
         elsewhere(release_is_put_on_the_grid),
+        (DOCS,),
+    ),
+    Cause(
+        "nosnoc-node",
+        "nosnoc",
+        "Switches close to each other are one",
+        "A switch is an end of a finite element. Two that are closer than the complementarity tells and have one end "
+        "between them are taken there together: in no order, and both at a time that is neither's.",
+        elsewhere(near_switches_are_one),
         (DOCS,),
     ),
     Cause(

@@ -28,6 +28,9 @@ from henon_ref.simulation.system import System
 from henon_ref.simulation.written import written
 from henon_ref.trajectory import Status
 
+BATCHES = 10
+"""Parts of the span whose means tell how far an exponent is off."""
+
 
 @dataclass(frozen=True)
 class Spectrum:
@@ -53,6 +56,23 @@ class Spectrum:
     def lost(self) -> int:
         """Directions that sticks have taken away: exponents that are -infinity."""
         return sum(e == -math.inf for e in self.exponents)
+
+    @property
+    def standard_errors(self) -> tuple[float, ...]:
+        """Of each exponent [1/s], in their order: by the means of :data:`BATCHES` equal parts of the span.
+
+        NaN for directions that are lost, and where the run ended before there was a part.
+        """
+        n = len(self.exponents)
+        if not len(self.times):
+            return (math.nan,) * n
+        order = np.argsort(self.history[-1])[::-1]
+        logs = np.vstack([np.zeros(n), self.history * self.times[:, None]])[:, order]
+        marks = np.linspace(0.0, self.span, BATCHES + 1)
+        with np.errstate(invalid="ignore"):
+            grown = np.array([np.diff(np.interp(marks, [0.0, *self.times], column)) for column in logs.T])
+            errors = np.std(grown / np.diff(marks), axis=1, ddof=1) / math.sqrt(BATCHES)
+        return tuple(errors.tolist())
 
     def kaplan_yorke(self, *, zero: float = 0.0) -> float:
         """Kaplan and Yorke's dimension of the attractor; exponents within ``zero`` of 0 count as 0."""

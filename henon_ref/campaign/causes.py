@@ -147,9 +147,22 @@ def _nosnoc(seen: Seen) -> str | None:
         return None
     if "IPOPT finds no step" in seen.reason and seen.right_so_far:
         return "nosnoc-infeasible"
-    if seen.run["status"] == "timeout" and seen.right_so_far:
+    if seen.run["status"] == "timeout" and (seen.right_so_far or seen.run["found_transitions"] is None):
         return "nosnoc-cost"
-    return "nosnoc-grid" if seen.missed_pairs else None
+    if seen.missed_pairs:
+        return "nosnoc-grid"
+    return "nosnoc-node" if _at_one_node(seen) else None
+
+
+def _at_one_node(seen: Seen) -> bool:
+    """Whether what goes wrong first are two surfaces that change at one instant where the exact run has one of them."""
+    wrong = [row for row in seen.transitions if row["outcome"] in ("missed", "spurious")]
+    extra = [row for row in wrong if row["outcome"] == "spurious"][:2]
+    if seen.run["status"] != "wrong" or len(extra) < 2 or extra[0]["surface"] == extra[1]["surface"]:
+        return False
+    node, within = number(extra[0], "time_s"), IN_FRONT * seen.number("rtol")
+    missed = [number(row, "reference_time_s") for row in wrong if row["outcome"] == "missed"][:1]
+    return number(extra[1], "time_s") == node and any(abs(time - node) <= within for time in missed)
 
 
 def _slow(seen: Seen) -> str | None:
@@ -345,7 +358,7 @@ NAMES = (
     "octave-nan-state", "octave-first-step",
     "diffrax-pair", "diffrax-start", "diffsol-pair", "diffsol-small-step", "diffsol-nan", "diffsol-late",
     "diffsol-stop-nan",
-    "nosnoc-infeasible", "nosnoc-cost", "nosnoc-grid",
+    "nosnoc-infeasible", "nosnoc-cost", "nosnoc-grid", "nosnoc-node",
     "siconos-step", "siconos-no-solution", "siconos-steep", "siconos-rounding", "siconos-damping",
 )  # fmt: skip
 """Every name that a rule may give."""

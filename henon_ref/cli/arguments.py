@@ -80,7 +80,7 @@ def main(
         float,
         typer.Option(
             parser=_seconds,
-            help="Seconds of processor time that one run may take. Preparing it may take 120 besides, a truth that is "
+            help="Seconds of processor time that one run may take. Preparing it may take 240 besides, a truth that is "
             "not stored 300.",
             metavar="SECONDS",
             rich_help_panel=RUNS,

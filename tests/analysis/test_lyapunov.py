@@ -12,7 +12,7 @@ import pytest
 import sympy as sp
 from problems import make_problem
 
-from henon_ref.analysis.lyapunov import floquet_exponents, floquet_multipliers, lyapunov_spectrum
+from henon_ref.analysis.lyapunov import Spectrum, floquet_exponents, floquet_multipliers, lyapunov_spectrum
 from henon_ref.analysis.timeseries import Settings, time_series_spectrum
 from henon_ref.analysis.variational import Saltation
 from henon_ref.casefile.case import load_case
@@ -30,6 +30,20 @@ def test_a_linear_system_has_the_real_parts_of_its_eigenvalues() -> None:
     )
     assert found.exponents == pytest.approx((-0.1, -0.3), abs=1e-9)
     assert found.transitions == 0
+    assert max(found.standard_errors) < 1e-9
+
+
+def test_standard_errors_are_those_of_the_means_of_ten_parts() -> None:
+    """The first vector grows by 1, 2, ..., 10 in ten parts of 2 s; the second by 5 in each; one is lost."""
+    times = np.arange(2.0, 21.0, 2.0)
+    logs = np.stack([np.cumsum(np.arange(1.0, 11.0)), 5.0 * np.arange(1, 11), np.full(10, -np.inf)], axis=1)
+    history = logs / times[:, None]
+    found = Spectrum(tuple(sorted(history[-1], reverse=True)), times, history[:, [1, 0, 2]], 20.0, 0, 0.0, "ok")
+    assert found.exponents == (2.75, 2.5, -math.inf)
+    assert found.standard_errors[:2] == pytest.approx((np.std(np.arange(1, 11) / 2, ddof=1) / math.sqrt(10), 0.0))
+    assert math.isnan(found.standard_errors[2])
+    cut_off = replace(found, times=np.empty(0), history=np.empty((0, 3)))
+    assert all(map(math.isnan, cut_off.standard_errors))
 
 
 def test_non_stop_forced_coulomb_turns_stretch_as_the_closed_form_says() -> None:

@@ -298,6 +298,18 @@ def test_what_peers_do_is_explained_by_peers() -> None:
     assert cause_of(run_row(solver="nosnoc", **ended | {"spurious": 1}), []) is None
     slow = run_row(solver="nosnoc", status="timeout", verdict="not judged", missed=0)
     assert cause_of(slow, []) == "nosnoc-cost"
+    assert cause_of(slow | {"missed": None, "spurious": None}, []) == "nosnoc-cost"  # stopped from outside
+
+
+def test_switches_at_one_node_are_those_of_two_surfaces_where_one_is_missed() -> None:
+    row = run_row(solver="nosnoc", missed=2, spurious=2, rtol=1e-9)
+    first, second = (missed("-", "0", reference_time_s=time) for time in (1.0, 1.0 + 1e-9))
+    both = [missed("-", "0", outcome="spurious", time_s=1.0 + 1e-10, surface=surface) for surface in "hu"]
+    assert cause_of(row, [first, *both, second]) == "nosnoc-node"
+    assert cause_of(row, [first, both[0], both[1] | {"time_s": 1.1}, second]) is None
+    assert cause_of(row, [first, both[0], both[0], second]) is None
+    assert cause_of(row, [first | {"reference_time_s": 0.9}, *both, second]) is None
+    assert cause_of(row | {"solver": "cvode-c-bdf"}, [first, *both, second]) is None
 
 
 def test_the_page_says_so_where_a_claim_does_not_hold(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:

@@ -20,7 +20,8 @@ from baselines.diffsl_text import mode_text, number, to_diffsl
 from baselines.diffsol_ode import BDF, TSIT45
 from baselines.jax_functions import mode_source
 from baselines.mode_functions import ModeFunctions
-from baselines.nosnoc_fesd import NOSNOC, Nosnoc
+from baselines.nosnoc_fesd import FEWEST, GRID, NOSNOC, Nosnoc, _control_steps
+from baselines.scipy_ivp import RK45
 from henon_ref import registry
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.filippov.problem import Problem
@@ -159,6 +160,14 @@ def test_nosnoc_finds_the_transitions_by_its_own_method(runs: Runs) -> None:
     assert found["kinds"] == ["crossing", "crossing", "crossing", "stick"]
     assert found["times"] == pytest.approx([k * math.pi for k in range(1, 5)], abs=1e-6)
     assert runs("nosnoc", "rotating_crossing", 1e-6)["times"] == pytest.approx([1.0], abs=1e-4)
+
+
+def test_nosnoc_is_not_charged_with_what_scipy_cannot_do() -> None:
+    """SciPy's brentq raises at the flat root of a release; the grid is then CVODE's."""
+    problem = next(own for own in henon_ref.load_case("odd_orders").readings if own.name == "release").problem
+    with pytest.raises(RuntimeError, match="Failed to converge"):
+        RK45.prepare(problem, rtol=GRID, atol=GRID)()
+    assert _control_steps(problem, None) >= FEWEST
 
 
 def test_nosnoc_tells_a_slide_from_the_start_on(runs: Runs) -> None:

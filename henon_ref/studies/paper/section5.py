@@ -34,6 +34,8 @@ LONG = 10_000.0
 SETTINGS = Settings(radius=0.05, delay=5)
 ZERO = 5e-4
 """An exponent below this over ``LONG`` counts as zero."""
+SIGNIFICANT = 5.0
+"""Standard errors that a positive exponent is above zero (a chaotic orbit's own digits are one machine's)."""
 LOWEST = -60.0
 """Bottom of the figure's axis of exponents [1/s]."""
 
@@ -149,6 +151,7 @@ def _exponents() -> list[Claim]:
     sets = {kind: measured(kind) for kind in SETS}
     chaotic = sets["chaotic"]
     largest, estimate = chaotic.spectrum.exponents[0], max(chaotic.series.exponents)
+    error = chaotic.spectrum.standard_errors[0]
     signs = (
         abs(max(sets["periodic"].series.exponents)) < 10 * ZERO
         and sorted(map(abs, sets["quasi-periodic"].series.exponents))[1] < 10 * ZERO
@@ -187,8 +190,9 @@ def _exponents() -> list[Claim]:
         checked(
             "Fig. 12",
             "chaotic: one exponent is positive",
-            abs(largest - 0.076) < 0.004 and chaotic.zeros == 1,
-            f"At vp = {SPEEDS['chaotic']}: {largest:.4f} over {LONG:g} units of time; the figure is lost.",
+            largest > SIGNIFICANT * error and chaotic.zeros == 1,
+            f"At vp = {SPEEDS['chaotic']}: {largest:.3f} over {LONG:g} units of time, with a standard error of "
+            f"{error:.3f}; the figure is lost.",
         ),
         checked(
             "Figs. 10-12",
@@ -300,9 +304,9 @@ At vp = 0.40 the period is {period:.12f}.
 What the samples cannot say: they lie on the attractor, so directions across it are not seen. The last exponent is
 -infinity; the estimate gives a finite number, which moves with radius and delay and not with the motion. *Directions
 seen* are those that the neighbours of a sample span, on average. On the periodic orbit there is one, and at its corners
-two: the other numbers are noise. The largest exponent of the chaotic motion is robust: some 14 %
-too large from 1500 samples, right to a few per cent from 6000 on, whatever the ball and the delay. The third is lost
-where the ball or the delay is large.
+two: the other numbers are noise. From 6000 samples on the largest
+exponent of the chaotic motion hardly depends on their number, the ball or the delay, and is within some 15 % of the one
+from the equations; from 1500 it may be off by half. The third is lost where the ball or the delay is large.
 
 {estimate}
 """

@@ -89,7 +89,7 @@ class PairedTiming(Job):
         if solver is None:
             return None
         part = own_part(run, self._prepared(rival, solver), solver.clock, rounds=min(self.rounds, OWN_ROUNDS))
-        return part * times.median(rival)
+        return part * times.median(rival) or None  # an integrator that all modes share was made without the clock
 
     def _row(self, pair: Pair, times: Turns[Candidate], own_times: Mapping[Candidate, float | None]) -> Row:
         own, rival = (min(candidates, key=times.median) for candidates in (pair.own, pair.rival))
