@@ -10,6 +10,7 @@ import pandas as pd
 
 from henon_ref.figures import style
 from henon_ref.henon.listing_variants import DEFECTS, VariantRun, run_variant
+from henon_ref.report.files.svg import svg
 from henon_ref.studies.paper.audit import ADDED, PRINTED_STEP, audit, durations, numbers
 from henon_ref.studies.paper.claims import Claim, Section, checked, picture
 from henon_ref.studies.paper.curves import thinned
@@ -33,7 +34,7 @@ def section(folder: Path) -> Section:
     """The audit; writes its table and draws its figure."""
     table = audit()
     table.to_csv(folder / "audit.csv", index=False, float_format="%.10g")
-    style.save(draw_audit(), folder / "audit.svg")
+    (folder / "audit.svg").write_bytes(svg(draw_audit()))
     caption = (
         "Where 1.1746 and 0.4161 come from. a to d: two periods of the forcing on the attractor, as mistakes are "
         "added. e: durations at h = 1e-4 against those of the limit for small steps, mistakes added from left to right "
@@ -141,7 +142,7 @@ def _draw_portrait(ax: Axes, run: VariantRun) -> None:
     on = np.abs(path[:, 2] - BELT) < 1e-12
     held = on & (np.roll(on, 1) | np.roll(on, -1))  # one sample alone on the belt is a crossing
     ax.axhline(BELT, color=style.GREY, lw=0.8, zorder=1)
-    drawn = thinned(np.where(on, 0.0, path[:, 2] - BELT), 20)
+    drawn = thinned(np.where(on, 0.0, path[:, 2] - BELT), 80)
     ax.plot(path[drawn, 1], path[drawn, 2], color=style.BLUE, lw=0.9)
     ax.plot(np.where(held, path[:, 1], np.nan)[drawn], path[drawn, 2], color=style.BLACK, lw=2.4)
     ax.set(xlabel="$x_1$ [m]", xlim=(-0.95, 0.75), ylim=(-1.9, 1.5))

@@ -38,7 +38,7 @@ def reference(problem: Problem) -> Trajectory:
     return solver("henon").prepare(problem, rtol=RTOL)()
 
 
-def curve(problem: Problem, *, after: float, until: float, points: int = 1500) -> Curve:
+def curve(problem: Problem, *, after: float, until: float, points: int = 800) -> Curve:
     """The run between two times, by the Taylor reference; shorter where it ends early."""
     wanted = np.linspace(after, until, points)
     run = solver("henon").prepare(problem, rtol=RTOL, sample_times=wanted)()

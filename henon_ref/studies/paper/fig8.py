@@ -15,6 +15,7 @@ from henon_ref.figures import style
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.listing import LISTING
 from henon_ref.henon.listing_variants import DEFECTS, run_variant
+from henon_ref.report.files.svg import svg
 from henon_ref.studies.paper.audit import PRINTED_STEP, numbers
 from henon_ref.studies.paper.claims import Claim, Section, checked, picture
 from henon_ref.studies.paper.curves import Curve, curve, thinned
@@ -88,7 +89,7 @@ def readings() -> Readings:
 def section(folder: Path) -> Section:
     """The numbers of Sec. 4.2; draws Fig. 8."""
     made = readings()
-    style.save(draw_fig8(), folder / "fig8.svg")
+    (folder / "fig8.svg").write_bytes(svg(draw_fig8()))
     lowest, overload = worst_stretch()
     long, short = _two(made.limit)
     text = _TEXT.format(long=long.duration, short=short.duration, lowest=lowest, overload=overload, period=2 * T)
@@ -200,7 +201,7 @@ def draw_fig8() -> Figure:
     limit, equations = late_curve(fig8_listing_limit()), late_curve(fig8_equations())
     path = run_variant(DEFECTS, step=PRINTED_STEP, numbers=numbers(), until=LATE + 2 * T, path_from=LATE).path
     on = np.abs(path[:, 2] - BELT) < 1e-12
-    kept = thinned(np.where(on, 0.0, path[:, 2] - BELT), 20)
+    kept = thinned(np.where(on, 0.0, path[:, 2] - BELT), 80)
     path, on = path[kept], on[kept]
     with style.figure(6.2) as figure:
         grid = figure.add_gridspec(2, 3, height_ratios=(1, 1))

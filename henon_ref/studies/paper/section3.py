@@ -13,6 +13,7 @@ from henon_ref.analysis.tangent import TangentAnalysis, TangentPoint
 from henon_ref.figures import style
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.rk4 import RK4
+from henon_ref.report.files.svg import svg
 from henon_ref.studies.paper.audit import ORDER_STEPS, ROUNDING, order_of
 from henon_ref.studies.paper.claims import Claim, Section, checked, picture
 from henon_ref.studies.paper.curves import Curve, curve, reference
@@ -96,7 +97,7 @@ def rk4_order(problem: Problem) -> float:
 def section(folder: Path) -> Section:
     """Equations (14)-(16), Figs. 2-4; draws Fig. 4."""
     made = fan()
-    style.save(draw_fig4(made), folder / "fig4.svg")
+    (folder / "fig4.svg").write_bytes(svg(draw_fig4(made)))
     period, down, up = made.orbit()
     text = _TEXT.format(
         count=len(made.curves), sticking=made.sticking(), last=made.last_stick(), period=period, down=down, up=up

@@ -10,6 +10,7 @@ import sympy as sp
 
 from henon_ref.analysis.tangent import TangentAnalysis
 from henon_ref.figures import style
+from henon_ref.report.files.svg import svg
 from henon_ref.studies.paper.claims import Claim, Section, checked, picture
 from henon_ref.studies.paper.exact import same, same_set
 from henon_ref.studies.paper.systems import (
@@ -46,8 +47,8 @@ EDGE = float(2 / (3 * sp.sqrt(3)))
 
 def section(folder: Path) -> Section:
     """Equations (17)-(24), Figs. 5-7; draws Figs. 6 and 7."""
-    style.save(draw_fig6(), folder / "fig6.svg")
-    style.save(draw_fig7(), folder / "fig7.svg")
+    (folder / "fig6.svg").write_bytes(svg(draw_fig6()))
+    (folder / "fig7.svg").write_bytes(svg(draw_fig7()))
     text = _TEXT.format(share=100 * moving_backward())
     text += picture(folder, "fig6.svg", "Fig. 6 again: the friction law of Eq. (2) for mu0 = sqrt 3/9 and delta = 1.")
     text += "\n" + picture(

@@ -20,6 +20,7 @@ from henon_ref.analysis.timeseries import Settings, TimeSeriesSpectrum, time_ser
 from henon_ref.figures import style
 from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.registry import solver
+from henon_ref.report.files.svg import svg
 from henon_ref.studies.paper.belt import moving_belt
 from henon_ref.studies.paper.claims import Claim, Section, checked, picture
 from henon_ref.studies.paper.exact import same
@@ -80,8 +81,8 @@ def printed_run() -> Trajectory:
 
 def section(folder: Path) -> Section:
     """Text, claims and figures of Section 5."""
-    style.save(draw_motions(), folder / "section5_motions.svg")
-    style.save(draw_estimate(), folder / "section5_estimate.svg")
+    (folder / "section5_motions.svg").write_bytes(svg(draw_motions()))
+    (folder / "section5_estimate.svg").write_bytes(svg(draw_estimate()))
     claims = [*_equations(), *_exponents(), _moving_belt()]
     text = _TEXT.format(
         table=_table(),
