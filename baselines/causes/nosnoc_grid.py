@@ -99,7 +99,7 @@ def steps_are_programs() -> str:
     return f"a control step is {programs:.1f} nonlinear programs, here {1e3 * spent:.0f} ms of processor time"
 
 
-def near_switches_are_one() -> str:
+def two_switches_at_one_node() -> str:
     """x' = 1 up to x = 0, 2 or 3 up to 1e-6, 4 beyond, from -1.1 in three steps, each with room for one switch."""
     import casadi
     import nosnoc
@@ -136,7 +136,7 @@ NOSNOC = (
         "Switches close to each other are one",
         "A switch is an end of a finite element. Two that are closer than the complementarity tells and have one end "
         "between them are taken there together: in no order, and both at a time that is neither's.",
-        elsewhere(near_switches_are_one),
+        elsewhere(two_switches_at_one_node),
         (DOCS,),
     ),
     Cause(

@@ -25,7 +25,8 @@ from henon_ref.solver import Run, SelfTimedRun, Solver
 from henon_ref.trajectory import Samples, Trajectory
 
 PREPARE_SECONDS = 240.0
-"""Processor time that the preparation of a run may take [s]: diffrax compiles the 42 modes of block_chain in 108."""
+"""Processor time that the preparation of a run may take [s]: diffrax took 108 s for the 42 modes of block_chain,
+beside other work."""
 TOO_LONG_TO_PREPARE = f"preparing it took more than {PREPARE_SECONDS:g} s of processor time"
 BUDGET = 0.3
 """Seconds that the samples of one row may take where the caller does not say how many to take."""

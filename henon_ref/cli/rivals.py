@@ -41,7 +41,7 @@ def main(
         if not (rows / case.name / RUNS).is_file():
             raise CaseError(f"{rows / case.name / RUNS} is not there: henon-ref compare CASES --out {rows} writes it")
     check_index(out / FOLDER)
-    words = f"henon-ref rivals {' '.join(map(str, cases))} --rows FOLDER"
+    words = f"henon-ref rivals {' '.join(map(str, cases))} --rows FOLDER --jobs {jobs}"
     with writing_into(out), locked([out / FOLDER]), Shown() as shown:
         options = Options(processes=jobs, timeout=timeout)
         page = run_paired_times(loaded, options, provenance(words), out, shown, reports=rows)
