@@ -26,21 +26,18 @@ class Tally:
     """Bounds of the gate: for each solver the status wanted and every largest error."""
     checked: int = 0
     """Those on a run that was made."""
-    unasked: int = 0
-    """Those at a tolerance of their own (``at``) with which their solver was not asked to run."""
     left_out: tuple[LeftOut, ...] = ()
     """What the bounds that were not checked are on."""
 
     @property
     def missing(self) -> bool:
-        """Bounds ask for a run, and none of them was checked."""
-        return self.total > self.unasked and not self.checked
+        """There are bounds, and none of them was checked."""
+        return self.total > 0 and not self.checked
 
     def __add__(self, other: Tally) -> Tally:
         return Tally(
             self.total + other.total,
             self.checked + other.checked,
-            self.unasked + other.unasked,
             tuple(dict.fromkeys(self.left_out + other.left_out)),
         )
 
@@ -53,12 +50,7 @@ def gate_tally(readings: Iterable[Reading], rows: Sequence[Row]) -> Tally:
         for solver, gate in reading.gate.items():
             bounds = 1 + sum(bound is not None for bound in (gate.max_time_error, gate.max_stick_error))
             row, left_out = _row(solver, gate, reading, own)
-            if row is not None:
-                found += Tally(bounds, bounds)
-            elif left_out.rtol is not None and gate.at is not None:
-                found += Tally(bounds, unasked=bounds, left_out=(left_out,))
-            else:
-                found += Tally(bounds, left_out=(left_out,))
+            found += Tally(bounds, left_out=(left_out,)) if row is None else Tally(bounds, bounds)
     return found
 
 
