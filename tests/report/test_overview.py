@@ -62,7 +62,7 @@ def test_many_readings_get_a_figure_where_figures_are_wanted(tmp_path):
     (axes,) = figure.axes
     assert [label.get_text() for label in axes.get_yticklabels()] == ["heyoka", "henon"]
     assert [text.get_text() for text in axes.texts] == ["9", "6", *["9"] * 12]
-    assert [label.get_text() for label in figure.legends[0].get_texts()] == ["(corner) wrong at another setting"]
+    assert [label.get_text() for label in figure.legends[0].get_texts()] == ["(corner) not right at another setting"]
 
 
 def test_where_cells_are_too_small_for_digits_shades_stand_for_them(monkeypatch):
@@ -174,3 +174,31 @@ def test_of_settings_that_are_as_good_the_cheapest_is_shown():
     for result in comparison.readings:
         comparison.of_reading(result.reading.name)[0].run["wall_s"] = 1e-10
     assert first(comparison)["`henon`"]["setting"] == "1e-9"
+
+
+def test_every_end_of_a_run_has_its_colour_in_the_figure_and_its_legend():
+    comparison = sweep(settings=(1e-6,), readings=ALL[:5])
+    heyoka = [record.run for record in comparison.records if record.run["solver"] == "heyoka"]
+    ends = (("timeout", "not judged"), ("wrong", "ill-conditioned"), ("wrong", "solver defect"), ("ok", "not judged"))
+    for row, (status, verdict) in zip(heyoka, ends, strict=False):
+        row.update(status=status, verdict=verdict, digits=None)
+    heyoka[4]["status"] = "unsupported"
+    figure = draw_readings(judged(comparison))
+    colours = [patch.get_facecolor() for patch in figure.axes[0].patches if patch.get_y() == 0]
+    assert len(set(colours)) == 4
+    (drawn,) = figure.legends
+    named = zip(drawn.get_texts(), drawn.get_patches(), strict=True)
+    legend = {text.get_text(): patch.get_facecolor() for text, patch in named}
+    words = ["out of time", "ill-conditioned or not unique", "right at no setting", "not judged"]
+    assert [legend[word] for word in words] == colours
+    assert set(legend) == {*words, "cannot do it, or not run"}
+
+
+def test_a_run_that_is_not_judged_has_no_ok_of_one_that_is_right():
+    comparison = sweep(settings=(1e-6,))
+    for record in comparison.records[:3]:
+        record.run.update(digits=None)
+    comparison.records[1].run.update(verdict="not judged")
+    comparison.records[2].run.update(verdict="not judged", status="timeout")
+    table = tables(report_text(comparison, ORIGIN).partition("## All readings")[2])[0]
+    assert [row[2:] for row in table.rows[:2]] == [("ok", "not judged"), ("timeout", "6")]

@@ -61,6 +61,28 @@ def comparison(name: str, own: Case | None = None, solvers: dict[str, tuple[str,
     return Comparison(replace(own, name=name), [result], records, Options())
 
 
+PAIR = """readings:
+  belt: {{}}
+  belt_limit: {{until: 4}}
+"""
+"""Two readings, the name of one the beginning of the other's."""
+
+
+def two_readings() -> Comparison:
+    """A comparison of a case ``pair`` of two readings, each with a portrait and a figure; ``henon`` alone ran."""
+    own = case("pair", CASE + PAIR)
+    results, records = [], []
+    for reading in own.readings:
+        times = np.linspace(0.0, float(reading.problem.until), 101)
+        samples = Samples(times, np.cos(times)[:, None], None)
+        figure = {f"{reading.name}_cost.svg": b"<svg/>"}
+        results.append(ReadingResult(reading, statement(None, None), samples=samples, figures=figure))
+        records.append(made("henon", 1e-6, 1e-3, reading=reading))
+    for record in records:
+        record.run["case"] = own.name
+    return Comparison(own, results, records, Options())
+
+
 def made_folder(folder: Path) -> Path:
     """Two cases, their reports, and the page over them; the page's path."""
     for name in RUNS:

@@ -34,7 +34,8 @@ CELL = ("settings", "judged", "right", "status", "verdict", "digits", "wall_s", 
 """Columns of the matrix that a cell has, behind its solver."""
 SHOWN_FILES = (".md", ".csv", ".svg")
 Details = dict[str, Any]
-"""What is known of a case: ``words`` of its file, ``files`` beside its report, ``readings`` by name."""
+"""What is known of a case: words of its file, ``files`` beside its report, and ``readings`` by name, each with its
+portrait and runs."""
 
 
 def content(folder: Path, rows: Sequence[Row]) -> dict[str, Any]:
@@ -108,11 +109,10 @@ def details_of(folder: Path) -> Details | None:
         readings.setdefault(str(row["reading"]), []).append(row)
     told, known = read_case_file(folder), _mapping(manifest.get("readings"))
     return {
-        **{key: told[key] for key in ("tags", "source", "portrait") if told.get(key)},
+        **{key: told[key] for key in ("tags", "source") if told.get(key)},
         "files": sorted(one_line(path.name) for path in folder.iterdir() if path.suffix in SHOWN_FILES),
         "readings": {
-            reading: _told_of(_mapping(known.get(reading)), _mapping(told.get("stories")).get(reading, ""), own)
-            for reading, own in readings.items()
+            reading: _told_of(reading, _mapping(known.get(reading)), told, own) for reading, own in readings.items()
         },
     }
 
@@ -122,12 +122,13 @@ def _mapping(value: object) -> Mapping[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
-def _told_of(manifest: Mapping[str, Any], story: str, rows: Sequence[Row]) -> Details:
-    """What manifest and rows say of a reading."""
+def _told_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, Any], rows: Sequence[Row]) -> Details:
+    """What its manifest, the words of the case's file and its rows say of a reading."""
     truth = _mapping(manifest.get("truth"))
     told = {
         "title": one_line(str(manifest.get("title") or "")),
-        "story": story,
+        "story": _mapping(words.get("stories")).get(reading),
+        "portrait": _mapping(words.get("portraits")).get(reading),
         "unit": rounded(next((row["time_unit_s"] for row in rows if row["time_unit_s"] is not None), None), 6),
         "floor": rounded(max((floor(row) for row in rows), default=0.0), 2),
         "transitions": truth.get("transitions"),
@@ -141,7 +142,7 @@ def _told_of(manifest: Mapping[str, Any], story: str, rows: Sequence[Row]) -> De
 
 
 def updated(fresh: Details | None, earlier: Details) -> Details:
-    """What a case's folder says, and what an earlier page knows beside it: a portrait, runs of other solvers.
+    """What a case's folder says, and what an earlier page knows beside it: portraits, runs of other solvers.
 
     Parameters
     ----------
@@ -154,8 +155,7 @@ def updated(fresh: Details | None, earlier: Details) -> Details:
         return earlier
     known = earlier.get("readings", {})
     readings = {reading: _both(own, known.get(reading, {})) for reading, own in fresh["readings"].items()}
-    kept = {key: earlier[key] for key in ("portrait",) if key in earlier}
-    return {**kept, **fresh, "readings": {**known, **readings}}
+    return {**fresh, "readings": {**known, **readings}}
 
 
 def _both(fresh: Details, earlier: Details) -> Details:
@@ -180,8 +180,11 @@ def earlier_details(folder: Path) -> dict[str, Details]:
 
 def _known(case: Mapping[str, Any], solvers: Sequence[str], words: Sequence[str]) -> Details:
     """What a page knows of a case whose folder may be gone."""
-    known = {key: case[key] for key in ("tags", "source", "portrait") if key in case}
-    return {**known, "readings": {own["name"]: _unpacked(own, solvers, words) for own in case["readings"]}}
+    known = {key: case[key] for key in ("tags", "source") if key in case}
+    readings = {own["name"]: _unpacked(own, solvers, words) for own in case["readings"]}
+    if (portrait := case.get("portrait")) and portrait["reading"] in readings:  # of a page that has one a case
+        readings[portrait["reading"]]["portrait"] = {key: portrait[key] for key in portrait if key != "reading"}
+    return {**known, "readings": readings}
 
 
 def _unpacked(reading: Mapping[str, Any], solvers: Sequence[str], words: Sequence[str]) -> Details:

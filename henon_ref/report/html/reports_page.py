@@ -11,7 +11,7 @@ from henon_ref.columns import Row
 from henon_ref.report.files.write import INDEX, MATRIX, MATRIX_PAGE, PAGE, replace_file
 from henon_ref.report.html.content import content
 from henon_ref.report.html.rendering import rendered, source
-from henon_ref.report.text.choice import by_kind, key_of, package_of, reaches
+from henon_ref.report.text.choice import ANY, by_kind, key_of, package_of, reaches, readings_for
 from henon_ref.report.text.formats import count, duration, significant
 from henon_ref.report.text.index import PAGES, commits
 from henon_ref.report.text.matrix_page import coverage
@@ -90,10 +90,11 @@ def choice_rows(rows: Sequence[Row], column: str) -> list[tuple[str, ...]]:
     """The table of the page's beginning: a row a kind of case, as the index has it (:mod:`...text.choice`)."""
     made: list[tuple[str, ...]] = []
     for kind, own in by_kind(rows).items():
-        timed = {key_of(row) for row in own if row["digits"] is not None}
+        every, counted = readings_for(own, ANY), readings_for(own, column)
+        readings = f"{len(every)}" if every == counted else f"{len(counted)} of {len(every)}"
         found = reaches(own, column)
         if not found:
-            made.append((kind, f"{len(timed)}", "none", "", "", "", "", ""))
+            made.append((kind, readings, "none", "", "", "", "", ""))
             continue
         first = found[0]
         others = reaches([row for row in own if package_of(name(row)) != package_of(first.solver)], column)
@@ -101,7 +102,7 @@ def choice_rows(rows: Sequence[Row], column: str) -> list[tuple[str, ...]]:
         made.append(
             (
                 kind,
-                f"{len(timed)}",
+                readings,
                 first.solver,
                 f"{len(first.walls)}",
                 duration(median(first.walls.values())),

@@ -39,6 +39,11 @@ def by_kind(rows: Iterable[Row]) -> dict[str, list[Row]]:
     return {kind: own for kind, own in found.items() if own}
 
 
+def readings_for(rows: Iterable[Row], column: str) -> set[Key]:
+    """The readings that a column of times counts: all for :data:`ANY`, for digits those with a transition to time."""
+    return {key_of(row) for row in rows if column == ANY or row["digits"] is not None}
+
+
 @dataclass(frozen=True)
 class Reach:
     """The readings in which one solver reaches so many digits, and its times there [s]."""
@@ -80,11 +85,24 @@ def choice_table(rows: Sequence[Row]) -> Table:
     Each with the number of readings in which it gets there, the other with how many times as long it takes.
     """
     columns = {"right": ANY, **{f"{level} digits": f"wall_{level}_s" for level in LEVELS}}
-    lines = []
-    for kind, own in by_kind(rows).items():
-        readings = len({key_of(row) for row in own})
-        lines.append((kind, f"{readings}", *(_choice(own, column) for column in columns.values())))
+    lines = [
+        (kind, reading_counts(own), *(_choice(own, column) for column in columns.values()))
+        for kind, own in by_kind(rows).items()
+    ]
     return Table(("kind of case", "readings", *columns), "lr" + "l" * len(columns), lines)
+
+
+def reading_counts(rows: Sequence[Row]) -> str:
+    """How many readings there are, and in how many of them digits are counted, where that is in some only.
+
+    Examples
+    --------
+    >>> rows = [{"case": "a", "reading": "r", "digits": 3.0}, {"case": "a", "reading": "s", "digits": None}]
+    >>> reading_counts(rows), reading_counts(rows[:1])
+    ('2, 1 timed', '1')
+    """
+    every, timed = (len(readings_for(rows, column)) for column in (ANY, f"wall_{LEVELS[0]}_s"))
+    return f"{every}, {timed} timed" if 0 < timed < every else f"{every}"
 
 
 def _choice(rows: Sequence[Row], column: str) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 from henon_ref.columns import Row
 from henon_ref.figures import style
-from henon_ref.report.text.choice import ANY, by_kind, key_of
+from henon_ref.report.text.choice import ANY, AS_MANY, by_kind, key_of, reading_counts, readings_for
 from henon_ref.report.text.matrix import solvers_of
 from henon_ref.report.text.ranking import LEVELS, name, number
 from henon_ref.text import one_line
@@ -18,10 +20,16 @@ if TYPE_CHECKING:
 
 COLUMNS = (("ok", ANY), *((f"{level}", f"wall_{level}_s") for level in LEVELS))
 """Label of a column of a panel, and the column of the matrix that has a time where so many digits are reached."""
-LEFT, RIGHT, ABOVE, BELOW, BETWEEN, ROW = 1.05, 0.03, 0.78, 0.42, 0.1, 0.19
+CORNER = style.VERMILLION
+LEFT, RIGHT, ABOVE, BELOW, BETWEEN, ROW = 1.05, 0.03, 0.78, 0.54, 0.1, 0.19
 """Room for names of solvers, right of the panels, above and below them, between two of them; height of a row [in]."""
 TITLE = "Percent of the readings of each kind in which a solver is right to so many digits"
-LABEL = "digits of the worst transition time, in the readings that have one (ok: right, in all readings judged)"
+LABEL = (
+    "digits of the worst transition time, in the readings that have one (timed); ok: right, in all\n"
+    "shares of the readings that the solver is judged in; a corner: in fewer than nine tenths of them"
+)
+LETTERS = 13
+"""Letters of a line of a panel's title."""
 DARK = 0.7
 """Share from which on a cell is so dark that its text is white."""
 
@@ -52,25 +60,27 @@ def draw_kinds(rows: Sequence[Row]) -> Figure:
         figure.suptitle(TITLE, x=0.01, y=1 - 0.1 / height, ha="left", va="top", fontsize=9.5)
         figure.text(
             LEFT / style.WIDTH, 0.04 / height, LABEL,
-            fontsize=8.0, va="bottom",
+            fontsize=8.0, va="bottom", linespacing=1.15,
         )  # fmt: skip
         return figure
 
 
 def _draw_panel(axes: Axes, kind: str, rows: Sequence[Row], solvers: Sequence[str]) -> None:
-    from matplotlib.patches import Rectangle
+    from matplotlib.patches import Polygon, Rectangle
 
-    timed = {key_of(row) for row in rows if row["digits"] is not None}
-    every = {key_of(row) for row in rows if number(row, "judged")}
-    drawn = COLUMNS if timed else COLUMNS[:1]
+    drawn = [(label, column) for label, column in COLUMNS if readings_for(rows, column)]
     for j, solver in enumerate(reversed(solvers)):
         own = {key_of(row): row for row in rows if name(row) == solver and number(row, "judged")}
         for i, (_, column) in enumerate(drawn):
-            share = _share(own, column, every if column == ANY else timed)
+            readings = readings_for(rows, column)
+            share = _share(own, column, readings)
             if share is not None:
                 colour, ink = _shade(share), "white" if share >= DARK else style.BLACK
+                percent = f"{math.floor(100 * share + 1e-9)}"
                 axes.add_patch(Rectangle((i, j), 1, 1, facecolor=colour, edgecolor="white", linewidth=0.5))
-                axes.text(i + 0.5, j + 0.46, f"{100 * share:.0f}", ha="center", va="center", fontsize=5.5, color=ink)
+                axes.text(i + 0.5, j + 0.46, percent, ha="center", va="center", fontsize=5.5, color=ink)
+                if len(readings & set(own)) < AS_MANY * len(readings):
+                    axes.add_patch(Polygon([(i + 0.7, j + 1), (i + 1, j + 1), (i + 1, j + 0.7)], facecolor=CORNER))
     axes.set_xlim(0, len(COLUMNS))
     axes.set_ylim(0, len(solvers))
     axes.grid(visible=False)
@@ -78,8 +88,7 @@ def _draw_panel(axes: Axes, kind: str, rows: Sequence[Row], solvers: Sequence[st
     axes.tick_params(length=0, pad=2.0)
     for side in axes.spines.values():
         side.set_visible(False)
-    title = kind.replace(" or ", " or\n")
-    axes.set_title(f"{title}\n({len(every)})", fontsize=7.5, linespacing=1.05)
+    axes.set_title(f"{fill(kind, LETTERS)}\n({reading_counts(rows)})", fontsize=7.5, linespacing=1.05)
 
 
 def _share(own: Mapping[tuple[str, str], Row], column: str, readings: set[tuple[str, str]]) -> float | None:

@@ -7,17 +7,17 @@ from collections.abc import Iterable, Sequence
 from henon_ref import registry
 from henon_ref.columns import Row
 from henon_ref.report.text.formats import digits
-from henon_ref.report.text.matrix_rows import summary
+from henon_ref.report.text.matrix_rows import UNJUDGED, summary
 from henon_ref.report.text.ranking import by_solver, name, number
 from henon_ref.report.text.tables import Table
 from henon_ref.text import code
 
-MARKS = {"unsupported": "–", "unavailable": "·", "timeout": "timeout", "failed": "failed"}
+MARKS = {"unsupported": "–", "unavailable": "·"}
 KEY = (
     "Decimal digits of the worst transition time (in seconds, or in the unit of time that the case's report names) at "
     "the most accurate setting with the right sequence. "
-    "`*`: not right at another setting. `–`: the solver cannot do this problem, `·`: not installed, empty: it was not "
-    "run on it; otherwise how its last run ended."
+    "`ok`: right, nothing to time. `*`: not right at another setting. `–`: the solver cannot do this problem, `·`: not "
+    "installed, empty: it was not run on it; otherwise how its last run ended, or why that is not judged."
 )
 """What the cells mean."""
 
@@ -62,4 +62,6 @@ def _cell(row: Row) -> str:
         return reached if right == settings else f"{reached} *"
     if row["verdict"] in ("ill-conditioned", "not unique"):
         return str(row["verdict"])
+    if row["verdict"] in UNJUDGED and row["status"] != "timeout":  # its "ok" is no right one
+        return "not judged"
     return MARKS.get(str(row["status"]), str(row["status"]))

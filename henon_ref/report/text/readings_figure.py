@@ -10,6 +10,7 @@ from henon_ref.columns import Row
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
 from henon_ref.report.text.matrix import solvers_of
+from henon_ref.report.text.matrix_rows import UNJUDGED
 from henon_ref.report.text.ranking import LEVELS, NOT_RUN, best_of, by_solver, number
 from henon_ref.text import one_line
 
@@ -22,17 +23,22 @@ TITLE = "Digits of the worst transition time, each solver at its most accurate s
 MOST_DIGITS = 16.0
 DARK = 9.0
 """Digits from which on a cell is so dark that its text is white."""
-WRONG, OPEN, NOTHING, CORNER = style.ORANGE, "#BDBDBD", "#E3ECF5", style.VERMILLION
+WRONG, TIMEOUT, OPEN, UNKNOWN = style.ORANGE, "#C9B8E8", "#BDBDBD", "#E8E8E8"
+NOTHING, CORNER, BLANK = "#E3ECF5", style.VERMILLION, "#FFFFFF"
 LABELS = {
     NOTHING: "right, nothing to time",
-    CORNER: "(corner) wrong at another setting",
-    WRONG: "wrong at every setting",
-    OPEN: "wrong, but ill-conditioned or not unique",
+    CORNER: "(corner) not right at another setting",
+    WRONG: "right at no setting",
+    TIMEOUT: "out of time",
+    OPEN: "ill-conditioned or not unique",
+    UNKNOWN: "not judged",
+    BLANK: "cannot do it, or not run",
 }
+"""Colours, and what they mean; where no setting is right, what became of the last one decides."""
 LEFT, ACROSS, WIDEST = 1.05, 6.08, 0.5
 """Room for the solvers' names and for all readings, and the most that one reading takes of it [in]."""
-ROW, LETTER, HALF = 0.19, 0.062, 0.09
-"""Height of a row, length of a letter, side of a corner [in]."""
+ROW, LETTER, HALF, LEGEND, IN_ROW = 0.19, 0.062, 0.09, 0.16, 4
+"""Height of a row, length of a letter, side of a corner, height of a row of the legend [in]; labels in such a row."""
 MOST_NAMES, MOST_TEXTS = 50, 44
 """Readings up to which each one is named, and each cell says its digits."""
 
@@ -51,19 +57,20 @@ def draw_readings(readings: Sequence[tuple[str, Sequence[Row]]]) -> Figure:
     names = [reading for reading, _ in readings]
     wide = min(ACROSS / len(names), WIDEST)
     texts = len(names) <= MOST_TEXTS
-    below = (0.34 if texts else 0.5) + LETTER * max(map(len, names))
+    blank = {BLANK} if len(cells) < len(solvers) * len(names) else set()
+    patches = _patches(blank.union(*map(_named, cells.values())), shades=not texts)
+    below = 0.18 + LEGEND * math.ceil(len(patches) / IN_ROW) + LETTER * max(map(len, names))
     height = 0.3 + ROW * len(solvers) + below
     with style.figure(height) as figure:
         box = (LEFT / style.WIDTH, below / height, wide * len(names) / style.WIDTH, ROW * len(solvers) / height)
         axes = figure.add_axes(box)
-        used: set[str] = set()
         for j, solver in enumerate(reversed(solvers)):
             for i, name in enumerate(names):
                 if (name, solver) in cells:
-                    used |= _draw(axes, i, j, cells[name, solver], wide, texts=texts)
+                    _draw(axes, i, j, cells[name, solver], wide, texts=texts)
         _label(axes, names, solvers)
         figure.legend(
-            handles=_patches(used, shades=not texts), loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=4,
+            handles=patches, loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=IN_ROW,
             fontsize=7.0, handlelength=1.1, columnspacing=1.0, borderpad=0.2,
         )  # fmt: skip
         describe(figure, TITLE, _description(cells, solvers, names))
@@ -83,25 +90,38 @@ def _description(cells: Mapping[tuple[str, str], Sequence[Row]], solvers: Sequen
     )
 
 
-def _draw(axes: Axes, i: int, j: int, rows: Sequence[Row], wide: float, *, texts: bool) -> set[str]:
-    """One cell; returns those of its colours that the legend names."""
+def _draw(axes: Axes, i: int, j: int, rows: Sequence[Row], wide: float, *, texts: bool) -> None:
+    """One cell."""
     from matplotlib.patches import Polygon, Rectangle
 
-    reached = number(best_of(rows), "digits")
-    some = any(row["verdict"] == "right" for row in rows)
-    timed = some and not math.isnan(reached)
-    untimed = NOTHING if some else OPEN if rows[-1]["verdict"] in ("ill-conditioned", "not unique") else WRONG
-    colour = _shade(reached) if timed else untimed
-    axes.add_patch(Rectangle((i, j), 1, 1, facecolor=colour, edgecolor="white", linewidth=0.5))
-    if timed and texts:
+    reached, colour = number(best_of(rows), "digits"), _colour(rows)
+    face = colour or _shade(reached)
+    axes.add_patch(Rectangle((i, j), 1, 1, facecolor=face, edgecolor="white", linewidth=0.5))
+    if colour is None and texts:
         ink = "white" if reached >= DARK else style.BLACK
         axes.text(i + 0.5, j + 0.46, f"{math.floor(reached)}", ha="center", va="center", fontsize=6.5, color=ink)
-    used = set() if timed else {untimed}
-    if some and any(row["verdict"] != "right" for row in rows):
+    if CORNER in _named(rows):
         corner = [(i + 1 - HALF / wide, j + 1), (i + 1, j + 1), (i + 1, j + 1 - HALF / ROW)]
         axes.add_patch(Polygon(corner, facecolor=CORNER, linewidth=0))
-        used.add(CORNER)
-    return used
+
+
+def _named(rows: Sequence[Row]) -> set[str]:
+    """The colours of a cell that the legend names."""
+    right = [row["verdict"] == "right" for row in rows]
+    corner = {CORNER} if any(right) and not all(right) else set()
+    return corner | {colour for colour in (_colour(rows),) if colour is not None}
+
+
+def _colour(rows: Sequence[Row]) -> str | None:
+    """Colour of a cell without digits; None: the shade of its digits."""
+    if any(row["verdict"] == "right" for row in rows):
+        return NOTHING if math.isnan(number(best_of(rows), "digits")) else None
+    row = rows[-1]
+    if row["status"] == "timeout":
+        return TIMEOUT
+    if row["verdict"] in ("ill-conditioned", "not unique"):
+        return OPEN
+    return UNKNOWN if row["verdict"] in UNJUDGED else WRONG
 
 
 def _shade(reached: float) -> str:
@@ -132,5 +152,7 @@ def _patches(used: set[str], *, shades: bool) -> list[Patch]:
 
     found = [Patch(facecolor=_shade(level), linewidth=0, label=f"{level} digits") for level in LEVELS if shades]
     return found + [
-        Patch(facecolor=colour, linewidth=0, label=label) for colour, label in LABELS.items() if colour in used
+        Patch(facecolor=colour, edgecolor=style.GREY, linewidth=0.4 if colour == BLANK else 0, label=label)
+        for colour, label in LABELS.items()
+        if colour in used
     ]

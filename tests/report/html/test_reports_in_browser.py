@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from fakes import CASE, case
-from html_pages import RUNS, SCHEMES, SIZES, comparison, opened, serious, sideways
+from html_pages import RUNS, SCHEMES, SIZES, comparison, opened, serious, sideways, two_readings
 from made_reports import ORIGIN
 from test_reports_page import SHOWN
 
@@ -283,3 +283,67 @@ def test_what_a_stranger_writes_is_shown_as_it_is(chromium: Any, tmp_path: Path)
         assert sideways(page) <= 0
         assert page.locator("img").count() == 0
         assert page.locator("script").count() == 2
+
+
+def test_a_reading_shows_its_own_portrait_and_figures(chromium: Any, tmp_path: Path) -> None:
+    write_report(two_readings(), ORIGIN, tmp_path)
+    write_folder_report(tmp_path)
+    for reading, until in (("belt", 5), ("belt_limit", 4)):
+        with opened(chromium, tmp_path / "index.html", at=f"#run-pair-{reading}-henon") as seen:
+            titled(seen.page, f"henon on pair / {reading}")
+            assert seen.page.locator("#portrait-note").inner_text() == f"The motion from 0 s to {until} s"
+            drawings = [name for name in texts(seen.page, "#run-file-list li") if name.endswith(".svg")]
+            assert drawings == [f"{reading}_cost.svg"]
+
+
+def test_a_reading_without_a_portrait_shows_no_other(chromium: Any, tmp_path: Path) -> None:
+    bare = two_readings()
+    bare.readings[0].samples = None
+    write_report(bare, ORIGIN, tmp_path)
+    write_folder_report(tmp_path)
+    with opened(chromium, tmp_path / "index.html", at="#run-pair-belt-henon") as seen:
+        titled(seen.page, "henon on pair / belt")
+        portrait = seen.page.locator("#portrait")
+        assert portrait.inner_text() == "No portrait of this reading is kept; there is one of belt_limit."
+        assert portrait.locator("svg").count() == 0
+        portrait.locator("a").click()
+        titled(seen.page, "henon on pair / belt_limit")
+
+
+def test_a_solver_that_ran_on_a_part_stands_below_those_that_get_there_more_often(
+    chromium: Any, tmp_path: Path
+) -> None:
+    """Bars are of all readings, so that one of 1 is shorter than one of 2."""
+    write_report(comparison("first", solvers={**RUNS["first"], "octave-ode45": ("right", 1e-5)}), ORIGIN, tmp_path)
+    write_report(comparison("second"), ORIGIN, tmp_path)
+    write_folder_report(tmp_path)
+    with opened(chromium, tmp_path / "index.html") as seen:
+        bars = seen.page.locator("#reaches g")
+        shown = [bars.nth(k).locator("text").all_text_contents() for k in range(bars.count())]
+        assert shown == [["henon", "2 of 2"], ["scipy-rk45", "2 of 2"], ["octave-ode45", "1 of 1"],
+                         ["heyoka", "1 of 2"], ["ida", "1 of 1"]]  # fmt: skip
+        widths = [float(own) for own in seen.page.locator("#reaches .bar-in").evaluate_all(
+            "bars => bars.map((bar) => bar.getAttribute('width'))")]  # fmt: skip
+        assert widths == pytest.approx([widths[0], widths[0], *[widths[0] / 2] * 3])
+        assert "all 2 readings with a transition to time" in seen.page.locator("#reaches-note").inner_text()
+
+
+def test_every_standing_has_a_colour_and_stands_in_the_key(chromium: Any, tmp_path: Path) -> None:
+    made = comparison("first", solvers={"henon": ("right", 1e-3), "heyoka": ("misses", 1e-3),
+                                        "ida": ("untried", 0.0), "scipy-rk45": ("misses", 1e-3)})  # fmt: skip
+    for record in made.records[-2:]:
+        record.run["verdict"] = "ill-conditioned"
+    write_report(made, ORIGIN, tmp_path)
+    write_folder_report(tmp_path)
+
+    def colour(locator: Any) -> str:
+        return str(locator.evaluate("node => getComputedStyle(node).backgroundColor"))
+
+    with opened(chromium, tmp_path / "index.html") as seen:
+        cells = {text: colour(seen.page.locator(f"#matrix td:has-text('{text}')").last)
+                 for text in ("12", "wrong", "timeout", "ill-cond.")}  # fmt: skip
+        assert len({*cells.values(), colour(seen.page.locator("body"))}) == 5
+        key = seen.page.locator("#standings span")
+        chips = {own.inner_text(): colour(own.locator("i")) for own in key.all()}
+        assert set(cells.values()) <= set(chips.values())
+        assert chips["out of time"] == cells["timeout"]

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from base64 import b64decode
+from collections import Counter
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -13,9 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fakes import CASE, case
-from html_pages import RUNS, comparison, made_folder
+from html_pages import RUNS, comparison, made_folder, two_readings
 from made_reports import ORIGIN
 
+from henon_ref.campaign.options import MOST_DRAWN
 from henon_ref.cli.check import page_differences
 from henon_ref.errors import CaseError
 from henon_ref.figures.curves import Curves
@@ -30,6 +32,8 @@ from henon_ref.report.html.portrait import CELLS, MOST_POINTS
 from henon_ref.report.html.portrait import packed as packed_portrait
 from henon_ref.report.html.rendering import MOST_BYTES
 from henon_ref.report.html.reports_page import choice_rows, page_text
+from henon_ref.report.text.choice import choice_table
+from henon_ref.report.text.kinds_figure import draw_kinds
 from henon_ref.report.text.matrix_rows import MATRIX_COLUMNS, read_matrix
 
 ROOT = Path(__file__).parents[3]
@@ -78,7 +82,7 @@ def test_the_page_has_the_numbers_of_the_rows(reports: Path) -> None:
             assert shown["wall_s"] == pytest.approx(row["wall_s"], rel=1e-3)
             assert shown["verdict"] == "right"
         assert own["tags"] == ["made-up", own["name"]]
-        assert own["portrait"]["names"] == ["t", "x"]
+        assert reading["portrait"]["names"] == ["t", "x"]
         assert {"report.md", "runs.csv"} <= set(own["files"])
 
 
@@ -176,6 +180,29 @@ def test_the_page_keeps_the_runs_of_cases_whose_folders_are_gone(tmp_path: Path,
     assert data_of(page) == after
 
 
+def test_each_reading_has_its_own_portrait_and_no_other(tmp_path: Path) -> None:
+    """An earlier page's one portrait of a case (its reading named in it) is that reading's alone."""
+    write_report(two_readings(), ORIGIN, tmp_path)
+    write_folder_report(tmp_path)
+    page = tmp_path / "index.html"
+    (own,) = data_of(page)["cases"]
+    belt, belt_limit = own["readings"]
+    assert belt["portrait"]["window"] == [0.0, 5.0]
+    assert belt_limit["portrait"]["window"] == [0.0, 4.0]
+    assert belt["portrait"]["pieces"] != belt_limit["portrait"]["pieces"]
+    data = data_of(page)
+    (old,) = data["cases"]
+    old["portrait"] = {"reading": "belt_limit", **old["readings"][1].pop("portrait")}
+    del old["readings"][0]["portrait"]
+    page.write_text(re.sub(r'(id="data">).*?(</script>)', lambda found: found[1] + embedded(data) + found[2],
+                           page.read_text(), flags=re.DOTALL))  # fmt: skip
+    shutil.rmtree(tmp_path / "pair")
+    write_folder_report(tmp_path)
+    (own,) = data_of(page)["cases"]
+    assert "portrait" not in own
+    assert [reading.get("portrait") for reading in own["readings"]] == [None, belt_limit["portrait"]]
+
+
 def test_a_comparison_of_another_solver_adds_its_runs_to_a_case(tmp_path: Path) -> None:
     page = made_folder(tmp_path)
     before = data_of(page)
@@ -192,7 +219,7 @@ def test_a_comparison_of_another_solver_adds_its_runs_to_a_case(tmp_path: Path) 
     assert [names[cell[0]] for cell in reading["cells"]] == ["henon", "heyoka", "ida", "scipy-rk45", "octave-ode45"]
     assert set(reading["runs"]) == {str(names.index(own)) for own in (*RUNS["first"], "octave-ode45")}
     assert len(reading["runs"][str(names.index("henon"))]) == len(known["runs"]["0"])
-    assert first["portrait"] == old["portrait"]
+    assert reading["portrait"] == known["portrait"]
     assert reading["commit"] == "0123456789ab, ffffffffffff"
     assert second["readings"][0]["runs"].keys() == before["cases"][1]["readings"][0]["runs"].keys()
     told = "Of 2 readings the solvers were run on 2: henon, heyoka, ida, scipy-rk45; 1: octave-ode45."
@@ -258,6 +285,22 @@ def test_the_table_of_the_page_is_that_of_the_index(reports: Path) -> None:
     assert "| stick-slip | 2 | `henon` 2; `scipy-rk45` 2 (×580)" in index
 
 
+def test_a_row_says_of_how_many_readings_its_digits_are(tmp_path: Path) -> None:
+    """Where some readings of a kind have no transition to time, there are fewer for digits than in the index."""
+    write_folder_report(tmp_path)
+    rows = [{**dict.fromkeys(MATRIX_COLUMNS), "case": "one", "kind": "graze or close roots", "solver": "henon",
+             "reading": f"r{k}", "settings": 1, "judged": 1, "right": 1, "wall_s": 1.0} for k in range(3)]  # fmt: skip
+    rows[0] |= {"digits": 9.5, "wall_9_s": 1.0}
+    assert [choice_rows(rows, column)[0][:4] for column in ("wall_s", "wall_9_s", "wall_12_s")] == [
+        ("graze or close roots", "3", "henon", "3"),
+        ("graze or close roots", "1 of 3", "henon", "1"),
+        ("graze or close roots", "1 of 3", "none", ""),
+    ]  # fmt: skip
+    (line,) = choice_table(rows).rows
+    assert line[:2] == ("graze or close roots", "3, 1 timed")
+    assert draw_kinds(rows).axes[0].get_title(loc="left") == "graze or\nclose roots\n(3, 1 timed)"
+
+
 def test_a_folder_without_reports_has_a_page(tmp_path: Path) -> None:
     write_folder_report(tmp_path)
     assert data_of(tmp_path / "index.html")["cases"] == []
@@ -272,7 +315,8 @@ def test_the_page_of_the_whole_suite_is_small(tmp_path: Path) -> None:
     run = {"rtol": 1e-9, "step_s": None, "status": "failed", "verdict": "solver defect", "digits": 11.123456789}
     run |= dict.fromkeys(set(FIELDS) - set(run) - {"setting"}, 1.2345678e-12)
     own = len(json.dumps(packed(field_values(run), Words()), separators=(",", ":")))
-    portraits = 70 * (4 * MOST_POINTS * 4 // 3 + 2000)
+    readings = Counter(case for case, _ in {(row["case"], row["reading"]) for row in rows})
+    portraits = sum(min(count, MOST_DRAWN) for count in readings.values()) * 4000  # the committed ones have up to 3,200
     assert bare + 3 * len(rows) * own + portraits < MOST_BYTES
 
 

@@ -36,8 +36,10 @@ function choiceOf(readings, digits) {
   return { first, other: other || null, times: other ? timesAsLong(other.walls, first.walls) : null };
 }
 
-/** The readings that can have so many digits: with 0 all that are judged, else those with a transition to time. */
+/** The readings that can have so many digits: with 0 all, else those with a transition to time. */
 const countable = (readings, digits) => readings.filter((reading) => digits === 0 || reading.timed);
+
+const readingsWord = (digits) => (digits ? "readings with a transition to time" : "readings");
 
 function typicalTime(walls) {
   const known = [...walls.values()].filter((wall) => !Number.isNaN(wall));
@@ -48,9 +50,10 @@ const wanted = (digits) => (digits ? count(digits, "digit") : "the right sequenc
 
 function drawChoice(digits, kind) {
   const rows = DATA.kinds.map((name, k) => {
-    const readings = countable(READINGS.filter((reading) => reading.kind === k), digits);
+    const readings = READINGS.filter((reading) => reading.kind === k);
     const { first, other, times } = choiceOf(readings, digits);
-    const cells = [name, String(readings.length),
+    const [timed, all] = [countable(readings, digits).length, readings.length];
+    const cells = [name, timed === all ? `${all}` : `${timed} of ${all}`,
       first ? make("code", null, first.solver.name) : "none", first ? `${first.walls.size}` : "", first ? typicalTime(first.walls) : "",
       other ? make("code", null, other.solver.name) : "", other ? `${other.walls.size}` : "", times ? `×${significant(times, 2)}` : ""];
     cells.now = kind === k;
@@ -59,7 +62,7 @@ function drawChoice(digits, kind) {
   byId("choice-table").replaceChildren(table(
     ["kind of case", ["readings", "number"], "take", ["gets", "number"], ["time", "number"], "other package", ["gets", "number"],
       ["times as long", "number"]], rows,
-    `The fastest of the solvers that get ${wanted(digits)} in the most readings, or in up to a tenth fewer; times are medians`));
+    `The fastest of the solvers that get ${wanted(digits)} in the most readings, or in up to a tenth fewer; ${digits ? "readings: of all, those with a transition to time; " : ""}times are medians`));
   drawAnswer(digits, kind);
   drawReaches(digits, kind);
 }
@@ -72,7 +75,7 @@ function drawAnswer(digits, kind) {
   const parts = [`For ${about}: `];
   if (!first) parts.push("no solver gets there.");
   else {
-    parts.push("take ", make("strong", null, first.solver.name), ` (in ${first.walls.size} of ${readings.length} readings)`);
+    parts.push("take ", make("strong", null, first.solver.name), ` (in ${first.walls.size} of ${readings.length} ${readingsWord(digits)})`);
     if (other) {
       const longer = times ? `, ${significant(times, 2)} times as long` : "";
       parts.push("; of other packages ", make("strong", null, other.solver.name), ` (in ${other.walls.size}${longer})`);
@@ -82,7 +85,7 @@ function drawAnswer(digits, kind) {
   byId("answer").replaceChildren(...parts);
 }
 
-/** A row a solver: in which share of the readings it gets so many digits, and how long it takes there. */
+/** A row a solver: in how many of the readings it gets so many digits, those with the most first, and how long it takes. */
 function drawReaches(digits, kind) {
   const readings = countable(READINGS.filter((reading) => kind === null || reading.kind === kind), digits);
   const fastest = new Map();
@@ -97,29 +100,30 @@ function drawReaches(digits, kind) {
       if (!Number.isNaN(wall)) fastest.set(reading.index, Math.min(wall, fastest.get(reading.index) ?? Infinity));
     }
   }
-  const lines = own.filter((line) => line.judged).map((line) => ({
-    ...line, share: line.walls.size / line.judged, slower: timesAsLong(line.walls, fastest),
-  })).sort((a, b) => b.share - a.share || (a.slower ?? Infinity) - (b.slower ?? Infinity));
-  drawBars(byId("reaches"), lines, `Share of the readings in which each solver gets ${wanted(digits)}, and its time`);
+  const lines = own.filter((line) => line.judged).map((line) => ({ ...line, slower: timesAsLong(line.walls, fastest) }))
+    .sort((a, b) => b.walls.size - a.walls.size || (a.slower ?? Infinity) - (b.slower ?? Infinity) || a.judged - b.judged);
+  const all = `${readings.length} ${readingsWord(digits)}`;
+  drawBars(byId("reaches"), lines, readings.length, `In how many of ${all} each solver gets ${wanted(digits)}, and its time`);
+  byId("reaches-note").textContent = `Dark: readings in which the solver gets ${wanted(digits)}; pale: those in which it is judged; ` +
+    `the whole width: all ${all}. Dots: its time over that of the fastest solver, the median over the readings that it gets.`;
 }
 
 const ROW = 20;
 const shortName = (name) => (name.length > 18 ? `${name.slice(0, 17)}…` : name);
 
-function drawBars(holder, lines, label) {
+function drawBars(holder, lines, all, label) {
   const width = widthOf(holder);
   const names = Math.min(132, 0.34 * width);
   const middle = names + (width - names) * 0.52;
-  const most = Math.max(...lines.map((line) => line.judged));
-  const partial = lines.some((line) => line.judged < most);
-  const bars = { from: names + 6, to: middle - (partial ? 82 : 46) };
+  const bars = { from: names + 6, to: middle - 76 };
+  const wide = (readings) => (bars.to - bars.from) * readings / (all || 1);
   const slowest = Math.max(10, ...lines.map((line) => line.slower || 1));
   const axis = { low: 1, high: 10 ** Math.ceil(Math.log10(slowest) - 1e-9), log: true };
   const times = scale(axis, middle + 10, width - 18);
   const top = 34;
   const height = top + ROW * lines.length + 8;
   const svg = shape("svg", { class: "bars", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label },
-    shape("text", { class: "tick", x: bars.from, y: 12 }, "share of readings"),
+    shape("text", { class: "tick", x: bars.from, y: 12 }, "gets, of judged"),
     shape("text", { class: "tick", x: middle + 6, y: 12 }, "time over the fastest"));
   const labels = Math.max(2, Math.floor((width - middle) / 44));
   for (const tick of ticks({ ...axis, text: (k) => (k < 4 ? `×${10 ** k}` : `×${powerOfTen(k)}`) }, labels)) {
@@ -128,16 +132,16 @@ function drawBars(holder, lines, label) {
   }
   lines.forEach((line, k) => {
     const y = top + ROW * k;
-    const percent = `${Math.floor(100 * line.share)} %`;
-    const of = line.judged < most ? ` of ${line.judged}` : "";
-    const words = `${line.solver.name}: ${line.walls.size} of ${line.judged} readings (${percent})` +
+    const [got, judged] = [line.walls.size, line.judged];
+    const words = `${line.solver.name}: gets ${got} of the ${judged} readings that it is judged in (${Math.floor(100 * got / judged)} %), of ${all}` +
       (line.slower ? `\n×${significant(line.slower, 2)} as long as the fastest (median)` : "");
     const row = shape("g", null,
       shape("rect", { x: 0, y, width, height: ROW, fill: "transparent" }),
       shape("text", { x: names, y: y + 14, "text-anchor": "end" }, shortName(line.solver.name)),
-      shape("rect", { class: "bar-all", x: bars.from, y: y + 4, width: bars.to - bars.from, height: ROW - 8 }),
-      shape("rect", { class: "bar-in", x: bars.from, y: y + 4, width: (bars.to - bars.from) * line.share, height: ROW - 8 }),
-      shape("text", { class: "tick", x: bars.to + 5, y: y + 14 }, percent + of));
+      shape("rect", { class: "bar-all", x: bars.from, y: y + 4, width: wide(all), height: ROW - 8 }),
+      shape("rect", { class: "bar-judged", x: bars.from, y: y + 4, width: wide(judged), height: ROW - 8 }),
+      shape("rect", { class: "bar-in", x: bars.from, y: y + 4, width: wide(got), height: ROW - 8 }),
+      shape("text", { class: "tick", x: bars.to + 5, y: y + 14 }, `${got} of ${judged}`));
     if (line.slower) row.append(shape("circle", { class: "dot", cx: times(line.slower), cy: y + ROW / 2, r: 3.6 }));
     tooltip.on(row, words);
     svg.append(row);

@@ -1,7 +1,7 @@
 // The matrix: a row a reading, a column a solver. Cells are made once; filters hide rows and columns, the slider colours.
 
 const MATRIX = { rows: [], hidden: new Set(), sort: { by: "case", up: true } };
-const SHORT = { unsupported: "–", unavailable: "·", "ill-conditioned": "ill-cond.", "not unique": "not unique" };
+const SHORT = { unsupported: "–", unavailable: "·", "ill-conditioned": "ill-cond." };
 
 function makeMatrix() {
   const heads = [head("case", "case / reading"), head("kind", "kind"),
@@ -23,6 +23,8 @@ function makeMatrix() {
   const first = body.querySelector("a");
   if (first) first.setAttribute("tabindex", "0");
   arrowKeys(byId("matrix"), "a");
+  byId("standings").replaceChildren(...Object.entries(STANDINGS).filter(([name]) => name !== "none")
+    .map(([name, words]) => make("span", null, make("i", { class: `chip ${name}` }), words)));
 }
 
 function head(by, text, kind) {
@@ -37,7 +39,9 @@ function cellNode(cell) {
   return { cell, link, node: make("td", { class: "cell" }, link) };
 }
 
-const STANDINGS = { reached: "gets there", fewer: "right, with fewer digits", wrong: "not right", none: "not judged" };
+/** How a cell may stand to the digits wanted: the words of its title and of the key, which has the same colours. */
+const STANDINGS = { reached: "gets the digits wanted", fewer: "right, with fewer digits", wrong: "not right",
+  timeout: "out of time", undecided: "ill-conditioned or not unique: not decided in double precision", none: "not judged" };
 
 /** The title of a cell, made when the pointer comes to it. */
 function sayCell(event) {
@@ -49,8 +53,8 @@ function sayCell(event) {
 /** What a cell says: digits, or the time for the digits wanted. */
 function cellText(cell, digits, shown) {
   if (!cell.right) {
-    if (["ill-conditioned", "not unique"].includes(cell.verdict)) return SHORT[cell.verdict];
-    return SHORT[cell.status] || cell.status;
+    const word = { timeout: cell.status, undecided: cell.verdict, wrong: cell.status }[standing(cell, digits)];
+    return word ? SHORT[word] || word : SHORT[cell.status] || "not judged";
   }
   if (shown === "time") {
     const wall = cell.walls[digits];
@@ -64,7 +68,9 @@ function cellText(cell, digits, shown) {
 function standing(cell, digits) {
   if (cell.walls[digits] !== null) return "reached";
   if (cell.right) return cell.digits === null ? "reached" : "fewer";
-  return isJudged(cell) && !["ill-conditioned", "not unique"].includes(cell.verdict) ? "wrong" : "none";
+  if (cell.status === "timeout") return "timeout";
+  if (["ill-conditioned", "not unique"].includes(cell.verdict)) return "undecided";
+  return isJudged(cell) ? "wrong" : "none";
 }
 
 /** Texts and colours of all cells. */

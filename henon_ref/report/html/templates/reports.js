@@ -83,7 +83,7 @@ function start() {
   arrowKeys(byId("work"), "[tabindex]");
   followDigits();
   filterMatrix(settings());
-  const shown = READINGS.find((reading) => reading.of.portrait && laddersOf(reading).length) || READINGS[0];
+  const shown = READINGS.find((reading) => reading.portrait && laddersOf(reading).length) || READINGS[0];
   showRun(shown.cells[0], { scroll: false });
   window.addEventListener("hashchange", followAddress);
   // The browser itself goes to the cell that the address names, once all is loaded: the run comes after that.

@@ -40,20 +40,21 @@ function runWords(reading) {
       .filter(Boolean).join(" "))].filter(Boolean);
 }
 
-/** The phase portrait of a case, drawn from its packed points. */
+/** The phase portrait of a reading, drawn from its packed points. */
 function drawPortrait(reading) {
   const holder = byId("portrait");
-  const portrait = reading.of.portrait;
+  const { portrait } = reading;
   byId("portrait-key").replaceChildren();
   if (!portrait) {
-    holder.replaceChildren(make("p", { class: "quiet" }, "No portrait of this case is kept."));
+    const other = READINGS.find((own) => own.of === reading.of && own.portrait);
+    holder.replaceChildren(make("p", { class: "quiet" }, "No portrait of this reading is kept",
+      other ? ["; there is one of ", make("a", { href: `#${other.cells[0].id}` }, other.name)] : null, "."));
     byId("portrait-note").textContent = "";
     return;
   }
   portraitFigure(holder, portrait, 340);
   const seconds = portrait.window.map((time) => significant(time, 6)).join(" s to ");
-  const which = reading.of.readings.length > 1 ? `Reading ${portrait.reading}, ` : "";
-  byId("portrait-note").textContent = `${which}${seconds} s`;
+  byId("portrait-note").textContent = `The motion from ${seconds} s`;
   byId("portrait-key").replaceChildren(...portraitKey(portrait));
 }
 
@@ -193,7 +194,8 @@ const scrolling = (content, label) => make("div", { class: "scroll", tabindex: "
 /** Links to the files of the case, where there are any beside this page. */
 function drawFiles(reading) {
   const { name, files = [] } = reading.of;
-  const own = files.filter((file) => !file.endsWith(".svg") || file.startsWith(`${reading.name}_`) || file === "readings.svg");
+  // A figure's name is the reading's and its kind's (henon_ref/report/files/figure_jobs.py); a kind has no underscore.
+  const own = files.filter((file) => !file.endsWith(".svg") || file === "readings.svg" || file.slice(0, file.lastIndexOf("_")) === reading.name);
   byId("run-files").hidden = !own.length;
   byId("run-file-list").replaceChildren(...own.map((file) =>
     make("li", null, make("a", { href: `${encodeURIComponent(name)}/${encodeURIComponent(file)}` }, file))));
