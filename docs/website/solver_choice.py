@@ -10,7 +10,7 @@ from pathlib import Path
 from henon_ref import registry
 from henon_ref.columns import Row
 from henon_ref.report.files.write import MANIFEST
-from henon_ref.report.text.choice import Reach, by_kind, key_of, reaches
+from henon_ref.report.text.choice import ANY, Reach, by_kind, reaches, readings_for
 from henon_ref.report.text.formats import significant
 from henon_ref.report.text.index import commits
 from henon_ref.report.text.matrix_rows import read_matrix
@@ -20,8 +20,6 @@ from henon_ref.text import code
 from website.tolerance_table import loosest
 
 REPORTS = Path(__file__).resolve().parents[2] / "reports"
-ANY = "wall_s"
-"""Column of the shortest time of a right run, however few its digits."""
 IN_SHORT = 9
 """Digits of the short table."""
 WITHOUT_TIMES = ("no transition",)
@@ -29,6 +27,7 @@ WITHOUT_TIMES = ("no transition",)
 MEANINGS: Mapping[str, str] = {
     "stick-slip": "One surface, which the motion enters or leaves by sliding: a block with dry friction.",
     "crossings": "One surface, which is only crossed: a relay, an elastic stop, a field that jumps.",
+    "jumps": "The state jumps: an impact, a reset.",
     "several surfaces": "More than one surface: several contacts, friction and a stop, a chain of blocks.",
     "graze or close roots": "A surface is touched, or nearly so, or crossed twice within a short time.",
     "no transition": "Nothing happens, and nothing may be reported.",
@@ -50,8 +49,7 @@ def in_short() -> str:
         column = ANY if kind in WITHOUT_TIMES else f"wall_{IN_SHORT}_s"
         best = _fastest(rows, column)
         own = [_cell(reaches([row for row in rows if _package(row) == package], column), best) for package in packages]
-        counted = _readings(rows if kind in WITHOUT_TIMES else _timed(rows))
-        lines.append((f"[{kind}](#{_place(kind)})", str(counted), *own))
+        lines.append((f"[{kind}](#{_place(kind)})", f"{len(readings_for(rows, column))}", *own))
     headings = ("kind of case", "readings", *(f"best of {package}" for package in packages))
     return Table(headings, "lr" + "l" * len(packages), lines).markdown
 
@@ -60,12 +58,13 @@ def recommendations() -> str:
     """A line a kind with transitions to time: the solver, the tolerance to begin with, and the best one elsewhere."""
     lines = []
     for kind, rows in by_kind(_rows()).items():
-        best = _fastest(rows, f"wall_{IN_SHORT}_s")
+        column = f"wall_{IN_SHORT}_s"
+        best = _fastest(rows, column)
         if best is None or kind in WITHOUT_TIMES:
             continue
         own = next(_package(row) for row in rows if name(row) == best.solver)
-        other = _fastest([row for row in rows if _package(row) != own], f"wall_{IN_SHORT}_s")
-        counted = _readings(_timed(rows))
+        other = _fastest([row for row in rows if _package(row) != own], column)
+        counted = len(readings_for(rows, column))
         words = f"- **[{kind.capitalize()}](#{_place(kind)}), {IN_SHORT} digits:** "
         words += f"take {code(best.solver)}{_tolerance(best.solver)}. "
         words += f"At one of its settings it gets there in {len(best.walls)} of {counted} readings."
@@ -97,17 +96,22 @@ def _section(kind: str, rows: Sequence[Row]) -> Iterator[str]:
     if kind not in WITHOUT_TIMES:
         columns |= {f"{level} digits": f"wall_{level}_s" for level in LEVELS}
     yield f"### {kind.capitalize()}"
-    timed = "" if kind in WITHOUT_TIMES else f", {_readings(_timed(rows))} of them with a transition to time"
-    yield f"{MEANINGS.get(kind, '')} {_readings(rows)} readings{timed}.".strip()
+    timed = len(readings_for(rows, columns.get(f"{LEVELS[0]} digits", ANY)))
+    words = "" if kind in WITHOUT_TIMES else f", {timed} of them with a transition to time"
+    yield f"{MEANINGS.get(kind, '')} {len(readings_for(rows, ANY))} readings{words}.".strip()
     by_solver: dict[str, list[Row]] = {}
     for row in rows:
         by_solver.setdefault(name(row), []).append(row)
     fastest = {column: _fastest(rows, column) for column in columns.values()}
     lines = [
-        (code(solver), *(_cell(reaches(own, column), fastest[column], named=False) for column in columns.values()))
+        (
+            code(solver),
+            *(_cell(reaches(own, column), fastest[column], named=False) for column in columns.values()),
+            f"{len(readings_for(own, ANY))}",
+        )
         for solver, own in by_solver.items()
     ]
-    yield Table(("solver", *columns), "l" + "r" * len(columns), lines).markdown
+    yield Table(("solver", *columns, "run on"), "l" + "r" * len(columns) + "r", lines).markdown
 
 
 def _fastest(rows: Sequence[Row], column: str) -> Reach | None:
@@ -130,19 +134,9 @@ def origin() -> str:
     rows = _rows()
     machines = {_machine(path) for path in REPORTS.glob(f"*/{MANIFEST}")}
     return (
-        f"{_readings(rows)} readings of {len({row['case'] for row in rows})} cases, by {commits(rows)}, "
+        f"{len(readings_for(rows, ANY))} readings of {len({row['case'] for row in rows})} cases, by {commits(rows)}, "
         f"on {' and '.join(sorted(machines))}."
     )
-
-
-def _timed(rows: Sequence[Row]) -> list[Row]:
-    """Rows of readings with a transition to time: some solver has digits in them."""
-    timed = {key_of(row) for row in rows if row["digits"] is not None}
-    return [row for row in rows if key_of(row) in timed]
-
-
-def _readings(rows: Sequence[Row]) -> int:
-    return len({key_of(row) for row in rows})
 
 
 def _package(row: Row) -> str:

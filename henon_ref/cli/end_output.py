@@ -19,8 +19,8 @@ MOST_FAILING = 24
 MOST_PLACES = 3
 """Readings that one such line names."""
 NOTE = (
-    "At the tightest setting. Digits: the fewest of any reading. Time: the median. Times as long as the fastest: the "
-    "geometric mean."
+    "At the tightest setting. Over the readings in which a solver is right: of its digits the fewest, of its time the "
+    "median, of its times as long as the fastest the geometric mean."
 )
 
 

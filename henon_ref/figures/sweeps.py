@@ -92,6 +92,8 @@ def basins(table: pd.DataFrame, x: str, y: str, of: str, axes: Axes | None = Non
             Patch(color=_COLOURS[k], label=f"{_value(value)}: {share:.2%}")
             for k, (value, share) in enumerate(zip(values, shares, strict=True))
         ]
+        if (missing := np.mean(codes < 0)) > 0:
+            handles.append(Patch(facecolor="none", edgecolor=style.GREY, label=f"no value: {missing:.2%}"))
         axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
         axes.set_title(f"{one_line(of)}, and its share of {len(table):,} points")
     return axes
@@ -112,10 +114,8 @@ def histogram(table: pd.DataFrame, of: str, axes: Axes | None = None) -> Axes:
     axes = _axes(axes)
     with style.report_style():
         axes.hist(there, bins=min(BINS, max(len(np.unique(there)), 1)), color=style.BLUE, lw=0)
-        left_out = len(values) - len(there)
         axes.set(xlabel=one_line(of), ylabel="points")
-        missing = f", {left_out:,} without a value left out" if left_out else ""
-        axes.set_title(f"{one_line(of)}: {len(there):,} points{missing}")
+        axes.set_title(f"{one_line(of)}: {len(there):,} points{_left_out(values)}")
     return axes
 
 
@@ -140,7 +140,7 @@ def plane(table: pd.DataFrame, x: str, y: str, of: str, axes: Axes | None = None
         drawn = _painted(axes, table, x, y, values, cmap="viridis", norm=None)
         bar = axes.figure.colorbar(drawn, ax=axes, pad=0.02)
         bar.set_label(one_line(of))
-        axes.set_title(f"{one_line(of)} at {len(table):,} points")
+        axes.set_title(f"{one_line(of)} at {len(table):,} points{_left_out(values)}")
     return axes
 
 
@@ -177,6 +177,12 @@ def _numbers(table: pd.DataFrame, name: str) -> Any:
     if table[name].dtype.kind not in "iuf":
         raise ArgumentError(f"the column '{name[:60]}' holds no numbers; basins draws text")
     return table[name].to_numpy(dtype=float)
+
+
+def _left_out(values: Any) -> str:
+    """How many values are missing, as the end of a title."""
+    missing = int(np.sum(~np.isfinite(values)))
+    return f", {missing:,} without a value left out" if missing else ""
 
 
 def _value(value: Any) -> str:

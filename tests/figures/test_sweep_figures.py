@@ -65,3 +65,11 @@ def test_a_bifurcation_diagram_has_every_section_point() -> None:
     for wrong in (("p", "v", "other"), ("q", "v", "section"), ("p", "w", "section")):
         with pytest.raises(ArgumentError):
             bifurcation(table, *wrong)
+
+
+def test_points_without_a_value_are_told_in_a_plane_and_among_basins() -> None:
+    table = on_a_grid()
+    table.loc[0, "value"], table.loc[1, "mode"] = np.nan, None
+    assert plane(table, "a", "b", "value").get_title(loc="left") == "value at 6 points, 1 without a value left out"
+    legend = basins(table, "a", "b", "mode").get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["s=0: 50.00%", "s=1: 33.33%", "no value: 16.67%"]

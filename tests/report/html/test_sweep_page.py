@@ -154,6 +154,7 @@ def test_a_map_shows_its_cells_and_a_click_chooses_a_point(chromium: Any, belts:
         page = seen.page
         assert page.title() == "Sticks over the belt's speed and the start (henon_ref sweep)"
         shares = page.locator("#colour-key").inner_text()
+        assert shares.startswith("Of 15 points:")
         assert sum(float(share) for share in re.findall(r"([0-9.]+) %", shares)) == pytest.approx(100, abs=0.2)
         box = page.locator("#drawing svg").bounding_box()
         page.mouse.click(box["x"] + 70, box["y"] + 380)  # lower left

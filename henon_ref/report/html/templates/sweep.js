@@ -99,7 +99,7 @@ function drawAll() {
   drawChosen();
 }
 
-/** A colour an entry, and the key to them. */
+/** A colour an entry, and the key to them; shares are of the points that are drawn. */
 function colours(own) {
   const column = COLUMNS.get(control("colour"));
   const ink = getComputedStyle(document.documentElement).getPropertyValue("--point-ink") || "#0072b2";
@@ -108,17 +108,19 @@ function colours(own) {
     return () => ink;
   }
   if (column.kind === "word") {
-    byId("colour-key").replaceChildren(...column.words.map((word, k) => {
+    const of = POINTS.length < DATA.count ? `${POINTS.length} of ${DATA.count}` : DATA.count;
+    byId("colour-key").replaceChildren(make("span", null, `Of ${of} points:`), ...column.words.map((word, k) => {
       const share = column.values.reduce((sum, value) => sum + (value === k), 0) / POINTS.length;
       const chip = make("i", { class: "chip", style: `background:${CATEGORIES[k % CATEGORIES.length]}` });
-      return make("span", null, chip, `${word || "none"}: ${(100 * share).toFixed(1)} %`);
+      return make("span", null, chip, `${word || "no value"}: ${(100 * share).toFixed(1)} %`);
     }));
     return (k) => CATEGORIES[column.values[own.pointOf[k]] % CATEGORIES.length];
   }
   const [low, high] = limitsOf(column.values);
+  const blank = column.values.filter(Number.isNaN).length;
   byId("colour-key").replaceChildren(make("span", null, significant(low, 4)),
     make("i", { class: "ramp", style: `background:linear-gradient(90deg,${VIRIDIS.join(",")})`, role: "img", "aria-label": "colour scale" }),
-    make("span", null, significant(high, 4)));
+    make("span", null, significant(high, 4)), blank ? make("span", null, `not drawn: ${count(blank, "point")} without a value`) : "");
   const steps = Array.from({ length: 256 }, (_, k) => ramp(k / 255));
   return (k) => {
     const value = column.values[own.pointOf[k]];
