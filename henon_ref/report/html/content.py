@@ -128,7 +128,7 @@ def _told_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, Any]
     told = {
         "title": one_line(str(manifest.get("title") or "")),
         "story": _mapping(words.get("stories")).get(reading),
-        "portrait": _mapping(words.get("portraits")).get(reading),
+        "portrait": _mapping(_mapping(words.get("portraits")).get(reading)) or None,
         "unit": rounded(next((row["time_unit_s"] for row in rows if row["time_unit_s"] is not None), None), 6),
         "floor": rounded(max((floor(row) for row in rows), default=0.0), 2),
         "transitions": truth.get("transitions"),

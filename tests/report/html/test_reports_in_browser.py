@@ -347,3 +347,16 @@ def test_every_standing_has_a_colour_and_stands_in_the_key(chromium: Any, tmp_pa
         chips = {own.inner_text(): colour(own.locator("i")) for own in key.all()}
         assert set(cells.values()) <= set(chips.values())
         assert chips["out of time"] == cells["timeout"]
+
+
+def test_the_address_names_the_run_that_is_shown(chromium: Any, reports: Path) -> None:
+    """Chosen by hand, too: a link to the run that the address named before leads there again."""
+    with opened(chromium, reports, at="#run-first-default-henon") as seen:
+        titled(seen.page, "henon on first")
+        set_value(
+            seen.page, "run-solver", seen.page.locator("#run-solver option", has_text="heyoka").get_attribute("value")
+        )
+        titled(seen.page, "heyoka on first")
+        assert seen.page.url.endswith("#run-first-default-heyoka")
+        seen.page.locator("#run-first-default-henon").click()
+        titled(seen.page, "henon on first")

@@ -64,7 +64,9 @@ function followAddress() {
 
 function chooseRun() {
   const reading = READINGS[Number(control("run-reading"))];
-  showRun(reading.bySolver.get(Number(control("run-solver"))) || reading.cells[0], { scroll: false });
+  const cell = reading.bySolver.get(Number(control("run-solver"))) || reading.cells[0];
+  history.replaceState(null, "", `#${cell.id}`); // else the address names another run, and a link to that one does nothing
+  showRun(cell, { scroll: false });
 }
 
 function start() {

@@ -227,8 +227,9 @@ function drawRun(k) {
   portraitFigure(holder, run.portrait, 330);
   byId("portrait-key").replaceChildren(...portraitKey(run.portrait));
   const own = SWEPT.map((name, j) => `${name} = ${significant(run.values[j], 5)}`).join(", ");
-  const which = distance(run) === 0 ? "This point's run" : `Run of point ${run.point} (${own}), the nearest of ${DATA.runs.length} that are kept here`;
-  byId("portrait-note").textContent = `${which}; ${run.portrait.window.map((time) => significant(time, 6)).join(" s to ")} s, ends ${run.status}`;
+  const which = distance(run) === 0 ? "This point's run" :
+    make("strong", null, `Not this point's run, but that of point ${run.point} (${own}), the nearest of ${DATA.runs.length} that are kept here`);
+  byId("portrait-note").replaceChildren(which, `; ${run.portrait.window.map((time) => significant(time, 6)).join(" s to ")} s, ends ${run.status}`);
 }
 
 /** The point as a case file of its own, and the command that simulates it. */
