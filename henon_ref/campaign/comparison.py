@@ -92,7 +92,7 @@ class Comparison:
         return f"{title}{html_table(self.run_rows)}{equations_html(problems)}"
 
     def plot(self, reading: str | None = None) -> Axes:
-        """The work-precision diagram of one reading: worst error of a transition time over wall time.
+        """The work-precision diagram of one reading, which the title names: worst error of a time over wall time.
 
         Parameters
         ----------
@@ -116,7 +116,8 @@ class Comparison:
         name = self.readings[0].reading.name if reading is None else self.case.reading(reading).name
         (result,) = (result for result in self.readings if result.reading.name == name)
         rows = [record.run for record in self.of_reading(name)]
-        drawn = draw_cost(rows, result.expected) if result.expected is not None else None
+        of = name if len(self.readings) > 1 else ""
+        drawn = draw_cost(rows, result.expected, of=of) if result.expected is not None else None
         if drawn is None:
             raise CaseError(f"reading '{name}' has fewer than two timed runs with an error to plot")
         # pyplot makes its figures by calling this: so the one that is drawn becomes its own.

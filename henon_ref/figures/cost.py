@@ -13,6 +13,7 @@ from henon_ref.figures import style
 from henon_ref.figures.description import describe
 from henon_ref.figures.labels import label_column
 from henon_ref.score.reference import HALF_ULP, Expected
+from henon_ref.text import one_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,8 +22,10 @@ if TYPE_CHECKING:
 TITLE = "Accuracy against time"
 
 
-def draw_cost(rows: Sequence[Row], expected: Expected) -> Figure | None:
+def draw_cost(rows: Sequence[Row], expected: Expected, *, of: str = "") -> Figure | None:
     """Work-precision diagram: median wall time of a run over the worst error of a transition.
+
+    ``of`` is what the title names: a reading, where it is one of several.
 
     Filled markers are runs that are right, hollow ones those that are not, whatever is wrong with them.
     """
@@ -48,7 +51,7 @@ def draw_cost(rows: Sequence[Row], expected: Expected) -> Figure | None:
         label_column(axes, [(solver, lines[solver]) for solver in ordered], x=1.045, gap=0.052)
         axes.set_xlabel("wall time of one run, median")
         axes.set_ylabel("worst error of a transition time [s]")
-        axes.set_title(TITLE, pad=20)
+        axes.set_title(f"{TITLE}: {one_line(of)}" if of else TITLE, parse_math=False, pad=20)
         _draw_legend(axes, [row for ladder in ladders.values() for row in ladder])
         describe(figure, TITLE, _description(ladders, floor))
         return figure

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
@@ -138,6 +139,7 @@ def test_the_plot_is_axes_that_pyplot_shows(monkeypatch):
     assert plt.get_fignums() == [axes.figure.number]
     assert plt.gca() is axes
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert axes.get_title(loc="left") == "Accuracy against time"
     drawn = sorted(x for line in axes.lines for x in line.get_xdata())
     assert {0.001, 0.002, 1.0, 2.0} <= set(drawn)
     plt.close("all")
@@ -145,3 +147,13 @@ def test_the_plot_is_axes_that_pyplot_shows(monkeypatch):
         comparison(run("one", 1e-6, 1e-6, 1.0)).plot()
     with pytest.raises(CaseError, match="no reading 'defualt'; did you mean 'default'"):
         made().plot("defualt")
+
+
+def test_the_plot_of_one_of_several_readings_names_it():
+    from matplotlib import pyplot as plt
+
+    several = made()
+    other = replace(several.readings[0].reading, name="other")
+    several.readings.append(ReadingResult(other, several.readings[0].statement))
+    assert several.plot().get_title(loc="left") == "Accuracy against time: default"
+    plt.close("all")
