@@ -27,6 +27,21 @@ ABSENT = {f"{package} is not installed" for package, module in LIBRARIES.items()
 """What their solvers say then."""
 os.environ[VARIABLE] = str(cache_root())  # for processes that tests begin with another cache of truths, too
 
+LONG = (
+    "analysis/", "filippov/", "henon/", "roots/", "studies/", "taylor/", "truth/", "baselines/test_b",
+    "casefile/test_kinks", "cli/test_ci_outputs", "cli/test_exit_status", "test_docs_blocks", "test_suite",
+)  # fmt: skip
+"""Where tests take long and compute what no version of Python changes: :func:`pytest_collection_modifyitems`."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what one Python is enough for."""
+    here = Path(__file__).parent
+    for item in items:
+        if item.path.relative_to(here).as_posix().startswith(LONG):
+            item.add_marker("long")
+
 
 @pytest.hookimpl(wrapper=True)
 def pytest_pyfunc_call() -> Generator[None, object, object]:
