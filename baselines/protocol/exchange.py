@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from time import monotonic, sleep
 
 from henon_ref.errors import ContractError, UnavailableError
+from henon_ref.jit.processor_time import waited_seconds
 from henon_ref.text import short_line
 
 try:
@@ -26,7 +27,7 @@ except ImportError:  # elsewhere than on POSIX systems: wall time alone is limit
     resource = None  # type: ignore[assignment]
 
 WALL = 2.5
-"""Wall time that a program may take, in its processor time."""
+"""Wall time that a program may take, less what it waits for a processor, in its processor time."""
 OUTPUT = 64 * 2**20
 """Bytes that a program may write on its standard output."""
 SAID = 2000
@@ -166,7 +167,11 @@ def _own_limits(kind: int) -> list[int]:
 def _read(process: _Program, limits: Limits) -> tuple[bytes, bytes]:
     """Standard output, and the end of standard error, until the program has ended."""
     output, said = bytearray(), bytearray()
-    until = monotonic() + WALL * limits.seconds
+    began = monotonic()
+
+    def is_late() -> bool:
+        return monotonic() - began - waited_seconds(process.pid) > WALL * limits.seconds
+
     assert process.stdout is not None
     assert process.stderr is not None
     with selectors.DefaultSelector() as ready:
@@ -184,13 +189,13 @@ def _read(process: _Program, limits: Limits) -> tuple[bytes, bytes]:
             del said[:-SAID]
             if len(output) > limits.output:
                 raise ProgramError(f"the program wrote more than {limits.output} bytes")
-            if monotonic() > until:
+            if not ended and is_late():
                 raise ProgramTimeoutError(f"the program gave no response within {WALL * limits.seconds:.3g} s")
             if ended and not found:
                 break  # what it has started may hold the streams open
     pause = 1e-3
     while not process.has_ended():
-        if monotonic() > until:
+        if is_late():
             raise ProgramTimeoutError("the program closed its output and did not end")
         sleep(pause)
         pause = min(2 * pause, LOOK)

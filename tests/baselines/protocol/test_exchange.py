@@ -7,6 +7,7 @@ import sys
 import time
 
 import pytest
+from jobs import crowd
 from programs import FINE, PRELUDE, answer, program, ramp
 
 import henon_ref
@@ -56,6 +57,14 @@ def test_a_program_that_computes_for_ever_is_stopped_by_its_processor_time(code:
     monkeypatch.setattr(module, "monotonic", lambda: 0.0)
     with pytest.raises(ProgramTimeoutError, match="stopped after 1 s of processor time"):
         say(f"{code}\nwhile True: pass", SHORT)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/schedstat"), reason="the system does not tell who waits")
+def test_a_program_that_waits_for_a_processor_is_not_late() -> None:
+    """It takes a seventh of one, so that it is at it for longer than the wall time that it may take."""
+    burn = "\nwhile time.process_time() < 0.6: pass\nprint(1)"
+    with crowd() as processor:
+        assert say(f"os.sched_setaffinity(0, [{processor}]){burn}", SHORT) == b"1\n"
 
 
 def test_a_program_that_somebody_kills_has_crashed_however_long_it_took() -> None:
