@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Generator
 from importlib.util import find_spec
@@ -17,12 +18,29 @@ from henon_ref import registry
 from henon_ref.campaign import truth_job
 from henon_ref.cli import compare_cases
 from henon_ref.errors import UnavailableError
+from henon_ref.jit.cache_folder import VARIABLE, cache_root
 from henon_ref.truth import store
 
 LIBRARIES = {"heyoka": "heyoka", "scikit-sundae": "sksundae"}
 """Packages that a machine may be without, and their modules."""
 ABSENT = {f"{package} is not installed" for package, module in LIBRARIES.items() if find_spec(module) is None}
 """What their solvers say then."""
+os.environ[VARIABLE] = str(cache_root())  # for processes that tests begin with another cache of truths, too
+
+LONG = (
+    "analysis/", "filippov/", "henon/", "roots/", "studies/", "taylor/", "truth/", "baselines/test_b",
+    "casefile/test_kinks", "cli/test_ci_outputs", "cli/test_exit_status", "test_docs_blocks", "test_suite",
+)  # fmt: skip
+"""Where tests take long and compute what no version of Python changes: :func:`pytest_collection_modifyitems`."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what one Python is enough for."""
+    here = Path(__file__).parent
+    for item in items:
+        if item.path.relative_to(here).as_posix().startswith(LONG):
+            item.add_marker("long")
 
 
 @pytest.hookimpl(wrapper=True)

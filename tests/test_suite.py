@@ -30,6 +30,8 @@ CASES = Path(__file__).parent.parent / "cases"
 BOUND = 1e-11
 """Largest error of a well-conditioned transition time [s]."""
 DEADLINE = 20.0
+SLOW = ("burridge_knopoff.default",)
+"""Its code takes the better part of a minute to compile. Daily: shorter chains of blocks, and .ci/run's record."""
 
 
 def _readings(*folders: str) -> list[pytest.param]:
@@ -38,7 +40,8 @@ def _readings(*folders: str) -> list[pytest.param]:
         if path.parent.relative_to(CASES).as_posix() in folders:
             case = load_case(path)
             for reading in case.readings:
-                found.append(pytest.param(case, reading, id=f"{case.name}.{reading.name}"))
+                name = f"{case.name}.{reading.name}"
+                found.append(pytest.param(case, reading, id=name, marks=[pytest.mark.slow] if name in SLOW else []))
     return found
 
 

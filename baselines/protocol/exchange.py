@@ -7,6 +7,7 @@ has started goes on.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import selectors
 import signal
@@ -14,9 +15,10 @@ import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from time import monotonic
+from time import monotonic, sleep
 
 from henon_ref.errors import ContractError, UnavailableError
+from henon_ref.jit.processor_time import waited_seconds
 from henon_ref.text import short_line
 
 try:
@@ -25,13 +27,16 @@ except ImportError:  # elsewhere than on POSIX systems: wall time alone is limit
     resource = None  # type: ignore[assignment]
 
 WALL = 2.5
-"""Wall time that a program may take, in its processor time."""
+"""Wall time that a program may take, less what it waits for a processor, in its processor time."""
 OUTPUT = 64 * 2**20
 """Bytes that a program may write on its standard output."""
 SAID = 2000
 """Last bytes of its standard error that are kept for the reason of a failure."""
 LOOK = 0.05
 """Seconds between two looks at whether the program has ended."""
+COUNTED = 0.5
+"""Part of its limit that a program has used at least that is stopped by it: the system holds against the limit whole
+ticks of its clock in which the program was met, and on a busy machine that was up to a third more than it had used."""
 CHUNK = 2**16
 
 
@@ -53,6 +58,34 @@ class Limits:
     """Bytes of data that the program may allocate."""
     output: int = OUTPUT
     """Bytes that it may write."""
+
+
+class _Program(subprocess.Popen[bytes]):
+    """A program of which the system tells, when it has ended, what it has used."""
+
+    used = 0.0
+    """Its processor time [s], known once it has ended."""
+
+    def has_ended(self, options: int = os.WNOHANG) -> bool:
+        """Whether it has ended; ``options`` are those of ``wait4``, 0 waits until it has."""
+        if self.returncode is None:
+            try:
+                pid, status, usage = os.wait4(self.pid, options)
+            except ChildProcessError:  # the process that we are in does not care for its children: nobody knows
+                self.returncode = 0
+                return True
+            if pid:
+                self.returncode = os.waitstatus_to_exitcode(status)
+                self.used = usage.ru_utime + usage.ru_stime
+        return self.returncode is not None
+
+    def was_stopped(self, seconds: float) -> bool:
+        """Whether the system has ended it for its processor time, of which it was allowed so much.
+
+        It sends SIGXCPU then, and SIGKILL where that is ignored. Others send SIGKILL, too: what was used decides.
+        """
+        by = -self.returncode
+        return by == signal.SIGXCPU or (by == signal.SIGKILL and self.used > COUNTED * seconds)
 
 
 def exchange(
@@ -81,7 +114,7 @@ def exchange(
         given.write(request)
         given.seek(0)
         try:
-            process = subprocess.Popen(
+            process = _Program(
                 list(command),
                 stdin=given,
                 stdout=subprocess.PIPE,
@@ -92,45 +125,53 @@ def exchange(
         except (OSError, ValueError) as error:
             what = getattr(error, "strerror", None) or str(error)
             raise UnavailableError(short_line(f"{command[0]} cannot be started: {what}")) from error
-    began = monotonic()
     with process:
         try:
-            _limit(process.pid, limits)
+            allowed = _limit(process.pid, limits)
             output, said = _read(process, limits)
         finally:
             _end(process)
-    killed = process.returncode in (-signal.SIGKILL, -signal.SIGXCPU)
-    if killed and monotonic() - began >= _whole(limits.seconds):
-        raise ProgramTimeoutError(f"the program was stopped after {_whole(limits.seconds)} s of processor time")
+    if process.was_stopped(allowed):
+        raise ProgramTimeoutError(f"the program was stopped after {allowed:.0f} s of processor time")
     return _judged(process.returncode, output, said)
 
 
-def _limit(pid: int, limits: Limits) -> None:
-    """The system's own limits; a program that has ended already needs none."""
+def _limit(pid: int, limits: Limits) -> float:
+    """Set the system's own limits, none above ours; a program that has ended already needs none.
+
+    Returns
+    -------
+    float
+        Processor time that it is allowed [s]; infinite where the system cannot be asked for a limit.
+    """
     if resource is None or not hasattr(resource, "prlimit"):
-        return
-    seconds = _whole(limits.seconds)
+        return math.inf
+    seconds = max(1, int(limits.seconds))
     wanted = (
         (resource.RLIMIT_CPU, seconds, seconds + 1),  # one that ignores the signal is killed a second later
         (resource.RLIMIT_DATA, limits.memory, limits.memory),
         (resource.RLIMIT_CORE, 0, 0),
     )
     for kind, soft, hard in wanted:
-        now_soft, now_hard = resource.getrlimit(kind)
-        bounds = [value for value in (now_soft, now_hard) if value != resource.RLIM_INFINITY]
+        own = _own_limits(kind)
         with contextlib.suppress(ProcessLookupError, PermissionError, ValueError):
-            resource.prlimit(pid, kind, (min([soft, *bounds]), min([hard, *bounds])))
+            resource.prlimit(pid, kind, (min([soft, *own]), min([hard, *own])))
+    return min([seconds, *_own_limits(resource.RLIMIT_CPU)])
 
 
-def _whole(seconds: float) -> int:
-    """Processor time in the system's own unit."""
-    return max(1, int(seconds))
+def _own_limits(kind: int) -> list[int]:
+    """The limits of the process that we are in."""
+    return [value for value in resource.getrlimit(kind) if value != resource.RLIM_INFINITY]
 
 
-def _read(process: subprocess.Popen[bytes], limits: Limits) -> tuple[bytes, bytes]:
+def _read(process: _Program, limits: Limits) -> tuple[bytes, bytes]:
     """Standard output, and the end of standard error, until the program has ended."""
     output, said = bytearray(), bytearray()
-    until = monotonic() + WALL * limits.seconds
+    began = monotonic()
+
+    def is_late() -> bool:
+        return monotonic() - began - waited_seconds(process.pid) > WALL * limits.seconds
+
     assert process.stdout is not None
     assert process.stderr is not None
     with selectors.DefaultSelector() as ready:
@@ -138,7 +179,7 @@ def _read(process: subprocess.Popen[bytes], limits: Limits) -> tuple[bytes, byte
             os.set_blocking(stream.fileno(), False)
             ready.register(stream, selectors.EVENT_READ, kept)
         while ready.get_map():
-            ended = process.poll() is not None
+            ended = process.has_ended()
             found = ready.select(0.0 if ended else LOOK)
             for key, _ in found:
                 piece = os.read(key.fd, CHUNK)
@@ -148,22 +189,24 @@ def _read(process: subprocess.Popen[bytes], limits: Limits) -> tuple[bytes, byte
             del said[:-SAID]
             if len(output) > limits.output:
                 raise ProgramError(f"the program wrote more than {limits.output} bytes")
-            if monotonic() > until:
+            if not ended and is_late():
                 raise ProgramTimeoutError(f"the program gave no response within {WALL * limits.seconds:.3g} s")
             if ended and not found:
                 break  # what it has started may hold the streams open
-    try:
-        process.wait(max(until - monotonic(), LOOK))
-    except subprocess.TimeoutExpired:
-        raise ProgramTimeoutError("the program closed its output and did not end") from None
+    pause = 1e-3
+    while not process.has_ended():
+        if is_late():
+            raise ProgramTimeoutError("the program closed its output and did not end")
+        sleep(pause)
+        pause = min(2 * pause, LOOK)
     return bytes(output), bytes(said)
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def _end(process: _Program) -> None:
     """Kill the program, where it has not ended, and all of its session."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
+    process.has_ended(0)
 
 
 def _judged(status: int, output: bytes, said: bytes) -> bytes:

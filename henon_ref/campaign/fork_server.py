@@ -32,6 +32,7 @@ from typing import Any, NoReturn
 
 from henon_ref.campaign.procfs import adopt_orphans, children, family, is_at_work, kill_family, signal_with_parent
 from henon_ref.errors import CaseError, HenonRefError
+from henon_ref.jit.processor_time import waited_seconds
 
 WORKERS_NEED = (
     "henon_ref.henon.solver",
@@ -136,6 +137,11 @@ class ForkServer:
     def is_sound(self) -> bool:
         """Whether it can be relied on: neither dead nor stopped."""
         return not self._broken and is_at_work(self.pid)
+
+    @property
+    def clock(self) -> float:
+        """Wall time, less what it has waited for a processor [s]."""
+        return time.monotonic() - waited_seconds(self.pid)
 
     def fork(self, theirs: socket.socket, log: int, memory: int) -> None:
         """Ask for a worker (see :func:`henon_ref.campaign.worker.serve`)."""

@@ -7,10 +7,10 @@ one after the other, and where workers are free several are at work on a queue.
 
 A worker that misses its deadline, dies, outgrows its memory or sends what is no reply is killed with all that it has
 started; its job has failed, and the sequence goes on with a new worker. Deadlines are in processor time, of the worker
-and all that it has started; behind that stands a limit on wall time, :data:`WALL` times as long. Where nothing tells
-the processor time (elsewhere than on Linux) that alone holds, and memory is bounded by the system's own limit a
-process. Nothing here waits for a worker. Leaving :meth:`WorkerPool.run`, by whatever exception, leaves no process
-behind.
+and all that it has started; behind that stands a limit on wall time, :data:`WALL` times as long, from which the time is
+taken for which it, or the caller, was ready to run while others had the processors. Where nothing tells the processor
+time (elsewhere than on Linux) that limit alone holds, and memory is bounded by the system's own limit a process.
+Nothing here waits for a worker. Leaving :meth:`WorkerPool.run`, by whatever exception, leaves no process behind.
 
 Pebble and loky are no substitute: no shared memory limit, no killing of what a worker has started, no job for the one
 worker that holds its prepared run.
@@ -39,7 +39,7 @@ WALL = 3.0
 COMPILE_SECONDS = 120.0
 """Processor time that a job's run may take for what its preparation could not foresee [s]."""
 START_SECONDS = 20.0
-"""Wall time in which a fork server begins a worker; one that takes longer is replaced [s]."""
+"""Wall time, less what it waits for a processor, that a fork server may take to begin a worker, or is replaced [s]."""
 MOST_SERVERS = 3
 """Fork servers that are lost before the pool gives up."""
 ABSENCE = 1.0
@@ -60,19 +60,18 @@ class _Task:
         self.job: Job | None = None
         self.again: Job | None = None
         """What is to be done again after the present job, which only prepares a new worker for it."""
-        self.begin(b"", 0.0)
+        self.begin(b"", 0.0, 0.0)
 
-    def begin(self, token: bytes, used: float) -> None:
-        """A job begins, with a worker that has used so much processor time so far."""
+    def begin(self, token: bytes, used: float, now: float) -> None:
+        """A job begins, with a worker that has used so much processor time so far, by its own clock."""
         self.token = token
         self.sent = bool(token)
-        self.began, self.used_before = time.monotonic(), used
+        self.began, self.used_before = now, used
         self.compiled = 0.0
         self.compiling_since: tuple[float, float] | None = None
 
-    def compiling(self, spent: float | None, used: float) -> None:
+    def compiling(self, spent: float | None, used: float, now: float) -> None:
         """Compiling begins (None), or has ended after so much processor time: the job's clock stands meanwhile."""
-        now = time.monotonic()
         if spent is None:
             self.compiling_since = now, used
         elif self.compiling_since is not None:
@@ -213,7 +212,7 @@ class WorkerPool:
         task.job = job
         if task.worker is None:
             task.worker = self._new_worker()
-        task.begin(b"", 0.0)
+        task.begin(b"", 0.0, 0.0)
         if task.worker.pid is not None:
             self._request(task, task.worker)
 
@@ -226,7 +225,7 @@ class WorkerPool:
                 f"a job of {task.queue} cannot be sent to its worker ({failure_of(error).reason}); "
                 "define solvers at the top of a module"
             ) from error
-        task.begin(new_token(), worker.used)
+        task.begin(new_token(), worker.used, worker.clock)
         worker.channel.send(task.token, pickled)
 
     def _new_worker(self) -> WorkerProcess:
@@ -276,7 +275,7 @@ class WorkerPool:
                 kind, result = pickle.loads(pickled)
                 if kind == REPLY:
                     break
-                task.compiling(result, worker.used)
+                task.compiling(result, worker.used, worker.clock)
             else:
                 return
         except NoReply as error:
@@ -296,19 +295,19 @@ class WorkerPool:
         if absent > ABSENCE:
             for task in self._tasks:
                 task.pause(absent)
-        if self._server is not None and (not self._server.is_sound or self._is_slow(now)):
+        if self._server is not None and (not self._server.is_sound or self._is_slow(self._server)):
             self._replace_server(self._server)
         for task in list(self._tasks):
-            if (worker := task.worker) is not None and task.sent and (failure := self._failure(task, worker, now)):
+            if (worker := task.worker) is not None and task.sent and (failure := self._failure(task, worker)):
                 self._finish(task, failure, sound=False)
 
-    def _failure(self, task: _Task, worker: WorkerProcess, now: float) -> Failure | None:
+    def _failure(self, task: _Task, worker: WorkerProcess) -> Failure | None:
         """Why a job has to be ended; None where it has not."""
         if worker.ended is not None:
             return worker.crash()
         if worker.resident > self.memory and (held := worker.own) > self.memory:
             return Failure("failed", f"memory: {held / 2**30:.1f} GiB held, {self.memory / 2**30:.1f} GiB allowed")
-        if task.is_late(worker.used, now):
+        if task.is_late(worker.used, worker.clock):
             return Failure("timeout", "stopped from outside: no answer within the time allowed", ignored=True)
         return None
 
@@ -321,8 +320,8 @@ class WorkerPool:
             task.worker.prepared = None if isinstance(result, Failure) else task.job
         self._next(task, result)
 
-    def _is_slow(self, now: float) -> bool:
-        return bool(self._starting) and now - self._starting[0].asked > START_SECONDS
+    def _is_slow(self, server: ForkServer) -> bool:
+        return bool(self._starting) and server.clock - self._starting[0].asked > START_SECONDS
 
     def _replace_server(self, server: ForkServer) -> None:
         """Do all jobs again whose workers a lost fork server takes with it: it was no fault of theirs.

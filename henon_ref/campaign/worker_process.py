@@ -12,6 +12,7 @@ from henon_ref.campaign.channel import Channel
 from henon_ref.campaign.fork_server import ForkServer
 from henon_ref.campaign.procfs import KNOWN, family, kill_family, own_bytes, processor_seconds, resident_bytes
 from henon_ref.campaign.worker import Failure, Job
+from henon_ref.jit.processor_time import waited_seconds
 from henon_ref.text import short_line
 
 LOG_TAIL = 4000
@@ -41,7 +42,8 @@ class WorkerProcess:
         """Its process; None until the server has begun it."""
         self.ended: int | None = None
         """Exit status, once it has ended."""
-        self.asked = time.monotonic()
+        self._waited: dict[int, float] = {}
+        self.asked = server.clock
         self.began_with = 0
         self.prepared: Job | None = None
         """The job whose preparation it holds."""
@@ -61,6 +63,14 @@ class WorkerProcess:
     def used(self) -> float:
         """Processor time that it has used, with all that it has started [s]."""
         return processor_seconds(family(self.pid)) if KNOWN and self.pid else 0.0
+
+    @property
+    def clock(self) -> float:
+        """Wall time, less what it, all that it has started, and this process have waited for a processor [s]."""
+        if KNOWN and self.pid:
+            for pid in (os.getpid(), *family(self.pid)):  # one that has ended since, of which nothing is told, has, too
+                self._waited[pid] = max(self._waited.get(pid, 0.0), waited_seconds(pid))
+        return time.monotonic() - sum(self._waited.values())
 
     def register(self, poll: select.poll) -> None:
         """Have what it sends and prints looked for, and room for what it is sent."""

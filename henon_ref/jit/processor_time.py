@@ -61,6 +61,19 @@ def run_time() -> float:
     return perf_counter() - _compiled.wall_s
 
 
+def waited_seconds(pid: int) -> float:
+    """Time for which a process was ready to run while no processor was free for it [s]; 0 where nothing tells it.
+
+    By Linux's ``/proc/PID/schedstat``, of the main thread. Wall time without it does not depend on what else a machine
+    does: what is left is the process's own work and waiting.
+    """
+    try:
+        with open(f"/proc/{pid}/schedstat", encoding="ascii") as file:
+            return int(file.read().split()[1]) * 1e-9
+    except (OSError, IndexError, ValueError):  # there is no such process, or no such file
+        return 0.0
+
+
 class Deadline:
     """Processor time that a run may take from now on, compiling apart.
 

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 import pytest
-from jobs import Act, Collector, Keep, Kept, Stuck, memory, noted, run
+from jobs import Act, Collector, Keep, Kept, Stuck, crowd, memory, noted, run
 
 from henon_ref.campaign import pool
 from henon_ref.campaign.pool import WorkerPool
@@ -127,6 +127,13 @@ def test_a_job_that_is_not_done_in_time_is_ended_from_outside(what, tmp_path):
 def test_wall_time_within_reason_and_what_is_compiled_count_for_no_deadline(what):
     """They take half as long again as the deadline, of the one or the other."""
     assert not run([Act(what, 2.0)]).failures
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="the system does not tell who waits")
+def test_a_worker_that_waits_for_a_processor_is_not_late():
+    """It takes a seventh of one, so that it is at it for four times its deadline."""
+    with crowd():
+        assert not run([Act("burn_in_a_crowd", 1.0)]).failures
 
 
 def test_the_caller_s_own_work_is_no_worker_s_time():

@@ -28,6 +28,7 @@ print(json.dumps([found.transitions[0].time, made, signatures]))
 """
 
 
+@pytest.mark.slow  # daily: tests/jit/test_shared_compiling.py, where what is compiled is made up
 @pytest.mark.parametrize(
     "problem",
     [("x", ["t - s"], {"s": "x"}, [0], 3), ("x y", ["t - s", "-2 - u"], {"s": "x", "u": "y"}, [0, 9], 3)],
@@ -63,6 +64,7 @@ print(json.dumps([sum(function.stats.cache_misses.values()) for function in func
 """
 
 
+@pytest.mark.slow  # daily: the same
 def test_a_unit_is_compiled_by_whoever_comes_first(tmp_path: Path) -> None:
     """Each function by one of two processes, and none of them does it all."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}

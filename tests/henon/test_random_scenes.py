@@ -9,8 +9,12 @@ from __future__ import annotations
 import pytest
 from random_scenes import compared
 
+SCENES = range(1, 21)
+DAILY = SCENES[::4]
+"""The others are slow."""
 
-@pytest.mark.parametrize("scene", range(1, 21))
+
+@pytest.mark.parametrize("scene", [pytest.param(n, marks=[] if n in DAILY else [pytest.mark.slow]) for n in SCENES])
 def test_reference_multiprecision_and_a_library_agree_on_a_random_scene(scene: int) -> None:
     pytest.importorskip("heyoka")
     assert compared(34, [scene]) == []

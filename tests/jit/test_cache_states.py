@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+"""Each compiles all that there is. Daily: test_numba_cache.py and test_cache_folder.py, with one function."""
 CASE = """\
 schema: 1
 name: leaving

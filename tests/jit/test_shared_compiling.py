@@ -92,6 +92,28 @@ def test_a_full_disk_is_no_error(folder: Path, function: Any, monkeypatch: pytes
     assert_compiled(function)
 
 
+def test_what_another_process_is_at_comes_last_and_is_compiled_there_alone(folder: Path, function: Any) -> None:
+    """Another one is compiled meanwhile; ``compile`` is called for both at the end, and takes them from the disk."""
+    order = []
+
+    class Other(Function):
+        __name__ = "other"
+
+        def compile(self, types: Any) -> None:
+            if types not in self.overloads:
+                held.write(b"compiled\n")
+                held.close()  # the other process has done its part
+            order.append("other")
+            super().compile(types)
+
+    function.compile = lambda types: order.append("function")
+    folder.mkdir()
+    held = open_turn(turn(function))
+    fcntl.flock(held, fcntl.LOCK_EX)
+    compile_all([(function, TYPES), (Other(), TYPES)])
+    assert order == ["other", "function", "other"]
+
+
 def test_a_process_that_hangs_in_its_turn_is_not_waited_for(
     folder: Path, function: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,4 +1,4 @@
-"""The hosted workflow: it parses, and calls scripts that are there for the Pythons and libraries that there are."""
+"""The hosted workflows: they parse, and call scripts that are there for the Pythons and libraries that there are."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from ruamel.yaml import YAML
 
 ROOT = Path(__file__).parents[2]
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-JOBS: dict[str, Any] = YAML(typ="safe").load((ROOT / ".github/workflows/ci.yml").read_text(encoding="utf-8"))["jobs"]
+WORKFLOWS: list[dict[str, Any]] = [
+    YAML(typ="safe").load(file.read_text(encoding="utf-8")) for file in (ROOT / ".github/workflows").iterdir()
+]
+JOBS: dict[str, Any] = {name: job for workflow in WORKFLOWS for name, job in workflow["jobs"].items()}
 SCRIPTS = sorted((ROOT / ".ci").iterdir())
 
 
@@ -36,6 +39,13 @@ def test_each_library_without_wheels_everywhere_is_left_out_once() -> None:
     job = JOBS["without"]
     assert set(job["strategy"]["matrix"]["library"]) == marked
     assert commands(job) == ["bash .ci/without ${{ matrix.library }}"]
+
+
+def test_the_slow_tests_are_run_by_the_clock() -> None:
+    (workflow,) = [own for own in WORKFLOWS if "slow" in own["jobs"]]
+    assert workflow["on"]["schedule"]
+    assert commands(workflow["jobs"]["slow"]) == ["bash .ci/slow"]
+    assert " -m slow" in (ROOT / ".ci/slow").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("job", JOBS.values(), ids=JOBS.keys())

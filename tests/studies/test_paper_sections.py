@@ -47,6 +47,7 @@ def test_section_2_holds():
     assert verdicts(claims)["Eq. (1)"] == "corrected"
 
 
+@pytest.mark.slow  # daily: .ci/run makes the page
 def test_section_3_holds_and_sticks_do_occur_in_fig_4():
     made = section3.fan()
     assert 0 < made.sticking() < len(made.curves)
@@ -55,6 +56,7 @@ def test_section_3_holds_and_sticks_do_occur_in_fig_4():
     assert failures(section3.fan_claims(made)) == []
 
 
+@pytest.mark.slow  # daily: .ci/run makes the page
 def test_section_4_holds(tmp_path):
     section = section4.section(tmp_path)
     assert failures(section.claims) == []
@@ -62,6 +64,7 @@ def test_section_4_holds(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"fig6.svg", "fig7.svg"}
 
 
+@pytest.mark.slow  # daily: .ci/run makes the page
 def test_fig_8_holds_in_all_readings(tmp_path):
     section = fig8.section(tmp_path)
     assert failures(section.claims) == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -21,7 +22,8 @@ from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.errors import CaseError
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.solver import HENON_SOLVER
-from henon_ref.studies.price import effects
+from henon_ref.jit.cache_folder import VARIABLE
+from henon_ref.studies.price import compiling, effects
 from henon_ref.studies.price.compiling import Ready, paid_after, readiness
 from henon_ref.studies.price.costs import mean_costs, why_not
 from henon_ref.studies.price.fit import power
@@ -300,6 +302,26 @@ def test_compiling_is_paid_for_after_so_many_runs() -> None:
     assert ready_table([fast, slow]).rows[0][-1] == "2 / 1 against `heyoka`"
 
 
+def test_getting_ready_is_measured_twice_in_new_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With an empty folder of compiled code, and with what the first process has left there."""
+    seen: list[tuple[str, Path]] = []
+
+    def measured(function: object, problem: Problem, solver: str, setting: object) -> float:
+        seen.append((solver, Path(os.environ[VARIABLE])))
+        return float(len(seen))
+
+    monkeypatch.setattr(compiling, "in_fresh_process", measured)
+    own = [pair("heyoka", 0.1, 9, case="free_coulomb"), pair("scipy-rk45", 0.1, 9, case="free_coulomb")]
+    first, other = readiness([load_case(CASES / "free_coulomb.yaml")], own)
+    assert [(ready.solver, ready.rtol, ready.cold_s, ready.kept_s) for ready in (first, other)] == [
+        ("henon", 1e-9, 1.0, 2.0), ("heyoka", 1e-8, 3.0, 4.0),
+    ]  # fmt: skip
+    assert [solver for solver, _ in seen] == ["henon", "henon", "heyoka", "heyoka"]
+    places = [place for _, place in seen]
+    assert places[0] == places[1] != places[2] == places[3]
+
+
+@pytest.mark.slow  # daily: the one above, where nothing is compiled
 def test_getting_ready_takes_less_with_code_on_disk() -> None:
     case = load_case(CASES / "free_coulomb.yaml")
     first, own = readiness([case], [pair("heyoka", 0.1, 9, case=case.name), pair("scipy-rk45", 0.1, 9, case=case.name)])

@@ -165,6 +165,10 @@ def _stops(error: float, deadline: float) -> Trajectory:
     return trajectory(found(error=error)[:3], "timeout", end_time=2.5, reason="stopped after the deadline")
 
 
+def _gives_up(error: float, deadline: float) -> Trajectory:
+    return trajectory((), "failed", end_time=0.25, reason="the budget of 3 right-hand sides was spent by t = 0.25")
+
+
 def _chatters(error: float, deadline: float) -> Trajectory:
     """At a loose tolerance caught in transitions that are none of the truth's; right at others."""
     if error < 1e-4:
@@ -255,6 +259,7 @@ _BEHAVIOURS: dict[str, Callable[[float, float], Trajectory]] = {
     "hangs": _hangs,
     "crashes": _crashes,
     "stops": _stops,
+    "gives up": _gives_up,
     "chatters": _chatters,
     "slow": _slow,
     "raises later": _once(_raises),

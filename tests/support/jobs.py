@@ -11,7 +11,8 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,6 +51,20 @@ def burn(seconds: float) -> None:
     ends = time.process_time() + seconds
     while time.process_time() < ends:
         pass
+
+
+@contextmanager
+def crowd() -> Iterator[int]:
+    """Number of a processor that six programs want all the time."""
+    processor = min(os.sched_getaffinity(0))
+    code = f"import os; os.sched_setaffinity(0, [{processor}])\nwhile True: pass"
+    programs = [subprocess.Popen([sys.executable, "-c", code]) for _ in range(6)]
+    try:
+        yield processor
+    finally:
+        for program in programs:
+            program.kill()
+            program.wait()
 
 
 def grandchild(work) -> None:
@@ -123,6 +138,11 @@ class Act(Job):
 
     def do_burn(self, state):
         burn(1.5 * self.seconds + 0.1)
+
+    def do_burn_in_a_crowd(self, state):
+        """So much less than it may that it would be in time, if it had a processor for itself."""
+        os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])
+        burn(0.6 * self.seconds)
 
     def do_burn_in_a_child(self, state):
         child = os.fork()
