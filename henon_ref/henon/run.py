@@ -156,8 +156,13 @@ class Run(ModeChanges):
         resets = [t for t in TransitionArray(records, self.integrator.mode_table.modes) if t.kind == "reset"]
         if not resets:
             return None
-        surfaces, before = tuple(t.surface for t in resets), tuple(self.before_jump.tolist())
-        return Jumped(surfaces, resets[0].time, before, resets[0].state, resets[0].from_mode)
+        first, surfaces, before = resets[0], tuple(t.surface for t in resets), tuple(self.before_jump.tolist())
+        return Jumped(surfaces, first.time, before, first.state, first.from_mode, first.to_mode)
+
+    def go_back(self, state: NDArray[np.float64]) -> None:
+        """Go back to where the run stood when :attr:`state` was this, and what it handed out since is void."""
+        self.state[:] = state
+        self._passed_at = -1
 
     def _advance(self, *, stop: bool = False) -> Trajectory | None:
         """Let the compiled loop run until it needs something; None if the run goes on."""
