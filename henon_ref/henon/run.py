@@ -157,7 +157,7 @@ class Run(ModeChanges):
         if not resets:
             return None
         first, surfaces, before = resets[0], tuple(t.surface for t in resets), tuple(self.before_jump.tolist())
-        return Jumped(surfaces, first.time, before, first.state, first.from_mode, first.to_mode)
+        return Jumped(surfaces, first.time, before, resets[-1].state, first.from_mode, first.to_mode)
 
     def go_back(self, state: NDArray[np.float64]) -> None:
         """Go back to where the run stood when :attr:`state` was this, and what it handed out since is void."""
