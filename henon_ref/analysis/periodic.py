@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from henon_ref.trajectory import Transition
 
-
 REPETITIONS = 3
 """Of a pattern, to be seen at the end of a run."""
 SETTLING = 1e-3

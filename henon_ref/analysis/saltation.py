@@ -9,19 +9,17 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.analysis.tangent_space import TangentSpace
 from henon_ref.errors import UnsupportedError
-from henon_ref.filippov.equations import Guard, along
+from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import Jump, jump_of
-from henon_ref.filippov.resting import impact_of
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.mode_changes import Jumped
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Transition
 
 Matrix = NDArray[np.float64]
-SINGULAR = 1e-13
-"""A jump whose derivative has a singular value this small, relative to the largest, takes a direction away."""
 _Function = Callable[..., list[float]]
 
 
@@ -36,10 +34,10 @@ class Saltation:
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
+        self._spaces = TangentSpace(system)
         self._fields: dict[Mode, _Function] = {}
         self._guards: dict[sp.Expr, _Function] = {}
         self._maps: dict[Jump, _Function] = {}
-        self._rests: dict[tuple[Mode, int], _Function] = {}
 
     def matrix(self, transition: Transition) -> Matrix:
         """The saltation matrix of a transition, shape (n, n).
@@ -50,12 +48,12 @@ class Saltation:
         Raises
         ------
         UnsupportedError
-            Where several surfaces change at one instant: the flow has no derivative there, only one a
-            direction.
+            Where several surfaces change at one instant, and not by one condition: the flow has no derivative there,
+            only one a direction.
         """
         before, after = transition.from_mode, transition.to_mode
         changed = [i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b]
-        if len(changed) > 1:
+        if len(changed) > 1 and not self._spaces.meet_at_once(before, after):
             raise UnsupportedError(
                 f"{len(changed)} surfaces change at t = {transition.time:.17g}: the flow has no saltation matrix there"
             )
@@ -102,29 +100,6 @@ class Saltation:
         normal = np.array(gradient)
         return matrix + np.outer(f_after - matrix @ f_before - drift, normal) / (normal @ f_before + rate)
 
-    def of_rest(self, transition: Transition) -> Matrix:
-        """What the limit of impacts on a surface does to a perturbation after the last of them, shape (n, n).
-
-        ``I - A (C A)^-1 C``, with the gradients of h and h' in the rows of C, and in the columns of A the change p of
-        the state by an impulse that changes h' by 1, and ``(df/dx) p - dp/dt``, by which the state moves on after one.
-        When the body comes to rest is of no account: from the impact on the force is the same in the mean. It is the
-        limit for a rest that follows at once.
-        """
-        system, mode = self.system, transition.from_mode
-        key = mode, next(i for i, entry in enumerate(transition.to_mode) if entry == 0 != mode[i])
-        if key not in self._rests:
-            impact, states = impact_of(system, key[1]), system.states
-            assert impact is not None  # a body rests
-            field, push = system.equations(mode).field, impact.push
-            moved = [
-                along(f, states, push) - sp.diff(f, TIME) - along(p, states, field)
-                for f, p in zip(field, push, strict=True)
-            ]
-            rows = [sp.diff(zero, x) for zero in (system.surfaces[key[1]], impact.speed) for x in states]
-            self._rests[key] = self._lambdified([*push, *moved, *rows])
-        pushes, rows = np.array(self._rests[key](transition.time, *transition.state)).reshape(2, 2, -1)
-        return np.eye(len(system.states)) - pushes.T @ np.linalg.solve(rows @ pushes.T, rows)
-
     def _continuous(self, transition: Transition) -> bool:
         """A Filippov release: the equivalent sign reaches +-1, where the sliding field is the field beyond."""
         return transition.kind == "release" and transition.surface not in self.system.overrides
@@ -159,8 +134,3 @@ class Saltation:
     def _lambdified(self, expressions: list[sp.Expr]) -> _Function:
         numeric = [self.system.numeric(e) for e in expressions]
         return cast(_Function, sp.lambdify([TIME, *self.system.states], numeric, "math", cse=True))
-
-
-def rank_lost(matrix: Matrix) -> int:
-    """Directions, of as many as a matrix has columns, that it takes away."""
-    return matrix.shape[1] - int(np.linalg.matrix_rank(matrix, rtol=SINGULAR))

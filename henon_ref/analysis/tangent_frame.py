@@ -13,10 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.analysis.saltation import Matrix, rank_lost
+from henon_ref.analysis.saltation import Matrix
+from henon_ref.analysis.tangent_space import rank_lost
 from henon_ref.analysis.variational import TangentFlow, TangentTransition
 from henon_ref.errors import UnsupportedError
-from henon_ref.trajectory import Status
+from henon_ref.trajectory import Status, Trajectory
 
 CONDITION = 1e3
 """Condition number of the frame at which it is made orthonormal again."""
@@ -85,13 +86,12 @@ class TangentFrame:
                 flow.go_back(saved)
                 self.ahead = passed / 2
                 continue
-            transition = isinstance(event, TangentTransition)
-            if not transition and event.status != "ok":
-                return event.status, event.reason
             # As far as the condition number gets at the rate that is seen, and at most twice as far as now.
             growth = math.log(condition) / math.log(CONDITION)
-            if growth > 1 or not transition:
+            if growth > 1 or isinstance(event, Trajectory):
                 self.ahead = passed / max(growth, 0.5)
+            if isinstance(event, Trajectory) and event.status != "ok":
+                return event.status, event.reason
             self._orthonormalise()
             if isinstance(event, TangentTransition):
                 self._cross(event)

@@ -7,12 +7,17 @@ from typing import cast
 
 import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
-from henon_ref.analysis.saltation import Matrix
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resting import impact_of
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
+
+Vector = Sequence[float] | NDArray[np.float64]
+Matrix = NDArray[np.float64]
+SINGULAR = 1e-13
+"""A jump whose derivative has a singular value this small, relative to the largest, takes a direction away."""
 
 
 class TangentSpace:
@@ -33,7 +38,7 @@ class TangentSpace:
         """How many directions perturbations have in a mode."""
         return len(self.system.states) - len(self._gradients_in(_slid_on(mode)))
 
-    def completed(self, vectors: Matrix, mode: Mode, t: float, x: Sequence[float]) -> Matrix:
+    def completed(self, vectors: Matrix, mode: Mode, t: float, x: Vector) -> Matrix:
         """Orthonormal vectors of a mode's tangent space, and as many more as make them a basis of it.
 
         Parameters
@@ -52,11 +57,20 @@ class TangentSpace:
         more = np.linalg.qr(beside, mode="complete")[0][:, beside.shape[1] :]
         return np.column_stack([vectors, more])
 
-    def basis(self, mode: Mode, t: float, x: Sequence[float]) -> Matrix:
+    def basis(self, mode: Mode, t: float, x: Vector) -> Matrix:
         """An orthonormal basis of a mode's tangent space, shape (n, dimension)."""
         return self.completed(np.zeros((len(x), 0)), mode, t, x)
 
-    def jacobian(self, mode: Mode, t: float, x: Sequence[float]) -> Matrix:
+    def meet_at_once(self, before: Mode, after: Mode) -> bool:
+        """Whether the surfaces that change from one mode to the next are one, beside those that are slid on in both.
+
+        One may be a multiple of another, and in a loop of contacts the last ones come to rest together.
+        """
+        kept = _slid_on(before) & _slid_on(after)
+        changed = {i for i, (old, new) in enumerate(zip(before, after, strict=True)) if old != new}
+        return len(self._gradients_in(kept | changed)) <= len(self._gradients_in(kept)) + 1
+
+    def jacobian(self, mode: Mode, t: float, x: Vector) -> Matrix:
         """Derivative of a mode's field by the state, shape (n, n); zero where it has no finite value."""
         states = self.system.states
         slopes = [self.system.numeric(sp.diff(f, x)) for f in self.system.equations(mode).field for x in states]
@@ -93,7 +107,8 @@ class TangentSpace:
     def _gradients_in(self, sliding: frozenset[int]) -> list[list[sp.Expr]]:
         """Gradients of surfaces slid on, and of the speeds of bodies at rest; none that follows from the others."""
         if sliding not in self._gradients:
-            system, found = self.system, []
+            system = self.system
+            found: list[list[sp.Expr]] = []
             for i in sorted(sliding):
                 impact = impact_of(system, i) if system.rests(i) else None
                 for zero in (system.surfaces[i], *(() if impact is None else (impact.speed,))):
@@ -112,3 +127,8 @@ class TangentSpace:
 
 def _slid_on(mode: Mode) -> frozenset[int]:
     return frozenset(i for i, entry in enumerate(mode) if entry == 0)
+
+
+def rank_lost(matrix: Matrix) -> int:
+    """Directions, of as many as a matrix has columns, that it takes away."""
+    return matrix.shape[1] - int(np.linalg.matrix_rank(matrix, rtol=SINGULAR))

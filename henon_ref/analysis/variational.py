@@ -12,10 +12,10 @@ sliding the function that releases it. Where the state jumps, x -> R(t, x), it i
     S = dR/dx + (f_after - (dR/dx) f_before - dR/dt) (grad g)^T / (grad g . f_before + dg/dt),
 
 f_after being at the state after, in the mode that follows (at rest, where the impact takes all speed), all else before.
-Where impacts on h accumulate, their limit takes both h and its speed h' away: along the push p of the surface, and what
-p makes of the state, perturbations are projected onto ``grad h . v = grad h' . v = 0``. A Filippov release is
-continuous in f, so S = I. Where the mode after slides, ``(grad h)^T S = 0``: one direction of perturbations is lost for
-good, and one Lyapunov exponent is -infinity. See Leine and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (2004),
+Where impacts on h accumulate, their limit takes both h and its speed h' away
+(:mod:`henon_ref.analysis.limit_of_impacts`). A Filippov release is continuous in f, so S = I. Where the mode after
+slides, ``(grad h)^T S = 0``: one direction of perturbations is lost for good, and one Lyapunov exponent is
+-infinity. See Leine and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (2004),
 Ch. 7, and di Bernardo et al., *Piecewise-smooth Dynamical Systems* (2008), Sec. 2.5.
 """
 
@@ -29,8 +29,9 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.analysis.saltation import Matrix, Saltation, rank_lost
-from henon_ref.analysis.tangent_space import TangentSpace
+from henon_ref.analysis.limit_of_impacts import LimitOfImpacts
+from henon_ref.analysis.saltation import Matrix, Saltation
+from henon_ref.analysis.tangent_space import TangentSpace, rank_lost
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.equations import ModeEquations
 from henon_ref.filippov.exact_numbers import double_double
@@ -143,7 +144,7 @@ class TangentFlow:
     def __init__(self, problem: Problem, *, tolerance: float) -> None:
         self._n = n = len(problem.system.states)
         self.spaces = TangentSpace(problem.system)
-        self._saltation = Saltation(problem.system)
+        self._saltation, self._limit = Saltation(problem.system), LimitOfImpacts(problem.system)
         self._integrator = Integrator(AugmentedSystem.of(problem.system), order_for(tolerance))
         more = (*(sp.Integer(i == j) for i in range(n) for j in range(n)), sp.Integer(0))
         augmented = replace(problem, system=self._integrator.system, initial=problem.initial + more)
@@ -220,9 +221,9 @@ class TangentFlow:
             return TangentTransition(transition, self._saltation.matrix(transition), begin, jumps=False)
         own = jumped._replace(before=jumped.before[: self._n], after=jumped.after[: self._n])
         rests = transition.time > own.time
-        matrix = self._saltation.of_jump(own, own.follows if rests else self.mode)
+        matrix = self._saltation.of_jump(own, transition.from_mode if rests else self.mode)
         if rests:
-            matrix = self._saltation.of_rest(transition) @ matrix
+            matrix = self._limit.matrix(transition) @ matrix
         return TangentTransition(transition, matrix, (own.mode, own.time, own.before), jumps=True)
 
 

@@ -39,8 +39,6 @@ class Jumped(NamedTuple):
     """State after it."""
     mode: Mode
     """Before it."""
-    follows: Mode
-    """Just after it."""
 
 
 class ModeChanges(State):

@@ -116,6 +116,11 @@ class Run(ModeChanges):
         kind = step_dtype(len(self.start.x), self.start.order)
         return np.concatenate(kept).view(kind)[:, 0] if kept else np.zeros(0, dtype=kind)
 
+    def go_back(self, state: NDArray[np.float64]) -> None:
+        """Go back to where the run stood when :attr:`state` was this; what it handed out since is void."""
+        self.state[:] = state
+        self._passed_at = -1
+
     def to_horizon(self) -> Trajectory:
         """Go to the horizon (or to where the run ends before it)."""
         end = self._advance()
@@ -156,13 +161,8 @@ class Run(ModeChanges):
         resets = [t for t in TransitionArray(records, self.integrator.mode_table.modes) if t.kind == "reset"]
         if not resets:
             return None
-        first, surfaces, before = resets[0], tuple(t.surface for t in resets), tuple(self.before_jump.tolist())
-        return Jumped(surfaces, first.time, before, resets[-1].state, first.from_mode, first.to_mode)
-
-    def go_back(self, state: NDArray[np.float64]) -> None:
-        """Go back to where the run stood when :attr:`state` was this, and what it handed out since is void."""
-        self.state[:] = state
-        self._passed_at = -1
+        surfaces, before = tuple(t.surface for t in resets), tuple(self.before_jump.tolist())
+        return Jumped(surfaces, resets[0].time, before, resets[0].state, resets[0].from_mode)
 
     def _advance(self, *, stop: bool = False) -> Trajectory | None:
         """Let the compiled loop run until it needs something; None if the run goes on."""
