@@ -6,6 +6,9 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
+import numpy as np
+import sympy as sp
+
 from henon_ref.analysis.periodic import measured_period
 from henon_ref.errors import ArgumentError
 from henon_ref.filippov.problem import Problem
@@ -14,7 +17,7 @@ from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.simulation.arguments import problem_of, tolerance_of
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
-from henon_ref.trajectory import Transition
+from henon_ref.trajectory import Trajectory, Transition
 from henon_ref.truth.validated import Guess, OrbitError, PeriodicOrbit, find_periodic_orbit
 
 LATE = 0.5
@@ -75,15 +78,15 @@ def periodic_orbit(
     system, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
     if not (isinstance(radius, float | int) and 0 < radius < 1):
         raise ArgumentError(f"radius is {str(radius)[:60]}; wanted a number between 0 and 1")
-    run = HENON_SOLVER.prepare(problem, rtol=tolerance_of(rtol))()
+    tolerance = tolerance_of(rtol)
+    run = HENON_SOLVER.prepare(problem, rtol=tolerance)()
     if run.status != "ok":
         raise OrbitError(f"the run towards the orbit ended {run.status}: {run.reason}")
     if period is not None:
         length = system.number(period, "period")
         if not length.is_positive:
             raise ArgumentError(f"period is {str(length)[:60]}; wanted a time in s, larger than 0")
-        guess = Guess(problem.until, run.end_state, run.end_mode, period=length)
-        return find_periodic_orbit(system.model, guess, radius=radius)
+        return find_periodic_orbit(system.model, _between_events(problem, run, length, tolerance), radius=radius)
     if _depends_on_time(system.model):
         raise ArgumentError("time is in the equations: give the period of the forcing, as in period='2*pi/w'")
     late = float(problem.start) + LATE * (run.end_time - float(problem.start))
@@ -98,6 +101,22 @@ def periodic_orbit(
     if not repeated.settled and not all(abs(m) < 1 for m in orbit.multipliers):
         raise open_ended
     return orbit
+
+
+def _between_events(problem: Problem, run: Trajectory, period: sp.Expr, tolerance: float) -> Guess:
+    """A start in the last period of a run, as far from its events as can be; the horizon where there are none."""
+    since = run.end_time - float(period)
+    times = sorted({t.time for t in run.transitions if t.time > since})
+    if not times or since < float(problem.start):
+        return Guess(problem.until, run.end_state, run.end_mode, period=period)
+    gaps = np.diff([*times, times[0] + float(period)])
+    k = int(np.argmax(gaps))
+    time = times[k] + float(gaps[k]) / 2
+    time -= float(period) if time > run.end_time else 0.0
+    there = HENON_SOLVER.prepare(problem, rtol=tolerance, sample_times=np.array([time]))()
+    assert there.samples is not None  # asked for
+    assert there.sample_modes is not None
+    return Guess(sp.Rational(time), tuple(there.samples[0].tolist()), there.sample_modes[0], period=period)
 
 
 def _after_an_event(problem: Problem, pattern: Sequence[Transition]) -> Guess:
