@@ -12,7 +12,7 @@ from henon_ref.trajectory import Transition
 
 REPETITIONS = 3
 """Of a pattern, to be seen at the end of a run."""
-SETTLING = 1e-3
+SETTLING = 1e-2
 """How far a run may still be from its limit, relative to the largest state seen: near enough for Newton's method."""
 
 

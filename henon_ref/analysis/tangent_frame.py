@@ -88,8 +88,10 @@ class TangentFrame:
                 continue
             # As far as the condition number gets at the rate that is seen, and at most twice as far as now.
             growth = math.log(condition) / math.log(CONDITION)
-            if growth > 1 or isinstance(event, Trajectory):
-                self.ahead = passed / max(growth, 0.5)
+            if growth > 1:
+                self.ahead = passed / growth
+            elif isinstance(event, Trajectory):
+                self.ahead = max(self.ahead, passed / max(growth, 0.5))
             if isinstance(event, Trajectory) and event.status != "ok":
                 return event.status, event.reason
             self._orthonormalise()

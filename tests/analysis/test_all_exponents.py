@@ -1,4 +1,4 @@
-"""All exponents, not the largest alone: closed forms, sums that the divergence tells, and what sticks and rests take."""
+"""All exponents, not the largest alone: closed forms, the divergence's sum, and what sticks and rests take."""
 
 from __future__ import annotations
 
@@ -170,7 +170,9 @@ def test_a_wrong_saltation_or_divergence_is_an_error(monkeypatch: pytest.MonkeyP
     shaken = hr.System(["x", "v"], {}, {"s": "x"}, ["v", "-x - 0.2*v - 0.1*s + 0.3*cos(t)"])
     own = Saltation.matrix
     # A map into a plane that sliding does not keep: vectors leave the tangent space.
-    monkeypatch.setattr(Saltation, "matrix", lambda self, transition: own(self, transition) + np.array([[0, 0], [0, 1e-3]]))
+    monkeypatch.setattr(
+        Saltation, "matrix", lambda self, transition: own(self, transition) + np.array([[0, 0], [0, 1e-3]])
+    )
     hr.lyapunov_exponents(shaken, {"x": 1, "v": 0}, span=5)  # full rank: consistent with itself, whatever the matrix
     with pytest.raises(UnsupportedError, match="integrated divergence"):
         hr.lyapunov_exponents(belt, {"x": 1.5, "v": 0}, span=30)
