@@ -1,6 +1,6 @@
 """Lyapunov exponents and Floquet multipliers from the variational equations.
 
-Benettin's method: tangent vectors are carried along a trajectory (:mod:`henon_ref.analysis.variational`)
+Benettin's method: tangent vectors are carried along a trajectory (:mod:`henon_ref.analysis.tangent_frame`)
 and made orthonormal again and again by QR; the exponents are the mean logarithmic rates of the diagonal of
 R (Benettin et al., *Meccanica* 15, 1980; Geist, Parlitz and Lauterborn, *Prog. Theor. Phys.* 83, 1990). A
 stick that is entered takes a direction away for good. That is known from the transition, not read off an
@@ -19,7 +19,8 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.analysis.variational import Matrix, TangentFlow, TangentTransition, fundamental_matrix
+from henon_ref.analysis.tangent_frame import IDENTITY, TangentFrame
+from henon_ref.analysis.variational import TangentFlow, fundamental_matrix
 from henon_ref.errors import ArgumentError
 from henon_ref.filippov.problem import Problem
 from henon_ref.simulation.arguments import problem_of, tolerance_of
@@ -75,7 +76,12 @@ class Spectrum:
         return tuple(errors.tolist())
 
     def kaplan_yorke(self, *, zero: float = 0.0) -> float:
-        """Kaplan and Yorke's dimension of the attractor; exponents within ``zero`` of 0 count as 0."""
+        """Kaplan and Yorke's dimension of the attractor; exponents within ``zero`` of 0 count as 0.
+
+        NaN where there are no exponents.
+        """
+        if any(map(math.isnan, self.exponents)):
+            return math.nan
         total = 0.0
         for i, exponent in enumerate(self.exponents):
             counted = 0.0 if abs(exponent) <= zero else exponent
@@ -85,9 +91,7 @@ class Spectrum:
         return float(len(self.exponents))
 
 
-def lyapunov_spectrum(
-    problem: Problem, *, discard: float, span: float, tolerance: float = 1e-12, every: float = 20.0
-) -> Spectrum:
+def lyapunov_spectrum(problem: Problem, *, discard: float, span: float, tolerance: float = 1e-12) -> Spectrum:
     """All Lyapunov exponents of a problem's trajectory.
 
     Parameters
@@ -95,25 +99,30 @@ def lyapunov_spectrum(
     problem : Problem
         Its own ``until`` is not used.
     discard : float
-        Time before the averages begin, for the trajectory to reach its attractor and the vectors theirs [s].
+        Time before the averages begin, for the trajectory to reach its attractor and the vectors theirs [s]. What
+        sticks take away until then counts for nothing.
     span : float
         Time to average over [s].
     tolerance : float
-        Local error of a step.
-    every : float
-        Longest time between two QR factorisations [s]; every transition has one besides.
+        Local error of a step; a larger one than the logarithms' sum is checked to is not taken.
 
     Raises
     ------
     UnsupportedError
-        Where several surfaces change at one instant.
+        Where several surfaces change at one instant, or the logarithms' sum is not that of the volume.
     """
-    frame = _Frame(TangentFlow(problem, tolerance=tolerance))
+    tolerance = min(tolerance, IDENTITY / 1000)
+    flow = TangentFlow(problem, tolerance=tolerance)
+    if flow.refused is not None:
+        n = len(problem.system.states)
+        nothing = np.empty(0), np.empty((0, n)), 0.0, 0, 0.0
+        return Spectrum((math.nan,) * n, *nothing, flow.refused.status, flow.refused.reason)
+    frame = TangentFrame(flow, tolerance)
     start = float(problem.start)
-    status, reason = frame.run(start + discard, every)
+    status, reason = frame.run(start + discard)
     frame.reset()
     if status == "ok":
-        status, reason = frame.run(start + discard + span, every)
+        status, reason = frame.run(start + discard + span)
     times = np.array(frame.times)
     history = np.array(frame.history).reshape(len(times), frame.logs.size)
     final = history[-1] if len(times) else np.full(frame.logs.size, np.nan)
@@ -186,63 +195,6 @@ def lyapunov_exponents(
     return lyapunov_spectrum(
         problem, discard=float(discard), span=float(span), tolerance=local_error(tolerance_of(rtol))
     )
-
-
-class _Frame:
-    """Orthonormal tangent vectors and the logarithms of how they grew."""
-
-    def __init__(self, flow: TangentFlow) -> None:
-        self.flow = flow
-        n = flow.vectors.shape[0]
-        # Directions that belong to no axis: a stick's kernel is often one, and would then hit a vector in the middle.
-        flow.vectors = np.linalg.qr(np.random.default_rng(0).standard_normal((n, n)))[0]
-        self.rank = n
-        self.logs = np.zeros(n)
-        self._lose(n - flow.lost)
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin the averages here."""
-        self.logs = np.where(np.arange(self.logs.size) < self.rank, 0.0, -np.inf)
-        self.began = self.last = self.flow.time
-        self.stuck = 0.0
-        self.transitions = 0
-        self.times: list[float] = []
-        self.history: list[Matrix] = []
-
-    def run(self, until: float, every: float) -> tuple[Status, str]:
-        """Go to a time, with QR at every transition and at least once ``every`` seconds."""
-        while True:
-            stop = min(self.last + every, until)
-            slides = 0 in self.flow.mode
-            event = self.flow.advance(stop)
-            if isinstance(event, TangentTransition):
-                self.transitions += 1
-                self._lose(self.flow.vectors.shape[0] - event.sliding)
-            elif event.status != "ok":
-                return event.status, event.reason
-            self._orthonormalise(slides)
-            if self.flow.time >= until:
-                return "ok", ""
-
-    def _lose(self, rank: int) -> None:
-        if rank < self.rank:
-            self.logs[rank:] = -np.inf
-            self.rank = rank
-
-    def _orthonormalise(self, slides: bool) -> None:
-        now = self.flow.time
-        vectors = self.flow.vectors
-        basis, r = np.linalg.qr(vectors[:, : self.rank])
-        vectors[:, : self.rank] = basis
-        vectors[:, self.rank :] = 0.0
-        self.flow.vectors = vectors
-        self.logs[: self.rank] += np.log(np.abs(np.diag(r)))
-        self.stuck += now - self.last if slides else 0.0
-        self.last = now
-        if now > self.began:
-            self.times.append(now - self.began)
-            self.history.append(self.logs / (now - self.began))
 
 
 def floquet_multipliers(

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import Any
+
+import numpy as np
+import sympy as sp
 
 from henon_ref.analysis.periodic import measured_period
 from henon_ref.errors import ArgumentError
@@ -13,7 +17,7 @@ from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.simulation.arguments import problem_of, tolerance_of
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
-from henon_ref.trajectory import Trajectory
+from henon_ref.trajectory import Trajectory, Transition
 from henon_ref.truth.validated import Guess, OrbitError, PeriodicOrbit, find_periodic_orbit
 
 LATE = 0.5
@@ -74,37 +78,69 @@ def periodic_orbit(
     system, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
     if not (isinstance(radius, float | int) and 0 < radius < 1):
         raise ArgumentError(f"radius is {str(radius)[:60]}; wanted a number between 0 and 1")
-    run = HENON_SOLVER.prepare(problem, rtol=tolerance_of(rtol))()
+    tolerance = tolerance_of(rtol)
+    run = HENON_SOLVER.prepare(problem, rtol=tolerance)()
     if run.status != "ok":
         raise OrbitError(f"the run towards the orbit ended {run.status}: {run.reason}")
     if period is not None:
         length = system.number(period, "period")
         if not length.is_positive:
             raise ArgumentError(f"period is {str(length)[:60]}; wanted a time in s, larger than 0")
-        guess = Guess(problem.until, run.end_state, run.end_mode, period=length)
-    elif _depends_on_time(system.model):
+        return find_periodic_orbit(system.model, _between_events(problem, run, length, tolerance), radius=radius)
+    if _depends_on_time(system.model):
         raise ArgumentError("time is in the equations: give the period of the forcing, as in period='2*pi/w'")
-    else:
-        guess = _at_last_event(problem, run)
-    return find_periodic_orbit(system.model, guess, radius=radius)
-
-
-def _at_last_event(problem: Problem, run: Trajectory) -> Guess:
-    """A start just after the last change of mode, to which the orbit returns after one period's changes."""
     late = float(problem.start) + LATE * (run.end_time - float(problem.start))
-    found = measured_period(run.transitions, after=late)
-    if found is None:
-        raise OrbitError(
-            f"the run does not repeat itself three times between t = {late:.6g} and {run.end_time:.6g}: "
-            "give a later 'until', or it is not periodic"
-        )
-    last = [change for change in run.transitions if change.kind != "graze"][-1]
-    changes = sum(change.kind != "graze" for change in found.pattern)
-    tangent = last.kind == "release" and last.surface not in problem.system.overrides
-    return Guess(problem.start, last.state, last.to_mode, events=changes, surface=last.surface, tangent=tangent)
+    repeated = measured_period(run.transitions, after=late)
+    open_ended = OrbitError(
+        f"the run does not repeat itself three times between t = {late:.6g} and {run.end_time:.6g}: "
+        "give a later 'until', or it is not periodic"
+    )
+    if repeated is None:
+        raise open_ended
+    orbit = find_periodic_orbit(system.model, _after_an_event(problem, repeated.pattern), radius=radius)
+    if not repeated.settled and not all(abs(m) < 1 for m in orbit.multipliers):
+        raise open_ended
+    return orbit
+
+
+def _between_events(problem: Problem, run: Trajectory, period: sp.Expr, tolerance: float) -> Guess:
+    """A start in the last period of a run, as far from its events as can be; the horizon where there are none."""
+    since = run.end_time - float(period)
+    times = sorted({t.time for t in run.transitions if t.time > since})
+    if not times or since < float(problem.start):
+        return Guess(problem.until, run.end_state, run.end_mode, period=period)
+    gaps = np.diff([*times, times[0] + float(period)])
+    k = int(np.argmax(gaps))
+    time = times[k] + float(gaps[k]) / 2
+    time -= float(period) if time > run.end_time else 0.0
+    there = HENON_SOLVER.prepare(problem, rtol=tolerance, sample_times=np.array([time]))()
+    assert there.samples is not None  # asked for
+    assert there.sample_modes is not None
+    return Guess(sp.Rational(time), tuple(there.samples[0].tolist()), there.sample_modes[0], period=period)
+
+
+def _after_an_event(problem: Problem, pattern: Sequence[Transition]) -> Guess:
+    """A start just after a change of mode, or a jump, to which the orbit returns after one period's changes.
+
+    The last one of which it is known what fell to zero: where several surfaces change at once, only a reset tells.
+    """
+    changes = [t for t in pattern if t.kind != "graze"]
+    instants = [list(together) for _, together in groupby(changes, key=lambda t: (t.time, t.time_low))]
+    together = next((i for i in reversed(instants) if len(i) == 1 or any(t.kind == "reset" for t in i)), instants[-1])
+    first, last = next((t for t in together if t.kind == "reset"), together[0]), together[-1]
+    return Guess(
+        problem.start,
+        last.state,
+        last.to_mode,
+        events=len(instants),
+        surface=first.surface,
+        tangent=first.kind == "release" and first.surface not in problem.system.overrides,
+        reset=first.kind == "reset",
+    )
 
 
 def _depends_on_time(model: FilippovSystem) -> bool:
     expressions = [*model.field, *model.surfaces, *(f for o in model.overrides.values() for f in o.field)]
     expressions += [r.when for o in model.overrides.values() for r in o.release]
+    expressions += [value for reset in model.resets.values() for value in reset.map.values()]
     return any(e.has(TIME) for e in expressions)

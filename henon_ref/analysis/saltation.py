@@ -9,6 +9,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.analysis.tangent_space import TangentSpace
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
@@ -33,6 +34,7 @@ class Saltation:
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
+        self._spaces = TangentSpace(system)
         self._fields: dict[Mode, _Function] = {}
         self._guards: dict[sp.Expr, _Function] = {}
         self._maps: dict[Jump, _Function] = {}
@@ -46,12 +48,12 @@ class Saltation:
         Raises
         ------
         UnsupportedError
-            Where several surfaces change at one instant: the flow has no derivative there, only one a
-            direction.
+            Where several surfaces change at one instant, and not by one condition: the flow has no derivative there,
+            only one a direction.
         """
         before, after = transition.from_mode, transition.to_mode
         changed = [i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b]
-        if len(changed) > 1:
+        if len(changed) > 1 and not self._spaces.meet_at_once(before, after):
             raise UnsupportedError(
                 f"{len(changed)} surfaces change at t = {transition.time:.17g}: the flow has no saltation matrix there"
             )

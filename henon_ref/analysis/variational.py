@@ -12,7 +12,8 @@ sliding the function that releases it. Where the state jumps, x -> R(t, x), it i
     S = dR/dx + (f_after - (dR/dx) f_before - dR/dt) (grad g)^T / (grad g . f_before + dg/dt),
 
 f_after being at the state after, in the mode that follows (at rest, where the impact takes all speed), all else before.
- A Filippov release is continuous in f, so S = I. Where the mode after
+Where impacts on h accumulate, their limit takes both h and its speed h' away
+(:mod:`henon_ref.analysis.limit_of_impacts`). A Filippov release is continuous in f, so S = I. Where the mode after
 slides, ``(grad h)^T S = 0``: one direction of perturbations is lost for good, and one Lyapunov exponent is
 -infinity. See Leine and Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems* (2004),
 Ch. 7, and di Bernardo et al., *Piecewise-smooth Dynamical Systems* (2008), Sec. 2.5.
@@ -21,12 +22,16 @@ Ch. 7, and di Bernardo et al., *Piecewise-smooth Dynamical Systems* (2008), Sec.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import cast
 
 import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
+from henon_ref.analysis.limit_of_impacts import LimitOfImpacts
 from henon_ref.analysis.saltation import Matrix, Saltation
+from henon_ref.analysis.tangent_space import TangentSpace, rank_lost
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.equations import ModeEquations
 from henon_ref.filippov.exact_numbers import double_double
@@ -40,46 +45,46 @@ from henon_ref.henon.run import Run
 from henon_ref.henon.solver import order_for
 from henon_ref.trajectory import Trajectory, Transition
 
-SINGULAR = 1e-13
-"""A jump whose derivative has a singular value this small, relative to the largest, takes a direction away."""
-
 
 @dataclass(frozen=True, eq=False)
 class AugmentedSystem(FilippovSystem):
-    """A system together with tangent vectors: ``(x, V)' = (f, (df/dx) V)``, mode by mode.
+    """A system with n tangent vectors and their volume: ``(x, V, w)' = (f, (df/dx) V, tr df/dx)``, mode by mode.
 
     Surfaces, guards and equivalent signs are those of the base: perturbations do not move transitions. The
-    sliding part is the derivative of the base's own sliding field, not a sliding field of the pair.
+    sliding part is the derivative of the base's own sliding field, not a sliding field of all three; w is then the
+    logarithm of volumes along the surface.
     """
 
     base: FilippovSystem | None = None
-    """The system itself; its states come first."""
-    columns: int = 0
-    """Number p of tangent vectors; V is (n, p), row-major after the states."""
+    """The system itself; its states come first, then V (n, n), row-major, then w."""
 
     @classmethod
-    def of(cls, base: FilippovSystem, columns: int) -> AugmentedSystem:
-        """A system with ``columns`` tangent vectors beside it."""
+    def of(cls, base: FilippovSystem) -> AugmentedSystem:
+        """A system with tangent vectors beside it."""
         taken = {symbol.name for symbol in (*base.states, *base.signs, *base.parameters)}
         prefix = "v"
         while any(name.startswith(prefix + "_") for name in taken):
             prefix += "v"
-        vectors = tuple(
-            sp.Symbol(f"{prefix}_{i}_{j}", real=True) for i in range(len(base.states)) for j in range(columns)
-        )
+        n = len(base.states)
+        names = [f"{prefix}_{i}_{j}" for i in range(n) for j in range(n)] + [f"{prefix}_volume"]
+        more = tuple(sp.Symbol(name, real=True) for name in names)
         return cls(
-            states=base.states + vectors,
+            states=base.states + more,
             signs=base.signs,
             surfaces=base.surfaces,
-            field=_with_tangents(base.field, base.states, vectors),
+            field=_with_tangents(base, base.field, more[:-1], frozenset()),
             parameters=base.parameters,
             valid=base.valid,
             overrides=base.overrides,
             resets=base.resets,
             effects=base.effects,
             base=base,
-            columns=columns,
         )
+
+    @cached_property
+    def switched(self) -> None:
+        """None: a contact of the base that slides changes the rates of tangent vectors, too."""
+        return None
 
     def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
         """See :meth:`FilippovSystem.shared_equations`."""
@@ -87,8 +92,7 @@ class AugmentedSystem(FilippovSystem):
         if key not in self._cache:
             base = cast(FilippovSystem, self.base)
             equations = base.shared_equations(sliding)
-            n = len(base.states)
-            field = _with_tangents(equations.field, base.states, self.states[n:])
+            field = _with_tangents(base, equations.field, self.states[len(base.states) : -1], sliding)
             self._cache[key] = replace(equations, field=field)
         return self._cache[key]
 
@@ -98,56 +102,54 @@ class AugmentedSystem(FilippovSystem):
 
 
 def _with_tangents(
-    field: tuple[sp.Expr, ...], states: tuple[sp.Symbol, ...], vectors: tuple[sp.Symbol, ...]
+    base: FilippovSystem, field: tuple[sp.Expr, ...], vectors: tuple[sp.Symbol, ...], sliding: frozenset[int]
 ) -> tuple[sp.Expr, ...]:
-    """A field, then (df/dx) V row by row."""
-    columns = len(vectors) // len(states)
+    """A field, then (df/dx) V row by row, then the rate of the volume's logarithm."""
+    n = len(base.states)
     rows: list[sp.Expr] = list(field)
     for f in field:
-        gradient = [(k, slope) for k, x in enumerate(states) if (slope := sp.diff(f, x)) != 0]
-        rows += [sp.Add(*(slope * vectors[k * columns + j] for k, slope in gradient)) for j in range(columns)]
-    return tuple(rows)
+        gradient = [(k, slope) for k, x in enumerate(base.states) if (slope := sp.diff(f, x)) != 0]
+        rows += [sp.Add(*(slope * vectors[k * n + j] for k, slope in gradient)) for j in range(n)]
+    return (*rows, TangentSpace(base).divergence(field, sliding))
 
 
 @dataclass(frozen=True)
 class TangentTransition:
-    """A transition that tangent vectors were carried through."""
+    """A transition that tangent vectors come to."""
 
     transition: Transition
     saltation: Matrix
-    """S, shape (n, n)."""
-    sliding: int
-    """Directions that are lost: to surfaces that the state is on, two to each that a body rests on, or to the jump."""
-
-
-def lost(system: FilippovSystem, mode: Mode) -> int:
-    """Directions of perturbations lost in a mode: one to a surface slid on, two to one that a body rests on."""
-    return sum(1 + system.rests(i) for i, entry in enumerate(mode) if entry == 0)
+    """S, shape (n, n): what tangent vectors are multiplied by."""
+    begin: tuple[Mode, float, tuple[float, ...]]
+    """Mode, time [s] and state just before it."""
+    jumps: bool
+    """Whether the state jumps, so that S itself may take directions away."""
 
 
 class TangentFlow:
-    """A trajectory and tangent vectors along it.
+    """A trajectory and n tangent vectors along it, which start as the identity.
 
     Parameters
     ----------
     problem : Problem
-    columns : int, optional
-        Number p of tangent vectors; n if left out, starting as the identity.
     tolerance : float
         Local error of a step, of states and tangent vectors alike, each relative to its own size.
 
+    Attributes
+    ----------
+    spaces : TangentSpace
+        Of the problem's system.
     """
 
-    def __init__(self, problem: Problem, *, columns: int | None = None, tolerance: float) -> None:
-        self._system = problem.system
-        n = len(problem.system.states)
-        p = n if columns is None else columns
-        self._n, self._p = n, p
-        self._saltation = Saltation(problem.system)
-        self._integrator = Integrator(AugmentedSystem.of(problem.system, p), order_for(tolerance))
-        vectors = tuple(sp.Integer(i == j) for i in range(n) for j in range(p))
-        augmented = replace(problem, system=self._integrator.system, initial=problem.initial + vectors)
+    def __init__(self, problem: Problem, *, tolerance: float) -> None:
+        self._n = n = len(problem.system.states)
+        self.spaces = TangentSpace(problem.system)
+        self._saltation, self._limit = Saltation(problem.system), LimitOfImpacts(problem.system)
+        self._integrator = Integrator(AugmentedSystem.of(problem.system), order_for(tolerance))
+        more = (*(sp.Integer(i == j) for i in range(n) for j in range(n)), sp.Integer(0))
+        augmented = replace(problem, system=self._integrator.system, initial=problem.initial + more)
         start = self._integrator.start(augmented, tolerance=tolerance, landing=HENON)
+        self.refused = start.refused
         self._run = Run(self._integrator, start, block=1)
 
     @property
@@ -161,27 +163,40 @@ class TangentFlow:
         return self._run.mode
 
     @property
-    def lost(self) -> int:
-        """Directions of perturbations that are lost in the present mode."""
-        return lost(self._system, self.mode)
-
-    @property
     def state(self) -> Matrix:
         """Present state, shape (n,): a copy."""
         return self._run.x[: self._n].copy()
 
     @property
     def vectors(self) -> Matrix:
-        """Present tangent vectors, shape (n, p): a copy; assign to it to change them."""
-        return self._run.x[self._n :].reshape(self._n, self._p).copy()
+        """Present tangent vectors, shape (n, n): a copy. To assign to it, a column a vector, starts their volume anew.
+
+        Columns that are left out are zero from then on.
+        """
+        return self._run.x[self._n : -1].reshape(self._n, self._n).copy()
 
     @vectors.setter
     def vectors(self, vectors: Matrix) -> None:
-        self._run.x[self._n :] = vectors.ravel()
+        filled = np.zeros((self._n, self._n))
+        filled[:, : vectors.shape[1]] = vectors
+        self._run.x[self._n :] = [*filled.ravel(), 0.0]
         self._run.x_low[self._n :] = 0.0
 
+    @property
+    def log_volume(self) -> float:
+        """The divergence in the mode's tangent space, integrated since vectors were assigned."""
+        return float(self._run.x[-1])
+
+    def saved(self) -> NDArray[np.float64]:
+        """Where it stands, for :meth:`go_back`."""
+        return self._run.state.copy()
+
+    def go_back(self, saved: NDArray[np.float64]) -> None:
+        """Go back to where it stood."""
+        self._run.go_back(saved)
+
     def advance(self, until: sp.Expr | float) -> TangentTransition | Trajectory:
-        """Go to the next transition and through it, or to ``until`` if that comes first.
+        """Go to the next transition, or to ``until`` if that comes first.
 
         Parameters
         ----------
@@ -191,7 +206,7 @@ class TangentFlow:
         Returns
         -------
         TangentTransition
-            Of the transition; the vectors are those just after it.
+            Of the transition; state and mode are those just after it, the vectors those just before it.
         Trajectory
             Where there was none before ``until`` (status ``ok``; go on with a later ``until``), or the run
             ended there.
@@ -202,15 +217,14 @@ class TangentFlow:
             return event
         transition, jumped = replace(event, state=event.state[: self._n]), self._run.last_jump()
         if jumped is None:
-            matrix = self._saltation.matrix(transition)
-        elif transition.time > jumped.time:
-            raise UnsupportedError(f"impacts come to a limit after t = {jumped.time:.17g}: no derivative leads over it")
-        else:
-            own = jumped._replace(before=jumped.before[: self._n], after=jumped.after[: self._n])
-            matrix = self._saltation.of_jump(own, self.mode)
-        self.vectors = matrix @ self.vectors
-        taken = 0 if jumped is None else self._n - int(np.linalg.matrix_rank(matrix, rtol=SINGULAR))
-        return TangentTransition(transition, matrix, max(taken, self.lost))
+            begin = transition.from_mode, transition.time, transition.state
+            return TangentTransition(transition, self._saltation.matrix(transition), begin, jumps=False)
+        own = jumped._replace(before=jumped.before[: self._n], after=jumped.after[: self._n])
+        rests = transition.time > own.time
+        matrix = self._saltation.of_jump(own, transition.from_mode if rests else self.mode)
+        if rests:
+            matrix = self._limit.matrix(transition) @ matrix
+        return TangentTransition(transition, matrix, (own.mode, own.time, own.before), jumps=True)
 
 
 def fundamental_matrix(problem: Problem, since: sp.Expr, until: sp.Expr, *, tolerance: float) -> tuple[Matrix, int]:
@@ -239,9 +253,12 @@ def fundamental_matrix(problem: Problem, since: sp.Expr, until: sp.Expr, *, tole
     rank = n = len(problem.system.states)
     for stage in (since, until):
         flow.vectors = np.eye(n)
-        rank = n - lost(problem.system, flow.mode)
+        rank = flow.spaces.dimension(flow.mode)
         while isinstance(event := flow.advance(stage), TangentTransition):
-            rank = min(rank, n - event.sliding)
+            flow.vectors = event.saltation @ flow.vectors
+            rank = min(rank, flow.spaces.dimension(flow.mode))
+            if event.jumps:
+                rank = min(rank, n - rank_lost(event.saltation))
         if event.status != "ok":
             raise UnsupportedError(f"no derivative up to t = {float(stage):.17g}: {event.reason}")
     return flow.vectors, rank

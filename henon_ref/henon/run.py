@@ -116,6 +116,11 @@ class Run(ModeChanges):
         kind = step_dtype(len(self.start.x), self.start.order)
         return np.concatenate(kept).view(kind)[:, 0] if kept else np.zeros(0, dtype=kind)
 
+    def go_back(self, state: NDArray[np.float64]) -> None:
+        """Go back to where the run stood when :attr:`state` was this; what it handed out since is void."""
+        self.state[:] = state
+        self._passed_at = -1
+
     def to_horizon(self) -> Trajectory:
         """Go to the horizon (or to where the run ends before it)."""
         end = self._advance()

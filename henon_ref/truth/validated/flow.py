@@ -267,6 +267,9 @@ class ValidatedFlow:
         time = time_to_rest(fall, speed, bend, arb(REMAINING * self.span))
         if time is None:
             return None
+        if impact.refusal:
+            name = self.model.system.sign_names[index]
+            raise UndecidedError(f"impacts on {name} come to a limit that is not followed: {impact.refusal}", "mode")
         if any(j != index and old != new for j, (old, new) in enumerate(zip(before, after, strict=True))):
             raise UndecidedError("a surface changes its side with the impacts that accumulate", "mode")
         self._accumulating = index

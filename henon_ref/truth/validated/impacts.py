@@ -38,7 +38,7 @@ class Rest:
 
 
 def speed_after(model: SystemModel, index: int, mode: Mode, arrived: Sequence[arb]) -> arb | None:
-    """Enclosure of h' after an impact on a surface, exactly 0 where it is proven to be; None where it is no impact.
+    """Enclosure of h' after an impact on a surface, exactly 0 where it is proven to be; None where it is no body's.
 
     Parameters
     ----------
@@ -52,13 +52,11 @@ def speed_after(model: SystemModel, index: int, mode: Mode, arrived: Sequence[ar
     Raises
     ------
     UndecidedError
-        Where the impact is not that of a body.
+        Where it cannot be told whether the body leaves.
     """
     system, impact = model.system, impact_of(model.system, index)
-    if impact is None:
+    if impact is None or impact.refusal:
         return None
-    if impact.refusal:
-        raise UndecidedError(f"an impact on {system.sign_names[index]} is not followed: {impact.refusal}", "mode")
     ratio = system.numeric(impact.ratio)
     if proves_zero(ratio):
         return arb(0)

@@ -34,6 +34,12 @@ FIRST_BITS = 80
 """Precision of the first Newton steps, whose point is not yet better than that."""
 BOXES = 4
 """Boxes tried by Krawczyk's test, each as wide as the last one's image asks for."""
+SINGULAR_WITHIN = 1e-6
+"""Corrections beyond this say that the point is too far from an orbit to tell why Newton's method fails."""
+SINGULAR = (
+    "the return map less the identity is singular: no isolated orbit here, others near by are as periodic "
+    "(where nothing is lost, say)"
+)
 INFLATION = 16.0
 """The box that is tested, against the last Newton correction."""
 
@@ -131,12 +137,11 @@ class _Search:
         """The orbit, or OrbitError."""
         size = len(self.returned.free)
         point, correction = self._newton()
-        floor = arb(2) ** -(self.bits - SPARE_BITS // 2)
         residual = [p - q for p, q in zip(point, self.returned(point, self.bits, sharp=False).end, strict=True)]
         for _ in range(BOXES):
-            half = [abs(c) * INFLATION + floor * (1 + abs(p)) for c, p in zip(correction, point, strict=True)]
-            box = [p + h.upper() * UNIT_BALL for p, h in zip(point, half, strict=True)]
-            slope = _unit(size) - self.returned(box, self.bits, sharp=True).derivative
+            box, slope = self._slope_around(point, correction)
+            if slope.det().contains(0):
+                break
             inverse = slope.mid().inv().mid()
             away = arb_mat(size, 1, [b - p for b, p in zip(box, point, strict=True)])
             moved = (_unit(size) - inverse * slope) * away - inverse * arb_mat(size, 1, residual)
@@ -144,12 +149,28 @@ class _Search:
             if all(b.contains_interior(k) for b, k in zip(box, krawczyk, strict=True)):
                 return self._describe(krawczyk, box)
             correction = [abs(k - p).upper() for k, p in zip(krawczyk, point, strict=True)]
+        self._refuse_singular(point, correction)
         raise OrbitError("Newton's method converges, but no box around its limit is proven to hold a fixed point")
+
+    def _slope_around(self, point: Sequence[arb], correction: Sequence[arb]) -> tuple[list[arb], arb_mat]:
+        """A box around a point, as wide as a correction asks for, and the derivative of the map's shift over it."""
+        floor = arb(2) ** -(self.bits - SPARE_BITS // 2)
+        half = [abs(c) * INFLATION + floor * (1 + abs(p)) for c, p in zip(correction, point, strict=True)]
+        box = [p + h.upper() * UNIT_BALL for p, h in zip(point, half, strict=True)]
+        return box, _unit(len(box)) - self.returned(box, self.bits, sharp=True).derivative
+
+    def _refuse_singular(self, point: Sequence[arb], correction: Sequence[arb]) -> None:
+        """Raise where the return map, less the identity, is singular near a point that it hardly moves."""
+        if max(map(float, correction), default=0.0) < SINGULAR_WITHIN:
+            _, slope = self._slope_around(point, correction)
+            if slope.det().contains(0):
+                raise OrbitError(SINGULAR)
 
     def _newton(self) -> tuple[list[arb], list[arb]]:
         """A point that the return map moves by next to nothing, and the last correction."""
         point = [arb(self.guess.state[i]).mid() for i in self.returned.free]
         bits, before = min(FIRST_BITS, self.bits), inf
+        nearest, least = point, [arb(inf)]
         for _ in range(NEWTON_STEPS):
             with working_precision(bits):
                 made = self.returned(point, bits, sharp=False)
@@ -157,14 +178,17 @@ class _Search:
                 try:
                     step = (_unit(len(point)) - made.derivative).mid().solve(residual.mid())
                 except ZeroDivisionError:
-                    raise OrbitError("the return map leaves a direction as it is: no isolated orbit here") from None
+                    raise OrbitError(SINGULAR) from None
                 correction = [step[i, 0].mid() for i in range(len(point))]
+                now = max((float(abs(c)) for c in correction), default=0.0)
+                if now <= max(map(float, map(abs, least))):
+                    nearest, least = point, correction
                 point = [(p - c).mid() for p, c in zip(point, correction, strict=True)]
-            now = max(float(abs(c)) for c in correction)
             rough = bits < self.bits
             if not rough and (now < 2.0 ** -(self.bits - SPARE_BITS) or (before < 1e-20 and now > before / 2)):
                 return point, correction
             bits, before = min(2 * bits, self.bits) if now < 2.0 ** -(bits // 4) else bits, now
+        self._refuse_singular(nearest, [abs(c) for c in least])
         raise OrbitError(f"Newton's method does not converge from the guess: its last correction is {before:.3g}")
 
     def _describe(self, free: Sequence[arb], box: Sequence[arb]) -> PeriodicOrbit:
@@ -190,6 +214,8 @@ def _unit(size: int) -> arb_mat:
 
 def _eigenvalues(matrix: arb_mat) -> tuple[acb, ...]:
     """Enclosures of the eigenvalues, largest first."""
+    if matrix.nrows() == 0:
+        return ()
     if matrix.nrows() == 1:
         return (acb(matrix[0, 0]),)
     if matrix.nrows() == 2:

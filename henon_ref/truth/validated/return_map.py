@@ -18,6 +18,8 @@ from flint import arb, arb_mat
 
 from henon_ref.errors import HenonRefError
 from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.resets import resetting
+from henon_ref.filippov.resting import impact_of
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.balls import enclose, proves_zero
@@ -53,9 +55,16 @@ class Guess:
     period: sp.Expr | None = None
     events: int | None = None
     surface: int | None = None
-    """With ``events``: the surface that the start lies on."""
+    """With ``events``: the surface of the event."""
     tangent: bool = False
     """With ``events``: the start is a release, where the surface's normal velocity is zero too."""
+    reset: bool = False
+    """With ``events``: the start is just after the surface has reset the state, which may lead off it."""
+
+    def lies_on(self, system: FilippovSystem) -> int | None:
+        """The surface that the start lies on because of its event."""
+        leads_off = self.reset and self.surface is not None and impact_of(system, self.surface) is None
+        return None if leads_off else self.surface
 
 
 @dataclass(frozen=True)
@@ -97,8 +106,9 @@ class ReturnMap:
         self.model, self.guess = SystemModel(system), guess
         _check_repeats(system, guess)
         on = {i for i, s in enumerate(guess.mode) if s == 0}
-        if guess.surface is not None:
-            on.add(guess.surface)
+        self.section = guess.lies_on(system)
+        if self.section is not None:
+            on.add(self.section)
         self.solved = self.model.solved(tuple(sorted(on)))
         taken = {s.index for s in self.solved}
         self.free = [i for i in range(len(guess.state)) if i not in taken]
@@ -143,7 +153,7 @@ class ReturnMap:
     def _entry(self) -> Entry:
         zeros = []
         for guard in self.model.mode(self.guess.mode).guards:
-            started = guard.kind == "surface" and guard.index == self.guess.surface
+            started = guard.kind == "surface" and guard.index == self.section
             zeros.append((2 if self.guess.tangent else 1) if started else 0)
         return Entry(self.guess.mode, tuple(zeros))
 
@@ -175,9 +185,11 @@ class ReturnMap:
 
     def _check_last(self, last: Hit) -> None:
         """The map must end on the surface that it starts from, and in the same way."""
-        tangent = last.guard.kind == "release" and last.guard.index not in self.model.system.overrides
-        if (last.guard.index, tangent) != (self.guess.surface, self.guess.tangent):
-            name = self.model.system.sign_names[last.guard.index]
+        system, guess = self.model.system, self.guess
+        tangent = last.guard.kind == "release" and last.guard.index not in system.overrides
+        reset = bool(resetting(system, last.before, [last.guard]))
+        if (last.guard.index, tangent, reset) != (guess.surface, guess.tangent, guess.reset):
+            name = system.sign_names[last.guard.index]
             raise OrbitError(
                 f"the return map ends with a {last.guard.kind} event of {name}, not with the one it starts at"
             )
