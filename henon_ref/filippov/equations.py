@@ -48,6 +48,11 @@ class ModeEquations:
     equivalent_signs: Mapping[int, sp.Expr]
     """Sliding surface -> its equivalent sign in [-1, 1] (empty where a ``sliding`` override is in force)."""
 
+    @property
+    def expressions(self) -> tuple[sp.Expr, ...]:
+        """Field and guards."""
+        return (*self.field, *(guard.expression for guard in self.guards))
+
 
 def along(expression: sp.Expr, states: tuple[sp.Symbol, ...], rhs: tuple[sp.Expr, ...]) -> sp.Expr:
     """Time derivative of an expression along a field."""

@@ -11,6 +11,7 @@ import sympy as sp
 from henon_ref.filippov.decoupled_contacts import SwitchedEquations
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.mode_tape import ModeTape
+from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.jit.ir_writer import declarations, row_length
 from henon_ref.jit.native_module import NativeModule
@@ -20,6 +21,8 @@ from henon_ref.taylor.tape import Tape, build_tape
 
 BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
 """Operations with branch points."""
+Entries = tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
+"""See :class:`henon_ref.filippov.mode_tape.ModeTape`."""
 SAME_CODE = 64
 """Pieces of machine code that are remembered by their text, for systems that are made anew."""
 
@@ -32,7 +35,7 @@ def native_module(ir: str) -> NativeModule:
 
 @dataclass(frozen=True, eq=False)
 class ModeCode:
-    """Machine code that several modes share: those with one set of sliding surfaces, or all with switches."""
+    """Machine code of the modes that have their equations in common."""
 
     expansion: ModeTape
     """Field and guards."""
@@ -71,18 +74,24 @@ class ModeCode:
         }
 
 
-def sliding_mode_code(system: FilippovSystem, sliding: frozenset[int], order: int) -> ModeCode:
-    """Code of the modes with one set of sliding surfaces.
+def common_mode_code(system: FilippovSystem, mode: Mode, order: int) -> ModeCode:
+    """Code of the modes that have their equations in common with one.
 
     Raises
     ------
     ModelError
-        Where they have no equations.
+        Where they have none.
     """
-    equations = system.shared_equations(sliding)
+    key, equations = system.common_equations(mode)
     outputs = [g.expression for g in equations.guards]
-    entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)
-    return _mode_code(system, order, equations.field, outputs, _speeds(system, equations.guards), entries)
+    sides = _speeds(system, equations.guards)
+    if key == mode:  # these are its own
+        slip = system.slip_signs(mode)
+        sides = [speed.xreplace(slip) for speed in sides]
+        entries: Entries = (({}, {}, {}),) * len(mode)
+    else:
+        entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)
+    return _mode_code(system, order, equations.field, outputs, sides, entries)
 
 
 def switched_mode_code(system: FilippovSystem, equations: SwitchedEquations, order: int) -> ModeCode:
@@ -97,7 +106,7 @@ def _mode_code(
     field: Sequence[sp.Expr],
     outputs: Sequence[sp.Expr],
     sides: Sequence[sp.Expr],
-    entries: tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...],
+    entries: Entries,
 ) -> ModeCode:
     n = len(system.states)
     expansion, probe = build_tape(system.states, field, outputs), build_tape(system.states, (), sides)
