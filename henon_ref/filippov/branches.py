@@ -30,27 +30,27 @@ def leaves_out(
     """
     if shared.free_symbols.isdisjoint(signs):
         return False
-    kept = _operations(own, moving)
-    return any(_core(e.xreplace(dict(signs)), moving) not in kept for e in _operations(shared, moving))
+    kept, values = _operations(own, moving), dict(signs)
+    images = ((e, e.xreplace(values)) for e in _operations(shared, moving))
+    return any(e not in kept and _core(image, moving) not in kept for e, image in images)
 
 
 def _operations(expression: sp.Expr, moving: Collection[sp.Symbol]) -> set[sp.Basic]:
     """Its powers and functions of what moves, and products of several things that do, without constant factors."""
     found: set[sp.Basic] = set()
-    seen: set[sp.Basic] = set()
-    waiting: list[sp.Basic] = [expression]
-    while waiting:
-        part = waiting.pop()
-        if part in seen or part.free_symbols.isdisjoint(moving):
-            continue
-        seen.add(part)
-        waiting += part.args
-        if part.is_Pow or part.is_Function:
-            found.add(part)
-        elif part.is_Mul:
-            core = _core(part, moving)
-            if core.is_Mul:
-                found.add(core)
+    known: dict[sp.Basic, bool] = dict.fromkeys(moving, True)
+
+    def moves(e: sp.Basic) -> bool:
+        if e not in known:
+            own = [a for a in e.args if moves(a)]
+            known[e] = bool(own)
+            if own and (e.is_Pow or e.is_Function):
+                found.add(e)
+            elif len(own) > 1 and e.is_Mul:
+                found.add(e if len(own) == len(e.args) else sp.Mul(*own))
+        return known[e]
+
+    moves(expression)
     return found
 
 

@@ -49,9 +49,9 @@ class ModeEquations:
     """Sliding surface -> its equivalent sign in [-1, 1] (empty where a ``sliding`` override is in force)."""
 
     @property
-    def expressions(self) -> tuple[sp.Expr, ...]:
-        """Field and guards."""
-        return (*self.field, *(guard.expression for guard in self.guards))
+    def of_signs(self) -> tuple[sp.Expr, ...]:
+        """What may hold other signs than that of its own surface: the field, and guards but for surfaces."""
+        return (*self.field, *(guard.expression for guard in self.guards if guard.kind != "surface"))
 
 
 def along(expression: sp.Expr, states: tuple[sp.Symbol, ...], rhs: tuple[sp.Expr, ...]) -> sp.Expr:

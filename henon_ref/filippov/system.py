@@ -151,9 +151,7 @@ class FilippovSystem(SwitchedField):
             slip, own = self.slip_signs(mode), self.equations(mode)
             beside = [(normal, s) for normal, s, entry in zip(self._normal, self.signs, mode, strict=True) if entry]
             speeds = [speed for normal, s in beside for speed in (normal, normal.xreplace({s: -s}))]
-            pairs = zip(
-                (*shared.expressions, *speeds), (*own.expressions, *(e.xreplace(slip) for e in speeds)), strict=True
-            )
+            pairs = zip((*shared.of_signs, *speeds), (*own.of_signs, *(e.xreplace(slip) for e in speeds)), strict=True)
             self._apart[mode] = any(leaves_out(*pair, slip, {TIME, *self.states}) for pair in pairs)
         return (mode, self.equations(mode)) if self._apart[mode] else (sliding, shared)
 

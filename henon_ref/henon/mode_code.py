@@ -23,14 +23,17 @@ BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
 """Operations with branch points."""
 Entries = tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
 """See :class:`henon_ref.filippov.mode_tape.ModeTape`."""
+MOST_WATCHED = 200
+"""Operations up to which guards that hold more than the field does (a long expression whose extremes a sweep looks for)
+are compiled to the fastest code: beyond, that takes longer than most runs."""
 SAME_CODE = 64
 """Pieces of machine code that are remembered by their text, for systems that are made anew."""
 
 
 @lru_cache(maxsize=SAME_CODE)
-def native_module(ir: str) -> NativeModule:
+def native_module(ir: str, *, optimised: bool = True) -> NativeModule:
     """Machine code of a text; the same for the same text."""
-    return NativeModule(ir)
+    return NativeModule(ir, optimised=optimised)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +124,8 @@ def _mode_code(
         + expansion_ir(expansion, n, order, "expansion")
         + step_end_ir(n, len(outputs), order, "closing")
         + expansion_ir(probe, n, 0, "probe")
-        + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else "")
+        + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else ""),
+        optimised=len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED,
     )
     tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
     return ModeCode(*tapes, code, degree, field_branches, guards_branch)
@@ -129,17 +133,7 @@ def _mode_code(
 
 def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:
     """Whether an operation with branch points is among those that some nodes are made of."""
-    open_rows, seen = list(rows), set[int]()
-    while open_rows:
-        row = open_rows.pop()
-        if row not in seen:
-            seen.add(row)
-            node = tape.nodes[row]
-            if node.op in BRANCHING:
-                return True
-            if node.op != "state":  # whose argument is no node
-                open_rows += node.args
-    return False
+    return any(tape.nodes[at].op in BRANCHING for at in tape.needed(rows))
 
 
 def _speeds(system: FilippovSystem, guards: Sequence[Guard]) -> list[sp.Expr]:
