@@ -1,8 +1,10 @@
 """``python -m henon_ref.check``: a door to :mod:`henon_ref.cli.check`, which nobody imports."""
 
-import sys
-
-from henon_ref.cli.check import command
-
 if __name__ == "__main__":
+    import sys
+
+    from henon_ref.cli.check import command
+
     sys.exit(command())
+elif __name__ != "__mp_main__":  # by which workers that are spawned import it
+    raise ImportError("henon_ref.check is no module to import but a command, python -m henon_ref.check")

@@ -1,8 +1,13 @@
 """``python -m henon_ref.compare``: a door to :mod:`henon_ref.cli.compare`, which nobody imports."""
 
-import sys
-
-from henon_ref.cli.compare import program
-
 if __name__ == "__main__":
+    import sys
+
+    from henon_ref.cli.compare import program
+
     sys.exit(program())
+elif __name__ != "__mp_main__":  # by which workers that are spawned import it
+    raise ImportError(
+        "henon_ref.compare is no module to import but a command, python -m henon_ref.compare; "
+        "the function is there by: import henon_ref"
+    )

@@ -1,8 +1,10 @@
 """``python -m henon_ref.price``: a door to :mod:`henon_ref.cli.price`, which nobody imports."""
 
-import sys
-
-from henon_ref.cli.price import command
-
 if __name__ == "__main__":
+    import sys
+
+    from henon_ref.cli.price import command
+
     sys.exit(command())
+elif __name__ != "__mp_main__":  # by which workers that are spawned import it
+    raise ImportError("henon_ref.price is no module to import but a command, python -m henon_ref.price")

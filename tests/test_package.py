@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -55,6 +56,37 @@ def test_compare_is_a_function_although_the_command_has_the_same_name() -> None:
     assert "case" in inspect.signature(henon_ref.compare).parameters
     code = "import henon_ref.cli.compare, henon_ref, inspect; print(inspect.isfunction(henon_ref.compare))"
     assert fresh(code) == "True"
+
+
+@pytest.mark.parametrize("door", ["sweep", "compare", "check", "price", "paper", "prune"])
+def test_a_door_that_is_imported_says_so_and_takes_no_function_s_place(door: str) -> None:
+    code = (
+        f"import henon_ref as hr\ntry:\n    import henon_ref.{door}\nexcept ImportError as error:\n    print(error)\n"
+    )
+    said, *kinds = fresh(code + "print(type(hr.sweep).__name__, type(hr.compare).__name__)").split("\n")
+    assert f"python -m henon_ref.{door}" in said
+    assert kinds == ["function function"]
+
+
+def test_workers_that_are_spawned_come_in_by_the_door(tmp_path: Path) -> None:
+    """They import the command's module as ``__mp_main__``: a door that refuses that ends every worker."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import multiprocessing\n"
+        "made = multiprocessing.get_context\n"
+        "multiprocessing.get_context = lambda method=None: made('spawn')\n"
+    )
+    (tmp_path / "block.yaml").write_text(
+        "schema: 1\nname: block\ntitle: A block\nsource: ours\n"
+        "system: {state: [x, v], parameters: {F: 1}, surfaces: {s: v}, field: [v, -F*s]}\n"
+        "initial: {t: 0, x: 0, v: 1}\nuntil: 3\npoints: {grid: {F: [1, 2]}}\nobserve: [{final_state: {}}]\n"
+    )
+    paths = os.pathsep.join([str(tmp_path), *sys.path])
+    done = subprocess.run(
+        [sys.executable, "-m", "henon_ref.sweep", "block.yaml", "--jobs", "2", "--out", "out"],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": paths}, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "2 points, 2 ok" in done.stdout
 
 
 def test_importing_the_library_sets_no_environment_variable() -> None:

@@ -111,7 +111,7 @@ def test_all_stands_for_the_default_and_the_peers_that_are_installed(monkeypatch
 def test_no_peer_runs_by_default_and_none_is_imported_with_its_adapter():
     peers = ["diffrax-dopri8", "diffrax-kvaerno5", "nosnoc", "diffsol-tsit45", "diffsol-bdf"]
     assert set(peers) <= set(registry.names()) - set(registry.default_names())
-    lines = ["import sys", "from henon_ref import registry", "import henon_ref.compare"]
+    lines = ["import sys", "from henon_ref import registry", "import henon_ref.cli.compare"]
     lines += [f"registry.solver({name!r})" for name in peers]
     lines += ["print(sorted({'jax', 'diffrax', 'nosnoc', 'casadi', 'pydiffsol'} & set(sys.modules)))"]
     done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True)

@@ -10,6 +10,7 @@ where the orbit of the field that touches stays on that field's own side (Kuznet
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
@@ -19,9 +20,16 @@ import sympy as sp
 from henon_ref.errors import ArgumentError, ModelError
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.simulation.system import System
+from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed, shortened
 
+LONGEST, MOST_FUNCTIONS = 100, 4
+"""Operations, and functions among them, of an expression that is simplified and solved by SymPy's heuristics."""
+QUARTIC = 4
+"""Degree up to which roots are radicals."""
+MOST_DEGREES = 400
+"""Degrees, all together, of a rational function that is put over a common denominator."""
 Visibility = Literal["visible", "invisible", "degenerate", "depends on time"]
 
 
@@ -97,7 +105,8 @@ class TangentAnalysis:
 
     def _normal(self, side: int) -> sp.Expr:
         normal = self.system.normal_velocity(self.surface).xreplace({self.system.signs[self.surface]: sp.Integer(side)})
-        return sp.simplify(self.on_surface(normal))
+        found = self.on_surface(normal)
+        return sp.simplify(found) if _is_short(found) else found
 
     @property
     def transition_function(self) -> sp.Expr:
@@ -236,18 +245,65 @@ def _visibility(curvature: sp.Expr, side: int) -> Visibility:
 
 
 def _real_roots(expression: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
-    """Real roots, without multiplicity; cubics in trigonometric form, which holds no complex numbers."""
+    """Real roots, without multiplicity; cubics in trigonometric form, which holds no complex numbers.
+
+    Raises
+    ------
+    ModelError
+        For what is too long to look for a closed form.
+    """
     roots: list[sp.Expr] = []
-    for factor, _ in sp.factor_list(sp.numer(sp.together(expression)))[1]:
+    for factor, _ in sp.factor_list(_numerator(expression, z))[1]:
         if not factor.has(z):
             continue
         poly = sp.Poly(factor, z) if factor.is_polynomial(z) else None
         if poly is not None and poly.degree() == 3:
             found: Iterable[sp.Expr] = _cubic_roots(poly)
-        else:
+        elif poly is not None and poly.degree() > QUARTIC and poly.domain in (sp.ZZ, sp.QQ):
+            found = [root for root, _ in poly.real_roots(multiple=False)]
+        elif poly is not None or _is_short(factor):
             found = sp.solve(factor, z)
+        else:
+            raise _too_long(factor)
         roots += [r for r in found if r.is_real is not False and r not in roots]
     return roots
+
+
+def _numerator(expression: sp.Expr, z: sp.Symbol) -> sp.Expr:
+    """Numerator of an expression over a common denominator."""
+    if _is_short(expression) or expression.is_polynomial(z):
+        return sp.numer(sp.together(expression))
+    if (
+        expression.free_symbols == {z}
+        and expression.is_rational_function(z)
+        and _degrees(expression, z) <= MOST_DEGREES
+    ):
+        with suppress(sp.CoercionFailed, ValueError):  # where its numbers are not rational
+            return sp.QQ.frac_field(z).from_sympy(expression).numer.as_expr()
+    raise _too_long(expression)
+
+
+def _degrees(expression: sp.Expr, z: sp.Symbol) -> int:
+    """Degrees of all that is added and multiplied in a rational function: more than its numerator's."""
+    if not expression.has(z):
+        return 0
+    if expression.is_Pow:
+        return abs(int(expression.exp)) * _degrees(expression.base, z)
+    return sum(_degrees(a, z) for a in expression.args) if expression.args else 1
+
+
+def _is_short(expression: sp.Expr) -> bool:
+    """Whether SymPy's heuristics end soon: few operations, and functions that do not stand in each other."""
+    functions = expression.atoms(sp.Function)
+    return (
+        size(expression, LONGEST) <= LONGEST
+        and len(functions) <= MOST_FUNCTIONS
+        and not any(a.has(sp.Function) for f in functions for a in f.args)
+    )
+
+
+def _too_long(expression: sp.Expr) -> ModelError:
+    return ModelError(f"no closed form of the tangent points is looked for in {shortened(str(expression))}: too long")
 
 
 def _cubic_roots(poly: sp.Poly) -> list[sp.Expr]:

@@ -7,7 +7,7 @@ equal one (up to a factor that is a number) once.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import product
 
 import sympy as sp
@@ -89,23 +89,36 @@ def chosen(first: sp.Expr, difference: sp.Expr, second: sp.Expr) -> sp.Expr:
     sign = sgn(difference)
     if sign.is_number:
         return first if sign >= 0 else second
-    return first * (1 + sign) / 2 + second * (1 - sign) / 2
+    symbol, way = (sign, 1) if isinstance(sign, Sgn) else (-sign, -1)
+    if isinstance(symbol, Sgn):  # what one of the two is on the other's side never counts
+        first, second = (e.xreplace({symbol: sp.Integer(side)}) for e, side in ((first, way), (second, -way)))
+    return first if first == second else first * (1 + sign) / 2 + second * (1 - sign) / 2
 
 
 def compared(name: str, arguments: Sequence[sp.Expr]) -> Sequence[sp.Expr]:
     """What a call has a kink or a jump for where it is 0."""
     if name in ("min", "max"):
-        return [_largest(arguments[:k], name) - arguments[k] for k in range(1, len(arguments))]
+        return [difference for _, difference in _largest(arguments, name)]
     return arguments[1::2] if name == "piecewise" else arguments
 
 
-def _largest(arguments: Sequence[sp.Expr], name: str) -> sp.Expr:
-    """``max`` of some expressions, or ``min``."""
+def _largest(arguments: Sequence[sp.Expr], name: str) -> Iterator[tuple[sp.Expr, sp.Expr]]:
+    """``max`` of ever more expressions, or ``min``, and what the one before less the last expression is."""
     found = arguments[0]
     for other in arguments[1:]:
+        difference = found - other
+        _check_inner(name, difference)
         first, second = (found, other) if name == "max" else (other, found)
-        found = chosen(first, found - other, second)
-    return found
+        found = chosen(first, difference, second)
+        yield found, difference
+
+
+def _check_inner(name: str, difference: sp.Expr) -> None:
+    """Refuse what a kink is of, where it has too many of its own."""
+    if len(difference.atoms(Sgn)) > MAX_INNER:
+        raise ExpressionError(
+            f"'{name}' of what has more than {MAX_INNER} kinks of its own; name surfaces and use their signs"
+        )
 
 
 def call(name: str, arguments: Sequence[sp.Expr], offset: int) -> sp.Expr:
@@ -116,16 +129,22 @@ def call(name: str, arguments: Sequence[sp.Expr], offset: int) -> sp.Expr:
     ExpressionError
         Where an argument has too many kinks of its own.
     """
-    if any(len(difference.atoms(Sgn)) > MAX_INNER for difference in compared(name, arguments)):
-        message = f"'{name}' of what has more than {MAX_INNER} kinks of its own; name surfaces and use their signs"
-        raise ExpressionError(message, offset)
+    try:
+        return _called(name, arguments)
+    except ExpressionError as error:
+        raise ExpressionError(error.message, offset) from None
+
+
+def _called(name: str, arguments: Sequence[sp.Expr]) -> sp.Expr:
+    if name in ("min", "max"):
+        return list(_largest(arguments, name))[-1][0]
+    for difference in compared(name, arguments):
+        _check_inner(name, difference)
     if name == "piecewise":
         value = arguments[-1]
         for k in range(len(arguments) - 3, -1, -2):
             value = chosen(arguments[k], arguments[k + 1], value)
         return value
-    if name in ("min", "max"):
-        return _largest(arguments, name)
     return sgn(arguments[0]) * (arguments[0] if name == "abs" else 1)
 
 

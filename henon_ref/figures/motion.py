@@ -154,11 +154,11 @@ def portrait(axes: Axes, system: FilippovSystem, motion: Motion, pair: tuple[int
     return plane, bool(boundary)
 
 
-def state_over_time(axes: Axes, system: FilippovSystem, motion: Motion) -> None:
-    """The first state over time, for a system that has no plane."""
-    axes.plot(motion.times, motion.states[:, 0], color=style.BLUE)
-    axes.set(xlabel="time t [s]", ylabel=_symbol(system, 0), xlim=motion.times[[0, -1]])
-    axes.set_ylim(*limits_around(motion.states[:, 0]))
+def state_over_time(axes: Axes, system: FilippovSystem, motion: Motion, k: int = 0) -> None:
+    """A state over time."""
+    axes.plot(motion.times, motion.states[:, k], color=style.BLUE)
+    axes.set(xlabel="time t [s]", ylabel=_symbol(system, k), xlim=motion.times[[0, -1]])
+    axes.set_ylim(*limits_around(motion.states[:, k]))
 
 
 def plane_of(system: FilippovSystem, x: int, y: int) -> _Plane:

@@ -150,6 +150,17 @@ def line_of(solver: str) -> Line:
     return lines_of([solver])[solver]
 
 
+def pyplot_figure(height: float, **how: Any) -> Figure:
+    """An empty figure of pyplot's, which a notebook shows; what is drawn in it is drawn in :func:`report_style`.
+
+    The first such figure makes pyplot choose its backend, which sets parameters of its own: within a style they would
+    be set back with it, and a notebook would show no figure but the first.
+    """
+    import matplotlib.pyplot as plt
+
+    return plt.figure(figsize=(WIDTH, height), **how)
+
+
 def report_style() -> AbstractContextManager[None]:
     """The style of the reports, for whoever makes a figure in it."""
     import matplotlib

@@ -160,10 +160,9 @@ def _painted(axes: Axes, table: pd.DataFrame, x: str, y: str, values: Any, **how
 def _axes(axes: Axes | None) -> Axes:
     if axes is not None:
         return axes
-    import matplotlib.pyplot as plt
-
+    figure = style.pyplot_figure(HEIGHT, layout="constrained")
     with style.report_style():
-        return plt.subplots(figsize=(style.WIDTH, HEIGHT), layout="constrained")[1]
+        return figure.subplots()
 
 
 def _known(table: pd.DataFrame, name: str) -> None:

@@ -19,6 +19,7 @@ from typing import Protocol
 import sympy as sp
 
 from henon_ref.filippov.bounds import put
+from henon_ref.filippov.branches import leaves_out
 from henon_ref.filippov.equations import Guard, ModeEquations
 from henon_ref.filippov.modes import Mode
 from henon_ref.taylor.tape import TIME
@@ -211,6 +212,8 @@ def _contact(system: Contacts, index: int) -> Contact | None:
     if row is None or [k for k, f in enumerate(system.field) if f.has(sign)] != [row]:
         return None
     x, rate = system.states[row], system.field[row]
+    if not _common_to_all(rate, x, sign, system):
+        return None
     slope = sp.diff(h, x)
     there = sp.expand(x - h / slope)
     speed = sp.diff(there, TIME)
@@ -220,6 +223,16 @@ def _contact(system: Contacts, index: int) -> Contact | None:
     normal = sp.expand(slope * (rate.xreplace({x: there}) - speed), deep=False)
     beyond, before = (normal.xreplace({sign: sp.Integer(side)}) for side in (1, -1))
     return Contact(row, rate, speed, (Guard("release", index, 1, -beyond), Guard("release", index, -1, before)))
+
+
+def _common_to_all(rate: sp.Expr, x: sp.Symbol, sign: sp.Symbol, system: Contacts) -> bool:
+    """Whether a rate has values in every mode: no branch of its own, nor a branch point that the surface may be on."""
+    moving = {TIME, *system.states}
+    sides = [{sign: sp.Integer(side)} for side in (-1, 1)]
+    branching = (e for e in rate.atoms(sp.Pow, sp.log, sp.asin, sp.acos) if not (e.is_Pow and e.exp.is_Integer))
+    return not any(e.has(x) for e in branching) and not any(
+        leaves_out(rate, put(rate, side), side, moving) for side in sides
+    )
 
 
 def _hold_zone(

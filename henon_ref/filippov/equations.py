@@ -48,6 +48,11 @@ class ModeEquations:
     equivalent_signs: Mapping[int, sp.Expr]
     """Sliding surface -> its equivalent sign in [-1, 1] (empty where a ``sliding`` override is in force)."""
 
+    @property
+    def of_signs(self) -> tuple[sp.Expr, ...]:
+        """What may hold other signs than that of its own surface: the field, and guards but for surfaces."""
+        return (*self.field, *(guard.expression for guard in self.guards if guard.kind != "surface"))
+
 
 def along(expression: sp.Expr, states: tuple[sp.Symbol, ...], rhs: tuple[sp.Expr, ...]) -> sp.Expr:
     """Time derivative of an expression along a field."""

@@ -14,6 +14,7 @@ from typing import Any
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.filippov.branches import leaves_out
 from henon_ref.filippov.derivatives import leading, leading_sign, rate_of, scaled
 from henon_ref.filippov.equations import ModeEquations
 from henon_ref.filippov.exact_numbers import exact_sign
@@ -77,8 +78,9 @@ class ModeEvaluation:
         self._numbers: dict[tuple[int, tuple[int, ...]], Any] = {}
         self._group_functions: dict[tuple[int, ...], tuple[Callable[..., list[Any]], list[int]]] = {}
         self.forget()
-        normals = [system.normal_velocity(i) for i in range(len(system.surfaces))]
-        self._normals = self._function([*system.states, *system.signs], normals)
+        self._written_normals = [system.normal_velocity(i) for i in range(len(system.surfaces))]
+        self._normals = self._function([*system.states, *system.signs], self._written_normals)
+        self._own_normals: dict[Mode, Callable[..., list[Any]] | None] = {}
 
     def _number(self, expression: sp.Expr) -> Any:
         """A constant of the equations."""
@@ -270,8 +272,20 @@ class ModeEvaluation:
         sides = [replaced(mode, index, -1), replaced(mode, index, 1)]
         for side in sides:
             if side not in kept:
-                kept[side] = self._normals(t, *x, *side)
+                own = self._normals_of(side)
+                kept[side] = self._normals(t, *x, *side) if own is None else own(t, *x)
         return kept[sides[0]][index], kept[sides[1]][index]
+
+    def _normals_of(self, mode: Mode) -> Callable[..., list[Any]] | None:
+        """(t, *x) -> dh/dt of all surfaces; None where those of all modes hold no operation that a mode does not."""
+        if mode not in self._own_normals:
+            with one_at_a_time():
+                entries = dict(zip(self.system.signs, map(sp.Integer, mode), strict=True))
+                own = [normal.xreplace(entries) for normal in self._written_normals]
+                pairs, moving = zip(self._written_normals, own, strict=True), {TIME, *self.system.states}
+                apart = any(leaves_out(*pair, entries, moving) for pair in pairs)
+                self._own_normals[mode] = self._function(self.system.states, own) if apart else None
+        return self._own_normals[mode]
 
     def _way(self, t: float, x: Sequence[float], mode: Mode, index: int) -> int:
         """Where a surface is left to by the signs of the mode elsewhere; 0 where it attracts or it cannot be told."""

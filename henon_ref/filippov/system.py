@@ -18,6 +18,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.bounds import put
+from henon_ref.filippov.branches import leaves_out
 from henon_ref.filippov.contact_loops import closed, relations
 from henon_ref.filippov.decoupled_contacts import FEW, SwitchedEquations, switched_equations
 from henon_ref.filippov.equations import Guard, ModeEquations, along
@@ -26,6 +27,7 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.sliding import filippov_sliding
 from henon_ref.filippov.switched_field import SwitchedField
 from henon_ref.precision import one_at_a_time
+from henon_ref.taylor.tape import TIME
 
 EntryRule = Literal["attracting", "inside", "resting"]
 
@@ -115,7 +117,7 @@ class FilippovSystem(SwitchedField):
             if self.shared is not None:
                 return self.shared.equations(mode)
             shared = self.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
-            slip = {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
+            slip = self.slip_signs(mode)
             made = ModeEquations(
                 field=tuple(put(e, slip) for e in shared.field),
                 guards=tuple(
@@ -132,6 +134,30 @@ class FilippovSystem(SwitchedField):
                 raise ModelError("a contact that slides has no load in this mode, and no sign that keeps it there")
             self._cache[key] = made
         return self._cache[key]
+
+    def slip_signs(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
+        """What a mode puts for the signs of its surfaces in slip."""
+        return {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
+
+    def common_equations(self, mode: Mode) -> tuple[Mode | frozenset[int], ModeEquations]:
+        """Equations that a mode may have in common with others, and what they go by.
+
+        These are the shared ones of its sliding surfaces, with symbols for the signs in slip. Where they, or normal
+        velocities beside its surfaces, hold operations of branches that the mode does not use, they are its own.
+        """
+        sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
+        shared = self.shared_equations(sliding)
+        if mode not in self._apart:
+            slip, own = self.slip_signs(mode), self.equations(mode)
+            beside = [(normal, s) for normal, s, entry in zip(self._normal, self.signs, mode, strict=True) if entry]
+            speeds = [speed for normal, s in beside for speed in (normal, normal.xreplace({s: -s}))]
+            pairs = zip((*shared.of_signs, *speeds), (*own.of_signs, *(e.xreplace(slip) for e in speeds)), strict=True)
+            self._apart[mode] = any(leaves_out(*pair, slip, {TIME, *self.states}) for pair in pairs)
+        return (mode, self.equations(mode)) if self._apart[mode] else (sliding, shared)
+
+    @cached_property
+    def _apart(self) -> dict[Mode, bool]:
+        return {}
 
     @cached_property
     def switched(self) -> SwitchedEquations | None:
@@ -301,7 +327,7 @@ class FilippovSystem(SwitchedField):
 
         A load may depend on how other surfaces slip: the signs of the mode's slips are put in.
         """
-        slip = {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s and i != index}
+        slip = {s: side for s, side in self.slip_signs(mode).items() if s != self.signs[index]}
         return tuple(
             Guard("release", index, r.to, put(-r.when if r.direction == "rising" else r.when, slip), rising_only=True)
             for r in self.overrides[index].release

@@ -11,6 +11,7 @@ import sympy as sp
 from henon_ref.filippov.decoupled_contacts import SwitchedEquations
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.mode_tape import ModeTape
+from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.jit.ir_writer import declarations, row_length
 from henon_ref.jit.native_module import NativeModule
@@ -20,19 +21,24 @@ from henon_ref.taylor.tape import Tape, build_tape
 
 BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
 """Operations with branch points."""
+Entries = tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
+"""See :class:`henon_ref.filippov.mode_tape.ModeTape`."""
+MOST_WATCHED = 200
+"""Operations up to which guards that hold more than the field does (a long expression whose extremes a sweep looks for)
+are compiled to the fastest code: beyond, that takes longer than most runs."""
 SAME_CODE = 64
 """Pieces of machine code that are remembered by their text, for systems that are made anew."""
 
 
 @lru_cache(maxsize=SAME_CODE)
-def native_module(ir: str) -> NativeModule:
+def native_module(ir: str, *, optimised: bool = True) -> NativeModule:
     """Machine code of a text; the same for the same text."""
-    return NativeModule(ir)
+    return NativeModule(ir, optimised=optimised)
 
 
 @dataclass(frozen=True, eq=False)
 class ModeCode:
-    """Machine code that several modes share: those with one set of sliding surfaces, or all with switches."""
+    """Machine code of the modes that have their equations in common."""
 
     expansion: ModeTape
     """Field and guards."""
@@ -71,18 +77,24 @@ class ModeCode:
         }
 
 
-def sliding_mode_code(system: FilippovSystem, sliding: frozenset[int], order: int) -> ModeCode:
-    """Code of the modes with one set of sliding surfaces.
+def common_mode_code(system: FilippovSystem, mode: Mode, order: int) -> ModeCode:
+    """Code of the modes that have their equations in common with one.
 
     Raises
     ------
     ModelError
-        Where they have no equations.
+        Where they have none.
     """
-    equations = system.shared_equations(sliding)
+    key, equations = system.common_equations(mode)
     outputs = [g.expression for g in equations.guards]
-    entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)
-    return _mode_code(system, order, equations.field, outputs, _speeds(system, equations.guards), entries)
+    sides = _speeds(system, equations.guards)
+    if key == mode:  # these are its own
+        slip = system.slip_signs(mode)
+        sides = [speed.xreplace(slip) for speed in sides]
+        entries: Entries = (({}, {}, {}),) * len(mode)
+    else:
+        entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)
+    return _mode_code(system, order, equations.field, outputs, sides, entries)
 
 
 def switched_mode_code(system: FilippovSystem, equations: SwitchedEquations, order: int) -> ModeCode:
@@ -97,7 +109,7 @@ def _mode_code(
     field: Sequence[sp.Expr],
     outputs: Sequence[sp.Expr],
     sides: Sequence[sp.Expr],
-    entries: tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...],
+    entries: Entries,
 ) -> ModeCode:
     n = len(system.states)
     expansion, probe = build_tape(system.states, field, outputs), build_tape(system.states, (), sides)
@@ -112,7 +124,8 @@ def _mode_code(
         + expansion_ir(expansion, n, order, "expansion")
         + step_end_ir(n, len(outputs), order, "closing")
         + expansion_ir(probe, n, 0, "probe")
-        + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else "")
+        + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else ""),
+        optimised=len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED,
     )
     tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
     return ModeCode(*tapes, code, degree, field_branches, guards_branch)
@@ -120,17 +133,7 @@ def _mode_code(
 
 def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:
     """Whether an operation with branch points is among those that some nodes are made of."""
-    open_rows, seen = list(rows), set[int]()
-    while open_rows:
-        row = open_rows.pop()
-        if row not in seen:
-            seen.add(row)
-            node = tape.nodes[row]
-            if node.op in BRANCHING:
-                return True
-            if node.op != "state":  # whose argument is no node
-                open_rows += node.args
-    return False
+    return any(tape.nodes[at].op in BRANCHING for at in tape.needed(rows))
 
 
 def _speeds(system: FilippovSystem, guards: Sequence[Guard]) -> list[sp.Expr]:

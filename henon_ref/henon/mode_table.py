@@ -21,8 +21,8 @@ from henon_ref.henon.jump_code import jump_code
 from henon_ref.henon.mode_code import (
     ModeCode,
     NormalVelocities,
+    common_mode_code,
     normal_velocities,
-    sliding_mode_code,
     switched_mode_code,
 )
 from henon_ref.henon.records import RECORD_PLACES, RELEASE, SURFACE, VALID, mode_dtype
@@ -32,6 +32,8 @@ from henon_ref.roots.bernstein import bernstein_code
 
 SURFACES = 8
 """With more surfaces than these no table holds the row of every mode."""
+ALL: Mode = ()
+"""What machine code goes by that all modes have in common."""
 _KIND = {"surface": SURFACE, "release": RELEASE, "valid": VALID, "attracts": VALID}
 
 
@@ -86,7 +88,7 @@ class ModeTable:
             signs=np.zeros((0, surfaces), dtype=np.int64),
             rows=np.full(3**surfaces if several else 0, -1, dtype=np.int64),
         )
-        self._codes: dict[frozenset[int], ModeCode] = {}
+        self._codes: dict[Mode | frozenset[int], ModeCode] = {}
         self._guards: dict[Mode, tuple[Guard, ...]] = {}
         if surfaces == 1:
             for mode in ((-1,), (1,), (0,)):
@@ -148,23 +150,24 @@ class ModeTable:
             return normal_velocities(self.system)
 
     def _code(self, mode: Mode) -> ModeCode:
-        """Machine code of a mode, which it has in common with those that slide on the same surfaces, or with all."""
-        sliding = frozenset() if self._switched else frozenset(i for i, s in enumerate(mode) if s == 0)
-        if sliding not in self._codes:
+        """Machine code of a mode, which it has in common with those that have its equations, or with all."""
+        key = ALL if self._switched else self.system.common_equations(mode)[0]
+        if key not in self._codes:
             code = (
                 switched_mode_code(self.system, self._switched, self.order)
                 if self._switched
-                else sliding_mode_code(self.system, sliding, self.order)
+                else common_mode_code(self.system, mode, self.order)
             )
-            self._codes[sliding] = replace(code, jumps=self._jumps.tape) if self._jumps else code
-        return self._codes[sliding]
+            self._codes[key] = replace(code, jumps=self._jumps.tape) if self._jumps else code
+        return self._codes[key]
 
     def _append(self, mode: Mode, code: ModeCode) -> None:
         before, row = self.compiled, len(self.compiled.modes)
         records = np.concatenate([before.records, self._record(mode, code)])
         rows = before.rows
-        # Where it may not attract, compiled code does not settle on it.
-        if rows.size and all(g.kind != "attracts" for g in self.guards(mode)):
+        # Where it may not attract, compiled code does not settle on it; nor where normal velocities written for all
+        # modes hold operations that it does not.
+        if rows.size and all(g.kind != "attracts" for g in self.guards(mode)) and mode not in self._codes:
             rows = rows.copy()
             rows[mode_number(mode)] = row
         index = {**self.index, mode: row}

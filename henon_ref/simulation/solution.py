@@ -23,6 +23,7 @@ from henon_ref.trajectory import Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 PLOTTED = 4000
 """Times at which a plotted solution is looked at, besides the ends of its steps."""
@@ -134,8 +135,17 @@ class Solution(Outcome):
         """A row a whole stick: ``start_s, duration_s, surface``; one that the end of the run cuts off is left out."""
         return stick_table(self._base.model, self.trajectory.transitions, self._start)
 
-    def plot(self) -> NDArray[Any]:
-        """Phase portrait of the first states (of one state: the state over time), and surfaces over time.
+    def plot(self, x: str | None = None, y: str | None = None, ax: Axes | None = None) -> NDArray[Any]:
+        """Phase portrait, or a state over time, and below it surfaces over time.
+
+        Parameters
+        ----------
+        x : str, optional
+            What is across: a state, or ``"t"``; the first state if left out (of a system with one: t).
+        y : str, optional
+            The state upward; if left out the first surface's own, or another one than ``x``.
+        ax : matplotlib Axes, optional
+            Where the portrait is drawn, alone; a new figure of pyplot's if left out.
 
         Returns
         -------
@@ -145,11 +155,11 @@ class Solution(Outcome):
         Raises
         ------
         ArgumentError
-            Without dense output, and where the run has not left its start.
+            Without dense output, where the run has not left its start, and for a name that is no state.
         """
         if self.sol is None or self.sol.end <= self.sol.start:
             raise ArgumentError("nothing to plot: it takes dense output, and a run that has left its start")
-        return plotted(self.system.model, self.motion(PLOTTED, self.t))
+        return plotted(self.system.model, self.motion(PLOTTED, self.t), x, y, ax)
 
     def motion(self, count: int, more: ArrayLike = ()) -> Motion:
         """States and modes to be drawn: at a number of times, at each transition, and just before each jump.

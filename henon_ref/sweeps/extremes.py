@@ -11,6 +11,7 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.errors import ArgumentError, ModelError
+from henon_ref.filippov.algebra import measured
 from henon_ref.filippov.equations import along
 from henon_ref.henon.points import Keep
 from henon_ref.simulation.system import System
@@ -52,11 +53,10 @@ class Extremes(Observation):
         found: dict[sp.Expr, None] = {}
         for mode in product((-1, 1, 0), repeat=len(model.surfaces)):
             try:
-                slope = along(expression, model.states, model.equations(mode).field)
+                field = model.equations(mode).field
             except ModelError:  # no mode slides like that
                 continue
-            # Its poles belong to no motion of that mode, but lie in the way of those of others.
-            numerator = sp.fraction(sp.together(slope))[0]
+            numerator = _without_poles(along(expression, model.states, field), field)
             if numerator.free_symbols & {TIME, *model.states}:
                 found[numerator] = None
         return [*found, *([] if self.after is None else [TIME - _exact(self.after)])]
@@ -102,6 +102,17 @@ def evaluated(runs: Runs, expression: sp.Expr, run: Any, times: Vector, states: 
     with np.errstate(all="ignore"):
         value = sp.lambdify(symbols, expression, "numpy")(*at)
     return np.broadcast_to(np.asarray(value, dtype=np.float64), times.shape)
+
+
+def _without_poles(slope: sp.Expr, field: Sequence[sp.Expr]) -> sp.Expr:
+    """What is zero where a slope is, without poles: they belong to no motion of that mode, but lie in those of others.
+
+    A long slope keeps those of the expression that is looked at, and loses those of the field.
+    """
+    if measured(slope) is not None:
+        return sp.fraction(sp.together(slope))[0]
+    poles = {sp.fraction(rate)[1] for rate in field}
+    return sp.Add(*(sp.Mul(term, *poles) for term in sp.Add.make_args(slope)))
 
 
 def _exact(number: float) -> sp.Expr:

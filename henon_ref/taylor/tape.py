@@ -67,17 +67,22 @@ class Tape:
 
     def part(self, outputs: Sequence[int]) -> Tape:
         """Some of the outputs alone, without the field; with all constants, which stand where they do."""
-        wanted = [self.outputs[at] for at in outputs]
-        needed: set[int] = set()
-        while wanted:
-            at = wanted.pop()
-            if at not in needed:
-                needed.add(at)
-                wanted += () if self.nodes[at].op == "state" else self.nodes[at].args
+        needed = self.needed(self.outputs[at] for at in outputs)
         new = {at: place for place, at in enumerate(sorted(needed))}
         nodes = [self.nodes[at] for at in sorted(needed)]
         moved = (n if n.op == "state" else replace(n, args=tuple(new[a] for a in n.args)) for n in nodes)
         return Tape(tuple(moved), self.constants, (), tuple(new[self.outputs[at]] for at in outputs))
+
+    def needed(self, rows: Iterable[int]) -> set[int]:
+        """Nodes that some nodes are made of, and these."""
+        found: set[int] = set()
+        wanted = list(rows)
+        while wanted:
+            at = wanted.pop()
+            if at not in found:
+                found.add(at)
+                wanted += () if self.nodes[at].op == "state" else self.nodes[at].args
+        return found
 
 
 def build_tape(states: Sequence[sp.Symbol], field: Iterable[sp.Expr], outputs: Iterable[sp.Expr] = ()) -> Tape:

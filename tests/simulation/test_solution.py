@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 import pickle
+import subprocess
+import sys
 from fractions import Fraction
 from pathlib import Path
 
@@ -136,6 +139,40 @@ def test_it_is_drawn(name: str, panels: int) -> None:
     assert len(axes) == 1 + panels
     assert all(a.lines for a in axes)
     plt.close(axes[0].figure)
+
+
+def test_states_and_axes_of_the_portrait_are_chosen(stick_slip: hr.Solution) -> None:
+    axes = stick_slip.plot(x="v", y="x")
+    assert (axes[0].get_xlabel(), axes[0].get_ylabel()) == ("$v$", "$x$")
+    own = plt.figure().subplots()
+    over_time = stick_slip.plot(x="t", y="v", ax=own)
+    assert list(over_time) == [own]
+    assert (own.get_xlabel(), own.get_ylabel()) == ("time t [s]", "$v$")
+    assert stick_slip.plot(y="x")[0].get_xlabel() == "$v$"
+    assert stick_slip.plot(x="v")[0].get_ylabel() == "$x$"
+    with pytest.raises(hr.HenonRefError, match="x is 'w', which is no state.*wanted one of x, v, t"):
+        stick_slip.plot(x="w")
+    with pytest.raises(hr.HenonRefError, match="y is 't', which is no state"):
+        stick_slip.plot(y="t")
+    plt.close("all")
+
+
+@pytest.mark.parametrize("call", ["run.plot()", "hr.plots.histogram(table, 'x')"])
+def test_a_notebook_shows_all_figures(tmp_path: Path, call: str) -> None:
+    """The backend of notebooks makes pyplot interactive where it is loaded, which is with the first figure."""
+    (tmp_path / "notebook_backend.py").write_text(
+        "import matplotlib\nfrom matplotlib.backends.backend_agg import *\nmatplotlib.interactive(True)\n"
+    )
+    code = (
+        "import matplotlib, henon_ref as hr, pandas as pd\n"
+        "table = pd.DataFrame({'x': [1.0, 2.0, 4.0]})\n"
+        "run = hr.simulate(hr.System(['x', 'v'], {}, {'s': 'x'}, ['v', '-x']), {'x': 1, 'v': 0}, until=5)\n"
+        f"before = matplotlib.is_interactive()\n{call}\nprint(before, matplotlib.is_interactive())\n"
+    )
+    paths = os.pathsep.join([str(tmp_path), *sys.path])
+    environment = {**os.environ, "PYTHONPATH": paths, "MPLBACKEND": "module://notebook_backend"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]
 
 
 def test_a_blow_up_is_drawn_up_to_where_it_leaves_the_rest_behind() -> None:

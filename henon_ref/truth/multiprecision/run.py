@@ -115,7 +115,7 @@ class _Simulation:
         self.start, self.until = (to_ball(to_real(exact_ball(t, bits), bits)) for t in (problem.start, problem.until))
         self.span = float(self.until - self.start)
         self.result = Run(bits)
-        self.steppers: dict[frozenset[int], Stepper] = {}
+        self.steppers: dict[Mode | frozenset[int], Stepper] = {}
         self.point = Point(self.start, tuple(exact_ball(v, bits) for v in problem.initial))
         self.mode: Mode = ()
         self.signs: list[int] = []
@@ -182,11 +182,12 @@ class _Simulation:
 
     @property
     def stepper(self) -> Stepper:
-        alike = self.problem.system.shared is not None
-        sliding = frozenset(() if alike else (i for i, s in enumerate(self.mode) if s == 0))
-        if sliding not in self.steppers:
-            self.steppers[sliding] = Stepper(self.problem.system, sliding, self.bits)
-        return self.steppers[sliding]
+        key, _ = (
+            ((), None) if self.problem.system.shared is not None else self.problem.system.common_equations(self.mode)
+        )
+        if key not in self.steppers:
+            self.steppers[key] = Stepper(self.problem.system, self.mode, self.bits)
+        return self.steppers[key]
 
     def _advance(self) -> bool:
         """One Taylor step and the event on it, if any; True at the horizon."""

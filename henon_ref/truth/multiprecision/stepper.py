@@ -87,17 +87,17 @@ def _unless_constant(slope: sp.Expr, system: FilippovSystem, sliding: Collection
 
 
 class Stepper:
-    """Integrates every mode in which exactly these surfaces slide; every mode of a system with equations for all.
+    """Integrates every mode that has its equations in common with one.
 
     Parameters
     ----------
     system : FilippovSystem
-    sliding : frozenset of int
+    mode : Mode
     bits : int
         Precision; heyoka takes its order and step from it.
     """
 
-    def __init__(self, system: FilippovSystem, sliding: frozenset[int], bits: int) -> None:
+    def __init__(self, system: FilippovSystem, mode: Mode, bits: int) -> None:
         self.bits, self._system = bits, system
         self._shared = system.shared
         self.guards: tuple[Guard, ...] = ()
@@ -105,11 +105,12 @@ class Stepper:
         if self._shared is not None:
             written, ends = self._shared.field, self._shared.outputs
         else:
-            equations = system.shared_equations(sliding)
+            _, equations = system.common_equations(mode)
             written, self.guards = equations.field, equations.guards
             ends = tuple(g.expression for g in self.guards)
         field, outputs = [system.numeric(f) for f in written], [system.numeric(g) for g in ends]
         slopes = [along(g, system.states, tuple(field)) for g in outputs]
+        sliding = [i for i, s in enumerate(mode) if s == 0] if self._shared is None else []
         slopes = [_unless_constant(slope, system, sliding) for slope in slopes]
         self._dimension = len(field)
         self._rows = list(range(len(field), len(field) + len(outputs)))
