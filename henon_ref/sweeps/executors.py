@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import ExitStack
 from typing import Any
 
 from henon_ref.errors import ArgumentError
-from henon_ref.sweeps.workers import Task, finished_by_workers
+from henon_ref.sweeps.workers import EndedError, Task, finished_by_workers
 
 AHEAD = 3
 """Tasks that are handed in, for each worker."""
@@ -57,8 +57,8 @@ def finished(
 
     Raises
     ------
-    HenonRefError
-        Where workers end again and again. Whatever a task raises is passed on.
+    EndedError
+        Where workers end again and again, or the executor ends. Whatever a task raises is passed on.
     """
     if executor is not None:
         yield from _on_executor(function, iter(tasks), executor)
@@ -79,6 +79,12 @@ def _on_executor(function: Callable[..., Any], tasks: Iterator[Task], executor: 
         running: dict[Future[Any], Task] = {}
         try:
             yield from _flow(function, tasks, executor, running, AHEAD * workers)
+        except (CancelledError, BrokenExecutor) as error:
+            why = f": {error}" if str(error) else ""
+            raise EndedError(
+                f"the executor has ended, or dropped its tasks ({type(error).__name__}{why}), as where the scheduler "
+                "of a cluster dies"
+            ) from error
         finally:
             for future in running:
                 future.cancel()

@@ -34,6 +34,7 @@ class Ended:
     run: NDArray[np.int64]
     records: NDArray[Any]
     modes: tuple[Mode, ...]
+    refused: NDArray[np.bool_]
 
 
 def together(wanted: Sequence[Keep]) -> Keep:
@@ -101,6 +102,32 @@ def run_points(
         run=records["point"][order].astype(np.int64),
         records=records[order],
         modes=integrator.mode_table.modes,
+        refused=np.zeros(count, dtype=bool),
+    )
+
+
+def refused_runs(messages: Sequence[Any], initial: Vector, times: Vector) -> Ended:
+    """How runs end that cannot begin.
+
+    Parameters
+    ----------
+    messages : sequence of str
+        Why, of each.
+    initial, times
+        As in :func:`run_points`.
+    """
+    count = len(initial)
+    return Ended(
+        status=np.full(count, "failed", dtype=object),
+        message=np.array(messages, dtype=object),
+        end_time=times[:, 0].copy(),
+        end_state=initial.copy(),
+        end_mode=np.full(count, -1),
+        counts=np.zeros((count, 3), dtype=np.int64),
+        run=np.zeros(0, dtype=np.int64),
+        records=np.zeros(0, dtype=transition_dtype(initial.shape[1])),
+        modes=(),
+        refused=np.ones(count, dtype=bool),
     )
 
 
@@ -133,6 +160,7 @@ def _one_by_one(
         run=np.repeat(np.arange(len(ends)), [len(r) for r in records[1:]]),
         records=np.concatenate(records),
         modes=integrator.mode_table.modes,
+        refused=np.zeros(len(ends), dtype=bool),
     )
 
 
@@ -147,7 +175,7 @@ def joined(parts: Sequence[tuple[NDArray[np.int64], Ended]]) -> Ended:
     order = np.argsort(np.concatenate([own for own, _ in parts]), kind="stable")
     found = {
         name: np.concatenate([getattr(ended, name) for _, ended in parts])[order]
-        for name in ("status", "message", "end_time", "end_state", "counts")
+        for name in ("status", "message", "end_time", "end_state", "counts", "refused")
     }
     numbers: dict[Mode, int] = {}
     end_mode, records = [], []
@@ -163,6 +191,6 @@ def joined(parts: Sequence[tuple[NDArray[np.int64], Ended]]) -> Ended:
         **found,
         end_mode=np.concatenate(end_mode)[order],
         run=run[by_run],
-        records=np.concatenate(records)[by_run],
+        records=np.concatenate([own for own in records if len(own)] or records[:1])[by_run],
         modes=tuple(numbers),
     )

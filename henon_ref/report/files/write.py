@@ -44,8 +44,9 @@ _BEGINNINGS = {
 
 
 def write_through(path: Path, content: bytes) -> None:
-    """Write a file and wait until it is on the disk."""
-    with path.open("wb") as file:
+    """Write a new file, not through a link, and wait until it is on the disk."""
+    path.unlink(missing_ok=True)
+    with path.open("xb") as file:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())
@@ -75,6 +76,18 @@ def check_writable(folder: Path) -> None:
     CaseError
         Where they cannot, or where the folder has a README.md that is not this package's own.
     """
+    check_folder(folder)
+    check_index(folder)
+
+
+def check_folder(folder: Path) -> None:
+    """See that files can be written into a folder, without leaving anything there.
+
+    Raises
+    ------
+    CaseError
+        Where they cannot.
+    """
     nearest = next((path for path in (folder, *folder.absolute().parents) if path.exists()), Path("/"))
     if not nearest.is_dir():
         raise CaseError(f"{nearest} is a file; --out needs a folder", file=None)
@@ -85,7 +98,6 @@ def check_writable(folder: Path) -> None:
         raise CaseError(
             f"cannot write into {nearest}: {error.strerror}; give --out a folder that can be written"
         ) from error
-    check_index(folder)
 
 
 def check_index(folder: Path) -> None:
