@@ -92,14 +92,14 @@ class SweepFolder:
         self.path, self.plan = path, plan
 
     def begin(
-        self, files: Mapping[str, str], manifest: Mapping[str, Any], *, resume: bool, further: Sequence[str] = (PAGE,)
+        self, files: Mapping[str, bytes], manifest: Mapping[str, Any], *, resume: bool, further: Sequence[str] = (PAGE,)
     ) -> None:
         """Make the folder, and write down what is in it.
 
         Parameters
         ----------
         files : mapping
-            Name -> text of files that stand beside the manifest.
+            Name -> content of files that stand beside the manifest.
         manifest : mapping
         resume : bool
             Keep chunks that are finished; else the files of an earlier sweep are removed.
@@ -126,8 +126,8 @@ class SweepFolder:
             own = Owned(own.content, own.chunks, own.tables, tuple(dict.fromkeys([*own.files, *kept])))
             self.path.mkdir(parents=True, exist_ok=True)
             text = json.dumps({**manifest, KEY: asdict(own)}, indent=1, ensure_ascii=False)
-            for name, content in {MANIFEST: text + "\n", **files}.items():
-                put(self.path / name, content.encode())
+            for name, content in {MANIFEST: (text + "\n").encode(), **files}.items():
+                put(self.path / name, content)
         except OSError as error:
             raise _unwritten(error, self.path, "") from error
 
