@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import tempfile
@@ -98,6 +99,32 @@ def check_folder(folder: Path) -> None:
         raise CaseError(
             f"cannot write into {nearest}: {error.strerror}; give --out a folder that can be written"
         ) from error
+
+
+def report_files(folder: Path) -> set[str]:
+    """The files of a case's report that are in its folder, as its manifest lists them; of any other folder, none."""
+    try:
+        content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError, RecursionError, ValueError):
+        return set()
+    if not isinstance(content, dict) or content.get("case") != folder.name:
+        return set()
+    names = content.get("files")
+    return {name for name in names if _is_beside(folder, name)} if isinstance(names, list) else set()
+
+
+def _is_beside(folder: Path, name: object) -> bool:
+    return isinstance(name, str) and Path(name).name == name and os.path.isfile(folder / name)
+
+
+def is_page(path: Path) -> bool:
+    """Whether this package wrote a page in markdown: of a report, or the README.md of a folder of further pages."""
+    if path.name in report_files(path.parent):
+        return True
+    try:
+        return path.name == INDEX and _OWN.match(path.read_text(encoding="utf-8")) is not None
+    except (OSError, ValueError):
+        return False
 
 
 def check_index(folder: Path) -> None:
