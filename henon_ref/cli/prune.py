@@ -25,9 +25,9 @@ from henon_ref.report.files.write import (
     RUNS,
     check_index,
     is_page,
+    own_files,
     remove_if_empty,
     replace_file,
-    report_files,
 )
 from henon_ref.report.folder_report import write_folder_report
 from henon_ref.report.text.restarts import FOLDER as RESTARTS
@@ -61,7 +61,7 @@ def prune(folder: Path, kept: Sequence[str]) -> int:
     with locked_for_a_moment(folder):
         write_folder_report(folder)  # the matrix has every row, the page every run, before a folder goes
         for manifest in folder.glob(f"*/{MANIFEST}"):
-            report, own = manifest.parent, report_files(manifest.parent)
+            report, own = manifest.parent, own_files(manifest.parent)
             for name in own & set(ROWS) if report.name in kept else own:
                 (report / name).unlink()
             remove_if_empty(report)

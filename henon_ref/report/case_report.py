@@ -21,9 +21,9 @@ from henon_ref.report.files.write import (
     SAMPLES,
     STICKS,
     TRANSITIONS,
+    own_files,
     write_through,
 )
-from henon_ref.report.files.write import report_files as own_files
 from henon_ref.report.html.case_file import CASE_FILE, case_text
 from henon_ref.report.text.markdown import report_text
 from henon_ref.report.text.overview import is_drawn, judged

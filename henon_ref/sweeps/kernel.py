@@ -14,6 +14,7 @@ from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.points import NOTHING, Keep, PointRuns
 from henon_ref.henon.records import HENON, transition_dtype
 from henon_ref.henon.run import Run
+from henon_ref.henon.state import ReturnCode
 from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.simulation.compiled import local_error
 from henon_ref.sweeps.runs import Settings, Vector
@@ -72,7 +73,7 @@ def run_points(
         values[:, k] = parameters[symbol.name]
     if settings.mode:
         mode = {settings.system.model.sign_names.index(sign): side for sign, side in settings.mode.items()}
-        return _one_by_one(integrator, values, initial, times, local_error(settings.rtol), mode)
+        return _one_by_one(integrator, values, initial, times, settings, mode)
     runs = PointRuns(
         integrator,
         values,
@@ -82,12 +83,15 @@ def run_points(
         tolerance=local_error(settings.rtol),
         landing=HENON,
         keep=keep,
+        most_steps=settings.max_steps,
     )
     blocks = [block for block in runs if len(block)] if count else []
     records = np.concatenate([np.zeros(0, dtype=runs.transition_dtype), *blocks])
     order = np.argsort(records["point"], kind="stable")  # points that were set aside come behind others
     status, message = np.full(count, "ok", dtype=object), np.full(count, OK, dtype=object)
     end_mode = runs.ends["mode"].astype(np.int64)
+    for point in np.flatnonzero(runs.ends["code"] == ReturnCode.BUDGET_SPENT).tolist():
+        status[point], message[point] = runs.status(point)
     for point, end in runs.others.items():
         status[point], message[point] = end.status, end.reason or OK
         if runs.start(point).refused is not None:  # there is no mode to begin with
@@ -136,15 +140,16 @@ def _one_by_one(
     values: Vector,
     initial: Vector,
     times: Vector,
-    tolerance: float,
+    settings: Settings,
     mode: Mapping[int, int],
 ) -> Ended:
     """The same where all runs start in a mode that is given: each is started by itself."""
     ends, records, nowhere = [], [np.zeros(0, dtype=transition_dtype(initial.shape[1]))], []
     for own, x, (begin, until) in zip(values.tolist(), initial.tolist(), times.tolist(), strict=True):
         start = integrator.start_at(
-            tuple(own), x, start=begin, until=until, tolerance=tolerance, landing=HENON, mode=mode
-        )
+            tuple(own), x, start=begin, until=until, tolerance=local_error(settings.rtol), landing=HENON, mode=mode,
+            most_steps=settings.max_steps,
+        )  # fmt: skip
         end = Run(integrator, start).to_horizon()
         ends.append(end)
         nowhere.append(start.refused is not None)

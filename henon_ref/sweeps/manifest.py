@@ -73,6 +73,7 @@ def _written(plan: Plan, name: str, title: str, source: str | None) -> dict[str,
         "observe": [_observation(o) for o in plan.work.observations if o.kind != "function"] or [{"status": {}}],
         "rtol": settings.rtol,
         "chunk": plan.chunk,
+        "max_steps": settings.max_steps,
     }
     return {key: value for key, value in told.items() if value is not None}
 

@@ -27,7 +27,10 @@ def parameter_values(system: System, swept: Mapping[str, Vector], count: int) ->
     """
     found = {name: np.full(count, float(sp.N(value))) for name, value in system.parameters.items()} | dict(swept)
     for name, expression in following(system, frozenset(swept)).items():
-        found[name] = np.broadcast_to(evaluated(expression, found), (count,)).copy()
+        symbols = sorted(expression.free_symbols, key=lambda s: s.name)
+        with np.errstate(all="ignore"):
+            value = sp.lambdify(symbols, expression, "numpy")(*(found[s.name] for s in symbols))
+        found[name] = np.broadcast_to(np.asarray(value, dtype=np.float64), (count,)).copy()
     return found
 
 
@@ -45,17 +48,12 @@ def number_values(system: System, value: object, parameters: Mapping[str, Vector
     """
     count = len(next(iter(parameters.values()))) if parameters else 1
     expression = parse_expression(written(value, "a number"), {name: sp.Symbol(name, real=True) for name in parameters})
-    if not moved & {s.name for s in expression.free_symbols}:
-        return np.full(count, float(sp.N(system.number(value))))
-    return np.broadcast_to(evaluated(expression, parameters), (count,)).copy()
-
-
-def evaluated(expression: sp.Expr, parameters: Mapping[str, Vector]) -> Vector:
-    """An expression in parameters at each point; what is no real number is NaN or infinite."""
     symbols = sorted(expression.free_symbols, key=lambda s: s.name)
+    if not moved & {s.name for s in symbols}:
+        return np.full(count, float(sp.N(system.number(value))))
     with np.errstate(all="ignore"):
-        value = sp.lambdify(symbols, expression, "numpy")(*(parameters[s.name] for s in symbols))
-    return np.asarray(value, dtype=np.float64)
+        found = sp.lambdify(symbols, expression, "numpy")(*(parameters[s.name] for s in symbols))
+    return np.broadcast_to(np.asarray(found, dtype=np.float64), (count,)).copy()
 
 
 def following(system: System, swept: frozenset[str]) -> dict[str, sp.Expr]:

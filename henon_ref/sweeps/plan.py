@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from henon_ref.errors import ArgumentError
-from henon_ref.simulation.arguments import problem_of, tolerance_of
+from henon_ref.henon.start import MOST_STEPS, NO_LIMIT
+from henon_ref.simulation.arguments import problem_of, tolerance_of, whole_number
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import POINTS, Work
 from henon_ref.sweeps.observations import Observation
@@ -78,6 +79,7 @@ class Plan:
             "time": [str(settings.system.number(value)) for value in (settings.start, settings.until)],
             "rtol": settings.rtol,
             "mode": repr(settings.mode),
+            "max_steps": settings.max_steps,
             "observations": [_named(o) for o in self.work.observations],
             "names": self.points.names,
             "chain": self.points.chain,
@@ -99,6 +101,7 @@ def planned(
     chunk: int | None = None,
     start: Any = 0,
     mode: Mapping[str, int] | None = None,
+    max_steps: int = MOST_STEPS,
 ) -> Plan:
     """Check the arguments of a sweep (see :func:`henon_ref.sweeps.sweep.sweep`).
 
@@ -115,7 +118,8 @@ def planned(
     if not isinstance(initial, Mapping) or (mode is not None and not isinstance(mode, Mapping)):
         problem_of(system, initial, until=until, start=start, mode=mode)  # which says what is wrong with it
     named = {str(name): value for name, value in initial.items()}
-    settings = Settings(system, named, start, until, tolerance, dict(mode) if mode else None)
+    most = min(whole_number(max_steps, "max_steps"), NO_LIMIT)
+    settings = Settings(system, named, start, until, tolerance, dict(mode) if mode else None, most)
     work = Work(settings, _checked(observe, system, _horizon(settings, points)), points.names, points.chain)
     size = _chunk_size(chunk, points)
     _tables(work, points)
@@ -139,19 +143,6 @@ def _horizon(settings: Settings, points: Points) -> float:
         if exact_refusal(settings, first) is not None:
             raise
         return float(point_problem(settings, first).until)
-
-
-def whole_number(value: Any, what: str) -> int:
-    """A number of things, from 1 on.
-
-    Raises
-    ------
-    ArgumentError
-        For anything else.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise ArgumentError(f"{what} is {str(value)[:60]}; wanted a whole number from 1 on")
-    return int(value)
 
 
 def _checked(observe: Sequence[Observation], system: System, until: float) -> tuple[Observation, ...]:

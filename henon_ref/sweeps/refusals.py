@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import HenonRefError
 from henon_ref.simulation.arguments import problem_of
 from henon_ref.simulation.quick_start import CLEARLY
 from henon_ref.simulation.system import System
-from henon_ref.sweeps.parameter_values import evaluated
 from henon_ref.sweeps.runs import Settings, Vector
 
 
@@ -40,7 +40,9 @@ def refusals(
         for values in parameters.values():
             clear &= np.isfinite(values)
         for condition in system.conditions:
-            clear &= evaluated(condition, parameters) > CLEARLY
+            symbols = sorted(condition.free_symbols, key=lambda s: s.name)
+            value = sp.lambdify(symbols, condition, "numpy")(*(parameters[s.name] for s in symbols))
+            clear &= np.asarray(value) > CLEARLY
     found = np.full(len(initial), None, dtype=object)
     for k in np.flatnonzero(~clear):
         values = {name: float(column[k]) for name, column in columns.items()}

@@ -40,7 +40,7 @@ class Lyapunov(Observation):
     def columns(self, runs: Runs) -> Columns:
         found = np.full(len(runs), np.nan)
         for k, point in enumerate(runs.arguments()):
-            del point["until"]
+            del point["until"], point["max_steps"]
             try:
                 spectrum = lyapunov_exponents(runs.system, span=self.span, discard=self.discard, **point)
             except HenonRefError:  # such as two surfaces that change at one instant: there is nothing to tell

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from henon_ref.filippov.kinks import HiddenKinks
 from henon_ref.filippov.modes import Mode, mode_text
+from henon_ref.henon.start import MOST_STEPS
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.sections import Section
 from henon_ref.text import listed
@@ -33,6 +34,7 @@ class Settings:
     until: Any
     rtol: float
     mode: Mapping[str, int] | None = None
+    max_steps: int = MOST_STEPS
 
 
 def told(point: int, values: Mapping[str, Any]) -> str:
@@ -151,4 +153,5 @@ class Runs:
                 "until": given.until,
                 "rtol": given.rtol,
                 "mode": given.mode,
+                "max_steps": given.max_steps,
             }

@@ -8,12 +8,14 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from henon_ref.henon.start import MOST_STEPS
+from henon_ref.simulation.arguments import whole_number
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import Tables, execute
 from henon_ref.sweeps.executors import EndedError, check_executor, finished, processors
 from henon_ref.sweeps.manifest import files_of, manifest_of
 from henon_ref.sweeps.observations import Observation
-from henon_ref.sweeps.plan import RTOL, Plan, planned, whole_number
+from henon_ref.sweeps.plan import RTOL, Plan, planned
 from henon_ref.sweeps.progress import shown
 from henon_ref.sweeps.storage import SweepFolder
 
@@ -41,6 +43,7 @@ def sweep(
     resume: bool = False,
     start: Any = 0,
     mode: Mapping[str, int] | None = None,
+    max_steps: int = MOST_STEPS,
 ) -> SweepTable:
     """Simulate a system at many points, and observe each run.
 
@@ -56,7 +59,7 @@ def sweep(
         name changes fastest. A data frame, CSV or Parquet file has a point a row; others: :mod:`henon_ref.points`.
     observe : sequence
         Of :mod:`henon_ref.observe`.
-    rtol, mode
+    rtol, mode, max_steps
         As in :func:`henon_ref.simulate`.
     jobs : int, optional
         Worker processes; as many as there are processors if left out. With 1 everything is done in this process.
@@ -95,8 +98,9 @@ def sweep(
     [[0.5, 'ok', 1.0, 's=0'], [1.0, 'ok', 0.5, 's=0']]
     """
     plan = planned(
-        system, initial, until=until, grid=grid, observe=observe, rtol=rtol, chunk=chunk, start=start, mode=mode
-    )
+        system, initial, until=until, grid=grid, observe=observe, rtol=rtol, chunk=chunk, start=start, mode=mode,
+        max_steps=max_steps,
+    )  # fmt: skip
     processes = processors() if jobs is None else whole_number(jobs, "jobs")
     check_executor(executor)
     return collected(plan, jobs=processes, executor=executor, out=out, resume=resume)

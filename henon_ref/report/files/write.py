@@ -101,7 +101,7 @@ def check_folder(folder: Path) -> None:
         ) from error
 
 
-def report_files(folder: Path) -> set[str]:
+def own_files(folder: Path) -> set[str]:
     """The files of a case's report that are in its folder, as its manifest lists them; of any other folder, none."""
     try:
         content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -119,7 +119,7 @@ def _is_beside(folder: Path, name: object) -> bool:
 
 def is_page(path: Path) -> bool:
     """Whether this package wrote a page in markdown: of a report, or the README.md of a folder of further pages."""
-    if path.name in report_files(path.parent):
+    if path.name in own_files(path.parent):
         return True
     try:
         return path.name == INDEX and _OWN.match(path.read_text(encoding="utf-8")) is not None
