@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, FailFast, Field
 
 VERSION = 1
 """Of the protocol: another number where a field changes its meaning, or a program must know of a new one."""
@@ -21,6 +21,7 @@ Side = Annotated[int, Field(ge=-1, le=1)]
 Version = Annotated[int, Field(ge=1, le=1)]
 Count = Annotated[int, Field(ge=0, le=2**53)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
+State = Annotated[list[Number], FailFast()]
 End = Literal["nonunique", "invalid"]
 Status = Literal["ok", "diverged", "nonunique", "invalid", "timeout", "failed", "unsupported", "unavailable"]
 
@@ -91,7 +92,7 @@ class Point(Message):
 
     time: Number
     """[s]."""
-    state: list[Number]
+    state: State
     """In the order of ``states``."""
     mode: Side
 
@@ -142,7 +143,7 @@ class Transition(Message):
     """Mode just before; the one of the start, or the ``after`` of the transition before this one."""
     after: Side
     """Mode just after; equal to ``before`` where the surface was touched only."""
-    state: list[Number]
+    state: State
     """At the transition, in the order of ``states``."""
 
 
@@ -175,13 +176,13 @@ class Response(Message):
     """How the last run ended; ``unsupported``: it cannot do the problem; ``unavailable``: what it needs is missing."""
     reason: Text = ""
     """Why the status is not ``ok``: one sentence."""
-    transitions: list[Transition] = []
+    transitions: Annotated[list[Transition], FailFast()] = []
     """Of the last run, in order of time; all up to its end, however it ended."""
     end: Point | None = None
     """Where the last run ended; at ``until`` where the status is ``ok``. Null: where the last transition was."""
     max_surface_drift: Annotated[Number, Field(ge=0)] = 0.0
     """Largest abs(h) seen where the run claims to be on the surface [unit of h]."""
-    wall_s: list[Annotated[Number, Field(gt=0)]] = []
+    wall_s: Annotated[list[Annotated[Number, Field(gt=0)]], FailFast()] = []
     """Wall time of each timed run by the program's own monotonic clock [s], as many as there were: of the run alone,
     without the program's start, reading, compiling and writing."""
     work: Work = Work()

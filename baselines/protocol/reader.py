@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
+from itertools import chain
+from typing import Any
 
 from pydantic import ValidationError
+from pydantic_core import from_json
 
 from baselines.protocol.messages import Point, Request, Response
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
@@ -17,6 +20,12 @@ from henon_ref.trajectory import Counts, Trajectory, Transition
 ROUNDINGS = 64
 """So many roundings of the largest time of a problem are granted to times."""
 
+FIELDS = 10
+"""Commas and brackets of a transition in JSON, its state apart, and some more."""
+TEXT = 20_000
+"""Commas and brackets that the rest of a response may have, its texts included."""
+MOST_FIELDS = 100
+"""Fields of one object whose names are looked at."""
 SHOWN = 60
 """Characters of a refused value in a message."""
 
@@ -31,16 +40,51 @@ def read_response(output: bytes, request: Request) -> Response:
     """
     if not output.strip():
         raise ContractError("the program wrote nothing, wanted a response in JSON")
+    _check_size(output, request)
     try:
-        response = Response.model_validate_json(output)
+        message = from_json(output)
+    except ValueError as error:
+        raise ContractError(short_line(f"the program's response is refused: Invalid JSON: {error}")) from None
+    _check_fields(message)
+    try:
+        response = Response.model_validate(message)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(str(part) for part in first["loc"])
-        found = "" if first["type"] == "json_invalid" else f", not {repr(first['input'])[:SHOWN]}"
         where = f"{place}: " if place else ""
-        raise ContractError(short_line(f"the program's response is refused: {where}{first['msg']}{found}")) from error
+        found = repr(first["input"])[:SHOWN]
+        raise ContractError(
+            short_line(f"the program's response is refused: {where}{first['msg']}, not {found}")
+        ) from None
     _check(response, request)
     return response
+
+
+def _check_size(output: bytes, request: Request) -> None:
+    """Refuse what holds more than any response to the request does, before any of it is read.
+
+    Raises
+    ------
+    ContractError
+    """
+    most = (request.most_transitions + 1) * (FIELDS + len(request.problem.states)) + request.timed + TEXT
+    if output.count(b",") + output.count(b"[") + output.count(b"{") > most:
+        raise _refused("transitions", f"the response is longer than one of {request.most_transitions} transitions")
+
+
+def _check_fields(message: Any) -> None:
+    """Refuse objects of more fields than any has: there would be an error for each.
+
+    Raises
+    ------
+    ContractError
+    """
+    events = message.get("transitions") if isinstance(message, dict) else None
+    parts = message.items() if isinstance(message, dict) and len(message) <= MOST_FIELDS else ()
+    each = ((f"transitions.{k}", event) for k, event in enumerate(events)) if isinstance(events, list) else ()
+    for place, value in chain([("response", message)], parts, each):
+        if isinstance(value, dict) and len(value) > MOST_FIELDS:
+            raise _refused(place[:SHOWN], f"it has {len(value)} fields")
 
 
 def trajectory(response: Response, request: Request, landing: str) -> Trajectory:

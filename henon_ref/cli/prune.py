@@ -3,12 +3,11 @@
 ``python -m henon_ref.prune CASE... [--reports DIR]``: the folders of these cases stay, without their rows of
 transitions and raw samples; those of all other cases go, and live on in the matrix, from which the index is made.
 The rows of every run behind the atlas, the restarts and the price list go, too. Links to what has gone become
-text.
+text. Files that this package has not written stay as they are.
 """
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -19,7 +18,17 @@ from henon_ref.campaign.case_files import load_cases
 from henon_ref.cli.exit_status import DONE, exit_status, parsed, say
 from henon_ref.report.files.folder_lock import locked_for_a_moment
 from henon_ref.report.files.links import without_dead_links
-from henon_ref.report.files.write import MANIFEST, ROWS, RUNS, check_index, replace_file
+from henon_ref.report.files.write import (
+    INDEX,
+    MANIFEST,
+    ROWS,
+    RUNS,
+    check_index,
+    is_page,
+    own_files,
+    remove_if_empty,
+    replace_file,
+)
 from henon_ref.report.folder_report import write_folder_report
 from henon_ref.report.text.restarts import FOLDER as RESTARTS
 from henon_ref.studies.atlas.page import FOLDER as ATLAS
@@ -52,11 +61,14 @@ def prune(folder: Path, kept: Sequence[str]) -> int:
     with locked_for_a_moment(folder):
         write_folder_report(folder)  # the matrix has every row, the page every run, before a folder goes
         for manifest in folder.glob(f"*/{MANIFEST}"):
-            if manifest.parent.name not in kept and manifest.with_name(RUNS).exists():
-                shutil.rmtree(manifest.parent)
-        for name in [*PAGE_ROWS, *(f"{case}/{rows}" for case in kept for rows in ROWS)]:
-            (folder / name).unlink(missing_ok=True)
-        for page in folder.glob("*/*.md"):
+            report, own = manifest.parent, own_files(manifest.parent)
+            for name in own & set(ROWS) if report.name in kept else own:
+                (report / name).unlink()
+            remove_if_empty(report)
+        for rows in (folder / name for name in PAGE_ROWS):
+            if is_page(rows.with_name(INDEX)):
+                rows.unlink(missing_ok=True)
+        for page in filter(is_page, folder.glob("*/*.md")):
             text = page.read_text(encoding="utf-8")
             live = without_dead_links(text, page.parent)
             if live != text:

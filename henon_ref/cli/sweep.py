@@ -21,7 +21,6 @@ from henon_ref.errors import CaseError
 
 if TYPE_CHECKING:
     from henon_ref.sweeps.storage import SweepFolder
-    from henon_ref.sweeps.sweep_file import SweepFile
 
 app = application()
 KEPT = "finished chunks are kept, --resume goes on from them"
@@ -52,19 +51,26 @@ def main(
 ) -> int:
     """Run one system at many points, observe each run, and write the results as Parquet files."""
     from henon_ref.report.files.folder_lock import locked
-    from henon_ref.report.files.write import check_writable
+    from henon_ref.report.files.write import check_folder
     from henon_ref.report.html.sweep_page import write_sweep_page
     from henon_ref.sweeps.executors import processors
+    from henon_ref.sweeps.manifest import files_of, manifest_of
+    from henon_ref.sweeps.plan import FIGURES
+    from henon_ref.sweeps.storage import PAGE, SweepFolder
     from henon_ref.sweeps.sweep_file import load_sweep
 
     if not quiet:
         status_line.show(f"reading {file}")
     sweep = load_sweep(file)
     folder = out / sweep.name
-    check_writable(folder)
+    check_folder(folder)
+    further = (PAGE, FIGURES) if plot else (PAGE,)
     with _cluster(dask) as executor, locked([folder]):
         status_line.clear()
-        _run(sweep, folder, jobs=jobs or processors(), executor=executor, resume=resume, quiet=quiet)
+        place = SweepFolder(folder, sweep.plan)
+        files = files_of(sweep.plan, name=sweep.name, title=sweep.title, source=sweep.source)
+        place.begin(files, manifest_of(sweep.plan), resume=resume, further=further)
+        _run(place, jobs=jobs or processors(), executor=executor, quiet=quiet)
         if plot:
             from henon_ref.sweeps.pictures import draw
 
@@ -80,30 +86,18 @@ def program(arguments: Sequence[str] | None = None) -> int:
     return exit_status(lambda: int(parsed(app, arguments, name="sweep")), name="sweep", arguments=arguments, kept=KEPT)
 
 
-def _run(sweep: SweepFile, folder: Path, *, jobs: int, executor: Any, resume: bool, quiet: bool) -> None:
+def _run(place: SweepFolder, *, jobs: int, executor: Any, quiet: bool) -> None:
     from collections import Counter
 
-    from henon_ref.sweeps.manifest import files_of, manifest_of
     from henon_ref.sweeps.progress import shown
-    from henon_ref.sweeps.storage import SweepFolder
     from henon_ref.sweeps.sweep import done
 
-    plan = sweep.plan
-    place = SweepFolder(folder, plan.content)
-    files = files_of(plan, name=sweep.name, title=sweep.title, source=sweep.source)
-    place.begin(files, manifest_of(plan), resume=resume)
-    with shown(len(plan.points), quiet=quiet) as progress:
-        for _ in done(plan, place, jobs=jobs, executor=executor, progress=progress):
-            pass
-    ended: Counter[str] = Counter()
-    for number in range(len(plan.chunks)):
-        ended.update(_statuses(place, number))
+    points, ended = len(place.plan.points), Counter[str]()
+    with shown(points, quiet=quiet) as progress:
+        for _, tables in done(place.plan, place, jobs=jobs, executor=executor, progress=progress):
+            ended.update(tables.points["status"].tolist())
     told = ", ".join(f"{count} {status}" for status, count in sorted(ended.items()))
-    print(f"{folder}: {len(plan.points)} points, {told}")
-
-
-def _statuses(place: SweepFolder, number: int) -> Sequence[str]:
-    return list(place.read(number).points["status"])
+    print(f"{place.path}: {points} points, {told}")
 
 
 @contextmanager

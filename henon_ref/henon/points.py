@@ -27,7 +27,7 @@ from henon_ref.henon.points_kernel import (
 )
 from henon_ref.henon.records import HENON, TRANSITION_PLACES, transition_dtype
 from henon_ref.henon.run import Run
-from henon_ref.henon.start import NO_LIMIT, Start
+from henon_ref.henon.start import MOST_STEPS, Start, out_of_steps
 from henon_ref.henon.state import ReturnCode
 from henon_ref.henon.workspace import CHUNK, Workspace
 from henon_ref.trajectory import Status, Trajectory
@@ -110,7 +110,7 @@ class PointRuns:
         keep: Keep = NOTHING,
         stop_falling: int = 0,
         stop_rising: int = 0,
-        most_steps: int = NO_LIMIT,
+        most_steps: int = MOST_STEPS,
     ) -> None:
         self.integrator, self.keep = integrator, keep
         self.values = np.atleast_2d(np.asarray(values, dtype=np.float64))
@@ -141,7 +141,7 @@ class PointRuns:
         if point in self.others:
             return self.others[point].status, self.others[point].reason
         if self.ends["code"][point] == ReturnCode.BUDGET_SPENT:
-            return "timeout", f"stopped after {self.ends['steps'][point]} steps at t = {self.ends['time'][point]:.17g}"
+            return "failed", out_of_steps(self.ends["steps"][point], self.ends["time"][point])
         return "ok", ""
 
     def mode(self, point: int) -> Mode:

@@ -21,7 +21,7 @@ from henon_ref.henon.records import (
     STEP_PLACES,
     step_dtype,
 )
-from henon_ref.henon.start import Start
+from henon_ref.henon.start import Start, out_of_steps
 from henon_ref.henon.state import RUN, STATE_PLACE, ReturnCode
 from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.henon.workspace import CHUNK
@@ -195,7 +195,7 @@ class Run(ModeChanges):
         elif code == ReturnCode.STEPS_FULL:
             self._close_steps()
         elif code == ReturnCode.BUDGET_SPENT and self.scalars.steps >= self.start.most_steps:
-            return self._end("timeout", f"stopped after {self.start.most_steps} steps at t = {self.time:.17g}")
+            return self._end("failed", out_of_steps(self.start.most_steps, self.time))
         elif code not in (ReturnCode.BLOCK_FULL, ReturnCode.BUDGET_SPENT):
             return self._end(*ending_of(self, code))
         return None

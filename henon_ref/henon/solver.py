@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 
@@ -16,7 +16,7 @@ from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import BRENT, HENON, LANDINGS, NEWTON
 from henon_ref.henon.run import Run
-from henon_ref.henon.start import Start
+from henon_ref.henon.start import NO_LIMIT, Start
 from henon_ref.solver import Run as PreparedRun
 from henon_ref.trajectory import Trajectory, without_hidden_kinks
 
@@ -60,7 +60,8 @@ class HenonSolver:
             raise UnsupportedError(f"{self.name} chooses its own step: give rtol")
         tolerance = max(0.1 * rtol, 2e-16)
         integrator = Integrator(problem.system, order_for(tolerance))
-        start = integrator.start(problem, tolerance=tolerance, landing=self.method)
+        # A deadline bounds it, not a number of steps.
+        start = replace(integrator.start(problem, tolerance=tolerance, landing=self.method), most_steps=NO_LIMIT)
         integrator.load()
         run = partial(_run, integrator, start, sample_times, deadline)
         # What a system without kinks has no use for is no call of its run: these are some percent of a short one.

@@ -18,11 +18,18 @@ from henon_ref.trajectory import Trajectory
 
 NO_LIMIT = 1 << 62
 """More steps than any run takes."""
+MOST_STEPS = 100_000_000
+"""Steps of a run that has no limit of its own."""
 _BEGIN, _HORIZON, _MODE = Struct("4d"), Struct("2d"), Struct("q")
 _NAMES = RUN.names or ()
 _HORIZON_PLACE, _MODE_PLACE = 8 * _NAMES.index("horizon"), 8 * _NAMES.index("mode")
 """In bytes; time, what rounding it lost, unit and begin come first."""
 assert _NAMES[:4] == ("time", "time_low", "unit", "begin")
+
+
+def out_of_steps(steps: int, time: float) -> str:
+    """Why a run ends that has taken all steps that it may take."""
+    return f"stopped after {steps} steps, as many as max_steps allows, at t = {time:.17g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +60,8 @@ class Start:
     """Surfaces, a bit each (1 << index), on which the run ends when they are reached from above, where h > 0."""
     stop_rising: int = 0
     """And from below."""
-    most_steps: int = NO_LIMIT
-    """Steps after which the run ends with status ``timeout``."""
+    most_steps: int = MOST_STEPS
+    """Steps after which the run ends with status ``failed``."""
 
     @cached_property
     def unpacked(self) -> Callable[..., tuple[float, ...]]:

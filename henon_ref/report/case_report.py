@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import tempfile
@@ -15,7 +14,16 @@ from henon_ref.report.files.figure_jobs import READINGS
 from henon_ref.report.files.folder_lock import locked_for_a_moment
 from henon_ref.report.files.manifest import Provenance, manifest_text, samples_text
 from henon_ref.report.files.svg import svg
-from henon_ref.report.files.write import MANIFEST, REPORT, RUNS, SAMPLES, STICKS, TRANSITIONS, write_through
+from henon_ref.report.files.write import (
+    MANIFEST,
+    REPORT,
+    RUNS,
+    SAMPLES,
+    STICKS,
+    TRANSITIONS,
+    own_files,
+    write_through,
+)
 from henon_ref.report.html.case_file import CASE_FILE, case_text
 from henon_ref.report.text.markdown import report_text
 from henon_ref.report.text.overview import is_drawn, judged
@@ -66,7 +74,7 @@ def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Pa
             write_through(waiting / name, content)
         with locked_for_a_moment(folder):  # who writes the index sees the old report or the new one
             place.mkdir(exist_ok=True)
-            stale = _listed(place / MANIFEST) - set(files)
+            stale = own_files(place) - set(files)
             for name in files:
                 os.replace(waiting / name, place / name)
             for name in stale:
@@ -74,17 +82,3 @@ def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Pa
     finally:
         shutil.rmtree(waiting, ignore_errors=True)
     return place / REPORT
-
-
-def _listed(manifest: Path) -> set[str]:
-    """The files beside an earlier report's manifest that it lists; whatever else stands in it is not ours."""
-    try:
-        content = json.loads(manifest.read_text(encoding="utf-8"))
-    except (FileNotFoundError, RecursionError, ValueError):
-        return set()
-    names = content.get("files") if isinstance(content, dict) else None
-    return {name for name in names if _is_beside(manifest, name)} if isinstance(names, list) else set()
-
-
-def _is_beside(manifest: Path, name: object) -> bool:
-    return isinstance(name, str) and Path(name).name == name and os.path.isfile(manifest.parent / name)

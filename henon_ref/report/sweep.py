@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from henon_ref.errors import ArgumentError
+from henon_ref.report.files.folder_lock import locked
+from henon_ref.report.files.write import check_folder
 from henon_ref.sweeps import sweep as sweeps
 
 if TYPE_CHECKING:
@@ -14,9 +18,16 @@ if TYPE_CHECKING:
 
 @wraps(sweeps.sweep)
 def sweep(*arguments: Any, **options: Any) -> SweepTable:
-    table = sweeps.sweep(*arguments, **options)
-    if options.get("out") is not None:
-        from henon_ref.report.html.sweep_page import write_sweep_page
+    out = options.get("out")
+    if out is None:
+        return sweeps.sweep(*arguments, **options)
+    if not isinstance(out, str | os.PathLike):
+        raise ArgumentError(f"out is {str(out)[:60]}; wanted the path of a folder, or None")
+    from henon_ref.report.html.sweep_page import write_sweep_page
 
-        write_sweep_page(Path(options["out"]))
+    folder = Path(out)
+    check_folder(folder)
+    with locked([folder]):
+        table = sweeps.sweep(*arguments, **options)
+        write_sweep_page(folder)
     return table

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any
 
 from henon_ref.casefile.problem import build_problem
@@ -98,6 +98,19 @@ def tolerance_of(value: Any) -> float:
     if _is_number(value) and SMALLEST <= value < LARGEST:
         return float(value)
     raise ArgumentError(f"rtol is {str(value)[:60]}; a tolerance is a number from 1e-16 to below 1")
+
+
+def whole_number(value: Any, what: str) -> int:
+    """A number of things, from 1 on.
+
+    Raises
+    ------
+    ArgumentError
+        For anything else.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
+        raise ArgumentError(f"{what} is {str(value)[:60]}; wanted a whole number from 1 on")
+    return int(value)
 
 
 def check_absolute_tolerance(value: Any) -> None:

@@ -10,10 +10,16 @@ from henon_ref.errors import ArgumentError
 from henon_ref.filippov.kinks import HiddenKinks
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
-from henon_ref.henon.start import Start
+from henon_ref.henon.start import MOST_STEPS, NO_LIMIT, Start
 from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.precision import one_at_a_time
-from henon_ref.simulation.arguments import check_absolute_tolerance, problem_of, stop_of, tolerance_of
+from henon_ref.simulation.arguments import (
+    check_absolute_tolerance,
+    problem_of,
+    stop_of,
+    tolerance_of,
+    whole_number,
+)
 from henon_ref.simulation.compiled import integrator_of, local_error
 from henon_ref.simulation.quick_start import QuickStart
 from henon_ref.simulation.system import System
@@ -67,6 +73,7 @@ def launch(
     parameters: Mapping[Any, Any] | None,
     mode: Mapping[Any, int] | None,
     stop: Mapping[Any, str] | None,
+    max_steps: int,
 ) -> Launch:
     """Read the arguments of :func:`henon_ref.simulation.simulate.simulate`.
 
@@ -97,8 +104,9 @@ def launch(
             quick = _prepared(system, tolerance).quick
             if quick is not None:  # its compiled functions are loaded now, not by the second run
                 quick(initial, until, start, parameters, mode)
-    if falling or rising:
-        begin = replace(begin, stop_falling=falling, stop_rising=rising)
+    if falling or rising or max_steps != MOST_STEPS:
+        steps = whole_number(max_steps, "max_steps")
+        begin = replace(begin, stop_falling=falling, stop_rising=rising, most_steps=min(steps, NO_LIMIT))
     return Launch(system, parameters, integrator, begin)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from henon_ref.henon.run import Run
+from henon_ref.henon.start import MOST_STEPS
 from henon_ref.simulation.dense_output import STEPS
 from henon_ref.simulation.launch import launch
 from henon_ref.simulation.solution import Solution
@@ -25,6 +26,7 @@ def simulate(
     mode: Mapping[Any, int] | None = None,
     dense_output: bool = True,
     stop: Mapping[Any, str] | None = None,
+    max_steps: int = MOST_STEPS,
 ) -> Solution:
     """Simulate one run of a piecewise-smooth system, every transition located.
 
@@ -50,6 +52,8 @@ def simulate(
         Keep the steps' polynomials: memory grows with the number of steps.
     stop : mapping, optional
         Sign -> ``"falling"`` or ``"rising"``: the run ends where that surface's expression falls (rises) to zero.
+    max_steps : int
+        Steps after which the run ends ``failed``.
 
     Returns
     -------
@@ -77,7 +81,7 @@ def simulate(
     >>> run.transitions[["time_s", "kind", "x"]].values.tolist()
     [[2.0, 'stick', 1.0]]
     """
-    made = launch(system, initial, until, start, rtol, atol, parameters, mode, stop)
+    made = launch(system, initial, until, start, rtol, atol, parameters, mode, stop, max_steps)
     run = Run(made.integrator, made.start, dense=STEPS if dense_output else 0)
     trajectory = made.ended(run.to_horizon())
     return Solution(made, trajectory, run.steps if dense_output else None)
@@ -95,12 +99,13 @@ def stream(
     mode: Mapping[Any, int] | None = None,
     dense_output: bool = False,
     stop: Mapping[Any, str] | None = None,
+    max_steps: int = MOST_STEPS,
 ) -> TransitionStream:
     """The transitions of a run as they come; nothing is kept, so that memory does not grow with the horizon.
 
     Parameters
     ----------
-    system, initial, until, start, rtol, atol, parameters, mode, stop
+    system, initial, until, start, rtol, atol, parameters, mode, stop, max_steps
         As in :func:`simulate`.
     dense_output : bool
         Not used: there is none.
@@ -122,4 +127,4 @@ def stream(
     >>> [round(row.time_s, 9) for row in stream(oscillator, {"x": 1, "v": 0}, until=5)]
     [1.570796327, 4.71238898]
     """
-    return TransitionStream(launch(system, initial, until, start, rtol, atol, parameters, mode, stop))
+    return TransitionStream(launch(system, initial, until, start, rtol, atol, parameters, mode, stop, max_steps))

@@ -10,16 +10,21 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
+from henon_ref.errors import HenonRefError
 from henon_ref.henon.integrator import Integrator
 from henon_ref.simulation.compiled import integrator_of, local_error
-from henon_ref.sweeps.kernel import Ended, joined, run_points, together
+from henon_ref.sweeps.kernel import Ended, joined, refused_runs, run_points, together
 from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.parameter_values import following, number_values, parameter_values
 from henon_ref.sweeps.points import Vector
+from henon_ref.sweeps.refusals import refusals
 from henon_ref.sweeps.runs import Columns, Runs, Settings
 from henon_ref.sweeps.sections import Section, with_sections
 
+POINTS = "points"
+"""The table with a row a point."""
 KEPT_SWEEPS = 8
 """Sweeps of which a worker keeps what it has read."""
 
@@ -32,6 +37,8 @@ class Tables:
     """``status``, then the observations, an entry a point."""
     ragged: Mapping[str, Columns]
     """Tables of their own, by name; their first column is ``point``, counted from the sweep's first one."""
+    refused: tuple[str, ...] = ()
+    """What is said of each point that has no run."""
 
 
 @dataclass(frozen=True)
@@ -84,18 +91,23 @@ def execute(work: bytes, first: int, values: Vector) -> Tables:
     """
     made = _unpickled(work)
     columns = {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(made.names)}
-    runs = run_chunk(made, columns, len(values))
+    runs = run_chunk(made, columns, len(values), first)
     points: Columns = {"status": runs.status}
     ragged: dict[str, Columns] = {}
     for observation in made.observations:
         points |= observation.columns(runs)
         for name, table in observation.tables(runs).items():
             ragged[name] = {**table, "point": table["point"] + first}
-    return Tables(points, ragged)
+    refused = tuple(f"{runs.told(k)}: {runs.message[k]}" for k in np.flatnonzero(runs.refused))
+    return Tables(points, ragged, refused)
 
 
-def run_chunk(work: Work, columns: Mapping[str, Vector], count: int) -> Runs:
-    """Run a chunk's points; those of a chain one after another, all chains at once."""
+def run_chunk(work: Work, columns: Mapping[str, Vector], count: int, first: int = 0) -> Runs:
+    """Run a chunk's points; those of a chain one after another, all chains at once.
+
+    A point at which there is no problem to solve (a parameter that is not finite, a horizon before the start) is a run
+    that ends ``failed`` where it starts.
+    """
     settings = work.settings
     names, system = settings.system.state, settings.system
     swept = {name: values for name, values in columns.items() if name not in names}
@@ -107,6 +119,7 @@ def run_chunk(work: Work, columns: Mapping[str, Vector], count: int) -> Runs:
 
     initial = np.column_stack([columns.get(name, numbers(settings.initial[name])) for name in names])
     start, until = numbers(settings.start), numbers(settings.until)
+    wrong = refusals(settings, columns, parameters, initial, np.column_stack([start, until]))
     parts: list[tuple[Any, Ended]] = []
     for step in range(work.chain):
         own = np.arange(step, count, work.chain)
@@ -116,7 +129,7 @@ def run_chunk(work: Work, columns: Mapping[str, Vector], count: int) -> Runs:
             initial[own[carried]] = ended.end_state[carried]
         at_step = {name: v[own] for name, v in parameters.items()}
         times = np.column_stack([start[own], until[own]])
-        parts.append((own, _run_step(work, moved, at_step, initial[own], times)))
+        parts.append((own, _run_step(work, moved, at_step, initial[own], times, wrong[own])))
     return Runs(
         settings=settings,
         sections=work.prepared()[1],
@@ -124,24 +137,49 @@ def run_chunk(work: Work, columns: Mapping[str, Vector], count: int) -> Runs:
         parameters=parameters,
         start=start,
         start_state=initial,
+        first=first,
         **vars(joined(parts)),
     )
 
 
 def _run_step(
-    work: Work, moved: frozenset[str], parameters: Mapping[str, Vector], initial: Vector, times: Vector
+    work: Work,
+    moved: frozenset[str],
+    parameters: Mapping[str, Vector],
+    initial: Vector,
+    times: Vector,
+    wrong: NDArray[Any],
 ) -> Ended:
     """Runs that do not wait for each other; one compiled system for each set of exponents."""
     settings = work.settings
     keep = together([o.kept(settings.system) for o in work.observations])
     names = sorted(settings.system.exponent_parameters & moved)
-    if not names:
-        return run_points(work.prepared()[0], settings, parameters, initial, times, keep)
-    values, which = np.unique(np.column_stack([parameters[name] for name in names]), axis=0, return_inverse=True)
-    parts: list[tuple[Any, Ended]] = []
-    for k, exponents in enumerate(values.tolist()):
-        own = np.nonzero(which.ravel() == k)[0]
-        integrator, _ = work.prepared(dict(zip(names, exponents, strict=True)))
+    refused = wrong != None  # noqa: E711 - entry by entry
+    parts = [(np.flatnonzero(refused), refused_runs(wrong[refused], initial[refused], times[refused]))]
+
+    def run(integrator: Integrator, own: NDArray[np.int64]) -> None:
         at_own = {name: v[own] for name, v in parameters.items()}
-        parts.append((own, run_points(integrator, settings, at_own, initial[own], times[own], keep)))
+        try:
+            parts.append((own, run_points(integrator, settings, at_own, initial[own], times[own], keep)))
+        except HenonRefError as error:
+            if len(own) == 1:
+                parts.append((own, refused_runs([str(error)], initial[own], times[own])))
+            else:  # one of them is in the way of all
+                for one in own:
+                    run(integrator, np.array([one]))
+
+    there = np.flatnonzero(~refused)
+    values, which = np.unique(
+        np.column_stack([parameters[name][there] for name in names] or [np.zeros(len(there))]),
+        axis=0,
+        return_inverse=True,
+    )
+    for k, exponents in enumerate(values.tolist()):
+        own = there[which.ravel() == k]
+        try:
+            integrator, _ = work.prepared(dict(zip(names, exponents, strict=False)))
+        except HenonRefError as error:
+            parts.append((own, refused_runs([str(error)] * len(own), initial[own], times[own])))
+        else:
+            run(integrator, own)
     return joined(parts)

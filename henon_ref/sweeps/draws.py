@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from henon_ref.errors import ArgumentError
-from henon_ref.sweeps.points import MOST_POINTS, Points, Vector, numbers
+from henon_ref.sweeps.point_files import MOST_NUMBERS, check_size
+from henon_ref.sweeps.points import Points, Vector, numbers
 from henon_ref.text import listed
 
 METHODS = ("independent", "sobol")
@@ -44,13 +45,14 @@ def random(draws: Mapping[str, Any], *, count: int, seed: int = 0, method: str =
     """
     if not isinstance(draws, Mapping) or not draws:
         raise ArgumentError(f"draws are {str(draws)[:60]}; wanted a mapping such as {{'x': {{'uniform': [0, 1]}}}}")
-    _check_whole(count, "count", least=1, most=MOST_POINTS)
+    _check_whole(count, "count", least=1, most=MOST_NUMBERS)
     _check_whole(seed, "seed", least=0, most=2**63)
     if method not in METHODS:
         raise ArgumentError(f"method is {str(method)[:60]!r}; wanted {' or '.join(METHODS)}")
     shapes = {str(name): _distribution(name, given) for name, given in draws.items()}
+    check_size(count, len(shapes), "'random'")
     unit = _unit_cube(len(shapes), count, seed, method)
-    values = np.column_stack([_placed(unit[:, k], *shape) for k, shape in enumerate(shapes.values())])
+    values = np.column_stack([_placed(name, unit[:, k], *shape) for k, (name, shape) in enumerate(shapes.items())])
     drawn = {name: {kind: [first, second]} for name, (kind, first, second) in shapes.items()}
     written = {"random": {"draws": drawn, "count": int(count), "seed": int(seed), "method": method}}
     return Points(tuple(shapes), values, written=written)
@@ -84,9 +86,15 @@ def _unit_cube(dimensions: int, count: int, seed: int, method: str) -> Vector:
     return np.maximum(found, 2.0**-54)
 
 
-def _placed(unit: Vector, kind: str, first: float, second: float) -> Vector:
+def _placed(name: str, unit: Vector, kind: str, first: float, second: float) -> Vector:
     if kind == "uniform":
-        return first + (second - first) * unit
+        if not np.isfinite(second - first):  # the range is longer than the largest double
+            return 2 * np.minimum(first / 2 + (second / 2 - first / 2) * unit, second / 2)
+        return np.minimum(first + (second - first) * unit, second)
     from scipy.special import ndtri
 
-    return first + second * np.asarray(ndtri(unit))
+    with np.errstate(over="ignore"):
+        drawn = first + second * np.asarray(ndtri(unit))
+    if not np.isfinite(drawn).all():
+        raise ArgumentError(f"'normal' of '{name}' is [{first}, {second}]; numbers drawn from it are not finite")
+    return drawn

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from contextlib import ExitStack
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from henon_ref.errors import ArgumentError
-from henon_ref.sweeps.workers import Task, finished_by_workers
+from henon_ref.sweeps.workers import EndedError, Task, finished_by_workers
 
 AHEAD = 3
 """Tasks that are handed in, for each worker."""
@@ -31,12 +31,14 @@ def check_executor(executor: Any) -> None:
     Raises
     ------
     ArgumentError
-        For what is neither an Executor nor a Dask Client.
+        For what is neither an Executor nor a Dask Client, and for a client that is closed.
     """
     if executor is not None and not isinstance(executor, Executor) and not hasattr(executor, "get_executor"):
         raise ArgumentError(
             f"executor is a {type(executor).__name__}; wanted a concurrent.futures.Executor, a Dask Client, or None"
         )
+    if getattr(executor, "status", None) in ("closing", "closed"):
+        raise ArgumentError("executor is a client that is closed; wanted one of a cluster that runs")
 
 
 def finished(
@@ -57,8 +59,8 @@ def finished(
 
     Raises
     ------
-    HenonRefError
-        Where workers end again and again. Whatever a task raises is passed on.
+    EndedError
+        Where workers end again and again, or the executor ends. Whatever a task raises is passed on.
     """
     if executor is not None:
         yield from _on_executor(function, iter(tasks), executor)
@@ -73,15 +75,35 @@ def _on_executor(function: Callable[..., Any], tasks: Iterator[Task], executor: 
     workers = getattr(executor, "_max_workers", None) or WORKERS_ASSUMED
     with ExitStack() as stack:
         if not isinstance(executor, Executor):
-            workers = max(sum(executor.nthreads().values()), 1)
-            executor = executor.get_executor(pure=False)
+            with _reached():
+                workers = max(sum(executor.nthreads().values()), 1)
+                executor = executor.get_executor(pure=False)
             stack.callback(executor.shutdown, wait=False)
         running: dict[Future[Any], Task] = {}
         try:
             yield from _flow(function, tasks, executor, running, AHEAD * workers)
+        except (CancelledError, BrokenExecutor) as error:
+            raise _ended(error) from error
         finally:
             for future in running:
                 future.cancel()
+
+
+@contextmanager
+def _reached() -> Iterator[None]:
+    """What goes wrong where an executor is asked for something says that it has ended."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:  # of a cluster; and of an executor that is shut down, or broken
+        raise _ended(error) from error
+
+
+def _ended(error: Exception) -> EndedError:
+    why = f": {error}" if str(error) else ""
+    return EndedError(
+        f"the executor has ended, or dropped its tasks, as where the scheduler of a cluster dies "
+        f"({type(error).__name__}{why:.200})"
+    )
 
 
 def _flow(
@@ -93,7 +115,8 @@ def _flow(
 ) -> Iterator[tuple[int, Any]]:
     """Keep so many tasks handed in. What is in ``running`` at the end has not been finished."""
     for task in tasks:
-        running[executor.submit(function, *task.arguments)] = task
+        with _reached():
+            running[executor.submit(function, *task.arguments)] = task
         if len(running) >= most:
             yield from _done(running)
     while running:

@@ -36,8 +36,8 @@ class Extremes(Observation):
     name: str | None = None
     kind: ClassVar[str] = "extremes"
 
-    def names(self, system: System) -> tuple[list[str], list[str]]:
-        return [f"min_{self.name or self.of}", f"max_{self.name or self.of}"], []
+    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
+        return [f"min_{self.name or self.of}", f"max_{self.name or self.of}"], {}
 
     def check(self, system: System) -> None:
         if len(system.model.surfaces) > MOST_SURFACES:

@@ -14,6 +14,7 @@ from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.points import NOTHING, Keep, PointRuns
 from henon_ref.henon.records import HENON, transition_dtype
 from henon_ref.henon.run import Run
+from henon_ref.henon.state import ReturnCode
 from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.simulation.compiled import local_error
 from henon_ref.sweeps.runs import Settings, Vector
@@ -34,6 +35,7 @@ class Ended:
     run: NDArray[np.int64]
     records: NDArray[Any]
     modes: tuple[Mode, ...]
+    refused: NDArray[np.bool_]
 
 
 def together(wanted: Sequence[Keep]) -> Keep:
@@ -71,7 +73,7 @@ def run_points(
         values[:, k] = parameters[symbol.name]
     if settings.mode:
         mode = {settings.system.model.sign_names.index(sign): side for sign, side in settings.mode.items()}
-        return _one_by_one(integrator, values, initial, times, local_error(settings.rtol), mode)
+        return _one_by_one(integrator, values, initial, times, settings, mode)
     runs = PointRuns(
         integrator,
         values,
@@ -81,12 +83,15 @@ def run_points(
         tolerance=local_error(settings.rtol),
         landing=HENON,
         keep=keep,
+        most_steps=settings.max_steps,
     )
     blocks = [block for block in runs if len(block)] if count else []
     records = np.concatenate([np.zeros(0, dtype=runs.transition_dtype), *blocks])
     order = np.argsort(records["point"], kind="stable")  # points that were set aside come behind others
     status, message = np.full(count, "ok", dtype=object), np.full(count, OK, dtype=object)
     end_mode = runs.ends["mode"].astype(np.int64)
+    for point in np.flatnonzero(runs.ends["code"] == ReturnCode.BUDGET_SPENT).tolist():
+        status[point], message[point] = runs.status(point)
     for point, end in runs.others.items():
         status[point], message[point] = end.status, end.reason or OK
         if runs.start(point).refused is not None:  # there is no mode to begin with
@@ -101,6 +106,32 @@ def run_points(
         run=records["point"][order].astype(np.int64),
         records=records[order],
         modes=integrator.mode_table.modes,
+        refused=np.zeros(count, dtype=bool),
+    )
+
+
+def refused_runs(messages: Sequence[Any], initial: Vector, times: Vector) -> Ended:
+    """How runs end that cannot begin.
+
+    Parameters
+    ----------
+    messages : sequence of str
+        Why, of each.
+    initial, times
+        As in :func:`run_points`.
+    """
+    count = len(initial)
+    return Ended(
+        status=np.full(count, "failed", dtype=object),
+        message=np.array(messages, dtype=object),
+        end_time=times[:, 0].copy(),
+        end_state=initial.copy(),
+        end_mode=np.full(count, -1),
+        counts=np.zeros((count, 3), dtype=np.int64),
+        run=np.zeros(0, dtype=np.int64),
+        records=np.zeros(0, dtype=transition_dtype(initial.shape[1])),
+        modes=(),
+        refused=np.ones(count, dtype=bool),
     )
 
 
@@ -109,15 +140,16 @@ def _one_by_one(
     values: Vector,
     initial: Vector,
     times: Vector,
-    tolerance: float,
+    settings: Settings,
     mode: Mapping[int, int],
 ) -> Ended:
     """The same where all runs start in a mode that is given: each is started by itself."""
     ends, records, nowhere = [], [np.zeros(0, dtype=transition_dtype(initial.shape[1]))], []
     for own, x, (begin, until) in zip(values.tolist(), initial.tolist(), times.tolist(), strict=True):
         start = integrator.start_at(
-            tuple(own), x, start=begin, until=until, tolerance=tolerance, landing=HENON, mode=mode
-        )
+            tuple(own), x, start=begin, until=until, tolerance=local_error(settings.rtol), landing=HENON, mode=mode,
+            most_steps=settings.max_steps,
+        )  # fmt: skip
         end = Run(integrator, start).to_horizon()
         ends.append(end)
         nowhere.append(start.refused is not None)
@@ -133,6 +165,7 @@ def _one_by_one(
         run=np.repeat(np.arange(len(ends)), [len(r) for r in records[1:]]),
         records=np.concatenate(records),
         modes=integrator.mode_table.modes,
+        refused=np.zeros(len(ends), dtype=bool),
     )
 
 
@@ -147,7 +180,7 @@ def joined(parts: Sequence[tuple[NDArray[np.int64], Ended]]) -> Ended:
     order = np.argsort(np.concatenate([own for own, _ in parts]), kind="stable")
     found = {
         name: np.concatenate([getattr(ended, name) for _, ended in parts])[order]
-        for name in ("status", "message", "end_time", "end_state", "counts")
+        for name in ("status", "message", "end_time", "end_state", "counts", "refused")
     }
     numbers: dict[Mode, int] = {}
     end_mode, records = [], []
@@ -163,6 +196,6 @@ def joined(parts: Sequence[tuple[NDArray[np.int64], Ended]]) -> Ended:
         **found,
         end_mode=np.concatenate(end_mode)[order],
         run=run[by_run],
-        records=np.concatenate(records)[by_run],
+        records=np.concatenate([own for own in records if len(own)] or records[:1])[by_run],
         modes=tuple(numbers),
     )

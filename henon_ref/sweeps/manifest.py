@@ -15,14 +15,16 @@ from henon_ref.simulation.system import MODEL_KEYS
 from henon_ref.simulation.written import written
 from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.plan import Plan
+from henon_ref.sweeps.point_files import CSV, PARQUET, csv_rows
+from henon_ref.sweeps.storage import parquet
 
-SWEEP_FILE, TABLE = "sweep.yaml", "points.csv"
+SWEEP_FILE = "sweep.yaml"
 
 
 def files_of(
     plan: Plan, *, name: str = "sweep", title: str = "A sweep from Python", source: str | None = None
-) -> dict[str, str]:
-    """Name -> text of the files that run the sweep again; a function of one's own cannot stand in them."""
+) -> dict[str, bytes]:
+    """Name -> content of the files that run the sweep again; a function of one's own cannot stand in them."""
     from ruamel.yaml import YAML
 
     buffer = io.StringIO()
@@ -30,11 +32,11 @@ def files_of(
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.width = 120
     yaml.dump(_written(plan, name, title, source), buffer)
-    found = {SWEEP_FILE: buffer.getvalue()}
-    if plan.points.written.get("table") == TABLE:
-        header = ",".join(plan.points.names)
-        rows = (",".join(map(repr, row)) for row in plan.points.values.tolist())
-        found[TABLE] = "\n".join([header, *rows, ""])
+    found, points = {SWEEP_FILE: buffer.getvalue().encode()}, plan.points
+    if points.written.get("table") == CSV:
+        found[CSV] = "".join(f"{row}\n" for row in csv_rows(points.names, points.values)).encode()
+    if points.written.get("table") == PARQUET:
+        found[PARQUET] = parquet({name: points.values[:, k] for k, name in enumerate(points.names)})
     return found
 
 
@@ -71,6 +73,7 @@ def _written(plan: Plan, name: str, title: str, source: str | None) -> dict[str,
         "observe": [_observation(o) for o in plan.work.observations if o.kind != "function"] or [{"status": {}}],
         "rtol": settings.rtol,
         "chunk": plan.chunk,
+        "max_steps": settings.max_steps,
     }
     return {key: value for key, value in told.items() if value is not None}
 

@@ -45,9 +45,9 @@ class Observation:
         """Expressions whose zeros have to be located."""
         return ()
 
-    def names(self, system: System) -> tuple[list[str], list[str]]:
-        """Names of its columns, and of its tables, as far as they are known before anything runs."""
-        return [], []
+    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
+        """Names of its columns in the table of points, and of its tables, each with its columns."""
+        return [], {}
 
     def kept(self, system: System) -> Keep:
         """Transitions that it is computed from, of whatever surface."""
@@ -75,8 +75,9 @@ class Sticks(Observation):
         if self.surface is not None:
             _surface(system, self.surface)
 
-    def names(self, system: System) -> tuple[list[str], list[str]]:
-        return ["stick_count", "last_stick_duration"], ["sticks"] if self.each else []
+    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
+        each = {"sticks": ["point", "start_s", "duration_s", "surface"]} if self.each else {}
+        return ["stick_count", "last_stick_duration"], each
 
     def kept(self, system: System) -> Keep:
         return Keep(after=self.after, open_sticks=True)
@@ -129,8 +130,8 @@ class FinalState(Observation):
 
     kind: ClassVar[str] = "final_state"
 
-    def names(self, system: System) -> tuple[list[str], list[str]]:
-        return [*(f"final_{name}" for name in system.state), "final_mode"], []
+    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
+        return [*(f"final_{name}" for name in system.state), "final_mode"], {}
 
     def columns(self, runs: Runs) -> Columns:
         states = {f"final_{name}": runs.end_state[:, i].copy() for i, name in enumerate(runs.system.state)}
@@ -143,8 +144,8 @@ class Ending(Observation):
 
     kind: ClassVar[str] = "status"
 
-    def names(self, system: System) -> tuple[list[str], list[str]]:
-        return ["end_time", "message", "steps", "rhs_evaluations", "event_evaluations"], []
+    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
+        return ["end_time", "message", "steps", "rhs_evaluations", "event_evaluations"], {}
 
     def columns(self, runs: Runs) -> Columns:
         steps, expansions, evaluations = runs.counts.T
@@ -168,8 +169,8 @@ class SectionPoints(Observation):
     name: str = "section"
     kind: ClassVar[str] = "section"
 
-    def names(self, system: System) -> tuple[list[str], list[str]]:
-        return [], [self.name]
+    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
+        return [], {self.name: ["point", "time_s", *system.state]}
 
     def check(self, system: System) -> None:
         self.expression(system)
@@ -211,8 +212,8 @@ class Period(Observation):
     most: int = 16
     kind: ClassVar[str] = "period"
 
-    def names(self, system: System) -> tuple[list[str], list[str]]:
-        return ["period", "period_returns"], []
+    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
+        return ["period", "period_returns"], {}
 
     def _section(self) -> SectionPoints:
         return SectionPoints(self.of, self.after, self.direction)

@@ -22,9 +22,11 @@ from henon_ref.sweeps.observations import (
     SectionPoints,
     Sticks,
 )
-from henon_ref.sweeps.run_by_run import Function, Lyapunov
+from henon_ref.sweeps.run_by_run import VALUE, Function, Lyapunov
 from henon_ref.text import listed
 
+LONGEST_NAME = 60
+"""Characters of a name: a table's is that of a folder."""
 MOST_RETURNS = 10_000
 """Returns to a section that a period may have."""
 
@@ -140,8 +142,12 @@ def lyapunov(span: float, discard: float = 0) -> Observation:
     return Lyapunov(float(span), float(discard))
 
 
-def function(of: Callable[[Solution], Any], name: str = "value", dense_output: bool = False) -> Observation:
+def function(of: Callable[[Solution], Any], name: str = VALUE, dense_output: bool = False) -> Observation:
     """A function of one's own on each run, simulated by itself in the worker.
+
+    Its columns, and whether they hold numbers or text, are those of its first values, so that it is called at the first
+    point before the sweep as well. Later values have the same keys, or fewer: what is missing, and None, is NaN (of
+    text: None).
 
     Parameters
     ----------
@@ -193,8 +199,10 @@ def _flag(value: Any, what: str) -> bool:
 
 
 def _name(value: Any) -> str:
-    if not isinstance(value, str) or not value.isidentifier():
-        raise ArgumentError(f"name is {str(value)[:60]!r}; wanted letters, digits and underscores")
+    if not isinstance(value, str) or not value.isidentifier() or len(value) > LONGEST_NAME:
+        raise ArgumentError(
+            f"name is {str(value)[:60]!r}; wanted letters, digits and underscores, {LONGEST_NAME} at most"
+        )
     return value
 
 

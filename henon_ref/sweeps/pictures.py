@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -9,15 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from henon_ref.figures import style
 from henon_ref.figures.sweeps import HEIGHT, MOST_BASINS, basins, bifurcation, histogram, plane
-from henon_ref.sweeps.plan import Plan
-from henon_ref.sweeps.storage import SweepFolder
+from henon_ref.sweeps.plan import FIGURES, Plan
+from henon_ref.sweeps.storage import SweepFolder, put
 from henon_ref.sweeps.table import SweepTable, assembled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-FIGURES = "figures"
-"""Folder of the pictures, below a sweep's own."""
 
 
 def draw(plan: Plan, folder: Path) -> list[Path]:
@@ -29,8 +27,7 @@ def draw(plan: Plan, folder: Path) -> list[Path]:
     folder : Path
         That of the results; the pictures stand in its folder ``figures``.
     """
-    place = SweepFolder(folder, plan.content)
-    table = assembled(plan.points, [place.read(number) for number in range(len(plan.chunks))])
+    table = assembled(plan.points, [tables for _, tables in SweepFolder(folder, plan).finished()])
     written = []
     (folder / FIGURES).mkdir(exist_ok=True)
     for name, make in _pictures(plan, table):
@@ -38,7 +35,9 @@ def draw(plan: Plan, folder: Path) -> list[Path]:
             figure.set_layout_engine("constrained")
             make(figure.add_subplot())
             written.append(folder / FIGURES / f"{name}.svg")
-            style.save(figure, written[-1])
+            content = io.BytesIO()
+            style.save(figure, content)
+            put(written[-1], content.getvalue())
     return written
 
 

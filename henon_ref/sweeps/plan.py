@@ -6,24 +6,31 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from henon_ref.errors import ArgumentError
-from henon_ref.simulation.arguments import problem_of, tolerance_of
+from henon_ref.henon.start import MOST_STEPS, NO_LIMIT
+from henon_ref.simulation.arguments import problem_of, tolerance_of, whole_number
 from henon_ref.simulation.system import System
-from henon_ref.sweeps.chunk import Work
+from henon_ref.sweeps.chunk import POINTS, Work
 from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.points import OWN_COLUMNS, Points, check_names, points_of
-from henon_ref.sweeps.runs import Settings
+from henon_ref.sweeps.refusals import exact_refusal, point_problem
+from henon_ref.sweeps.run_by_run import with_columns
+from henon_ref.sweeps.runs import Columns, Settings
 from henon_ref.sweeps.workers import Task
 
 MOST_CHUNK, CHUNKS = 2000, 64
 """Without a size of one's own a chunk has so many points at most; a sweep is cut into so many chunks where its size
 allows it. (Neither depends on the number of workers, so that the files do not.)"""
+MOST_CHUNKS = 1_000_000
+"""Chunks that a sweep may have: their files stand in one folder, in the order of their names."""
+FIGURES = "figures"
+"""Folder of a sweep's pictures, which no table may be called after."""
 RTOL = 1e-10
 
 
@@ -52,6 +59,17 @@ class Plan:
         return Task(number, (pickled, chunk.start, self.points.values[chunk.start : chunk.stop]))
 
     @cached_property
+    def tables(self) -> dict[str, tuple[str, ...]]:
+        """Name of each table -> its columns; the table of points first."""
+        return _tables(self.work, self.points)
+
+    def own_columns(self, number: int) -> Columns:
+        """The columns that a chunk has from its points: their numbers, values and labels."""
+        chunk = self.chunks[number]
+        numbers = np.arange(chunk.start, chunk.stop, dtype=np.int64)
+        return {"point": numbers, **self.points.columns(slice(chunk.start, chunk.stop))}
+
+    @cached_property
     def content(self) -> str:
         """SHA-256 of everything that decides the results and their files, in hexadecimal."""
         settings = self.work.settings
@@ -61,13 +79,15 @@ class Plan:
             "time": [str(settings.system.number(value)) for value in (settings.start, settings.until)],
             "rtol": settings.rtol,
             "mode": repr(settings.mode),
+            "max_steps": settings.max_steps,
             "observations": [_named(o) for o in self.work.observations],
             "names": self.points.names,
             "chain": self.points.chain,
+            "labels": {name: _digest("\0".join(column).encode()) for name, column in self.points.labels.items()},
             "chunk": self.chunk,
-            "points": hashlib.sha256(np.ascontiguousarray(self.points.values).tobytes()).hexdigest(),
+            "points": _digest(np.ascontiguousarray(self.points.values).data),
         }
-        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+        return _digest(json.dumps(told, sort_keys=True).encode())
 
 
 def planned(
@@ -81,6 +101,7 @@ def planned(
     chunk: int | None = None,
     start: Any = 0,
     mode: Mapping[str, int] | None = None,
+    max_steps: int = MOST_STEPS,
 ) -> Plan:
     """Check the arguments of a sweep (see :func:`henon_ref.sweeps.sweep.sweep`).
 
@@ -94,34 +115,34 @@ def planned(
     if not isinstance(system, System):
         raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
     check_names(points, list(system.parameters), system.state)
-    first = {name: float(value) for name, value in zip(points.names, points.values[0], strict=True)}
-    states = {name: value for name, value in first.items() if name in system.state}
-    swept = {name: value for name, value in first.items() if name not in states}
-    given = dict(initial) if isinstance(initial, Mapping) else initial
-    _, problem = problem_of(system, given, until=until, start=start)
-    if states or swept:
-        problem_of(system, {**given, **states}, until=until, start=start, parameters=swept)
-    if mode:
-        problem_of(system, {**given, **states}, until=until, start=start, parameters=swept, mode=mode)
-    observations = _checked(observe, system, float(problem.until))
-    named = {str(name): value for name, value in given.items()}
-    settings = Settings(system, named, start, until, tolerance, dict(mode) if mode else None)
-    work = Work(settings, observations, points.names, points.chain)
-    _check_columns(work, points)
-    return Plan(work, points, _chunk_size(chunk, points))
+    if not isinstance(initial, Mapping) or (mode is not None and not isinstance(mode, Mapping)):
+        problem_of(system, initial, until=until, start=start, mode=mode)  # which says what is wrong with it
+    named = {str(name): value for name, value in initial.items()}
+    most = min(whole_number(max_steps, "max_steps"), NO_LIMIT)
+    settings = Settings(system, named, start, until, tolerance, dict(mode) if mode else None, most)
+    work = Work(settings, _checked(observe, system, _horizon(settings, points)), points.names, points.chain)
+    size = _chunk_size(chunk, points)
+    _tables(work, points)
+    work = replace(work, observations=with_columns(work, points))
+    _tables(work, points)
+    return Plan(work, points, size)
 
 
-def whole_number(value: Any, what: str) -> int:
-    """A number of things, from 1 on.
+def _horizon(settings: Settings, points: Points) -> float:
+    """The horizon of the system's own values; where these make no problem, of the first point's.
 
     Raises
     ------
     ArgumentError
-        For anything else.
+        For what is wrong with both.
     """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise ArgumentError(f"{what} is {str(value)[:60]}; wanted a whole number from 1 on")
-    return int(value)
+    try:
+        return float(point_problem(settings, {}).until)
+    except ArgumentError:
+        first = dict(zip(points.names, points.values[0].tolist(), strict=True))
+        if exact_refusal(settings, first) is not None:
+            raise
+        return float(point_problem(settings, first).until)
 
 
 def _checked(observe: Sequence[Observation], system: System, until: float) -> tuple[Observation, ...]:
@@ -139,25 +160,52 @@ def _checked(observe: Sequence[Observation], system: System, until: float) -> tu
     return tuple(observe)
 
 
-def _check_columns(work: Work, points: Points) -> None:
-    """Check that no two columns, and no two tables, have one name."""
-    columns = [*points.names, *OWN_COLUMNS]
-    tables = ["points"]
+def _tables(work: Work, points: Points) -> dict[str, tuple[str, ...]]:
+    """Name of each table -> its columns, the table of points first.
+
+    Raises
+    ------
+    ArgumentError
+        Where two tables, or two columns of one, have the same name.
+    """
+    columns, names = [*points.names, *points.labels, "status"], [POINTS]
+    tables: dict[str, list[str]] = {POINTS: columns}
     for observation in work.observations:
         own, ragged = observation.names(work.settings.system)
         columns += own
-        tables += ragged
-    for what, names in (("column", columns), ("table", tables)):
-        for name, count in Counter(names).items():
-            if count > 1:
-                raise ArgumentError(
-                    f"two results have the {what} '{name[:60]}'; call one of them otherwise, or leave it out"
-                )
+        names += ragged
+        tables |= ragged
+    _check_once("table", [*names, FIGURES])
+    _check_once("column", [*columns, *(name for name in OWN_COLUMNS if name not in (*points.labels, "status"))])
+    for ragged in tables.values():
+        _check_once("column", ragged)
+    columns.insert(0, "point")
+    return {name: tuple(own) for name, own in tables.items()}
+
+
+def _check_once(what: str, names: Sequence[str]) -> None:
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise ArgumentError(
+                f"two results have the {what} '{name[:60]}'; call one of them otherwise, or leave it out"
+            )
 
 
 def _chunk_size(chunk: int | None, points: Points) -> int:
     wanted = min(MOST_CHUNK, -(-len(points) // CHUNKS)) if chunk is None else whole_number(chunk, "chunk")
+    least = -(-len(points) // MOST_CHUNKS)
+    if wanted < least:
+        if chunk is not None:
+            raise ArgumentError(
+                f"chunk is {wanted}, so that {len(points)} points are more than {MOST_CHUNKS} chunks; wanted {least} "
+                "points a chunk, or more"
+            )
+        wanted = least
     return max(wanted // points.chain, 1) * points.chain
+
+
+def _digest(content: bytes | memoryview) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def _named(observation: Observation) -> str:

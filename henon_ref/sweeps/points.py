@@ -11,15 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
+from henon_ref.sweeps.point_files import Vector, check_size, read_table, written_table
 from henon_ref.text import did_you_mean, listed
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Vector = NDArray[np.float64]
-
-MOST_POINTS = 2**40
-"""Points that a sweep may have."""
 LONGEST_AXES = 5_000
 """Values of all axes of a grid that a sweep file lists."""
 DIRECTION = "direction"
@@ -85,8 +82,8 @@ def grid(axes: Mapping[str, Any]) -> Points:
     made, inner = np.empty((total, len(sizes))), total
     for k, (axis, size) in enumerate(zip(values.values(), sizes, strict=True)):
         inner //= size
-        made[:, k] = np.tile(np.repeat(axis, inner), total // (inner * size))
-    return Points(tuple(values), made, written=_written_grid(axes, values))
+        made.reshape(-1, size, inner, len(sizes))[..., k] = axis[:, None]
+    return Points(tuple(values), made, written=_written_grid(axes, values, made))
 
 
 def table(source: pd.DataFrame | Mapping[str, Any] | str | Path) -> Points:
@@ -103,11 +100,13 @@ def table(source: pd.DataFrame | Mapping[str, Any] | str | Path) -> Points:
         For a file that cannot be read, columns of different lengths, and a value that is no finite number.
     """
     if isinstance(source, str | Path):
-        source = _read_table(Path(source))
-    columns = {str(name): numbers(source[name], f"column '{name}'") for name in source}
+        source = read_table(Path(source))
+    columns = {name: numbers(source[key], f"column '{name}'") for name, key in _named(source, "a table").items()}
     if not columns or len({len(c) for c in columns.values()}) != 1 or not len(next(iter(columns.values()))):
         raise ArgumentError("a table of points needs columns of one length, with a row at least")
-    return Points(tuple(columns), np.column_stack(list(columns.values())), written={"table": "points.csv"})
+    check_size(len(next(iter(columns.values()))), len(columns), "a table of points")
+    values = np.column_stack(list(columns.values()))
+    return Points(tuple(columns), values, written=written_table(values))
 
 
 def continuation(
@@ -148,9 +147,10 @@ def continuation(
     others = grid(axes) if axes else Points((), np.empty((1, 0)))
     if name in others.names:
         raise ArgumentError(f"'{name}' stands in 'along' and in the grid")
+    check_size(len(path) * len(others), len(others.names) + 1, "a continuation")
     made = np.column_stack([np.repeat(others.values, len(path), axis=0), np.tile(path, len(others))])
     label = np.array([d for d in directions for _ in values], dtype=object)
-    written = {"along": _written_axis(along, name, values), "directions": list(directions)}
+    written = {"along": {name: _written_axis(*along.values(), values)}, "directions": list(directions)}
     if axes:
         written["grid"] = others.written.get("grid", {})
     labels = {DIRECTION: np.tile(label, len(others))}
@@ -166,6 +166,7 @@ def points_of(given: Any) -> Points:
         For anything else.
     """
     if isinstance(given, Points):
+        _check(given)
         return given
     if isinstance(given, Mapping):
         return grid(given)
@@ -224,11 +225,27 @@ def numbers(given: Any, what: str) -> Vector:
 def _axes(axes: Mapping[str, Any], what: str) -> dict[str, Vector]:
     if not isinstance(axes, Mapping) or not axes:
         raise ArgumentError(f"'{what}' is {str(axes)[:60]}; wanted a mapping such as {{'vb': [0.1, 0.2]}}")
-    found = {str(name): _axis(values, f"'{name}' of '{what}'") for name, values in axes.items()}
-    total = _product([len(v) for v in found.values()])
-    if total > MOST_POINTS:
-        raise ArgumentError(f"'{what}' has {total} points; at most {MOST_POINTS} are allowed")
+    named = _named(axes, f"'{what}'")
+    total = _product([_size(axes[key], f"'{name}' of '{what}'") for name, key in named.items()])
+    check_size(total, len(named), f"'{what}'")
+    return {name: _axis(axes[key], f"'{name}' of '{what}'") for name, key in named.items()}
+
+
+def _named(given: Mapping[Any, Any], what: str) -> dict[str, Any]:
+    """Each key as text -> the key."""
+    found: dict[str, Any] = {}
+    for key in given:
+        if str(key) in found:
+            raise ArgumentError(f"{what} has '{str(key)[:60]}' twice")
+        found[str(key)] = key
     return found
+
+
+def _size(given: Any, what: str) -> int:
+    """How many values an axis has, before any of a range is made."""
+    if isinstance(given, Mapping):
+        return _count(given, what)
+    return len(given) if hasattr(given, "__len__") else 1
 
 
 def _axis(given: Any, what: str) -> Vector:
@@ -241,13 +258,18 @@ def _axis(given: Any, what: str) -> Vector:
 
 
 def _range(given: Mapping[str, Any], what: str) -> Vector:
+    count = _count(given, what)
+    first, last = numbers([given["from"], given["to"]], what)
+    return np.linspace(first, last, count)
+
+
+def _count(given: Mapping[str, Any], what: str) -> int:
     if set(given) != {"from", "to", "count"}:
         raise ArgumentError(f"{what} has the keys {listed(list(map(str, given)))}; wanted from, to and count")
-    first, last = numbers([given["from"], given["to"]], what)
     count = given["count"]
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= MOST_POINTS:
+    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
         raise ArgumentError(f"'count' of {what} is {str(count)[:60]}; wanted a whole number from 1 on")
-    return np.linspace(first, last, int(count))
+    return int(count)
 
 
 def _product(sizes: Sequence[int]) -> int:
@@ -257,27 +279,36 @@ def _product(sizes: Sequence[int]) -> int:
     return total
 
 
-def _read_table(path: Path) -> Mapping[str, Any]:
-    import pandas as pd
-
-    try:
-        if path.suffix == ".parquet":
-            return dict(pd.read_parquet(path).items())
-        text = pd.read_csv(path, dtype=str)  # numbers are read by Python, to the last bit
-        return {str(name): np.array(text[name].tolist(), dtype=np.float64) for name in text}
-    except (OSError, ValueError) as error:  # what is no table is a ValueError of pandas, and of pyarrow
-        raise ArgumentError(f"the table {path} cannot be read: {str(error)[:200]}") from None
+def _written_grid(axes: Mapping[Any, Any], values: Mapping[str, Vector], made: Vector) -> dict[str, Any]:
+    given = dict(zip(values, axes.values(), strict=True))
+    if sum(len(v) for name, v in values.items() if not isinstance(given[name], Mapping)) > LONGEST_AXES:
+        return written_table(made)
+    return {"grid": {name: _written_axis(given[name], values[name]) for name in values}}
 
 
-def _written_grid(axes: Mapping[str, Any], values: Mapping[str, Vector]) -> dict[str, Any]:
-    if sum(len(v) for name, v in values.items() if not isinstance(axes[name], Mapping)) > LONGEST_AXES:
-        return {"table": "points.csv"}
-    return {"grid": {name: _written_axis(axes, name, values[name]).get(name) for name in values}}
-
-
-def _written_axis(axes: Mapping[str, Any], name: str, values: Vector) -> dict[str, Any]:
-    given = axes[name]
+def _written_axis(given: Any, values: Vector) -> Any:
     if isinstance(given, Mapping):
-        ends = {key: float(given[key]) for key in ("from", "to")}
-        return {name: {**ends, "count": int(given["count"])}}
-    return {name: values.tolist()}
+        return {**{key: float(given[key]) for key in ("from", "to")}, "count": int(given["count"])}
+    return values.tolist()
+
+
+def _check(points: Points) -> None:
+    """Check points that somebody has put together.
+
+    Raises
+    ------
+    ArgumentError
+        For what does not fit together, and numbers that are not finite.
+    """
+    values, names = points.values, points.names
+    if not isinstance(values, np.ndarray) or values.dtype != np.float64 or values.ndim != 2 or not len(values):
+        raise ArgumentError("the values of points must be an array of doubles, of shape (points, names)")
+    if values.shape[1] != len(names) or len(set(names)) != len(names):
+        raise ArgumentError(f"points have {values.shape[1]} columns and the names {listed(names)}; wanted one each")
+    if points.chain < 1 or len(values) % points.chain or any(len(own) != len(values) for own in points.labels.values()):
+        raise ArgumentError("chains and labels of points must be as long as the points are")
+    check_size(*values.shape, "'points'")
+    wrong = np.argwhere(~np.isfinite(values))
+    if len(wrong):
+        k, i = wrong[0].tolist()
+        raise ArgumentError(f"'{names[i]}' is {values[k, i]} at point {k}; a number must be finite")

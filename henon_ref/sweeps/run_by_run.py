@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any, ClassVar
 
 import numpy as np
 
 from henon_ref.analysis.lyapunov import lyapunov_exponents
-from henon_ref.errors import HenonRefError
+from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.solution import Solution
 from henon_ref.simulation.system import System
+from henon_ref.sweeps.chunk import Work, run_chunk
 from henon_ref.sweeps.observations import Observation
+from henon_ref.sweeps.points import Points
 from henon_ref.sweeps.runs import Columns, Runs
+
+VALUE = "value"
+"""Column of a function that has no name of its own."""
+LOOKED_AT = 100
+"""Points, of the first ones, whose values show a function's columns; one that has none there is of numbers."""
+Cell = float | str | None
 
 
 @dataclass(frozen=True)
@@ -26,13 +34,13 @@ class Lyapunov(Observation):
     discard: float = 0.0
     kind: ClassVar[str] = "lyapunov"
 
-    def names(self, system: System) -> tuple[list[str], list[str]]:
-        return ["lyapunov"], []
+    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
+        return ["lyapunov"], {}
 
     def columns(self, runs: Runs) -> Columns:
         found = np.full(len(runs), np.nan)
         for k, point in enumerate(runs.arguments()):
-            del point["until"]
+            del point["until"], point["max_steps"]
             try:
                 spectrum = lyapunov_exponents(runs.system, span=self.span, discard=self.discard, **point)
             except HenonRefError:  # such as two surfaces that change at one instant: there is nothing to tell
@@ -47,21 +55,124 @@ class Function(Observation):
     """See :func:`henon_ref.sweeps.observe.function`."""
 
     of: Callable[[Solution], Any]
-    name: str
+    name: str = VALUE
     dense_output: bool = False
+    kinds: Mapping[str, type[float | str]] | None = None
+    """Its columns, of numbers or of text, once its first values have shown them (see :func:`with_columns`)."""
     kind: ClassVar[str] = "function"
 
+    def names(self, system: System) -> tuple[list[str], dict[str, list[str]]]:
+        if self.kinds is not None:
+            return list(self.kinds), {}
+        return [] if self.name == VALUE else [self.name], {}
+
     def columns(self, runs: Runs) -> Columns:
+        kinds = self.kinds or {}
         rows = []
-        for point in runs.arguments():
-            value = self.of(simulate(runs.system, dense_output=self.dense_output, **point))
-            rows.append({str(k): v for k, v in value.items()} if isinstance(value, Mapping) else {self.name: value})
-        names = dict.fromkeys(name for row in rows for name in row)
-        return {name: _column([row.get(name) for row in rows]) for name in names}
+        for k, row in enumerate(self.rows(runs)):
+            for name, cell in row.items():
+                if name not in kinds:
+                    raise self._refused(f"a column '{name[:60]}'", runs.told(k), f"its columns are {list(kinds)}")
+                if cell is not None and type(cell) is not kinds[name] and cell == cell:
+                    wanted = f"'{name[:60]}' is a column of {_WORDS[kinds[name]]}"
+                    raise self._refused(f"{cell!r:.60}", runs.told(k), f"{wanted}, as its first value was")
+            rows.append(row)
+        return {name: _column([row.get(name) for row in rows], kind) for name, kind in kinds.items()}
+
+    def rows(self, runs: Runs) -> Iterator[dict[str, Cell]]:
+        """What the function returns for each run, by column; nothing for a run that could not begin."""
+        for k, point in enumerate(runs.arguments()):
+            try:
+                run = simulate(runs.system, dense_output=self.dense_output, **point)
+            except HenonRefError:  # the point's row says why
+                yield {}
+                continue
+            try:
+                value = self.of(run)
+            except Exception as error:
+                error.add_note(f"in the function '{self.name}' of a sweep, at {runs.told(k)}")
+                raise
+            yield self._cells(value, runs.told(k))
+
+    def _cells(self, value: Any, point: str) -> dict[str, Cell]:
+        given = value if isinstance(value, Mapping) else {} if value is None else {self.name: value}
+        found: dict[str, Cell] = {}
+        for key, entry in given.items():
+            cell, name = _cell(entry), str(key)
+            if name in found or not _is_written(name):
+                raise self._refused(f"the key {key!r:.60}", point, "wanted keys whose texts differ")
+            if cell is NotImplemented:
+                raise self._refused(f"{entry!r:.60}", point, "wanted a number, text, None, or a mapping of these")
+            found[name] = cell
+        return found
+
+    def _refused(self, what: str, point: str, wanted: str) -> ArgumentError:
+        return ArgumentError(f"the function '{self.name}' has returned {what} at {point}; {wanted}")
 
 
-def _column(values: list[Any]) -> Any:
-    """Numbers as doubles, with NaN for None; anything else as text."""
-    if all(v is None or isinstance(v, Real | np.generic) for v in values):
-        return np.array([np.nan if v is None else float(v) for v in values])
-    return np.array([None if v is None else str(v) for v in values], dtype=object)
+_WORDS: dict[type, str] = {float: "numbers", str: "text"}
+
+
+def with_columns(work: Work, points: Points) -> tuple[Observation, ...]:
+    """A sweep's observations, with the columns of functions of one's own: those of the values at its first points.
+
+    So that the table is the same however the points are cut into chunks.
+
+    Raises
+    ------
+    ArgumentError
+        For a value that no column can hold. Whatever a function raises is passed on.
+    """
+    own: dict[int, dict[str, Any]] = {k: {} for k, o in enumerate(work.observations) if isinstance(o, Function)}
+    for first in range(0, min(len(points), LOOKED_AT) if own else 0, points.chain):
+        values = points.values[first : first + points.chain]
+        columns = {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(points.names)}
+        runs = run_chunk(work, columns, len(values), first)
+        for k, kinds in own.items():
+            for row in work.observations[k].rows(runs):  # type: ignore[attr-defined]
+                wanted = kinds or row
+                for name in wanted:
+                    cell = row.get(name)
+                    told = cell is not None and cell == cell
+                    kinds[name] = kinds.get(name) or (type(cell) if told else None)
+        if all(kinds and all(kinds.values()) for kinds in own.values()):
+            break
+    made = list(work.observations)
+    for k, kinds in own.items():
+        function = made[k]
+        assert isinstance(function, Function)
+        made[k] = replace(
+            function, kinds={name: kind or float for name, kind in (kinds or {function.name: float}).items()}
+        )
+    return tuple(made)
+
+
+def _cell(value: Any) -> Any:
+    """A value as a column holds it; NotImplemented where none can."""
+    if value is None:
+        return None
+    if isinstance(value, str):
+        return str(value) if _is_written(value) else NotImplemented
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    if isinstance(value, Real) or (isinstance(value, np.generic) and value.dtype.kind in "biuf"):
+        try:
+            return float(value)
+        except OverflowError:
+            pass
+    return NotImplemented
+
+
+def _is_written(text: str) -> bool:
+    """Whether a file can hold a text: half of a surrogate pair is none."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _column(cells: list[Cell], kind: type) -> Any:
+    if kind is float:
+        return np.array([np.nan if cell is None else cell for cell in cells], dtype=np.float64)
+    return np.array([cell if isinstance(cell, str) else None for cell in cells], dtype=object)

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from henon_ref.filippov.kinks import HiddenKinks
 from henon_ref.filippov.modes import Mode, mode_text
+from henon_ref.henon.start import MOST_STEPS
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.sections import Section
+from henon_ref.text import listed
 
 Vector = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
@@ -32,6 +34,12 @@ class Settings:
     until: Any
     rtol: float
     mode: Mapping[str, int] | None = None
+    max_steps: int = MOST_STEPS
+
+
+def told(point: int, values: Mapping[str, Any]) -> str:
+    """A point in words: its number, and the first of its values."""
+    return f"point {point} ({listed([f'{name} = {float(value):.17g}' for name, value in values.items()], 4)})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +72,10 @@ class Runs:
         See :func:`henon_ref.henon.records.transition_dtype`.
     modes : sequence of tuple
         Modes by the numbers that the records hold: an entry a surface, those of sections last.
+    refused : ndarray of bool, shape (K,)
+        Runs that could not begin.
+    first : int
+        Number of the first one among all points of the sweep.
     """
 
     settings: Settings
@@ -81,6 +93,8 @@ class Runs:
     run: NDArray[np.int64]
     records: NDArray[Any]
     modes: tuple[Mode, ...]
+    refused: NDArray[np.bool_]
+    first: int = 0
 
     def __len__(self) -> int:
         return len(self.status)
@@ -93,7 +107,7 @@ class Runs:
     @cached_property
     def entries(self) -> NDArray[np.int64]:
         """Modes as an array, shape (modes, surfaces)."""
-        return np.array(self.modes, dtype=np.int64).reshape(len(self.modes), -1)
+        return np.array(self.modes or np.zeros((0, 1)), dtype=np.int64)
 
     @cached_property
     def mode_names(self) -> NDArray[Any]:
@@ -117,6 +131,10 @@ class Runs:
     def _kinks(self) -> HiddenKinks:
         return HiddenKinks(self.system.model)
 
+    def told(self, run: int) -> str:
+        """Which point a run is of, in words: ``point 3 (F = 0.5)``."""
+        return told(self.first + run, {name: values[run] for name, values in self.values.items()})
+
     def rows(self, at: NDArray[np.int64]) -> Columns:
         """Transitions as columns: ``point`` (number within the chunk), ``time_s``, then the states by name."""
         kept = self.records[at]
@@ -135,4 +153,5 @@ class Runs:
                 "until": given.until,
                 "rtol": given.rtol,
                 "mode": given.mode,
+                "max_steps": given.max_steps,
             }

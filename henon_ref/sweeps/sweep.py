@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from henon_ref.henon.start import MOST_STEPS
+from henon_ref.simulation.arguments import whole_number
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import Tables, execute
-from henon_ref.sweeps.executors import check_executor, finished, processors
+from henon_ref.sweeps.executors import EndedError, check_executor, finished, processors
 from henon_ref.sweeps.manifest import files_of, manifest_of
 from henon_ref.sweeps.observations import Observation
-from henon_ref.sweeps.plan import RTOL, Plan, planned, whole_number
+from henon_ref.sweeps.plan import RTOL, Plan, planned
 from henon_ref.sweeps.progress import shown
 from henon_ref.sweeps.storage import SweepFolder
 
 if TYPE_CHECKING:
     from henon_ref.sweeps.table import SweepTable
+
+_LOG = logging.getLogger(__name__)
+MOST_TOLD = 5
+"""Points without a run, of which a warning says why."""
+KEPT_NOWHERE = "and lost: nothing is kept without a folder (out=)"
 
 
 def sweep(
@@ -35,6 +43,7 @@ def sweep(
     resume: bool = False,
     start: Any = 0,
     mode: Mapping[str, int] | None = None,
+    max_steps: int = MOST_STEPS,
 ) -> SweepTable:
     """Simulate a system at many points, and observe each run.
 
@@ -50,7 +59,7 @@ def sweep(
         name changes fastest. A data frame, CSV or Parquet file has a point a row; others: :mod:`henon_ref.points`.
     observe : sequence
         Of :mod:`henon_ref.observe`.
-    rtol, mode
+    rtol, mode, max_steps
         As in :func:`henon_ref.simulate`.
     jobs : int, optional
         Worker processes; as many as there are processors if left out. With 1 everything is done in this process.
@@ -89,8 +98,9 @@ def sweep(
     [[0.5, 'ok', 1.0, 's=0'], [1.0, 'ok', 0.5, 's=0']]
     """
     plan = planned(
-        system, initial, until=until, grid=grid, observe=observe, rtol=rtol, chunk=chunk, start=start, mode=mode
-    )
+        system, initial, until=until, grid=grid, observe=observe, rtol=rtol, chunk=chunk, start=start, mode=mode,
+        max_steps=max_steps,
+    )  # fmt: skip
     processes = processors() if jobs is None else whole_number(jobs, "jobs")
     check_executor(executor)
     return collected(plan, jobs=processes, executor=executor, out=out, resume=resume)
@@ -103,18 +113,13 @@ def collected(
     from henon_ref.sweeps.table import assembled
 
     kept: dict[int, Tables] = {}
-    folder = None if out is None else opened(plan, Path(out), resume=resume)
+    folder = None if out is None else SweepFolder(Path(out), plan)
+    if folder is not None:
+        folder.begin(files_of(plan), manifest_of(plan), resume=resume)
     with shown(len(plan.points)) as progress:
         for number, tables in done(plan, folder, jobs=jobs, executor=executor, progress=progress):
             kept[number] = tables
     return assembled(plan.points, [kept[number] for number in range(len(plan.chunks))])
-
-
-def opened(plan: Plan, out: Path, *, resume: bool) -> SweepFolder:
-    """The folder of a plan's results, ready to be written into."""
-    folder = SweepFolder(out, plan.content)
-    folder.begin(files_of(plan), manifest_of(plan), resume=resume)
-    return folder
 
 
 def done(
@@ -124,7 +129,6 @@ def done(
     jobs: int,
     executor: Any = None,
     progress: Callable[[int, bool], None],
-    wanted: bool = True,
 ) -> Iterator[tuple[int, Tables]]:
     """Run what is not finished, write it, and hand out each chunk's number and tables.
 
@@ -136,27 +140,37 @@ def done(
         See :func:`sweep`.
     progress : callable
         Told of so many points, and whether they are kept from before.
-    wanted : bool
-        Hand out finished chunks, too.
+
+    Raises
+    ------
+    HenonRefError
+        Where workers, or whoever hands out the work, end: with what is finished, and what resumes it.
     """
-    before = folder.finished(plan.chunks) if folder else set()
-    for number in sorted(before):
+    before = set()
+    for number, tables in folder.finished() if folder else ():
+        before.add(number)
         progress(len(plan.chunks[number]), True)
-        if wanted and folder:
-            yield number, folder.read(number)
+        yield number, tables
     ahead = plan.tasks(before)
     if not ahead:
         return
     plan.work.prepared()  # compiled here and now: workers find it in the cache
     pickled = plan.work.pickled()
-    workers = min(jobs, len(ahead))
-    with closing(
-        finished(execute, (plan.task(number, pickled) for number in ahead), executor=executor, jobs=workers)
-    ) as results:
-        for number, tables in results:
-            chunk = plan.chunks[number]
-            if folder is not None:
-                own = plan.points.columns(slice(chunk.start, chunk.stop)) | dict(tables.points)
-                folder.write(number, chunk.start, own, tables.ragged)
-            progress(len(chunk), False)
-            yield number, tables
+    refused: list[str] = []
+    done = len(before)
+    tasks = (plan.task(number, pickled) for number in ahead)
+    try:
+        with closing(finished(execute, tasks, executor=executor, jobs=min(jobs, len(ahead)))) as results:
+            for number, tables in results:
+                if folder is not None:
+                    folder.write(number, tables)
+                done += 1
+                refused += tables.refused[: MOST_TOLD - len(refused)]
+                progress(len(plan.chunks[number]), False)
+                yield number, tables
+    except EndedError as error:
+        there = f"{done} of {len(plan.chunks)} chunks are finished"
+        where = f"and lie in {folder.path}; --resume (resume=True) goes on from them" if folder else KEPT_NOWHERE
+        raise EndedError(f"{error}; {there} {where}") from error
+    for words in refused:
+        _LOG.warning("%s", words)

@@ -77,6 +77,7 @@ def load_sweep(path: str | Path) -> SweepFile:
             chunk=form.chunk,
             start=source.text(("initial", "t")) if "t" in form.initial.model_fields_set else 0,
             mode=form.initial.mode or None,
+            max_steps=form.max_steps,
         ),
     )
     return SweepFile(form.name, form.title, form.source, plan)

@@ -19,6 +19,7 @@ from henon_ref.casefile.schema import (
     Text,
     Tolerance,
 )
+from henon_ref.henon.start import MOST_STEPS
 from henon_ref.sweeps.plan import RTOL
 
 
@@ -52,3 +53,4 @@ class SweepForm(Form):
     observe: Annotated[list[Annotated[dict[str, Any], Field(min_length=1, max_length=1)]], Field(min_length=1)]
     rtol: Tolerance = RTOL
     chunk: Annotated[int, BeforeValidator(_size)] | None = None
+    max_steps: Annotated[int, BeforeValidator(_size)] = MOST_STEPS

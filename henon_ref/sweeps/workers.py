@@ -33,6 +33,10 @@ KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 """The signal that nothing outlives: loky's processes have no method for it."""
 
 
+class EndedError(HenonRefError):
+    """Whoever does the tasks has ended before they were done."""
+
+
 class Task(NamedTuple):
     """A number that it goes by, and what its function is called with."""
 
@@ -83,7 +87,7 @@ def finished_by_workers(function: Callable[..., Any], tasks: Iterator[Task], job
 
     Raises
     ------
-    HenonRefError
+    EndedError
         Where a task has been begun ``TRIES`` times and its worker has ended each time. Whatever a task raises is passed
         on.
     """
@@ -136,7 +140,7 @@ def _hand_out(
 def _count(task: Task, tries: dict[int, int]) -> None:
     tries[task.number] = tries.get(task.number, 0) + 1
     if tries[task.number] == TRIES:
-        raise HenonRefError(
+        raise EndedError(
             f"{TRIES} workers have ended while they were at chunk {task.number}: killed, or out of memory (smaller "
             "chunks take less of it)"
         )

@@ -28,13 +28,29 @@ def reports(made_up, tmp_path):
     assert run(made_up, other, "--out", "out") == 0
     folder = tmp_path / "out"
     (folder / "rivals").mkdir()
-    (folder / "rivals" / "README.md").write_text("[a](../made_up/report.md) [b](../other/report.md#x) `[c](no)`\n")
+    page = "# Rivals in turn\n\n[a](../made_up/report.md) [b](../other/report.md#x) `[c](no)`\n"
+    (folder / "rivals" / "README.md").write_text(page)
     (folder / "atlas").mkdir()
     for name in ("README.md", "runs.csv"):
-        (folder / "atlas" / name).write_text("[every run](runs.csv)\n")
+        (folder / "atlas" / name).write_text("# Atlas of grazes\n\n[every run](runs.csv)\n")
     (folder / "mine").mkdir()
     (folder / "mine" / "notes.txt").write_text("kept")
     return folder
+
+
+def test_files_of_somebody_else_stay_as_they_are(reports, tmp_path):
+    """A web application's manifest beside a file of that name, a page with links, notes in a report's folder."""
+    mine = {
+        "mine/manifest.json": '{"name": "a web application"}', "mine/runs.csv": "miles\n3\n",
+        "mine/README.md": "[a](../other/report.md)\n", "price/price.csv": "euros\n3\n",
+        "other/notes.txt": "precious", "made_up/notes.md": "[a](../other/report.md)\n",
+    }  # fmt: skip
+    for name, text in mine.items():
+        (reports / name).parent.mkdir(exist_ok=True)
+        (reports / name).write_text(text)
+    assert command([str(tmp_path / "made_up.yaml"), "--reports", str(reports)]) == 0
+    assert {name: (reports / name).read_text() for name in mine} == mine
+    assert os.listdir(reports / "other") == ["notes.txt"]
 
 
 def test_named_cases_stay_and_all_others_live_on_in_the_matrix(reports, tmp_path, capsys):
@@ -49,8 +65,8 @@ def test_named_cases_stay_and_all_others_live_on_in_the_matrix(reports, tmp_path
     assert read_matrix(reports) == before
     assert {row["case"] for row in before} == {"made_up", "other"}
     assert "| other |" in (reports / "matrix.md").read_text()
-    assert (reports / "rivals" / "README.md").read_text() == "[a](../made_up/report.md) b `[c](no)`\n"
-    assert (reports / "atlas" / "README.md").read_text() == "every run\n"
+    assert (reports / "rivals" / "README.md").read_text().endswith("[a](../made_up/report.md) b `[c](no)`\n")
+    assert (reports / "atlas" / "README.md").read_text() == "# Atlas of grazes\n\nevery run\n"
     for page in (reports / "README.md", reports / "matrix.md", reports / "made_up" / "report.md"):
         assert list(dead_links(page.read_text(), page.parent)) == []
 

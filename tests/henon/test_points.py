@@ -196,10 +196,12 @@ def test_a_limit_of_steps_is_exact_and_the_same_alone() -> None:
     integrator = oscillator()
     runs = PointRuns(integrator, [[0.0]], [[40.0, 1.0]] * 3, until=[1.0, 40.0, 50.0], tolerance=1e-9, most_steps=30)
     list(runs)
-    assert [runs.status(k)[0] for k in range(3)] == ["ok", "timeout", "timeout"]
+    assert [runs.status(k)[0] for k in range(3)] == ["ok", "failed", "failed"]
     assert runs.ends["steps"][1] == runs.ends["steps"][2] == 30
     end = Run(integrator, runs.start(1)).to_horizon()
-    assert (end.status, end.counts.steps, end.end_state) == ("timeout", 30, tuple(runs.states[1]))
+    assert end.reason == runs.status(1)[1]
+    assert end.reason.startswith("stopped after 30 steps, as many as max_steps allows, at t = ")
+    assert (end.status, end.counts.steps, end.end_state) == ("failed", 30, tuple(runs.states[1]))
 
 
 def test_runs_end_on_a_surface() -> None:

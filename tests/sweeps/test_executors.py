@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import subprocess
@@ -36,9 +37,9 @@ WANTED = [
 ]
 
 
-def swept(**how: Any) -> SweepTable:
+def swept(until: float = 60, **how: Any) -> SweepTable:
     grid = {"vb": np.linspace(0.05, 1, 6), "x": [-1.0, 0.0, 1.5, 2.0]}
-    return sweep(belt(), {"x": 0, "v": 0}, until=60, grid=grid, observe=WANTED, rtol=1e-9, **how)
+    return sweep(belt(), {"x": 0, "v": 0}, until=until, grid=grid, observe=WANTED, rtol=1e-9, **how)
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +102,60 @@ def on_a_cluster() -> None:
 def test_a_dask_cluster_changes_no_bit() -> None:
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         pool.submit(on_a_cluster).result()
+
+
+def on_a_cluster_that_dies(out: Path) -> str:
+    """What is said where the scheduler is gone in the middle of a sweep, and where it is gone before."""
+    import distributed
+
+    logging.disable()  # the cluster tells every connection that it has lost
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
+    ) as cluster:
+        client = distributed.Client(cluster.scheduler_address, timeout=10)
+
+        def close_after_three() -> None:
+            while len(list(out.glob("points/*.parquet"))) < 3:
+                time.sleep(0.01)
+            cluster.close()
+
+        threading.Thread(target=close_after_three, daemon=True).start()
+        said = []
+        for _ in range(2):
+            try:
+                swept(executor=client, chunk=1, until=20_000, out=out, resume=True)
+            except HenonRefError as error:
+                said.append(str(error))
+        client.close()
+        with pytest.raises(ArgumentError, match="closed"):
+            swept(executor=client)
+        return "\n".join(said)
+
+
+def test_a_scheduler_that_dies_leaves_word_of_what_is_finished(tmp_path: Path) -> None:
+    """It was a bare CancelledError."""
+    out = tmp_path / "out"
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        said = pool.submit(on_a_cluster_that_dies, out).result().splitlines()
+    finished = len(list(out.glob("points/*.parquet")))
+    assert 3 <= finished < 24
+    assert len(said) == 2
+    for words in said:
+        assert words.startswith(
+            "the executor has ended, or dropped its tasks, as where the scheduler of a cluster dies"
+        )
+        assert words.endswith(
+            f"{finished} of 24 chunks are finished and lie in {out}; --resume (resume=True) goes on from them"
+        )
+    whole = swept(jobs=1, chunk=1, until=20_000)
+    same(swept(jobs=1, chunk=1, until=20_000, out=out, resume=True), whole)
+
+
+def test_an_executor_that_is_shut_down_says_so() -> None:
+    executor = ThreadPoolExecutor(1)
+    executor.shutdown()
+    with pytest.raises(HenonRefError, match="0 of 8 chunks are finished and lost: nothing is kept without a folder"):
+        swept(executor=executor, chunk=3)
 
 
 def test_chains_are_cut_nowhere() -> None:

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from henon_ref.errors import ArgumentError
+from henon_ref.sweeps import point_files
 from henon_ref.sweeps.draws import random
-from henon_ref.sweeps.points import continuation, grid, points_of, table
+from henon_ref.sweeps.point_files import MOST_NUMBERS
+from henon_ref.sweeps.points import Points, continuation, grid, points_of, table
 
 
 def test_the_last_name_of_a_grid_changes_fastest() -> None:
@@ -108,3 +115,133 @@ def test_a_continuation_goes_up_and_back() -> None:
     for arguments in ({"along": {"F": [1], "x": [2]}}, {"along": {"F": [1]}, "directions": ["left"]}):
         with pytest.raises(ArgumentError):
             continuation(**arguments)
+
+
+def test_a_grid_of_many_names_is_one() -> None:
+    points = grid({f"a{k}": [k, k + 0.5] if k in (3, 77) else [k] for k in range(90)})
+    assert points.values.shape == (4, 90)
+    assert points.values[:, [3, 77]].tolist() == [[3, 77], [3, 77.5], [3.5, 77], [3.5, 77.5]]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: grid({"F": {"from": 0.5, "to": 2, "count": 200_000_000}}),
+        lambda: grid({"F": {"from": 0, "to": 1, "count": 10**30}}),
+        lambda: grid({f"a{k}": {"from": 0, "to": 1, "count": 20_000_000} for k in range(20)}),
+        lambda: grid({"a": [1, 2], "b": {"from": 0, "to": 1, "count": MOST_NUMBERS // 4 + 1}}),
+        lambda: continuation({"F": {"from": 0, "to": 1, "count": MOST_NUMBERS // 2 + 1}}),
+        lambda: random({"F": {"uniform": [0, 1]}}, count=2**39),
+        lambda: random({"F": {"uniform": [0, 1]}, "x": {"uniform": [0, 1]}}, count=MOST_NUMBERS, method="sobol"),
+    ],
+)
+def test_points_beyond_measure_are_refused_before_they_are_made(make: Callable[[], object]) -> None:
+    tracemalloc.start()
+    try:
+        with pytest.raises(ArgumentError, match=r"allowed|wanted a whole number"):
+            make()
+        assert tracemalloc.get_traced_memory()[1] < 2**29
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("kind", ["fifo", "device", "folder"])
+def test_a_table_is_a_regular_file(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "points.csv"
+    if kind == "fifo":
+        os.mkfifo(path)
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
+    else:
+        path.mkdir()
+    with pytest.raises(ArgumentError, match="no regular file"):
+        table(path)
+
+
+def test_a_table_of_too_many_rows_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a Parquet file by what it says of itself: of one number a billion times it has some kB."""
+    monkeypatch.setattr(point_files, "MOST_NUMBERS", 1000)
+    frame = pd.DataFrame({"a": np.ones(501), "b": np.ones(501)})
+    frame.to_parquet(tmp_path / "points.parquet")
+    frame.to_csv(tmp_path / "points.csv", index=False)
+    for name in ("points.parquet", "points.csv"):
+        with pytest.raises(ArgumentError, match="501 points of 2 names; at most 500"):
+            table(tmp_path / name)
+        assert len(table_of(frame[:500], tmp_path / name).values) == 500
+
+
+def table_of(frame: pd.DataFrame, path: Path) -> Points:
+    if path.suffix == ".csv":
+        frame.to_csv(path, index=False)
+    else:
+        frame.to_parquet(path)
+    return table(path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["a,a\n1,2\n", "a\n" + "1" * 2_000_000, "", "a\n", "a,b\n1\n", "a\n1,2\n", "a\n\n", "a\nnan\n", "a\n1e999\n", "\0"],
+)
+def test_a_csv_file_that_is_no_table_is_refused(tmp_path: Path, content: str) -> None:
+    (tmp_path / "points.csv").write_bytes(content.encode("latin-1"))
+    with pytest.raises(ArgumentError):
+        table(tmp_path / "points.csv")
+
+
+def test_numbers_of_a_csv_file_are_read_to_the_last_bit(tmp_path: Path) -> None:
+    words = [
+        "2.2250738585072011e-308", "9007199254740993", "1.7976931348623157e308", "4.9406564584124654e-324", "-0.0",
+        "0.500000000000000166533453693773481063544750213623046875", "8.5E-1", "123456789012345678901234567890",
+    ]  # fmt: skip
+    words += [repr(value) for value in np.random.default_rng(2).integers(0, 2**62, 500).view(np.float64).tolist()]
+    for more in ([], ["+1.5"], [" 2.5"]):
+        (tmp_path / "points.csv").write_text("\n".join(["a", *words, *more, ""]))
+        found = table(tmp_path / "points.csv").values[:, 0]
+        assert found.tobytes() == np.array([float(word) for word in [*words, *more]]).tobytes()
+
+
+def test_a_parquet_files_index_is_none_of_its_columns(tmp_path: Path) -> None:
+    frame = pd.DataFrame({"a": [1, 2], "b": [0.5, 1.5]}, index=pd.Index(["one", "two"], name="run"))
+    frame.to_parquet(tmp_path / "points.parquet")
+    assert table(tmp_path / "points.parquet").values.tolist() == [[1, 0.5], [2, 1.5]]
+    frame.assign(a=["x" * 10, "y"]).to_parquet(tmp_path / "points.parquet")
+    with pytest.raises(ArgumentError, match="'a' holds"):
+        table(tmp_path / "points.parquet")
+
+
+@pytest.mark.parametrize("draw", [{"normal": [1e308, 1e308]}, {"normal": [0, 1.7e308]}, {"normal": [-1.7e308, 1e307]}])
+def test_draws_that_are_not_finite_are_refused(draw: dict[str, list[float]]) -> None:
+    with pytest.raises(ArgumentError, match=r"'x'.*not finite"):
+        random({"x": draw}, count=1000)
+
+
+@pytest.mark.parametrize("ends", [(-1.7976931348623157e308, 1.7976931348623157e308), (1, 1 + 2**-52), (5, 5)])
+def test_uniform_draws_lie_in_their_range(ends: tuple[float, float]) -> None:
+    for method in ("independent", "sobol"):
+        values = random({"x": {"uniform": list(ends)}}, count=4096, method=method).values
+        assert np.isfinite(values).all()
+        assert ends[0] <= values.min() <= values.max() <= ends[1]
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        Points(("F",), np.array([[np.nan]])),
+        Points(("F",), np.array([[1.0, 2.0]])),
+        Points(("F", "F"), np.array([[1.0, 2.0]])),
+        Points(("F",), np.array([1.0])),
+        Points(("F",), np.array([[1]])),
+        Points(("F",), np.zeros((0, 1))),
+        Points(("F",), np.zeros((3, 1)), chain=2),
+        Points(("F",), np.zeros((3, 1)), labels={"direction": np.array(["up"])}),
+    ],
+)
+def test_points_that_do_not_fit_together_are_refused(points: Points) -> None:
+    with pytest.raises(ArgumentError):
+        points_of(points)
+
+
+def test_a_name_stands_once() -> None:
+    for given in (grid, table):
+        with pytest.raises(ArgumentError, match="'1' twice"):
+            given({1: [1.0], "1": [2.0]})

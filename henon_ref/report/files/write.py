@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import tempfile
@@ -44,8 +45,9 @@ _BEGINNINGS = {
 
 
 def write_through(path: Path, content: bytes) -> None:
-    """Write a file and wait until it is on the disk."""
-    with path.open("wb") as file:
+    """Write a new file, not through a link, and wait until it is on the disk."""
+    path.unlink(missing_ok=True)
+    with path.open("xb") as file:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())
@@ -75,6 +77,18 @@ def check_writable(folder: Path) -> None:
     CaseError
         Where they cannot, or where the folder has a README.md that is not this package's own.
     """
+    check_folder(folder)
+    check_index(folder)
+
+
+def check_folder(folder: Path) -> None:
+    """See that files can be written into a folder, without leaving anything there.
+
+    Raises
+    ------
+    CaseError
+        Where they cannot.
+    """
     nearest = next((path for path in (folder, *folder.absolute().parents) if path.exists()), Path("/"))
     if not nearest.is_dir():
         raise CaseError(f"{nearest} is a file; --out needs a folder", file=None)
@@ -85,7 +99,32 @@ def check_writable(folder: Path) -> None:
         raise CaseError(
             f"cannot write into {nearest}: {error.strerror}; give --out a folder that can be written"
         ) from error
-    check_index(folder)
+
+
+def own_files(folder: Path) -> set[str]:
+    """The files of a case's report that are in its folder, as its manifest lists them; of any other folder, none."""
+    try:
+        content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError, RecursionError, ValueError):
+        return set()
+    if not isinstance(content, dict) or content.get("case") != folder.name:
+        return set()
+    names = content.get("files")
+    return {name for name in names if _is_beside(folder, name)} if isinstance(names, list) else set()
+
+
+def _is_beside(folder: Path, name: object) -> bool:
+    return isinstance(name, str) and Path(name).name == name and os.path.isfile(folder / name)
+
+
+def is_page(path: Path) -> bool:
+    """Whether this package wrote a page in markdown: of a report, or the README.md of a folder of further pages."""
+    if path.name in own_files(path.parent):
+        return True
+    try:
+        return path.name == INDEX and _OWN.match(path.read_text(encoding="utf-8")) is not None
+    except (OSError, ValueError):
+        return False
 
 
 def check_index(folder: Path) -> None:

@@ -15,8 +15,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from henon_ref.figures.sweeps import MOST_BASINS
+from henon_ref.sweeps.chunk import POINTS
 from henon_ref.sweeps.plan import Plan
-from henon_ref.sweeps.storage import POINTS
+from henon_ref.sweeps.storage import chunk_files, owned
 from henon_ref.text import one_line
 
 POINT_BYTES, ROW_BYTES = 1_500_000, 550_000
@@ -158,7 +159,7 @@ def read_table(folder: Path, name: str = POINTS, *, most: int | None = None) -> 
     most : int, optional
         Rows that are read: of more, every second, third ... one.
     """
-    files = sorted((folder / name).glob("*.parquet"))
+    files = chunk_files(folder, name)
     stride = max(-(-rows_of(folder, name) // most), 1) if most else 1
     parts, before = [], 0
     for file in files:
@@ -172,12 +173,13 @@ def rows_of(folder: Path, name: str = POINTS) -> int:
     """Rows of a table of a sweep's folder."""
     import pyarrow.parquet as pq
 
-    return sum(int(pq.read_metadata(file).num_rows) for file in (folder / name).glob("*.parquet"))
+    return sum(int(pq.read_metadata(file).num_rows) for file in chunk_files(folder, name))
 
 
 def tables_of(folder: Path) -> list[str]:
     """Names of the tables with several rows a point."""
-    return sorted({file.parent.name for file in folder.glob("*/*.parquet")} - {POINTS})
+    own = owned(folder)
+    return sorted(set(own.tables) - {POINTS}) if own is not None else []
 
 
 def _is_number(dtype: Any) -> bool:

@@ -62,6 +62,7 @@ def _run(plan: Plan, number: int) -> Solution | None:
     states = {name: float(values.pop(name)) for name in settings.system.state if name in values}
     how: dict[str, Any] = {
         "until": settings.until, "start": settings.start, "rtol": settings.rtol, "mode": settings.mode,
+        "max_steps": settings.max_steps,
         "parameters": {name: float(value) for name, value in values.items()},
     }  # fmt: skip
     try:

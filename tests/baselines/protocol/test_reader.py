@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -183,3 +184,37 @@ def test_the_schemas_accept_what_is_sent_and_read_and_refuse_the_rest() -> None:
     assert not list(faults(FINE, schema, schema))
     assert list(faults(changed("transitions.0.after", 2), schema, schema))
     assert list(faults(changed("status", "fine"), schema, schema))
+
+
+def long_messages() -> Iterator[bytes]:
+    """Responses of 15 MiB that are wrong at every place; of those that pass the first look, 1 MiB."""
+    whole = json.dumps(FINE | {"transitions": 0, "end": 1}).encode()
+    for size in (15 * 2**20, 2**20):
+        for item in (b"0", b"[]", b'{"time":1.5}', b'"x"'):
+            yield whole.replace(b'"transitions": 0', b'"transitions": [' + b",".join([item] * (size // 4)) + b"]")
+        fields = b",".join(b'"k%d":0' % k for k in range(size // 11))
+        yield b"{" + fields + b"}"
+        yield whole.replace(b'"end": 1', b'"end": {' + fields + b"}")
+        yield whole.replace(b'"transitions": 0', b'"transitions": [{' + fields + b"}]")
+        yield b"[" * size
+        yield whole.replace(b'"end": 1', b'"end": ' + b"1" * size)
+
+
+def test_a_long_message_is_refused_within_bounds() -> None:
+    """One of 15 MiB took 5 GB: an error was made of each wrong entry, with the entry."""
+    import resource
+
+    large = REQUEST.model_copy(update={"most_transitions": 100_000})
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for message in long_messages():
+        with pytest.raises(ContractError, match="the program's response is refused: ") as caught:
+            read_response(message, large)
+        assert len(str(caught.value)) < 400
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - used < 2**20  # kB
+
+
+def test_a_response_of_as_many_transitions_as_were_allowed_is_read() -> None:
+    event = FINE["transitions"][0]
+    back = {**event, "before": 1, "after": -1}
+    message = FINE | {"transitions": [event, back] * 50, "end": {"time": 2.0, "state": [1.0], "mode": -1}}
+    assert len(trajectory(read(message), REQUEST, "").transitions) == 100
