@@ -88,17 +88,18 @@ class Driver:
         self.initial = tuple(float(v) for v in problem.initial)
         self.table = ModeTable(problem.system, library, work, self.until - self.start, known)
         self.decision = self.table.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
-        self._first_fresh: tuple[Fresh, ...] = ()
+        self._first: tuple[ModeEntry, tuple[Fresh, ...]] | None = None
         if self.decision.mode is not None:
             try:
                 entry = self.table[self.decision.mode]
             except ModelError as error:
                 raise UnsupportedError(f"the initial mode has no equations: {error}") from error
-            self._first_fresh = self.table.fresh_at(entry, self.start, self.initial, ())
+            fresh = self.table.fresh_at(entry, self.start, self.initial, ())
+            self._first = self.table.entered(self.decision.mode, self.start, self.initial, fresh)
 
     def compile(self) -> None:
         """Make ready the modes a run may visit: all of them for one surface, those of a loose run beyond."""
-        modes: Sequence[Mode] = ((-1,), (0,), (1,))
+        modes: Sequence[tuple[Mode, frozenset[int]]] = [((entry,), frozenset()) for entry in (-1, 0, 1)]
         if self.decision.mode is None:
             return
         if len(self.problem.system.surfaces) > 1:
@@ -108,9 +109,9 @@ class Driver:
             except Exception as error:  # noqa: BLE001 - it may be another library's, and no fault of this one
                 _LOG.debug("the loose run ended early: %s", error)
             modes = scout.table.visited
-        for mode in modes:
+        for mode, idle in modes:
             try:
-                self.table[mode]
+                self.table.entry(mode, idle)
             except ModelError as error:
                 _LOG.debug("mode %s has no equations: %s", mode, error)
 
@@ -128,14 +129,13 @@ class Driver:
             self.library.landing,
             self.library.errors[1],
         )
-        if self.decision.mode is None:
+        if self.decision.mode is None or self._first is None:
             unknown = (0,) * len(system.surfaces)
             return record.finish(self.decision.ending, self.start, x, unknown, self.decision.reason)
-        return self._march(record, self.decision.mode)
+        return self._march(record, self.decision.mode, *self._first)
 
-    def _march(self, record: Record, mode: Mode) -> Trajectory:
+    def _march(self, record: Record, mode: Mode, entry: ModeEntry, fresh: tuple[Fresh, ...]) -> Trajectory:
         t, low, x, until = self.start, 0.0, self.initial, self.until
-        entry, fresh = self.table[mode], self._first_fresh
         sampling, jumps = self.sample_times is not None, bool(self.problem.system.resets)
         while True:
             if until - t <= 2.0 * EPSILON * abs(until) or until <= t:
@@ -182,27 +182,28 @@ class Driver:
             followed = take(t, x) if take is not None else None
             rest = None
             touched: Sequence[int] = ()
-            resets: Sequence[int] = ()
+            applied: Sequence[tuple[int, Sequence[float]]] = ()
             if followed is None:
                 after = self.table.decided(entry, hits, t, x)
                 if after.mode is None:
                     return record.finish(after.status, t, x, mode, record.explained(after.status, after.reason))
                 followed, touched = (after.mode, after.x, after.fresh, after.drift), after.touched
-                resets, rest = after.resets, after.rest
+                applied, rest = after.applied, after.rest
             before, (after_mode, x, starting, drift) = entry, followed
             if drift > record.drift:
                 record.drift = drift
-            record.event(t, low, x, mode, after_mode, touched, resets)
+            record.event(t, low, x, mode, after_mode, touched, applied)
             if rest is not None:
                 bouncing, (after_mode, t, x), low = after_mode, rest, 0.0
                 if t > until:
                     return record.finish("ok", until, x, after_mode)
                 record.event(t, low, x, bouncing, after_mode, ())
-            reason = record.accumulated(resting=bool(resets) and all(map(self.table.system.rests, resets)))
+            reason = record.accumulated(resting=bool(applied) and all(self.table.system.rests(i) for i, _ in applied))
             if reason:
                 return record.finish("failed", t, x, after_mode, reason)
-            mode, entry = after_mode, self.table[after_mode]
-            fresh = starting + entry.still_fresh(before, unsettled, starting) if unsettled else starting
+            mode = after_mode
+            fresh = starting + self.table[mode].still_fresh(before, unsettled, starting) if unsettled else starting
+            entry, fresh = self.table.entered(mode, t, x, fresh, before.model.idle)
 
     def _low_flight(self, entry: ModeEntry, fresh: Sequence[Fresh], t: float, x: Sequence[float]) -> Stop | None:
         """The end of a flight too low for the library; None where it is the library's to find."""

@@ -112,7 +112,10 @@ def _radius(a: arb, b: arb, least: float) -> float:
 def _transitions(high: Event, low: Event, least_time: float, least_state: float) -> list[ReferenceTransition]:
     """One reference transition a surface."""
     radius = _radius(high.time, low.time, least_time)
-    state_radius = max(_radius(a, b, least_state) for a, b in zip(high.state, low.state, strict=True))
+    states, others = (event.states or (event.state,) * len(event.surfaces) for event in (high, low))
+    radii = [
+        max(_radius(a, b, least_state) for a, b in zip(*pair, strict=True)) for pair in zip(states, others, strict=True)
+    ]
     return [
         ReferenceTransition(
             kind="reset" if i in high.resets else transition_kind(high.before[i], high.after[i]),
@@ -121,9 +124,9 @@ def _transitions(high: Event, low: Event, least_time: float, least_state: float)
             to_mode=high.after,
             time_digits=ball_text(high.time, radius),
             radius=radius,
-            state=tuple(ball_text(v, state_radius) for v in high.state),
+            state=tuple(ball_text(v, state_radius) for v in state),
             state_radius=state_radius,
             transversality=float(f"{high.transversality:.6g}"),
         )
-        for i in high.surfaces
+        for i, state, state_radius in zip(high.surfaces, states, radii, strict=True)
     ]

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from flint import arb
 
-from henon_ref.filippov.after_jump import Rest
+from henon_ref.filippov.after_jump import AfterJump, Rest
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.resets import resetting
+from henon_ref.filippov.resets import resetting, rows_at
 from henon_ref.filippov.resting import REMAINING, turning_in_flight
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
@@ -45,11 +45,13 @@ class Event:
     before: Mode
     after: Mode
     surfaces: tuple[int, ...]
-    """Surfaces that change, or that are touched where none changes."""
+    """Surfaces that change, or that are touched where none changes; twice where a map is applied twice."""
     transversality: float
     """Smallest speed with which a guard that ends the mode falls through zero [unit of the guard / s]."""
     resets: tuple[int, ...] = ()
-    """Surfaces that reset the state; ``state`` is the one after."""
+    """Surfaces that reset the state, in order; ``state`` is the one after all."""
+    states: tuple[tuple[arb, ...], ...] = ()
+    """For each of ``surfaces`` the state that its map has left, or all maps; empty where nothing resets the state."""
 
 
 @dataclass
@@ -268,23 +270,27 @@ class _Simulation:
         self.result.end_time = point.time.mid()
         if not self.accumulating:
             self.termination.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
-        resets = resetting(self.problem.system, before, hits)
-        if self.accumulating and resets != self.accumulating and not self._turns_in_flight(hits):
-            raise EndedError("failed", f"something happens where impacts accumulate, at t = {self._now()}")
-        if resets:
-            after, active, rest = self._jump(resets, hits)
-            changed = tuple(i for i, s in enumerate(after) if s != before[i] or i in resets)
+        due = resetting(self.problem.system, before, hits)
+        if due:
+            jumped = self._jump(due, hits)
+            resets = tuple(i for i, _ in jumped.applied)
+            after, active, rest = self.mode, frozenset(jumped.on), jumped.rest
+            rows = rows_at(before, after, resets)
+            changed = tuple(i for i, _ in rows)
+            left = [jumped.state if place is None else jumped.applied[place][1] for _, place in rows]
         else:
+            resets, rest, left = (), None, []
             after = self._decided(self.selection.after_event(point, before, hits, touched=touched))
             active = self.problem.system.closed({g.index for g in hits}, {i for i, s in enumerate(before) if s == 0})
             changed = tuple(i for i in sorted(active) if after[i] != before[i])
+        if self.accumulating and resets != self.accumulating and not self._turns_in_flight(hits):
+            raise EndedError("failed", f"something happens where impacts accumulate, at t = {self._now()}")
         met = tuple(sorted({g.index for g in hits}))
-        state = tuple(v.mid() for v in self.point.state)
+        state, *states = (tuple(v.mid() for v in own) for own in (self.point.state, *left))
         if not self.accumulating:
-            self.result.events.append(
-                Event(point.time.mid(), state, before, after, changed or met, transversality, resets)
-            )
-        if resets and rest is not None:
+            event = Event(point.time.mid(), state, before, after, changed or met, transversality, resets, tuple(states))
+            self.result.events.append(event)
+        if rest is not None:
             self.accumulating = resets
             if rest.remaining <= FINAL * self.span:
                 self._come_to_rest(after, rest)
@@ -309,12 +315,12 @@ class _Simulation:
             self.result.events.append(Event(time, state, before, rest.mode, surfaces, 0.0))
         self._enter(rest.mode, frozenset(i for i, s in enumerate(rest.mode) if s == 0))
 
-    def _jump(self, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> tuple[Mode, frozenset[int], Rest | None]:
-        """Let the state jump; the mode after, the surfaces that the state is on, and the rest that is close."""
-        after = self.jumps.after(self.point, self.mode, surfaces, hits, REMAINING * self.span)
-        mode = self._decided(after.decision)
+    def _jump(self, due: tuple[int, ...], hits: Sequence[Guard]) -> AfterJump:
+        """Let the state jump, and go over to the mode after it."""
+        after = self.jumps.after(self.point, self.mode, due, hits, REMAINING * self.span)
+        self.mode = self._decided(after.decision)
         self.point = Point(self.point.time, tuple(after.state))
-        return mode, frozenset(after.on), after.rest
+        return after
 
     def _blurred(self, time: arb, state: Sequence[arb], step: Step) -> Point:
         """A point with the radii within which it counts as known."""

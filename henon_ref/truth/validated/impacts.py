@@ -37,28 +37,25 @@ class Rest:
     """Enclosure of (t, x) where it does."""
 
 
-def speed_after(model: SystemModel, index: int, mode: Mode, arrived: Sequence[arb]) -> arb | None:
-    """Enclosure of h' after an impact on a surface, exactly 0 where it is proven to be; None where it is no impact.
+def speed_after(model: SystemModel, index: int, arrived: Sequence[arb]) -> arb | None:
+    """Enclosure of h' after an impact on a surface, exactly 0 where it is proven to be; None where it is no body's.
 
     Parameters
     ----------
     model : SystemModel
     index : int
         The surface.
-    mode : Mode
     arrived : sequence of arb
         Enclosure of (t, x) before it.
 
     Raises
     ------
     UndecidedError
-        Where the impact is not that of a body.
+        Where it cannot be told whether the body leaves.
     """
     system, impact = model.system, impact_of(model.system, index)
-    if impact is None:
+    if impact is None or impact.refusal:
         return None
-    if impact.refusal:
-        raise UndecidedError(f"an impact on {system.sign_names[index]} is not followed: {impact.refusal}", "mode")
     ratio = system.numeric(impact.ratio)
     if proves_zero(ratio):
         return arb(0)
