@@ -262,7 +262,9 @@ class ModeTable:
             return After(None, state, (), drift, (), decision.ending, decision.reason)
         if after.rest is not None:
             rest = after.rest.mode, t + after.rest.remaining, tuple(after.rest.state)
-            return After(decision.mode, state, (), drift, applied=applied, rest=rest)
+            left = any(after.rest.mode[i] for i in after.on)  # a body that another one's rest leaves flying
+            fresh = self.fresh_at(self[rest[0]], *rest[1:], after.on) if left else ()
+            return After(decision.mode, state, fresh, drift, applied=applied, rest=rest)
         fresh = self.fresh_at(self[decision.mode], t, state, after.on)
         fresh = self._without_rate(decision.mode, fresh, after.still)
         return After(decision.mode, state, fresh, drift, applied=applied)

@@ -5,7 +5,7 @@ The rule is one; the numbers are whose it uses: doubles, or balls of some precis
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -130,7 +130,10 @@ class _Rule:
         if decision.mode is None or not self.rates:
             return AfterJump(decision, after, on=on)
         try:
-            return self._followed(decision, on, most, valid)
+            found = self._followed(decision, on, most, valid)
+            rest = found.rest
+            ending = self.several and rest is not None and self._come_to_a_limit(rest.mode, most)
+            return AfterJump(self._refused(ending), after) if ending else found
         except NO_VALUE:
             return AfterJump(self._refused(f"a derivative after t = {numbers.text(t)} is not finite"), after)
 
@@ -181,6 +184,24 @@ class _Rule:
         rest = Rest(time, self._at_rest(tuple(times), after, stuck, time), stuck)
         return AfterJump(decision, after, on=on, rest=rest)
 
+    def _come_to_a_limit(self, mode: Mode, most: Any) -> str:
+        """Why no rest is told beside bodies that rest at once: impacts come to a limit there; empty where none do."""
+        series = self.numbers.guard_series(mode, self.t, self.state)
+        for guard, own in zip(self.system.equations(mode).guards, series, strict=True):
+            rate = self.rates.get(guard.index) if guard.kind == "surface" else None
+            if rate is not None and rate.sign > 0 and time_to_rest(rate.before, rate.now, 2 * own[2], most) is not None:
+                return self._several([guard.index])
+        return ""
+
+    def _several(self, surfaces: Iterable[int]) -> str:
+        """Why the limit of impacts is not followed where several surfaces reset the state."""
+        names = listed([self.system.sign_names[i] for i in surfaces])
+        return f"{self._limit(names)}several surfaces reset the state at once"
+
+    def _limit(self, names: str) -> str:
+        at = self.numbers.text(self.t)
+        return f"impacts on {names} come to their limit after t = {at}, and no rest is derived: "
+
     def _turned(self, index: int, mode: Mode) -> list[int]:
         """Surfaces on whose sign it depends how a body is pressed on, and that the impact has changed the side of."""
         acceleration, signs = self.impacts[index].acceleration, self.system.signs
@@ -221,7 +242,7 @@ class _Rule:
         """Why a rest is not told, where impacts have come to their limit; empty where it is."""
         system, numbers = self.system, self.numbers
         names = listed([system.sign_names[i] for i in times])
-        begin = f"impacts on {names} come to their limit after t = {numbers.text(self.t)}, and no rest is derived: "
+        begin = self._limit(names)
         for i in times:
             impact = self.impacts[i]
             if impact.refusal:
@@ -232,7 +253,7 @@ class _Rule:
                 return begin + f"the force that presses the body on changes with the sign of {signs} in flight"
         lasting = [time for time in times.values() if numbers.sign(time)]
         if lasting and self.several:
-            return begin + "several surfaces reset the state at once"
+            return self._several(times)
         if at_rest.mode is None:
             return begin + at_rest.reason
         try:

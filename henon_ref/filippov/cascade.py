@@ -28,6 +28,8 @@ from henon_ref.text import listed
 
 MOST = 1000
 """Maps at one instant after which a run is given up."""
+SHRUNK = 2.0**-10
+"""Part of the sizes of its terms: what impacts have shrunk a speed to before it can no longer be told from zero."""
 
 
 class Numbers(Protocol):
@@ -91,7 +93,7 @@ class Cascade:
         self._system, self._numbers, self._mode, self._t = system, numbers, mode, t
         self._signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
         self._groups = acting_groups(system)
-        self._count = 0
+        self._count, self._endless = 0, False
 
     def end(self, x: Sequence[Any], hit: Collection[int], due: Iterable[int]) -> Instant | Decision:
         """The instant after all resets, or why there is none.
@@ -123,8 +125,8 @@ class Cascade:
     def _followed(self, start: Instant, known: Sequence[Instant] = ()) -> list[Instant] | Decision:
         """The instants from one on, the first of those that may go first taken; up to one that is known."""
         made = [start]
-        while made[-1].due and not any(self._alike(made[-1], other) for other in known):
-            if self._count >= MOST:
+        while self._endless or (made[-1].due and not any(self._alike(made[-1], other) for other in known)):
+            if self._endless or self._count >= MOST:
                 names = listed([self._system.sign_names[i] for i in sorted({i for i, _ in made[-1].applied})])
                 reason = f"more than {MOST} maps at one instant, t = {self._numbers.text(self._t)}: resets of {names}"
                 return Decision("none", None, reason)
@@ -218,19 +220,27 @@ class Cascade:
             before = now.rates[index].before
         else:
             (before,) = self._numbers.values((speed,), self._t, now.state)
-        (then,) = self._numbers.values((speed,), self._t, made.state)
-        return Rate(before, then, self._sign(speed, made))
+        then, size = self._with_size(speed, made)
+        sign = self._told(then, size)
+        fired = any(i == index for i, _ in now.applied)
+        self._endless |= sign == 0 and fired and bool(abs(before) <= SHRUNK * size)
+        return Rate(before, then, sign)
 
     def _speed(self, impact: Impact) -> sp.Expr:
         return impact.speed.xreplace(self._signs)
 
     def _sign(self, expression: sp.Expr, now: Instant) -> int:
         """Sign of an expression in time and states; 0 where it is what rounding may have left of zero."""
-        numbers = self._numbers
+        return self._told(*self._with_size(expression, now))
+
+    def _with_size(self, expression: sp.Expr, now: Instant) -> tuple[Any, Any]:
+        """An expression in time and states, and the size of its terms."""
         slopes = tuple(sp.diff(expression, x) for x in self._system.states)
-        value, *own = numbers.values((expression, *slopes), self._t, now.state)
-        size = sum((abs(slope) * part for slope, part in zip(own, now.sizes, strict=True)), 0 * value)
-        return 0 if abs(value) <= numbers.rounding * size else numbers.sign(value)
+        value, *own = self._numbers.values((expression, *slopes), self._t, now.state)
+        return value, sum((abs(slope) * part for slope, part in zip(own, now.sizes, strict=True)), 0 * value)
+
+    def _told(self, value: Any, size: Any) -> int:
+        return 0 if abs(value) <= self._numbers.rounding * size else self._numbers.sign(value)
 
     def _grown(self, now: Instant, index: int, after: Sequence[Any]) -> Sequence[Any]:
         """Sizes of what a map's values are made of."""
