@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from time import process_time
 
 import numpy as np
 from flint import arb
@@ -24,7 +26,7 @@ from henon_ref.truth.multiprecision.mode_selection import ModeSelection, Point
 from henon_ref.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball
 from henon_ref.truth.multiprecision.stepper import Step, Stepper
 from henon_ref.truth.multiprecision.termination import CROWD, EndedError, Termination, written
-from henon_ref.truth.reference import NearGraze
+from henon_ref.truth.reference import OUT_OF_TIME, NearGraze
 from henon_ref.truth.roots import isolate
 
 FINAL = 2.0**-80
@@ -66,6 +68,8 @@ class Run:
     end_time: arb = field(default_factory=arb)
     accumulates: bool = False
     """Events accumulate at ``end_time``; there are infinitely many more before it."""
+    out_of_time: bool = False
+    """Whether its deadline has ended it."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,7 @@ class _Hit:
     """Whether the guard goes through zero, or only touches it."""
 
 
-def simulate(problem: Problem, bits: int, *, progress: Progress | None = None) -> Run:
+def simulate(problem: Problem, bits: int, *, progress: Progress | None = None, deadline: float | None = None) -> Run:
     """Run a problem at one precision.
 
     Parameters
@@ -87,6 +91,8 @@ def simulate(problem: Problem, bits: int, *, progress: Progress | None = None) -
     bits : int
         heyoka's precision; a tie or a tangency within ``2**(-3/4 bits)`` (relative) counts as exact.
     progress : callable, optional
+    deadline : float, optional
+        Processor time of this process (``time.process_time``) at which the run stops [s].
 
     Returns
     -------
@@ -100,14 +106,15 @@ def simulate(problem: Problem, bits: int, *, progress: Progress | None = None) -
     """
     check_groups(problem.system)
     with working_precision(bits + GUARD_BITS):
-        return _Simulation(problem, bits, progress).run()
+        return _Simulation(problem, bits, progress, deadline).run()
 
 
 class _Simulation:
     """The state of one run."""
 
-    def __init__(self, problem: Problem, bits: int, progress: Progress | None) -> None:
+    def __init__(self, problem: Problem, bits: int, progress: Progress | None, deadline: float | None) -> None:
         self.problem = problem
+        self.deadline = math.inf if deadline is None else deadline
         self.bits = bits
         self.zero = arb(2) ** (-(3 * bits) // 4)
         self.progress = progress
@@ -135,6 +142,9 @@ class _Simulation:
                 if self._advance():
                     self.result.end_time = self.until
                     return self.result
+                if process_time() > self.deadline:
+                    self.result.out_of_time = True
+                    raise EndedError("failed", f"{OUT_OF_TIME} at t = {self._now()}")
             raise EndedError("failed", f"stopped after {MAX_STEPS} Taylor steps")
         except EndedError as end:
             self.result.status, self.result.reason, self.result.accumulates = end.status, end.reason, end.accumulates
