@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from baselines.flow import LIMIT, Library, Stop
 from baselines.low_flights import behind_noise, low_flight
-from baselines.mode_functions import EPSILON
+from baselines.mode_functions import EPSILON, ModeFunctions
 from baselines.mode_table import ModeEntry, ModeTable
 from baselines.record import Record
 from baselines.restart import MARGIN, Fresh
@@ -154,7 +154,7 @@ class Driver:
             if sampling:
                 record.sampled(stop.samples, mode)
             if stop.status == "failed" or stop.status == "diverged":
-                return _ended(record, entry, x, stop)
+                return _ended(record, entry, x, stop, self.library.accuracy)
             hits = stop.hits
             unsettled: tuple[Fresh, ...] = ()
             if entry.several or not hits:
@@ -342,11 +342,30 @@ def blown_up(field: Scalar, began: Sequence[float], t: float, x: Sequence[float]
     return any(abs(v) > grown and abs(f) * instant > RUSH * abs(v) for v, f in zip(x, rates, strict=True))
 
 
-def _ended(record: Record, entry: ModeEntry, began: Sequence[float], stop: Stop) -> Trajectory:
-    """Tell a blow-up from a library's other failures."""
+def _ended(
+    record: Record, entry: ModeEntry, began: Sequence[float], stop: Stop, accuracy: tuple[float, float]
+) -> Trajectory:
+    """Tell a blow-up, and the end of the model, from a library's other failures."""
     mode, t, x = entry.model.mode, stop.t, stop.x
     if stop.status == "diverged" or any(abs(v) > LIMIT for v in x):
         return record.finish("diverged", t, x, mode, stop.reason or f"the state passed {LIMIT:g} at t = {t:.17g}")
+    if expression := _model_ends(entry.model, t, x, accuracy):
+        return record.finish("invalid", t, x, mode, f"the model ends: {expression} fell to 0 at t = {t:.17g}")
     if blown_up(entry.model.field, began, t, x):
         return record.finish("diverged", t, x, mode, f"the state blows up at t = {t:.17g}: {stop.reason}")
     return record.finish("failed", t, x, mode, record.explained("failed", stop.reason))
+
+
+def _model_ends(model: ModeFunctions, t: float, x: Sequence[float], accuracy: tuple[float, float]) -> str:
+    """A ``valid`` expression that is zero within the tolerances where a library gets no further; empty if none is.
+
+    Nothing need have a value behind it, so that no step leads past the root.
+    """
+    for k, guard in enumerate(model.guards):
+        try:
+            value = model.guard[k](t, *x)[0]
+        except ARITHMETIC:
+            continue
+        if guard.kind == "valid" and abs(value) <= MARGIN * model.size(k, t, x, *accuracy):
+            return str(model.system.valid[guard.index])
+    return ""
