@@ -24,15 +24,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.flow import LIMIT, Library, Stop
+from baselines.endings import ended
+from baselines.flow import Library, Stop
 from baselines.low_flights import behind_noise, low_flight
-from baselines.mode_functions import EPSILON, ModeFunctions
+from baselines.mode_functions import EPSILON
 from baselines.mode_table import ModeEntry, ModeTable
 from baselines.record import Record
 from baselines.restart import MARGIN, Fresh
 from baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
-from henon_ref.filippov.callables import ARITHMETIC, Scalar
+from henon_ref.filippov.callables import ARITHMETIC
 from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
@@ -41,14 +42,10 @@ from henon_ref.trajectory import Trajectory, without_hidden_kinks
 
 _LOG = logging.getLogger(__name__)
 
-GROWTH = 8.0
-"""A step that underflows means blow-up only where the state has grown this much since the mode began ..."""
 FALLING = 1e-6
 """A rate of a guard below minus this part of its surface's normal velocities is no rounding."""
 LATE = 1e3
 """A guard below zero by so many times what the tolerances make of it has been stepped over."""
-RUSH = 1e-3
-"""... and would change by this part within 1024 units in the last place of the time."""
 
 
 class Driver:
@@ -95,7 +92,7 @@ class Driver:
             except ModelError as error:
                 raise UnsupportedError(f"the initial mode has no equations: {error}") from error
             fresh = self.table.fresh_at(entry, self.start, self.initial, ())
-            self._first = self.table.entered(self.decision.mode, self.start, self.initial, fresh)
+            self._first = self.table.entered(self.decision.mode, self.start, self.initial, fresh)[:2]
 
     def compile(self) -> None:
         """Make ready the modes a run may visit: all of them for one surface, those of a loose run beyond."""
@@ -136,6 +133,7 @@ class Driver:
 
     def _march(self, record: Record, mode: Mode, entry: ModeEntry, fresh: tuple[Fresh, ...]) -> Trajectory:
         t, low, x, until = self.start, 0.0, self.initial, self.until
+        falls: tuple[int, ...] = ()
         sampling, jumps = self.sample_times is not None, bool(self.problem.system.resets)
         while True:
             if until - t <= 2.0 * EPSILON * abs(until) or until <= t:
@@ -147,14 +145,15 @@ class Driver:
             wanted = record.wanted(t, x, mode) if sampling else None
             try:
                 self.work.check()
-                stop = self._low_flight(entry, fresh, t, x) if jumps else None
+                stop = Stop("event", t, low, x, falls) if falls else None
+                stop = stop or (self._low_flight(entry, fresh, t, x) if jumps else None)
                 stop = stop or entry.flow.advance(t, low, x, until, fresh, wanted)
             except DeadlinePassed:
                 return record.finish("timeout", t, x, mode, f"stopped after {self.work.deadline:g} s")
             if sampling:
                 record.sampled(stop.samples, mode)
             if stop.status == "failed" or stop.status == "diverged":
-                return _ended(record, entry, x, stop, self.library.accuracy)
+                return ended(record, entry, x, stop, self.library.accuracy)
             hits = stop.hits
             unsettled: tuple[Fresh, ...] = ()
             if entry.several or not hits:
@@ -203,7 +202,7 @@ class Driver:
                 return record.finish("failed", t, x, after_mode, reason)
             mode = after_mode
             fresh = starting + self.table[mode].still_fresh(before, unsettled, starting) if unsettled else starting
-            entry, fresh = self.table.entered(mode, t, x, fresh, before.model.idle)
+            entry, fresh, falls = self.table.entered(mode, t, x, fresh, before.model.idle)
 
     def _low_flight(self, entry: ModeEntry, fresh: Sequence[Fresh], t: float, x: Sequence[float]) -> Stop | None:
         """The end of a flight too low for the library; None where it is the library's to find."""
@@ -325,47 +324,3 @@ def tolerances(name: str, rtol: float | None, atol: float | None, step: float | 
     if step is not None or rtol is None:
         raise UnsupportedError(f"{name} chooses its own steps: give rtol (and atol), not step")
     return rtol, rtol if atol is None else atol
-
-
-def blown_up(field: Scalar, began: Sequence[float], t: float, x: Sequence[float]) -> bool:
-    """Whether a state at which the steps underflow is on its way out of every bound.
-
-    It is where some component has grown since ``began`` and would change by a good part of itself within the
-    resolution of time; at a pole or an end of the field it would not.
-    """
-    try:
-        rates = field(t, *x)
-    except ARITHMETIC:
-        return False
-    instant = 1024.0 * EPSILON * abs(t)
-    grown = GROWTH * max(abs(v) for v in began)
-    return any(abs(v) > grown and abs(f) * instant > RUSH * abs(v) for v, f in zip(x, rates, strict=True))
-
-
-def _ended(
-    record: Record, entry: ModeEntry, began: Sequence[float], stop: Stop, accuracy: tuple[float, float]
-) -> Trajectory:
-    """Tell a blow-up, and the end of the model, from a library's other failures."""
-    mode, t, x = entry.model.mode, stop.t, stop.x
-    if stop.status == "diverged" or any(abs(v) > LIMIT for v in x):
-        return record.finish("diverged", t, x, mode, stop.reason or f"the state passed {LIMIT:g} at t = {t:.17g}")
-    if expression := _model_ends(entry.model, t, x, accuracy):
-        return record.finish("invalid", t, x, mode, f"the model ends: {expression} fell to 0 at t = {t:.17g}")
-    if blown_up(entry.model.field, began, t, x):
-        return record.finish("diverged", t, x, mode, f"the state blows up at t = {t:.17g}: {stop.reason}")
-    return record.finish("failed", t, x, mode, record.explained("failed", stop.reason))
-
-
-def _model_ends(model: ModeFunctions, t: float, x: Sequence[float], accuracy: tuple[float, float]) -> str:
-    """A ``valid`` expression that is zero within the tolerances where a library gets no further; empty if none is.
-
-    Nothing need have a value behind it, so that no step leads past the root.
-    """
-    for k, guard in enumerate(model.guards):
-        try:
-            value = model.guard[k](t, *x)[0]
-        except ARITHMETIC:
-            continue
-        if guard.kind == "valid" and abs(value) <= MARGIN * model.size(k, t, x, *accuracy):
-            return str(model.system.valid[guard.index])
-    return ""

@@ -200,8 +200,8 @@ class ModeTable:
 
     def entered(
         self, mode: Mode, t: float, x: Sequence[float], fresh: Sequence[Fresh], before: Collection[int] = ()
-    ) -> tuple[ModeEntry, tuple[Fresh, ...]]:
-        """A mode without the guards that stay at zero, and those that start there and leave it.
+    ) -> tuple[ModeEntry, tuple[Fresh, ...], tuple[int, ...]]:
+        """A mode without guards that stay at zero, those that start there and leave it, and those that fall at once.
 
         Parameters
         ----------
@@ -218,11 +218,10 @@ class ModeTable:
         moved = [whole.model.surface_guard[i] for i in sorted(set(before) & still - idle)]
         known = {k for k, *_ in fresh}
         fresh = (*fresh, *((k, *_speed(whole.model, guards[k].index, t, x)) for k in moved if k not in known))
-        if not idle:
-            return whole, fresh
-        entry = self.entry(mode, idle)
+        entry = self.entry(mode, idle) if idle else whole
         places = entry.model.places
-        return entry, tuple((places[k], speed, rate) for k, speed, rate in fresh if k in places)
+        fresh = tuple((places[k], speed, rate) for k, speed, rate in fresh if k in places)
+        return entry, fresh, tuple(k for k, _, rate in fresh if rate < 0.0 and k in {places[k] for k in moved})
 
     def _stays(self, t: float, x: Sequence[float], mode: Mode, index: int) -> bool:
         try:
