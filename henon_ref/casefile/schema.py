@@ -226,7 +226,9 @@ class ResetForm(Form):
         description="state: its value after the jump, in t, the states before it, and parameters; the others stay"
     )
     priority: Digits = Field(
-        Decimal(0), description="of several resets that are due at one instant the lowest goes first"
+        Decimal(0),
+        json_schema_extra={"default": 0},
+        description="of several resets that are due at one instant the lowest goes first",
     )
 
 
