@@ -24,7 +24,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.flow import LIMIT, Library, Stop
+from baselines.endings import ended
+from baselines.flow import Library, Stop
 from baselines.low_flights import behind_noise, low_flight
 from baselines.mode_functions import EPSILON
 from baselines.mode_table import ModeEntry, ModeTable
@@ -32,7 +33,7 @@ from baselines.record import Record
 from baselines.restart import MARGIN, Fresh
 from baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
-from henon_ref.filippov.callables import ARITHMETIC, Scalar
+from henon_ref.filippov.callables import ARITHMETIC
 from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
@@ -41,14 +42,10 @@ from henon_ref.trajectory import Trajectory, without_hidden_kinks
 
 _LOG = logging.getLogger(__name__)
 
-GROWTH = 8.0
-"""A step that underflows means blow-up only where the state has grown this much since the mode began ..."""
 FALLING = 1e-6
 """A rate of a guard below minus this part of its surface's normal velocities is no rounding."""
 LATE = 1e3
 """A guard below zero by so many times what the tolerances make of it has been stepped over."""
-RUSH = 1e-3
-"""... and would change by this part within 1024 units in the last place of the time."""
 
 
 class Driver:
@@ -88,17 +85,18 @@ class Driver:
         self.initial = tuple(float(v) for v in problem.initial)
         self.table = ModeTable(problem.system, library, work, self.until - self.start, known)
         self.decision = self.table.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
-        self._first_fresh: tuple[Fresh, ...] = ()
+        self._first: tuple[ModeEntry, tuple[Fresh, ...]] | None = None
         if self.decision.mode is not None:
             try:
                 entry = self.table[self.decision.mode]
             except ModelError as error:
                 raise UnsupportedError(f"the initial mode has no equations: {error}") from error
-            self._first_fresh = self.table.fresh_at(entry, self.start, self.initial, ())
+            fresh = self.table.fresh_at(entry, self.start, self.initial, ())
+            self._first = self.table.entered(self.decision.mode, self.start, self.initial, fresh)[:2]
 
     def compile(self) -> None:
         """Make ready the modes a run may visit: all of them for one surface, those of a loose run beyond."""
-        modes: Sequence[Mode] = ((-1,), (0,), (1,))
+        modes: Sequence[tuple[Mode, frozenset[int]]] = [((entry,), frozenset()) for entry in (-1, 0, 1)]
         if self.decision.mode is None:
             return
         if len(self.problem.system.surfaces) > 1:
@@ -108,9 +106,9 @@ class Driver:
             except Exception as error:  # noqa: BLE001 - it may be another library's, and no fault of this one
                 _LOG.debug("the loose run ended early: %s", error)
             modes = scout.table.visited
-        for mode in modes:
+        for mode, idle in modes:
             try:
-                self.table[mode]
+                self.table.entry(mode, idle)
             except ModelError as error:
                 _LOG.debug("mode %s has no equations: %s", mode, error)
 
@@ -128,14 +126,14 @@ class Driver:
             self.library.landing,
             self.library.errors[1],
         )
-        if self.decision.mode is None:
+        if self.decision.mode is None or self._first is None:
             unknown = (0,) * len(system.surfaces)
             return record.finish(self.decision.ending, self.start, x, unknown, self.decision.reason)
-        return self._march(record, self.decision.mode)
+        return self._march(record, self.decision.mode, *self._first)
 
-    def _march(self, record: Record, mode: Mode) -> Trajectory:
+    def _march(self, record: Record, mode: Mode, entry: ModeEntry, fresh: tuple[Fresh, ...]) -> Trajectory:
         t, low, x, until = self.start, 0.0, self.initial, self.until
-        entry, fresh = self.table[mode], self._first_fresh
+        falls: tuple[int, ...] = ()
         sampling, jumps = self.sample_times is not None, bool(self.problem.system.resets)
         while True:
             if until - t <= 2.0 * EPSILON * abs(until) or until <= t:
@@ -147,14 +145,15 @@ class Driver:
             wanted = record.wanted(t, x, mode) if sampling else None
             try:
                 self.work.check()
-                stop = self._low_flight(entry, fresh, t, x) if jumps else None
+                stop = Stop("event", t, low, x, falls) if falls else None
+                stop = stop or (self._low_flight(entry, fresh, t, x) if jumps else None)
                 stop = stop or entry.flow.advance(t, low, x, until, fresh, wanted)
             except DeadlinePassed:
                 return record.finish("timeout", t, x, mode, f"stopped after {self.work.deadline:g} s")
             if sampling:
                 record.sampled(stop.samples, mode)
             if stop.status == "failed" or stop.status == "diverged":
-                return _ended(record, entry, x, stop)
+                return ended(record, entry, x, stop, self.library.accuracy)
             hits = stop.hits
             unsettled: tuple[Fresh, ...] = ()
             if entry.several or not hits:
@@ -182,27 +181,28 @@ class Driver:
             followed = take(t, x) if take is not None else None
             rest = None
             touched: Sequence[int] = ()
-            resets: Sequence[int] = ()
+            applied: Sequence[tuple[int, Sequence[float]]] = ()
             if followed is None:
                 after = self.table.decided(entry, hits, t, x)
                 if after.mode is None:
                     return record.finish(after.status, t, x, mode, record.explained(after.status, after.reason))
                 followed, touched = (after.mode, after.x, after.fresh, after.drift), after.touched
-                resets, rest = after.resets, after.rest
+                applied, rest = after.applied, after.rest
             before, (after_mode, x, starting, drift) = entry, followed
             if drift > record.drift:
                 record.drift = drift
-            record.event(t, low, x, mode, after_mode, touched, resets)
+            record.event(t, low, x, mode, after_mode, touched, applied)
             if rest is not None:
                 bouncing, (after_mode, t, x), low = after_mode, rest, 0.0
                 if t > until:
                     return record.finish("ok", until, x, after_mode)
                 record.event(t, low, x, bouncing, after_mode, ())
-            reason = record.accumulated(resting=bool(resets) and all(map(self.table.system.rests, resets)))
+            reason = record.accumulated(resting=bool(applied) and all(self.table.system.rests(i) for i, _ in applied))
             if reason:
                 return record.finish("failed", t, x, after_mode, reason)
-            mode, entry = after_mode, self.table[after_mode]
-            fresh = starting + entry.still_fresh(before, unsettled, starting) if unsettled else starting
+            mode = after_mode
+            fresh = starting + self.table[mode].still_fresh(before, unsettled, starting) if unsettled else starting
+            entry, fresh, falls = self.table.entered(mode, t, x, fresh, before.model.idle)
 
     def _low_flight(self, entry: ModeEntry, fresh: Sequence[Fresh], t: float, x: Sequence[float]) -> Stop | None:
         """The end of a flight too low for the library; None where it is the library's to find."""
@@ -324,28 +324,3 @@ def tolerances(name: str, rtol: float | None, atol: float | None, step: float | 
     if step is not None or rtol is None:
         raise UnsupportedError(f"{name} chooses its own steps: give rtol (and atol), not step")
     return rtol, rtol if atol is None else atol
-
-
-def blown_up(field: Scalar, began: Sequence[float], t: float, x: Sequence[float]) -> bool:
-    """Whether a state at which the steps underflow is on its way out of every bound.
-
-    It is where some component has grown since ``began`` and would change by a good part of itself within the
-    resolution of time; at a pole or an end of the field it would not.
-    """
-    try:
-        rates = field(t, *x)
-    except ARITHMETIC:
-        return False
-    instant = 1024.0 * EPSILON * abs(t)
-    grown = GROWTH * max(abs(v) for v in began)
-    return any(abs(v) > grown and abs(f) * instant > RUSH * abs(v) for v, f in zip(x, rates, strict=True))
-
-
-def _ended(record: Record, entry: ModeEntry, began: Sequence[float], stop: Stop) -> Trajectory:
-    """Tell a blow-up from a library's other failures."""
-    mode, t, x = entry.model.mode, stop.t, stop.x
-    if stop.status == "diverged" or any(abs(v) > LIMIT for v in x):
-        return record.finish("diverged", t, x, mode, stop.reason or f"the state passed {LIMIT:g} at t = {t:.17g}")
-    if blown_up(entry.model.field, began, t, x):
-        return record.finish("diverged", t, x, mode, f"the state blows up at t = {t:.17g}: {stop.reason}")
-    return record.finish("failed", t, x, mode, record.explained("failed", stop.reason))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -32,6 +33,8 @@ class ModeFunctions:
     mode : Mode
     evaluation : ModeEvaluation, optional
         What makes the tapes of the system's modes.
+    idle : frozenset of int
+        Surfaces that the mode stays on without sliding: nothing moves them, and their guards are nobody's.
 
     Raises
     ------
@@ -39,13 +42,22 @@ class ModeFunctions:
         Where the mode has no equations.
     """
 
-    def __init__(self, system: FilippovSystem, mode: Mode, evaluation: ModeEvaluation | None = None) -> None:
+    def __init__(
+        self,
+        system: FilippovSystem,
+        mode: Mode,
+        evaluation: ModeEvaluation | None = None,
+        idle: frozenset[int] = frozenset(),
+    ) -> None:
         self.system = system
         self.mode = mode
         self._evaluation = evaluation
         self.states = system.states
         self.equations = system.equations(mode)
-        self.guards: tuple[Guard, ...] = self.equations.guards
+        self.idle = idle
+        guards = self.equations.guards
+        self._watched = [k for k, g in enumerate(guards) if not (g.kind == "surface" and g.index in idle)]
+        self.guards: tuple[Guard, ...] = tuple(guards[k] for k in self._watched)
         self.field_expressions = tuple(system.numeric(f) for f in self.equations.field)
         self.guard_expressions = tuple(system.numeric(g.expression) for g in self.guards)
         self._bends: dict[int, Scalar] = {}
@@ -68,7 +80,15 @@ class ModeFunctions:
     def rows(self) -> list[int]:
         """Of each guard its place among those of :attr:`common`."""
         shared = self.system.shared
-        return list(range(len(self.guards))) if shared is None else shared.rows(self.mode)
+        if shared is None:
+            return list(range(len(self.guards)))
+        rows = shared.rows(self.mode)
+        return [rows[k] for k in self._watched]
+
+    @cached_property
+    def places(self) -> dict[int, int]:
+        """Of the guards of the whole mode, idle ones left out, the places among those watched."""
+        return {k: place for place, k in enumerate(self._watched)}
 
     @cached_property
     def followed(self) -> tuple[int, ...]:
@@ -194,7 +214,8 @@ class ModeFunctions:
     @cached_property
     def _tape(self) -> tuple[Tape, list[float]]:
         if self._evaluation is not None and self.common is not None:
-            return self._evaluation.tape(self.mode)
+            tape, numbers = self._evaluation.tape(self.mode)
+            return replace(tape, outputs=tuple(tape.outputs[k] for k in self._watched)), numbers
         tape = build_tape(self.states, self.field_expressions, self.guard_expressions)
         return tape, [float(c) for c in tape.constants]
 

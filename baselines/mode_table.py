@@ -29,6 +29,8 @@ from henon_ref.filippov.two_signs import CLEAR, sign_after
 from henon_ref.jit.processor_time import compiling
 from henon_ref.trajectory import Status
 
+ROUNDING = 1e-13
+"""Part of the sizes of its terms below which a value is what rounding has left of zero."""
 ON = 8.0
 """A guard whose value is within so many roundings of its terms starts at zero."""
 
@@ -51,12 +53,14 @@ class After(NamedTuple):
     """Surfaces that were hit and left on the same side."""
     status: Status = "ok"
     reason: str = ""
-    resets: tuple[int, ...] = ()
-    """Surfaces that reset the state; ``x`` is the one after."""
+    applied: tuple[tuple[int, Sequence[float]], ...] = ()
+    """Surfaces that reset the state, in order, each with the state that its map has left; ``x`` is the one after."""
     rest: Rest | None = None
     """What follows where impacts have come to their limit."""
 
 
+Key = tuple[Mode, frozenset[int]]
+"""A mode, and its idle surfaces."""
 Followed = tuple[Mode, tuple[float, ...], tuple[Fresh, ...], float]
 """The first four fields of :class:`After` (bare: this is on the path that every ordinary event takes)."""
 Exit = Callable[[float, Sequence[float]], Followed | None]
@@ -160,6 +164,8 @@ class ModeTable:
         One of the same system on another library, whose callables can be used again.
     """
 
+    rounding = ROUNDING
+
     def __init__(
         self, system: FilippovSystem, library: Library, work: Work, horizon: float, known: ModeTable | None = None
     ) -> None:
@@ -168,31 +174,67 @@ class ModeTable:
         self._library = library
         self._work = work
         self._horizon = horizon
-        self._entries: dict[Mode, ModeEntry] = {}
-        self._models: dict[Mode, ModeFunctions] = known._models if known else {}
+        self._entries: dict[Key, ModeEntry] = {}
+        self._models: dict[Key, ModeFunctions] = known._models if known else {}
         self._surfaces: dict[int, tuple[Scalar, Scalar]] = {}
         self._functions: dict[tuple[sp.Expr, ...], Scalar] = {}
 
     def __getitem__(self, mode: Mode) -> ModeEntry:
-        if mode not in self._entries:
+        return self.entry(mode)
+
+    def entry(self, mode: Mode, idle: frozenset[int] = frozenset()) -> ModeEntry:
+        """A mode in which some surfaces are ``idle`` (:class:`~baselines.mode_functions.ModeFunctions`)."""
+        key = mode, idle
+        if key not in self._entries:
             with compiling():
-                if mode not in self._models:
-                    self._models[mode] = ModeFunctions(self.system, mode, self.switching)
-                model = self._models[mode]
-                self._entries[mode] = ModeEntry(model, self._library.flow(model, self._work, self._horizon))
-        return self._entries[mode]
+                if key not in self._models:
+                    self._models[key] = ModeFunctions(self.system, mode, self.switching, idle)
+                model = self._models[key]
+                self._entries[key] = ModeEntry(model, self._library.flow(model, self._work, self._horizon))
+        return self._entries[key]
 
     @property
-    def visited(self) -> tuple[Mode, ...]:
-        """Modes made so far."""
+    def visited(self) -> tuple[Key, ...]:
+        """Modes made so far, each with its idle surfaces."""
         return tuple(self._entries)
+
+    def entered(
+        self, mode: Mode, t: float, x: Sequence[float], fresh: Sequence[Fresh], before: Collection[int] = ()
+    ) -> tuple[ModeEntry, tuple[Fresh, ...], tuple[int, ...]]:
+        """A mode without guards that stay at zero, those that start there and leave it, and those that fall at once.
+
+        Parameters
+        ----------
+        fresh : sequence of Fresh
+            Guards of the whole mode that start at zero.
+        before : collection of int
+            Surfaces that were idle until now.
+        """
+        whole = self[mode]
+        guards = whole.model.guards
+        still = {guards[k].index for k, _, rate in fresh if guards[k].kind == "surface" and rate == 0.0}
+        still.update(i for i in before if mode[i] != 0)
+        idle = frozenset(i for i in still if self._stays(t, x, mode, i))
+        moved = [whole.model.surface_guard[i] for i in sorted(set(before) & still - idle)]
+        known = {k for k, *_ in fresh}
+        fresh = (*fresh, *((k, *_speed(whole.model, guards[k].index, t, x)) for k in moved if k not in known))
+        entry = self.entry(mode, idle) if idle else whole
+        places = entry.model.places
+        fresh = tuple((places[k], speed, rate) for k, speed, rate in fresh if k in places)
+        return entry, fresh, tuple(k for k, _, rate in fresh if rate < 0.0 and k in {places[k] for k in moved})
+
+    def _stays(self, t: float, x: Sequence[float], mode: Mode, index: int) -> bool:
+        try:
+            return self.switching.stays(t, x, mode, index)
+        except ARITHMETIC:
+            return False
 
     def decided(self, entry: ModeEntry, hits: Sequence[int], t: float, x: tuple[float, ...]) -> After:
         """What follows any event, by :class:`Switching`."""
         model = entry.model
         guards = [model.guards[k] for k in hits]
         sliding = {i for i, s in enumerate(model.mode) if s == 0}
-        involved = self.system.closed({g.index for g in guards if g.ends is None}, sliding)
+        involved = self.system.closed({g.index for g in guards if g.ends is None}, sliding) | model.idle
         x, drift = projected([self._surface(i) for i in sorted(involved)], t, x)
         for i, entry_now in enumerate(model.mode):  # what errors have made of the speed of a body at rest
             impact = impact_of(self.system, i) if entry_now == 0 and self.system.rests(i) else None
@@ -214,14 +256,17 @@ class ModeTable:
         """What follows where surfaces reset the state, which is on all that are hit."""
         self.switching.forget()
         after = after_jump(self.system, self, mode, resets, hits, t, x, REMAINING * self._horizon)
-        decision, state = after.decision, tuple(after.state)
+        decision, state, applied = after.decision, tuple(after.state), after.applied
         if decision.mode is None:
             return After(None, state, (), drift, (), decision.ending, decision.reason)
         if after.rest is not None:
             rest = after.rest.mode, t + after.rest.remaining, tuple(after.rest.state)
-            return After(decision.mode, state, (), drift, resets=resets, rest=rest)
+            left = any(after.rest.mode[i] for i in after.on)  # a body that another one's rest leaves flying
+            fresh = self.fresh_at(self[rest[0]], *rest[1:], after.on) if left else ()
+            return After(decision.mode, state, fresh, drift, applied=applied, rest=rest)
         fresh = self.fresh_at(self[decision.mode], t, state, after.on)
-        return After(decision.mode, state, self._without_rate(decision.mode, fresh, after.still), drift, resets=resets)
+        fresh = self._without_rate(decision.mode, fresh, after.still)
+        return After(decision.mode, state, fresh, drift, applied=applied)
 
     def _without_rate(self, mode: Mode, fresh: tuple[Fresh, ...], surfaces: Collection[int]) -> tuple[Fresh, ...]:
         """Guards that start at zero, those of surfaces that are left without a speed with the rate 0."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from baselines.mode_functions import EPSILON
 from baselines.work import Work
 from henon_ref.filippov.modes import Mode, transition_kind
+from henon_ref.filippov.resets import rows_at
 from henon_ref.trajectory import Kind, Status, Trajectory, Transition
 
 WINDOW = 32
@@ -113,14 +114,22 @@ class Record:
         before: Mode,
         after: Mode,
         touched: Sequence[int],
-        resets: Sequence[int] = (),
+        applied: Sequence[tuple[int, Sequence[float]]] = (),
     ) -> None:
-        """Log one event: a transition for each surface that changes or resets the state, a graze for each touched."""
+        """Log one event: a transition for each surface that changes, a graze for each touched.
+
+        ``applied``: surfaces that have reset the state, in order, each with the state that its map has left.
+        """
         self._times.append(t)
+        if applied:
+            for i, place in rows_at(before, after, [surface for surface, _ in applied]):
+                kind: Kind = transition_kind(before[i], after[i]) if place is None else "reset"
+                state = x if place is None else tuple(applied[place][1])
+                self.events.append((kind, i, before, after, t, state, low))
+            return
         for i, (old, new) in enumerate(zip(before, after, strict=True)):
-            if old != new or i in touched or i in resets:
-                kind = "reset" if i in resets else transition_kind(old, new)
-                self.events.append((kind, i, before, after, t, x, low))
+            if old != new or i in touched:
+                self.events.append((transition_kind(old, new), i, before, after, t, x, low))
 
     def accumulated(self, *, resting: bool = False) -> str:
         """Why the run has to end here: events accumulate, or are too many; empty while neither.

@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from baselines.bands import Band, Dense, joined
-from baselines.driver import blown_up, tolerances
+from baselines.driver import tolerances
+from baselines.endings import blown_up
 from baselines.flow import LIMIT
 from baselines.mode_functions import EPSILON
 from baselines.record import Event, Transitions
@@ -89,11 +90,14 @@ class ScipyNaive:
         Raises
         ------
         UnsupportedError
-            Where a surface has its own sliding, or the state jumps.
+            Where a surface has its own sliding, the state jumps, or the run begins on a surface and the case gives the
+            side: the sign is 0 there.
         """
         rtol, atol = tolerances(self.name, rtol, atol, step)
         if problem.system.resets:
             raise UnsupportedError(f"{self.name} watches no surface, so the state cannot jump where one is reached")
+        if any(problem.initial_mode.values()):
+            raise UnsupportedError(f"{self.name} has the sign 0 on a surface, so it cannot begin there on a given side")
         if problem.system.overrides:
             raise UnsupportedError(f"{self.name} knows no sliding, so it cannot do one that the case replaces")
         try:

@@ -48,7 +48,9 @@ class Solver(Protocol):
     * The returned callable does the whole run and has no memory of earlier calls.
     * Transitions come in order of time; every one of them is reported, also after a failure.
     * Where ``problem.system.resets`` holds a surface, the state jumps as it falls through zero: a transition ``reset``
-      with the state after, also where the mode stays. Impacts that accumulate are reported until all later ones last
+      with the state after, also where the mode stays. A map that carries another such surface from above zero to zero
+      or below triggers that one's reset at the same instant: a transition each, with the state that its map has left
+      (:mod:`henon_ref.filippov.cascade`). Impacts that accumulate are reported until all later ones last
       less than 2^-26 of the run; their limit is a ``stick`` on that surface (:mod:`henon_ref.filippov.resting`).
     * What the run returns is checked (:mod:`henon_ref.campaign.contract_check`): a :class:`Trajectory`, an entry a
       state and a surface, times in order and from the start to the horizon; with status ``ok`` the end at the horizon

@@ -13,13 +13,15 @@ from henon_ref.analysis.tangent_space import TangentSpace
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.resets import Jump, jump_of
+from henon_ref.filippov.resets import jump_of
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.mode_changes import Jumped
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Transition
 
 Matrix = NDArray[np.float64]
+AT_ZERO = 1e-12
+"""Part of the sizes of its terms below which a surface's function counts as zero."""
 _Function = Callable[..., list[float]]
 
 
@@ -37,7 +39,7 @@ class Saltation:
         self._spaces = TangentSpace(system)
         self._fields: dict[Mode, _Function] = {}
         self._guards: dict[sp.Expr, _Function] = {}
-        self._maps: dict[Jump, _Function] = {}
+        self._maps: dict[int, _Function] = {}
 
     def matrix(self, transition: Transition) -> Matrix:
         """The saltation matrix of a transition, shape (n, n).
@@ -79,26 +81,40 @@ class Saltation:
         Raises
         ------
         UnsupportedError
-            Where several surfaces reset the state at one instant.
+            Where several surfaces that reset the state are reached at one instant.
         """
-        if len(jumped.surfaces) > 1:
-            count = len(jumped.surfaces)
+        t, (first, *others) = jumped.time, jumped.surfaces
+        reached = [i for i in {*others} - {first} if self._is_on(i, jumped)]
+        if reached:
             raise UnsupportedError(
-                f"{count} surfaces reset the state at t = {jumped.time:.17g}: the flow has no saltation matrix there"
+                f"{len(reached) + 1} surfaces reset the state at t = {t:.17g}: the flow has no saltation matrix there"
             )
-        jump, n = jump_of(self.system, jumped.surfaces), len(jumped.before)
-        assert jump is not None  # of one surface there is one
-        if jump not in self._maps:
-            slopes = [sp.diff(value, x) for value in jump.states for x in (TIME, *self.system.states)]
-            self._maps[jump] = self._lambdified(slopes)
-        t = jumped.time
-        slopes_there = np.array(self._maps[jump](t, *jumped.before), dtype=float).reshape(n, n + 1)
-        drift, matrix = slopes_there[:, 0], slopes_there[:, 1:]
+        drift, matrix = self._map(jumped)
         f_before = np.array(self._field(jumped.mode)(t, *jumped.before))
         f_after = np.array(self._field(after)(t, *jumped.after))
         _, rate, *gradient = self._guard(self.system.surfaces[jumped.surfaces[0]])(t, *jumped.before)
         normal = np.array(gradient)
         return matrix + np.outer(f_after - matrix @ f_before - drift, normal) / (normal @ f_before + rate)
+
+    def _is_on(self, index: int, jumped: Jumped) -> bool:
+        """Whether the state was on a surface before a jump, so far as rounding tells."""
+        value, _, *gradient = self._guard(self.system.surfaces[index])(jumped.time, *jumped.before)
+        return abs(value) <= AT_ZERO * sum(abs(g * x) for g, x in zip(gradient, jumped.before, strict=True))
+
+    def _map(self, jumped: Jumped) -> tuple[Matrix, Matrix]:
+        """Derivatives of the maps applied, one after the other, in time, shape (n,), and in the state, shape (n, n)."""
+        n, state = len(jumped.before), jumped.before
+        drift, matrix = np.zeros(n), np.eye(n)
+        for index in jumped.surfaces:
+            if index not in self._maps:
+                values = jump_of(self.system, index).states
+                slopes = [sp.diff(value, x) for value in values for x in (TIME, *self.system.states)]
+                self._maps[index] = self._lambdified([*values, *slopes])
+            after, *found = np.split(np.array(self._maps[index](jumped.time, *state), dtype=float), [n])
+            slopes_there = found[0].reshape(n, n + 1)
+            drift, matrix = slopes_there[:, 1:] @ drift + slopes_there[:, 0], slopes_there[:, 1:] @ matrix
+            state = tuple(after.tolist())
+        return drift, matrix
 
     def _continuous(self, transition: Transition) -> bool:
         """A Filippov release: the equivalent sign reaches +-1, where the sliding field is the field beyond."""

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from henon_ref import registry
-from henon_ref.campaign.options import Deliver, Draw, Observer, Options, Silent
+from henon_ref.campaign.options import TRUTH, Deliver, Draw, Observer, Options, Silent
 from henon_ref.campaign.plan import (
     SAMPLERS,
     PendingRuns,
@@ -110,6 +110,7 @@ class Campaign:
 
     def _truth(self, case: Case, reading: Reading) -> Jobs:
         """Where there is none, the runs are not scored, and the report says why."""
+        self.observer.begun(case.name, f"{reading.name} {TRUTH}")
         found: Statement | Failure = yield TruthJob(case, reading)
         if isinstance(found, Failure):
             found = Statement(None, reason=found.reason)

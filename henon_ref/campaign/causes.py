@@ -6,6 +6,8 @@ the reason of a row: where the row itself leaves no other. Where it does, the ro
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Sequence
 
 from henon_ref.campaign.causes_of_peers import DIFFSOL, NOT_FINITE, PEER_NAMES, PEER_RULES
@@ -23,6 +25,8 @@ PAIR_BY_PACKAGE |= dict.fromkeys(DIFFRAX, "diffrax-pair") | dict.fromkeys(DIFFSO
 NO_BRACKET = "The root is not contained in [lower, upper]"
 NO_CONVERGENCE = "Failed to converge after"
 TOO_SMALL = "Required step size is less than spacing between numbers"
+ENDED = re.compile(r"failed at t = (\S+), not at (\S+)$")
+"""What is said of a run that ends as it should, but elsewhere."""
 LATE = 1e8
 """Times [s] from which ten roundings are 1e-7 and more."""
 LOST = 1e-15
@@ -55,6 +59,17 @@ def _pair(seen: Seen) -> str | None:
     So did the two roots of an impact that is missed: the driver ends a run at whose stops a guard is negative.
     """
     return PAIR_BY_PACKAGE.get(seen.solver) if seen.missed_pairs or seen.first_missed else None
+
+
+def _pair_around_an_event(seen: Seen) -> str | None:
+    """The first of two roots is stepped over where another surface's event stops the library between them."""
+    between = seen.stopped_between
+    if not between:
+        return None
+    if seen.solver == "heyoka":
+        depth = max((float(row["graze_distance"]) for row in between), default=math.inf)  # type: ignore[arg-type]
+        return "heyoka-double-root" if depth <= LOST else None
+    return PAIR_BY_PACKAGE.get(seen.solver)
 
 
 def _heyoka_pair(seen: Seen) -> str | None:
@@ -120,7 +135,9 @@ def _no_number(seen: Seen) -> str | None:
 
 def _past_the_end(seen: Seen) -> str | None:
     """The exact run ends because a function has no value any more; heyoka goes on, all before that being right."""
-    ended = seen.run["expected_status"] == "failed" and "went on past" in seen.reason
+    late = ENDED.search(seen.reason)
+    past = "went on past" in seen.reason or (late is not None and float(late[1]) > float(late[2]))
+    ended = seen.run["expected_status"] == "failed" and past
     right = seen.right_so_far and seen.number("missed") == 0
     return "heyoka-past-end" if seen.solver == "heyoka" and ended and right else None
 
@@ -135,6 +152,7 @@ def _naive(seen: Seen) -> str | None:
 RULES: tuple[Callable[[Seen], str | None], ...] = (
     _restart,
     _pair,
+    _pair_around_an_event,
     _heyoka_pair,
     _heyoka_polynomial,
     _bracket,

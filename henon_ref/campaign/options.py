@@ -107,6 +107,10 @@ Draw = Callable[[ReadingResult, list[Record]], Job]
 """Makes the job that draws a reading's figures: its result is the files, by name."""
 
 
+TRUTH = "truth"
+"""What is said to be begun of a reading whose truth is computed, behind its name."""
+
+
 class Observer(Protocol):
     """Is told how a campaign gets on."""
 
@@ -131,7 +135,7 @@ class Silent:
         """So many rows are to be made, so many of them are kept from before."""
 
     def begun(self, case: str, what: str) -> None:
-        """A run is begun."""
+        """A run of a case is begun, or the computation of a truth."""
 
     def row(self, finished: Record) -> None:
         """A row is finished."""

@@ -93,6 +93,20 @@ class Seen:
         return group[:until]
 
     @property
+    def stopped_between(self) -> list[Row]:
+        """Two transitions of a surface that are missed first, where the run was ended between them.
+
+        Within a mean step of each other: an event of another surface stopped the library, and the guard was negative.
+        """
+        if self.run["status"] != "failed" or "was stepped over" not in self.reason or not self.right_so_far:
+            return []
+        missed = [row for row in self.transitions if row["outcome"] == "missed"]
+        own = [row for row in missed if row["surface"] == missed[0]["surface"]][:2]
+        times = [number(row, "reference_time_s") for row in own]
+        end, step = self.number("end_time_s"), self.number("end_time_s") / max(self.number("steps"), 1.0)
+        return own if len(own) == 2 and times[0] <= end <= times[1] and times[1] - times[0] < step else []
+
+    @property
     def depth(self) -> float:
         """Greatest depth of the surface function within the pairs that are missed [unit of the surface]."""
         depths = [row["graze_distance"] for group in self.missed_pairs for row in group]

@@ -109,6 +109,9 @@ def mathematics(problem: Problem) -> dict[str, Any]:
             system.sign_names[i]: {x.name: str(value) for x, value in reset.map.items()}
             for i, reset in sorted(system.resets.items())
         }
+        priorities = {system.sign_names[i]: r.priority for i, r in sorted(system.resets.items()) if r.priority}
+        if priorities:
+            found["priorities"] = priorities
     return found
 
 

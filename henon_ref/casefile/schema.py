@@ -225,6 +225,11 @@ class ResetForm(Form):
     map: Annotated[dict[str, Expression], Field(min_length=1)] = Field(
         description="state: its value after the jump, in t, the states before it, and parameters; the others stay"
     )
+    priority: Digits = Field(
+        Decimal(0),
+        json_schema_extra={"default": 0},
+        description="of several resets that are due at one instant the lowest goes first",
+    )
 
 
 class MeasureForm(Form):

@@ -168,7 +168,7 @@ def build_resets(source: Source, form: CaseForm, names: Names, system: FilippovS
             values[names.states[name]] = names.smooth(source, place)
         if all(x == value for x, value in values.items()):
             raise source.error((*path, "map"), "the map leaves every state as it is; leave the reset out", key=True)
-        resets[index] = Reset(values, reset.when)
+        resets[index] = Reset(values, reset.when, float(reset.priority))
     return resets
 
 

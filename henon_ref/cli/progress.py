@@ -7,17 +7,20 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
-from henon_ref.campaign.options import Silent
+from henon_ref.campaign.options import TRUTH, Silent
 from henon_ref.campaign.rows import Record
 from henon_ref.campaign.settings import Setting
 from henon_ref.cli import status_line
 from henon_ref.cli.colours import console_colours
+from henon_ref.cli.exit_status import say
 from henon_ref.text import message
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.progress import Progress, TaskID
 
+PATIENCE = 10.0
+"""Seconds after which it is said that a truth is being computed, where no progress is shown."""
 PERIOD = 0.2
 """Seconds between two pictures: drawing them takes time from what is being timed."""
 MOST_SHOWN = 8
@@ -35,6 +38,8 @@ class Shown(Silent, AbstractContextManager["Shown"]):
 
     def __init__(self, *, quiet: bool = False) -> None:
         self.on_terminal = status_line.is_terminal() and not quiet
+        self._told = self.on_terminal or quiet
+        """Whether it need not be said any more that a truth takes its time."""
         self._progress: Progress | None = None
         self._task: TaskID | None = None
         self._at_work: dict[str, float] = {}
@@ -58,6 +63,7 @@ class Shown(Silent, AbstractContextManager["Shown"]):
 
     def truth(self, name: str) -> None:
         """The truth of a reading is known."""
+        self._at_work.pop(message(f"{name} {TRUTH}"), None)
         self._step()
 
     def runs(self, rows: int, kept: int) -> None:
@@ -65,7 +71,7 @@ class Shown(Silent, AbstractContextManager["Shown"]):
         self._begin("rows", rows, kept)
 
     def begun(self, case: str, what: str) -> None:
-        """A run is begun."""
+        """A run is begun, or the computation of a truth."""
         self._at_work[message(f"{case} {what}")] = time.monotonic()
 
     def row(self, finished: Record) -> None:
@@ -77,9 +83,19 @@ class Shown(Silent, AbstractContextManager["Shown"]):
 
     def tick(self) -> None:
         """Some time has passed."""
+        if not self._told:
+            self._tell_of_truths()
         if self._progress is not None and time.monotonic() - self._drawn > PERIOD:
             self._drawn = time.monotonic()
             self._progress.refresh()
+
+    def _tell_of_truths(self) -> None:
+        """Say, once, which truth takes its time where no line can be shown."""
+        now = time.monotonic()
+        late = [what for what, since in self._at_work.items() if what.endswith(f" {TRUTH}") and now - since > PATIENCE]
+        if late:
+            self._told = True
+            say(f"computing what is not stored: {late[0]} (at most some minutes; `truth` computes it without a limit)")
 
     def at_work(self) -> list[RenderableType]:
         """A line for each run at work: which one, and for how long."""

@@ -5,18 +5,18 @@ The rule is one; the numbers are whose it uses: doubles, or balls of some precis
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.filippov.cascade import Cascade, Instant, Numbers
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
-from henon_ref.filippov.resets import jump_of, shared
-from henon_ref.filippov.resting import Impact, impact_of, pressed_by, time_to_rest, turning_in_flight
+from henon_ref.filippov.resting import Impact, impact_of, time_to_rest, turning_in_flight
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.text import listed
 
@@ -24,23 +24,14 @@ NO_VALUE = (ZeroDivisionError, ValueError, OverflowError)
 """What ``math`` and python-flint raise where an expression has no finite value."""
 
 
-class Arithmetic(Protocol):
+class Arithmetic(Numbers, Protocol):
     """How numbers are computed and told from zero; a state is a sequence of them."""
-
-    def values(self, expressions: tuple[sp.Expr, ...], t: Any, x: Sequence[Any]) -> list[Any]:
-        """Expressions in time and states at a point; ``NO_VALUE`` where one has none."""
 
     def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> Sequence[Sequence[Any]]:
         """Taylor coefficients in time of a mode's guards."""
 
-    def sign(self, value: Any) -> int:
-        """0 where it cannot be told from zero."""
-
     def decide(self, t: Any, x: Sequence[Any], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
         """The mode at a point where surfaces and ``valid`` expressions have these signs."""
-
-    def text(self, t: Any) -> str:
-        """A time as messages have it."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +51,8 @@ class AfterJump:
     decision: Decision
     """The mode just after it."""
     state: Sequence[Any]
+    applied: tuple[tuple[int, Sequence[Any]], ...] = ()
+    """Surfaces that reset the state, in order, each with the state that its map has left."""
     on: tuple[int, ...] = ()
     """Surfaces that the state is on."""
     rest: Rest | None = None
@@ -95,7 +88,15 @@ def after_jump(
     most
         How long all later impacts may last together where they have come to their limit [s].
     """
-    return _Rule(system, numbers, mode, surfaces, t, x).after({g.index for g in hits if g.kind == "surface"}, most)
+    hit = {g.index for g in hits if g.kind == "surface"}
+    try:
+        end = Cascade(system, numbers, mode, t).end(x, hit, surfaces)
+    except NO_VALUE:
+        reason = f"the state after the reset at t = {numbers.text(t)} is not finite"
+        return AfterJump(Decision("none", None, reason), x)
+    if isinstance(end, Decision):
+        return AfterJump(end, x)
+    return replace(_Rule(system, numbers, mode, end, t).after(most), applied=end.applied)
 
 
 def without_speed(impact: Impact, numbers: Arithmetic, t: Any, x: Sequence[Any]) -> list[Any]:
@@ -105,107 +106,101 @@ def without_speed(impact: Impact, numbers: Arithmetic, t: Any, x: Sequence[Any])
 
 
 class _Rule:
-    """The rule at one jump."""
+    """What follows the last map of an instant."""
 
-    def __init__(
-        self,
-        system: FilippovSystem,
-        numbers: Arithmetic,
-        mode: Mode,
-        surfaces: tuple[int, ...],
-        t: Any,
-        x: Sequence[Any],
-    ) -> None:
-        self.system, self.numbers, self.mode, self.surfaces, self.t, self.x = system, numbers, mode, surfaces, t, x
-        self.impacts = {i: impact for i in surfaces if (impact := impact_of(system, i)) is not None}
+    def __init__(self, system: FilippovSystem, numbers: Arithmetic, mode: Mode, end: Instant, t: Any) -> None:
+        self.system, self.numbers, self.mode, self.t = system, numbers, mode, t
+        self.state, self.sides = end.state, list(end.sides)
+        fired = {i for i, _ in end.applied}
+        self.several = len(fired) > 1
+        # A body at rest to which nothing has given a speed is still at rest.
+        self.rates = {i: rate for i, rate in end.rates.items() if rate.sign or i in fired or mode[i] != 0}
+        self.impacts = {i: impact for i in self.rates if (impact := impact_of(system, i)) is not None}
 
-    def after(self, hit: set[int], most: Any) -> AfterJump:
-        system, numbers, t = self.system, self.numbers, self.t
-        jump = jump_of(system, self.surfaces)
-        if jump is None or (pressed := pressed_by(system, self.mode, jump)):
-            together = self.surfaces if jump is None else (*self.surfaces, *pressed)
-            return AfterJump(shared(system, together, numbers.text(t)), self.x)
+    def after(self, most: Any) -> AfterJump:
+        system, numbers, t, after, sides = self.system, self.numbers, self.t, self.state, self.sides
         try:
-            values = numbers.values((*jump.states, *jump.guards), t, self.x)
-            n, count = len(self.x), len(system.surfaces)
-            after, signs = values[:n], [numbers.sign(v) for v in values[n:]]
-            speeds = self._speeds(after)
+            valid = [numbers.sign(value) for value in numbers.values(system.valid, t, after)]
         except NO_VALUE:
-            return AfterJump(self._refused(f"the state after the reset at t = {numbers.text(t)} is not finite"), self.x)
-        sides = jump.sides(self.mode, hit, signs[:count])
-        for i, (_, speed) in speeds.items():
-            sides[i] = -1 if numbers.sign(speed) < 0 else 1
-        on = tuple(i for i, side in enumerate(sides) if side == 0 or i in speeds)
-        decision = numbers.decide(t, after, sides, signs[count:])
-        if decision.mode is None or not speeds:
-            return AfterJump(decision, after, on)
+            return AfterJump(self._refused(f"the state after the reset at t = {numbers.text(t)} is not finite"), after)
+        on = tuple(i for i, side in enumerate(sides) if side == 0)
+        for i, rate in self.rates.items():
+            sides[i] = -1 if rate.sign < 0 else 1
+        decision = numbers.decide(t, after, sides, valid)
+        if decision.mode is None or not self.rates:
+            return AfterJump(decision, after, on=on)
         try:
-            return self._followed(decision, after, on, speeds, most, sides, signs[count:])
+            found = self._followed(decision, on, most, valid)
+            rest = found.rest
+            ending = self.several and rest is not None and self._come_to_a_limit(rest.mode, most)
+            return AfterJump(self._refused(ending), after) if ending else found
         except NO_VALUE:
             return AfterJump(self._refused(f"a derivative after t = {numbers.text(t)} is not finite"), after)
-
-    def _speeds(self, after: Sequence[Any]) -> dict[int, tuple[Any, Any]]:
-        """h' before and after the jump, of surfaces that the state stays on."""
-        found = {}
-        signs = {s: sp.Integer(entry) for s, entry in zip(self.system.signs, self.mode, strict=True)}
-        for i, impact in self.impacts.items():
-            speed = impact.speed.xreplace(signs)
-            if impact.refusal:
-                (before,), (then,) = (self.numbers.values((speed,), self.t, x) for x in (self.x, after))
-            else:
-                before, ratio = self.numbers.values((speed, impact.ratio), self.t, self.x)
-                before = 0 * before if self.numbers.sign(before) > 0 else before  # rounding: the surface was reached
-                then = ratio * before
-            found[i] = before, then
-        return found
 
     def _followed(
         self,
         decision: Decision,
-        after: Sequence[Any],
         on: tuple[int, ...],
-        speeds: Mapping[int, tuple[Any, Any]],
         most: Any,
-        sides: list[int],
         valid: Sequence[int],
     ) -> AfterJump:
         """The rest, where impacts have come to their limit."""
         assert decision.mode is not None
-        numbers, system, mode = self.numbers, self.system, decision.mode
+        numbers, system, mode, after, sides = self.numbers, self.system, decision.mode, self.state, self.sides
         series = numbers.guard_series(mode, self.t, after)
         guards = system.equations(mode).guards
         times: dict[int, Any] = {}
         for guard, own in zip(guards, series, strict=True):
             i = guard.index
-            if guard.kind != "surface" or i not in speeds or mode[i] < 0:
+            if guard.kind != "surface" or i not in self.rates or mode[i] < 0:
                 continue
-            falling = self._falling(i, mode, after) if numbers.sign(speeds[i][1]) else None
-            time = time_to_rest(*speeds[i], 2 * own[2], most, falling)
+            rate = self.rates[i]
+            falling = self._falling(i, mode, after) if rate.sign else None
+            time = time_to_rest(rate.before, rate.now, 2 * own[2], most, falling)
             if time is not None:
                 times[i] = time
-            elif numbers.sign(speeds[i][1]) == 0:  # no speed, and nothing presses: what follows is told by h'' and on
+            elif rate.sign == 0:  # no speed, and nothing presses: what follows is told by h'' and on
                 sides[i] = 0
-        for i, (_, speed) in speeds.items():
-            if numbers.sign(speed) == 0 and len(system.together(i, on)) > 1:  # contacts may come to rest with the body
+        for i, rate in self.rates.items():
+            if rate.sign == 0 and len(system.together(i, on)) > 1:  # contacts may come to rest with the body
                 sides[i] = 0
-        if 0 in (sides[i] for i in speeds):
+        if 0 in (sides[i] for i in self.rates):
             decision = numbers.decide(self.t, after, sides, valid)
-            stays = () if decision.mode is None else tuple(i for i in speeds if decision.mode[i] == 0)
+            stays = () if decision.mode is None else tuple(i for i in self.rates if decision.mode[i] == 0)
             rest = None
             if stays and decision.mode is not None:
                 now = 0 * self.t
                 rest = Rest(now, self._at_rest(stays, after, decision.mode, now), decision.mode)
-            still = () if rest else tuple(i for i in speeds if sides[i] == 0)
-            return AfterJump(Decision("unique", mode) if rest else decision, after, on, rest, still)
+            still = () if rest else tuple(i for i in self.rates if sides[i] == 0)
+            return AfterJump(Decision("unique", mode) if rest else decision, after, on=on, rest=rest, still=still)
         if not times:
-            return AfterJump(decision, after, on)
+            return AfterJump(decision, after, on=on)
         at_rest = self._mode_at_rest(times, mode, after, sides, valid)
         stuck = at_rest.mode or mode
         refusal = self._refusal(times, mode, at_rest, guards, series)
         if refusal:
             return AfterJump(self._refused(refusal), after)
         time = next(iter(times.values()))  # of several all are 0
-        return AfterJump(decision, after, on, Rest(time, self._at_rest(tuple(times), after, stuck, time), stuck))
+        rest = Rest(time, self._at_rest(tuple(times), after, stuck, time), stuck)
+        return AfterJump(decision, after, on=on, rest=rest)
+
+    def _come_to_a_limit(self, mode: Mode, most: Any) -> str:
+        """Why no rest is told beside bodies that rest at once: impacts come to a limit there; empty where none do."""
+        series = self.numbers.guard_series(mode, self.t, self.state)
+        for guard, own in zip(self.system.equations(mode).guards, series, strict=True):
+            rate = self.rates.get(guard.index) if guard.kind == "surface" else None
+            if rate is not None and rate.sign > 0 and time_to_rest(rate.before, rate.now, 2 * own[2], most) is not None:
+                return self._several([guard.index])
+        return ""
+
+    def _several(self, surfaces: Iterable[int]) -> str:
+        """Why the limit of impacts is not followed where several surfaces reset the state."""
+        names = listed([self.system.sign_names[i] for i in surfaces])
+        return f"{self._limit(names)}several surfaces reset the state at once"
+
+    def _limit(self, names: str) -> str:
+        at = self.numbers.text(self.t)
+        return f"impacts on {names} come to their limit after t = {at}, and no rest is derived: "
 
     def _turned(self, index: int, mode: Mode) -> list[int]:
         """Surfaces on whose sign it depends how a body is pressed on, and that the impact has changed the side of."""
@@ -247,7 +242,7 @@ class _Rule:
         """Why a rest is not told, where impacts have come to their limit; empty where it is."""
         system, numbers = self.system, self.numbers
         names = listed([system.sign_names[i] for i in times])
-        begin = f"impacts on {names} come to their limit after t = {numbers.text(self.t)}, and no rest is derived: "
+        begin = self._limit(names)
         for i in times:
             impact = self.impacts[i]
             if impact.refusal:
@@ -257,8 +252,8 @@ class _Rule:
                 signs = listed([system.sign_names[j] for j in sorted(turned)])
                 return begin + f"the force that presses the body on changes with the sign of {signs} in flight"
         lasting = [time for time in times.values() if numbers.sign(time)]
-        if lasting and len(self.surfaces) > 1:
-            return begin + "several surfaces reset the state at once"
+        if lasting and self.several:
+            return self._several(times)
         if at_rest.mode is None:
             return begin + at_rest.reason
         try:

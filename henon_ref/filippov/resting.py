@@ -22,8 +22,7 @@ import sympy as sp
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import along
-from henon_ref.filippov.modes import Mode
-from henon_ref.filippov.resets import Jump, jump_of
+from henon_ref.filippov.resets import jump_of
 from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
@@ -42,6 +41,8 @@ class Impact:
     """h'' where no force of the surface acts."""
     refusal: str
     """Why it is not told how a body rests on the surface; empty where it is, and then the rest is there."""
+    idle: bool = False
+    """Whether nothing but a jump moves a state off the surface where h' is zero: it needs no force to stay there."""
     ratio: sp.Expr = sp.S.Zero
     """h' after the impact over h' before it."""
     push: tuple[sp.Expr, ...] = ()
@@ -56,34 +57,29 @@ def impact_of(system: FilippovSystem, index: int) -> Impact | None:
 
     A body can rest on the surface where the jumps are impacts of a body: the state changes in proportion to h'.
     """
-    jump, surface = jump_of(system, (index,)), system.surfaces[index]
-    if jump is None or index not in jump.kept:
+    jump, surface = jump_of(system, index), system.surfaces[index]
+    if index not in jump.kept:
         return None
     field = tuple(put(f, {system.signs[index]: sp.Integer(1)}) for f in system.field)
     speed = along(surface, system.states, field)
     acceleration = along(speed, system.states, field)
+    on = settled_state(surface, system.states)
+    fast = speed.xreplace(on)
+    idle = sp.expand(acceleration.xreplace(on).xreplace(settled_state(fast, system.states))) == 0
     if speed.has(*system.signs):
         names = listed([s.name for s in system.signs if speed.has(s)])
-        return Impact(speed, acceleration, f"how fast the surface is reached depends on the sign of {names}")
-    on, moving = settled_state(surface, system.states), set(system.states)
-    fast = speed.xreplace(on)
+        return Impact(speed, acceleration, f"how fast the surface is reached depends on the sign of {names}", idle)
+    moving = set(system.states)
     changes = {k: (jump.states[k] - system.states[k]).xreplace(on) for k in jump.moved}
     shares = {k: sp.Integer(0) if fast == 0 else sp.cancel(change / fast) for k, change in changes.items()}
     slope = sp.expand(sp.Add(*(sp.diff(speed, system.states[k]) * share for k, share in shares.items())))
     bad = [system.states[k].name for k, share in shares.items() if sp.fraction(share)[1].free_symbols & moving]
     if bad or slope == 0 or slope.free_symbols & moving:
         what = f"{listed(bad)} does not change" if bad else "the state does not change"
-        return Impact(speed, acceleration, f"{what} in proportion to the speed of the impact")
+        return Impact(speed, acceleration, f"{what} in proportion to the speed of the impact", idle)
     push = tuple(sp.cancel(shares[k] / slope) if k in shares else sp.Integer(0) for k in range(len(system.states)))
     held = tuple(sp.expand(f - acceleration * p) if p != 0 else f for f, p in zip(field, push, strict=True))
-    return Impact(speed, acceleration, "", sp.expand(1 + slope), push, held)
-
-
-def pressed_by(system: FilippovSystem, mode: Mode, jump: Jump) -> tuple[int, ...]:
-    """Surfaces that a body rests on in a mode and that a jump would move it on, or off: impacts that share a body."""
-    moved = {system.states[k] for k in jump.moved}
-    resting = [(i, impact_of(system, i)) for i in sorted(system.resets) if mode[i] == 0]
-    return tuple(i for i, impact in resting if impact is not None and impact.speed.free_symbols & moved)
+    return Impact(speed, acceleration, "", idle, sp.expand(1 + slope), push, held)
 
 
 def into_surface(name: str, time: str) -> Decision:
@@ -126,11 +122,14 @@ def settled_state(surface: sp.Expr, states: Collection[sp.Symbol]) -> dict[sp.Sy
 
 
 def with_resting(system: FilippovSystem) -> FilippovSystem:
-    """The system with the sliding of bodies that rest on surfaces which reset the state."""
+    """The system with the sliding of bodies that rest on surfaces which reset the state.
+
+    Where nothing could press a body on, there is none: it stays on the surface by itself.
+    """
     own = {
         i: SlidingOverride(impact.field, (Release(impact.acceleration, "rising", 1),), "resting", push=impact.push)
         for i in system.resets
-        if (impact := impact_of(system, i)) is not None and not impact.refusal
+        if (impact := impact_of(system, i)) is not None and not (impact.refusal or impact.idle)
     }
     return replace(system, overrides={**system.overrides, **own}) if own else system
 

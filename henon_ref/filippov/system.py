@@ -72,6 +72,8 @@ class Reset:
     """State -> its value after the jump, in time, the states before it, and parameters; the other states stay."""
     when: Literal["falling"] = "falling"
     """The way in which the surface goes through zero there; the other way it is crossed."""
+    priority: float = 0.0
+    """Of several that are due at one instant the lowest goes first."""
 
 
 @dataclass(frozen=True, eq=False)

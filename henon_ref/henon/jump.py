@@ -13,6 +13,7 @@ from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.henon.precise_modes import PreciseModes
+from henon_ref.jit.primitives import EPS
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
 
@@ -37,6 +38,8 @@ class AfterJump(NamedTuple):
     """The mode there."""
     known_zeros: Sequence[int]
     """For each of its guards, zeros there, in the order of the mode's equations."""
+    applied: Sequence[tuple[int, Sequence[float]]] = ()
+    """Surfaces whose maps were applied, in order, each with the state that its map has left."""
     rest: Rest | None = None
     """Where the impacts have come to their limit."""
 
@@ -48,6 +51,9 @@ class Jumps:
     ----------
     precise : PreciseModes
     """
+
+    rounding = 64 * EPS
+    """Steps before it know a state to the rounding of a double."""
 
     def __init__(self, precise: PreciseModes) -> None:
         self._precise = precise
@@ -80,14 +86,17 @@ class Jumps:
             after = [_pair(value) for value in found.state]
             if found.decision.mode is None:
                 return AfterJump(after, found.decision, ())
+            applied = [(i, [float(value.mid()) for value in left]) for i, left in found.applied]
             place = [high for high, _ in after]
             zeros = switching.contact_orders(time[0], place, found.decision.mode, found.on)
             if found.rest is None:
-                return AfterJump(after, found.decision, zeros)
+                return AfterJump(after, found.decision, zeros, applied)
             end, *resting = (_pair(value) for value in (t + found.rest.remaining, *found.rest.state))
         place = [high for high, _ in resting]
         own = switching.contact_orders(end[0], place, found.rest.mode, found.on)
-        return AfterJump(after, found.decision, zeros, Rest(end, resting, Decision("unique", found.rest.mode), own))
+        return AfterJump(
+            after, found.decision, zeros, applied, Rest(end, resting, Decision("unique", found.rest.mode), own)
+        )
 
     def values(self, expressions: tuple[sp.Expr, ...], t: arb, x: Sequence[arb]) -> list[arb]:
         """Expressions in time and states at a point; ValueError where one has none that is finite."""

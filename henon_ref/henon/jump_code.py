@@ -10,7 +10,7 @@ import sympy as sp
 from henon_ref.filippov.mode_tape import ModeTape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import Jump, jump_of
-from henon_ref.filippov.resting import impact_of, pressed_by
+from henon_ref.filippov.resting import impact_of
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.jump_transition import compiled_jump
 from henon_ref.henon.mode_code import native_module
@@ -39,12 +39,12 @@ class JumpCode:
     def address(self, mode: Mode, index: int) -> int:
         """Address of the map of a surface that a mode reaches; 0 where Python has to decide what follows.
 
-        That is so where a body that rests on another surface would be pressed on, where the jump leaves the state on
-        another surface that the mode slides on, and where the speed of an impact depends on other surfaces' signs.
+        That is so where the jump leaves the state on another surface that the mode slides on, or a body at rest on one,
+        and where the speed of an impact depends on other surfaces' signs.
         """
         jump, impact = self.jumps[index], impact_of(self.system, index)
         stays = any(entry == 0 and j in jump.kept for j, entry in enumerate(mode))
-        if stays or pressed_by(self.system, mode, jump) or (impact and impact.speed.has(*self.system.signs)):
+        if stays or (impact and impact.speed.has(*self.system.signs)):
             return 0
         return self.code.address(f"jump_{index}")
 
@@ -59,11 +59,11 @@ def jump_code(system: FilippovSystem) -> JumpCode | None:
     """
     if not system.resets or len(system.surfaces) > MOST_SURFACES:
         return None
-    n, jumps = len(system.states), {i: jump for i in sorted(system.resets) if (jump := jump_of(system, (i,)))}
+    n, jumps = len(system.states), {i: jump_of(system, i) for i in sorted(system.resets)}
     lost = tuple(sp.Symbol(f"lost of {x.name}", real=True) for x in system.states)
     outputs: list[sp.Expr] = []
     places: dict[int, list[int]] = {}
-    for i, jump in jumps.items():  # of one surface alone there is one
+    for i, jump in jumps.items():
         outputs += [jump.states[k] for k in jump.moved]
         outputs += [_carried(jump.states[k], system.states, lost) for k in jump.moved]
         new = [j for j in range(len(system.surfaces)) if j not in jump.kept]

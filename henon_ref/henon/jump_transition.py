@@ -1,11 +1,11 @@
 """The jump of the state at one surface that resets it, and the mode after it, where double precision decides them.
 
-What :mod:`henon_ref.filippov.after_jump` says of a jump, for the common case: one surface alone is at zero, and no
-other one is slid on after the jump. The map is evaluated at the state with what rounding has lost of it, to the
-rounding of its own terms, as a step is. Then the mode after it is expanded there: every guard must be clearly above
-zero, and a surface that the map keeps must be left with a speed, with flights to come that last longer than what counts
-as rest. Or the impact takes all of the speed, and the body is clearly pressed on: then the mode at rest is expanded,
-too.
+What :mod:`henon_ref.filippov.after_jump` says of a jump, for the common case: one surface alone is at zero, no other
+one is slid on after the jump, and the map carries none through zero whose reset would be due. The map is evaluated at
+the state with what rounding has lost of it, to the rounding of its own terms, as a step is. Then the mode after it is
+expanded there: every guard must be clearly above zero, and a surface that the map keeps must be left with a speed, with
+flights to come that last longer than what counts as rest. Or it goes on falling, or the impact takes all of the speed,
+and the body is clearly pressed on: then the mode below, or at rest, is expanded, too.
 
 All else is left to Python, before anything is changed.
 
@@ -18,7 +18,7 @@ from numba import int64
 
 from henon_ref.henon.compile_units import compile_on_demand
 from henon_ref.henon.recorder import events_accumulate, record_transition, set_known_zeros
-from henon_ref.henon.records import CROSSING, RELEASED, RESET, STICK, SURFACE, guard_of, mode_of
+from henon_ref.henon.records import CROSSING, RELEASED, RESET, RESETTING, STICK, SURFACE, guard_of, mode_of
 from henon_ref.henon.state import ON, RUN_RECORD, TANGENT, ReturnCode
 from henon_ref.henon.step import BLOWN_UP
 from henon_ref.jit.calls import call_expand
@@ -30,8 +30,8 @@ CLEAR = 1e-9
 """Part of the sum of its terms' sizes on a step from which on a guard is clearly above zero."""
 LASTING = 1.0 + 1e-6
 """So many times the longest rest all later flights must last together, for it to be clear that they go on."""
-UNCLEAR = -1
-"""Python has to decide."""
+UNCLEAR, RESTS, LEFT, FALLS = -1, 0, 1, 2
+"""What becomes of a surface whose function the map keeps; Python has to decide where that is not clear."""
 
 
 @inner()
@@ -85,12 +85,23 @@ def _number_after(layout, values):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _resting(number, surface):  # type: ignore[no-untyped-def]
-    """Number of the mode that rests on a surface, from that of the one above it."""
+def _lower(number, surface, entries):  # type: ignore[no-untyped-def]
+    """Number of the mode whose entry of a surface is so much lower."""
     power = 1
     for _ in range(surface):
         power *= 3
-    return number - power
+    return number - entries * power
+
+
+@inner()
+def _carries_another(layout, index, values):  # type: ignore[no-untyped-def]
+    """Whether a map carries another surface below zero that resets the state there."""
+    for g in range(mode_of(layout).guards):
+        other = guard_of(layout, g).index
+        resets = guard_of(layout, g).kind == SURFACE and guard_of(layout, g).coupled == RESETTING
+        if resets and other != index and values[other] < 0.0:
+            return True
+    return False
 
 
 @inner()
@@ -115,8 +126,8 @@ def _row_of(run, number, count, tables):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def _is_left(run, row, speed, ratio, turned):  # type: ignore[no-untyped-def]
-    """1 where a surface is clearly left after an impact, 0 where the impact clearly ends on it, else UNCLEAR.
+def _after_impact(run, row, speed, ratio, turned):  # type: ignore[no-untyped-def]
+    """What clearly becomes of a surface after an impact: it is LEFT, the body RESTS there, or it FALLS through.
 
     ``row``: coefficients of its function after the impact; ``speed``: with which it was reached, and of which the
     impact leaves ``ratio``; ``turned``: whether another surface changes its side.
@@ -125,13 +136,15 @@ def _is_left(run, row, speed, ratio, turned):  # type: ignore[no-untyped-def]
     for k in range(2, run.order + 1):
         size += abs(row[k])
     if ratio == 0.0:
-        return 0 if row[2] < -CLEAR * size else UNCLEAR
+        return RESTS if row[2] < -CLEAR * size else UNCLEAR
     # All later flights last 2 v / (a (1 - r)): see :mod:`henon_ref.filippov.resting`. Where friction has turned round
     # the way up alone lasts v / a.
     rise, reached = row[1], speed * run.unit
+    if rise < -TANGENT * reached:
+        return FALLS if ratio > 0.0 else UNCLEAR
     ending = larger(-row[2], 0.0) * (2.0 if turned else larger(1.0 - rise / reached, 0.0))
     rest = LASTING * run.rest_part * (run.horizon - run.begin)
-    return 1 if rise > TANGENT * reached and run.unit * rise > rest * ending else UNCLEAR
+    return LEFT if rise > TANGENT * reached and run.unit * rise > rest * ending else UNCLEAR
 
 
 @inner()
@@ -190,34 +203,39 @@ def jump_transition(run, x, known_zeros, records, count, tables, numbers, band, 
     if not (_map_state(run, x, layout, own[2], room) and speed > 0.0):
         return ReturnCode.SELECT_MODE.value
     before, number, kept = mode_of(layout).number, _number_after(layout, values), values[index] == 0.0
-    if number < 0:
+    if number < 0 or _carries_another(layout, index, values):
         return ReturnCode.SELECT_MODE.value
     target = _row_of(run, number, count, tables)
     if target < 0:
         return _not_compiled(run, number)
-    after, end, changes = _layout(run, tables, target), target, 0
+    after, end, changes, expanded = _layout(run, tables, target), target, 0, 2
     for j in range(surfaces):
         changes += 1 if j == index or _entry(before, j) != _entry(number, j) else 0
     if not _holds(run, room, after, _numbers(numbers, target)[0], ahead, index if kept else -1):
         return ReturnCode.SELECT_MODE.value
     if kept:
-        left = _is_left(run, ahead[n + _guard_on(after, index)], speed, values[surfaces], changes > 1)
+        left = _after_impact(run, ahead[n + _guard_on(after, index)], speed, values[surfaces], changes > 1)
         if left == UNCLEAR:
             return ReturnCode.SELECT_MODE.value
-        if left == 0:
-            resting = _resting(number, index)
-            end = _row_of(run, resting, count, tables)
+        if left != LEFT:
+            lower = _lower(number, index, 2 if left == FALLS else 1)
+            end = _row_of(run, lower, count, tables)
             if end < 0:
-                return _not_compiled(run, resting)
-            if not _holds(run, room, _layout(run, tables, end), _numbers(numbers, end)[0], ahead, -1):
+                return _not_compiled(run, lower)
+            after, falls, expanded = _layout(run, tables, end), left == FALLS, 3
+            if not _holds(run, room, after, _numbers(numbers, end)[0], ahead, index if falls else -1):
                 return ReturnCode.SELECT_MODE.value
+            if falls:
+                if not ahead[n + _guard_on(after, index), 1] > TANGENT * speed * run.unit:
+                    return ReturnCode.SELECT_MODE.value
+                number, target = lower, end
     changes += 1 if end != target else 0
     # Of a block that is empty there is memory for all, however few transitions it is to hold.
     if run.transitions > 0 and run.transitions + changes > run.transition_capacity:
         run.event_pending = 1
         return ReturnCode.BLOCK_FULL.value
     # Normal velocities, and modes; not counted before all is sure, for the event may be put off.
-    run.expansions += 2 if end == target else 3
+    run.expansions += expanded
     for i in range(n):
         x[2 * n + i] = x[i]
     for i in range(2 * n):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, numbered_mode, replaced, transition_kind
-from henon_ref.filippov.resets import resetting
+from henon_ref.filippov.resets import resetting, rows_at
 from henon_ref.filippov.resting import REMAINING
 from henon_ref.henon.endings import ending_of
 from henon_ref.henon.guard_branch_point import behind_branch_point
@@ -30,7 +30,7 @@ class Jumped(NamedTuple):
     """A jump of the state."""
 
     surfaces: tuple[int, ...]
-    """Those that reset it."""
+    """Those that reset it, in order."""
     time: float
     """[s]."""
     before: tuple[float, ...]
@@ -116,11 +116,16 @@ class ModeChanges(State):
             self.known_zeros[g] = zeros[place] if place >= 0 else 0
 
     def _change_mode(
-        self, decision: Decision, zeros: Sequence[int], tangential: Sequence[int], resets: Sequence[int] = ()
+        self,
+        decision: Decision,
+        zeros: Sequence[int],
+        tangential: Sequence[int],
+        applied: Sequence[tuple[int, Sequence[float]]] = (),
     ) -> tuple[Status, str] | None:
         """Go over to the mode that follows.
 
-        ``tangential``: surfaces at zero, told of where none changes its sign; ``resets``: those that reset the state.
+        ``tangential``: surfaces at zero, told of where none changes its sign; ``applied``: those that have reset the
+        state, in order, each with the state that its map has left.
         """
         if decision.mode is None:
             return decision.ending, decision.reason
@@ -130,15 +135,17 @@ class ModeChanges(State):
             return self._without_equations()
         self.scalars.mode = row
         self._set_known_zeros(decision.mode, zeros)
-        changed = [i for i, s in enumerate(decision.mode) if s != before[i] or i in resets]
-        for i in changed or tangential:
-            self._record(
-                RESET if i in resets else KINDS.index(transition_kind(before[i], decision.mode[i])),
-                i,
-                source,
-                row,
-                side=before[i] if changed else 0,
-            )
+        if applied:
+            changed = rows_at(before, decision.mode, [i for i, _ in applied])
+        else:
+            changed = [(i, None) for i, s in enumerate(decision.mode) if s != before[i]]
+        for i, place in changed:
+            if place is None:
+                self._record(KINDS.index(transition_kind(before[i], decision.mode[i])), i, source, row, side=before[i])
+            else:
+                self._record(RESET, i, source, row, side=1, state=applied[place][1])
+        for i in () if changed else tangential:
+            self._record(KINDS.index(transition_kind(before[i], decision.mode[i])), i, source, row, side=0)
         return ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
 
     def _without_equations(self) -> tuple[Status, str]:
@@ -154,7 +161,7 @@ class ModeChanges(State):
         self.before_jump[:] = self.x
         self.x[:] = [high for high, _ in after.state]
         self.x_low[:] = [low for _, low in after.state]
-        ended, rest = self._change_mode(after.decision, after.known_zeros, (), surfaces), after.rest
+        ended, rest = self._change_mode(after.decision, after.known_zeros, (), after.applied), after.rest
         if ended is not None or rest is None:
             return ended
         length = (rest.time[0] - time[0]) + (rest.time[1] - time[1])
@@ -194,12 +201,18 @@ class ModeChanges(State):
         self._passed_at = int(scalars.steps)
         return True
 
-    def _record(self, kind: int, surface: int, source: int, target: int, *, side: int) -> None:
+    def _record(
+        self, kind: int, surface: int, source: int, target: int, *, side: int, state: Sequence[float] | None = None
+    ) -> None:
+        """Write a transition down, at a state other than the run's where one is given."""
         if self.scalars.transitions >= self.scalars.transition_capacity:
             self._close_block()
         scalars = self.scalars
         row = self.workspace.transitions[scalars.transitions]
-        row[TRANSITION_PLACES:], made = self.x, row[:TRANSITION_PLACES].view(TRANSITION)[0]
+        row[TRANSITION_PLACES:], made = (
+            self.x if state is None else state,
+            row[:TRANSITION_PLACES].view(TRANSITION)[0],
+        )
         made["time"], made["time_low"] = scalars.time, scalars.time_low
         made["kind"], made["surface"], made["landing"] = kind, surface, scalars.landing
         made["from_mode"], made["to_mode"] = source, target

@@ -25,7 +25,7 @@ from henon_ref.henon.mode_code import (
     normal_velocities,
     switched_mode_code,
 )
-from henon_ref.henon.records import RECORD_PLACES, RELEASE, SURFACE, VALID, mode_dtype
+from henon_ref.henon.records import COUPLED, RECORD_PLACES, RELEASE, RESETTING, SURFACE, VALID, mode_dtype
 from henon_ref.jit.processor_time import compiling
 from henon_ref.precision import one_at_a_time
 from henon_ref.roots.bernstein import bernstein_code
@@ -198,7 +198,8 @@ class ModeTable:
             record["side"] = mode[guard.index] if surface else 0
             resets = surface and guard.index in system.resets and mode[guard.index] > 0
             record["jump"] = self._jumps.address(mode, guard.index) if resets and self._jumps else 0
-            record["coupled"] = resets or system.decided_together(guard, sliding)
+            coupled = COUPLED if system.decided_together(guard, sliding) else 0
+            record["coupled"] = RESETTING if resets else coupled
             # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
             tangent = guard.kind == "release" and guard.index not in system.overrides
             record["zeros_at_release"] = 2 if tangent else 0

@@ -74,7 +74,7 @@ def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, 
             return call_jump(
                 mode_of(layout).jump, run, x, known_zeros, records, tables.shape[0], modes, constants, band, room
             )
-        if coincident or guard_of(layout, hit).coupled == 1:
+        if coincident or guard_of(layout, hit).coupled != 0:
             if selection is None:
                 return ReturnCode.SELECT_MODE.value
             target = select_mode(run.time, run.time_low, x, mode, layout, hits, selection)
@@ -103,7 +103,7 @@ def apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, 
             zeros, what, target = 0, STICK, guard_of(layout, hit).mode_stuck
     else:
         zeros, what = guard_of(layout, hit).zeros_at_release, RELEASED
-    if coincident or (kind == RELEASE and guard_of(layout, hit).coupled == 1):
+    if coincident or (kind == RELEASE and guard_of(layout, hit).coupled != 0):
         return ReturnCode.SELECT_MODE.value
     if target < 0:
         run.pending_kind = what

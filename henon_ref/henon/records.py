@@ -17,6 +17,8 @@ from henon_ref.jit.views import begin_of, begin_of_row
 SURFACE, RELEASE, VALID = 0, 1, 2
 # Kinds of transitions.
 STICK, RELEASED, CROSSING, GRAZE, RESET = range(5)
+# Surfaces whose event is not decided by two normal velocities alone: they act on each other, or reset the state.
+COUPLED, RESETTING = 1, 2
 # Ways of landing.
 HENON, NEWTON, BRENT, BRACKET = range(4)
 LANDINGS = ("henon", "newton", "brent", "bracket")
@@ -41,7 +43,7 @@ GUARD = np.dtype(
         ("index", "i8"),  # of the surface, or of the valid expression
         ("rising_only", "i8"),  # whether it may begin below zero, and counts once it has risen
         ("hold_zone", "i8"),  # whether the mode after it is decided by a hold zone
-        ("coupled", "i8"),  # whether its surface and one that the mode slides on act on each other
+        ("coupled", "i8"),  # COUPLED where its surface and one that the mode slides on act on each other; RESETTING
         ("mode_across", "i8"), ("mode_stuck", "i8"),  # rows of the modes behind it, -1 where not compiled
         ("zeros_at_release", "i8"),  # with which its surface is left; 0: to be measured, or the guard is no release
         ("side", "i8"),  # of its surface on which the mode is, -1 or +1; 0 for guards that are no surface's

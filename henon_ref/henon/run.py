@@ -162,7 +162,7 @@ class Run(ModeChanges):
         if not resets:
             return None
         surfaces, before = tuple(t.surface for t in resets), tuple(self.before_jump.tolist())
-        return Jumped(surfaces, resets[0].time, before, resets[0].state, resets[0].from_mode)
+        return Jumped(surfaces, resets[0].time, before, resets[-1].state, resets[0].from_mode)
 
     def _advance(self, *, stop: bool = False) -> Trajectory | None:
         """Let the compiled loop run until it needs something; None if the run goes on."""

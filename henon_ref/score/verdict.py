@@ -8,6 +8,9 @@ On a parabola whose slope at its roots is h' and whose roots are a gap apart the
 ``conditioning * e >= gap / 4``. Where a surface is nearly touched without a transition, the distance itself is
 compared with e.
 
+Where a field ends, and where events accumulate, an error in the state moves the end itself by about its root (by
+Torricelli's law a level falls with its root). A run that ends so, too, is granted as much.
+
 ``not unique`` is for runs that are right up to the instant from which on the exact one has several futures;
 ``not judged`` for runs that are right up to where the time limit stopped them: how far they come is the machine's
 doing, too; and for all runs where nothing is known of the exact one after its start.
@@ -15,18 +18,21 @@ doing, too; and for all runs where nothing is known of the exact one after its s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from henon_ref.score.matching import Matching
 from henon_ref.score.reference import Expected, NearGraze, ReferenceEvent
-from henon_ref.trajectory import Transition
+from henon_ref.trajectory import Status, Transition
 
 Word = Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
 
 FIXED_STEP_TOLERANCE = 1e-12
 """Stands for the tolerance of a run that has none."""
+END_TOLERANCES = 200.0
+"""Tolerances that the error of a run has grown to at its end: BDF's at 1e-12."""
 PARABOLA_PART = 0.25
 """Part of the distance to its neighbour by which a transition has to move for the pair to be gone (a parabola)."""
 
@@ -54,8 +60,8 @@ def verdict(
     found: Sequence[Transition],
     *,
     tolerance: float | None,
+    status: Status,
     ended: float,
-    timed_out: bool,
 ) -> Verdict:
     """The verdict on a run that is not right, from the first transition that it misses or invents.
 
@@ -67,10 +73,10 @@ def verdict(
         The run's transitions that were matched.
     tolerance : float, optional
         The run's; None: it has none.
+    status : Status
+        How the run ended.
     ended : float
-        Where the run ended [s].
-    timed_out : bool
-        Whether the time limit ended it.
+        Where it did [s].
     """
     if expected.nothing_known:
         return Verdict("not judged", "nothing is known of the exact run after its start")
@@ -80,9 +86,13 @@ def verdict(
     where = min(missed + invented, default=None)
     if expected.status == "nonunique" and (where is None or where >= expected.end_time - allowed):
         return Verdict("not unique", f"from t = {expected.end_time:.9g} s on there are several futures")
-    if timed_out and (where is None or (where > ended and not invented)):
+    if status == "timeout" and (where is None or (where > ended and not invented)):
         return Verdict("not judged", f"right up to t = {ended:.9g} s, where the time limit stopped it")
     if where is None:
+        allowed_time = math.sqrt(END_TOLERANCES * allowed / expected.scale) * (expected.until - expected.start)
+        if status == expected.status == "failed" and abs(ended - expected.end_time) <= allowed_time:
+            basis = f"an error of its tolerances moves an end like that by {allowed_time:.1e} s: t = {ended:.9g} s"
+            return Verdict("ill-conditioned", basis)
         return Verdict("solver defect", f"every transition is right, the end at t = {ended:.9g} s is not")
     if missed and missed[0] == where:
         fault = missed_verdict(expected, matching.missed[0], allowed)

@@ -58,8 +58,10 @@ class System:
         Sign symbol -> ``{"field": [...], "release": [{"when": EXPR, "direction": "rising", "to": -1}]}``, sliding in a
         way of one's own (static friction, with ``"entry": "inside"``) in place of Filippov's.
     resets : mapping, optional
-        Sign symbol -> ``{"when": "falling", "map": {state: EXPR}}``: where the surface falls through zero the state
-        jumps, each right-hand side in time and the state before; states that are not named stay.
+        Sign symbol -> ``{"when": "falling", "map": {state: EXPR}, "priority": 0}``: where the surface falls through
+        zero the state jumps, each right-hand side in time and the state before; states that are not named stay. A map
+        that carries another such surface through zero triggers that one next; of several that are due the lowest
+        priority goes first (0 if not given).
 
     Notes
     -----
@@ -282,7 +284,7 @@ class System:
             (i, o.field, tuple((r.when, r.direction, r.to) for r in o.release), o.entry)
             for i, o in sorted(model.overrides.items())
         )
-        resets = tuple((i, tuple(r.map.items()), r.when) for i, r in sorted(model.resets.items()))
+        resets = tuple((i, tuple(r.map.items()), r.when, r.priority) for i, r in sorted(model.resets.items()))
         names = tuple(self._names.values)
         return model.states, model.signs, model.surfaces, model.field, model.valid, overrides, resets, names
 

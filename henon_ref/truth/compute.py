@@ -25,13 +25,15 @@ from henon_ref.filippov.kinks import visible
 from henon_ref.precision import working_precision
 from henon_ref.truth import store
 from henon_ref.truth.balls import enclose
-from henon_ref.truth.reference import ReferenceTransition, Route, Truth, TruthError
+from henon_ref.truth.reference import OUT_OF_TIME, ReferenceTransition, Route, Truth, TruthError
 
 if TYPE_CHECKING:
     from henon_ref.casefile.case import Case, Reading
 
 log = logging.getLogger(__name__)
 
+COMPUTED_SECONDS = 120.0
+"""Processor time that heyoka's route may take there [s]; what it has found by then is the truth up to there."""
 PROOF_SECONDS = 60.0
 """Time a proof may take where a truth is computed because none is stored [s]."""
 BARREN_SECONDS = 3.0
@@ -78,7 +80,8 @@ def truth_for(
         From the store where the hash of the mathematics matches. Otherwise computed, and stored where nothing is
         replaced by it but what the user's cache holds: a file in ``cases/truth`` that cannot be used stays as it is.
         Nothing is stored in an installed package.
-        One that heyoka would take further is not stored where it is not installed.
+        One that heyoka would take further is not stored where it is not installed, nor one that its time limit has cut
+        short.
 
     Raises
     ------
@@ -87,8 +90,15 @@ def truth_for(
     """
     if not recompute and (stored := stored_truth(case, reading, folder)) is not None:
         return stored
-    truth = compute(case, reading, proof_seconds=PROOF_SECONDS, barren_seconds=BARREN_SECONDS, progress=progress)
-    if not truth.certified and not heyoka_installed():
+    truth = compute(
+        case,
+        reading,
+        proof_seconds=PROOF_SECONDS,
+        barren_seconds=BARREN_SECONDS,
+        computed_seconds=COMPUTED_SECONDS,
+        progress=progress,
+    )
+    if not truth.certified and (not heyoka_installed() or truth.reason.startswith(OUT_OF_TIME)):
         return truth
     places = [place for place in _places(case, folder) if not store.inside_package(place)]
     free = [place for place in places[:-1] if not os.path.lexists(store.path_of(place, case.name, reading.name))]
@@ -162,6 +172,7 @@ def compute(
     *,
     proof_seconds: float | None = None,
     barren_seconds: float | None = None,
+    computed_seconds: float | None = None,
     progress: Progress | None = None,
 ) -> Truth:
     """Compute the truth of a reading by both routes.
@@ -172,6 +183,8 @@ def compute(
         Give the proof up after so long; None: never.
     barren_seconds : float, optional
         The same where the run fails before its first transition; None: as ever.
+    computed_seconds : float, optional
+        Stop heyoka's route after so much processor time; None: never.
 
     Raises
     ------
@@ -187,7 +200,7 @@ def compute(
     if heyoka_installed():
         from henon_ref.truth.multiprecision.route import multiprecision
 
-        computed = multiprecision(problem, progress=_stage(progress, "heyoka"))
+        computed = multiprecision(problem, progress=_stage(progress, "heyoka"), seconds=computed_seconds)
         if computed.status == "failed" and not computed.transitions and barren_seconds is not None:
             seconds = barren_seconds
     proof = prove(problem, seconds=seconds, progress=_stage(progress, "proof"))

@@ -138,6 +138,7 @@ class _Variations:
         self.system = system
         self._flows: dict[Mode, Callable[..., Any]] = {}
         self._functions: dict[Mode, Callable[..., Any]] = {}
+        self._maps: dict[int, Callable[..., Any]] = {}
         self._shared = system.shared
 
     def derivative(self, mode: Mode, begin: float, state: Vector, end: float, landed: Vector) -> tuple[Vector, Vector]:
@@ -217,9 +218,8 @@ class _Variations:
         derivative is ``(1 + q^2 r) / ((1 - q r) q v)`` by h and ``(1 + q) / ((1 - q r) q a)`` by v
         (:mod:`henon_ref.filippov.resting`).
         """
-        system, resting, jump = self.system, impact_of(self.system, surface), jump_of(self.system, (surface,))
+        system, resting, jump = self.system, impact_of(self.system, surface), jump_of(self.system, surface)
         assert resting is not None  # there is a rest
-        assert jump is not None
         after = resting.speed.xreplace(dict(zip(system.states, jump.states, strict=True)))
         signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
         turned = {system.signs[j]: -signs[system.signs[j]] for j in turning_in_flight(system, surface)}
@@ -236,13 +236,17 @@ class _Variations:
         return (1 + q * q * ratio) / (lost * speed) * height + (1 + q) / (lost * -rising) * own
 
     def _map(self, surfaces: tuple[int, ...], time: float, state: Vector) -> tuple[Vector, Vector]:
-        """Derivatives of a jump in time, shape (n,), and in the state, shape (n, n)."""
-        system, jump = self.system, jump_of(self.system, surfaces)
-        assert jump is not None  # there is a transition
-        values = [system.numeric(value) for value in jump.states]
-        slopes = [[sp.diff(value, x) for x in (TIME, *system.states)] for value in values]
-        found = np.array(sp.lambdify([TIME, *system.states], slopes, np)(time, *state), dtype=float)
-        return found[:, 0], found[:, 1:]
+        """Derivatives of jumps, one after the other, in time, shape (n,), and in the state, shape (n, n)."""
+        n = len(state)
+        drift, matrix = np.zeros(n), np.eye(n)
+        for surface in surfaces:
+            if surface not in self._maps:
+                values = [self.system.numeric(value) for value in jump_of(self.system, surface).states]
+                slopes = [[sp.diff(value, x) for x in (TIME, *self.system.states)] for value in values]
+                self._maps[surface] = sp.lambdify([TIME, *self.system.states], [values, slopes], np)
+            after, found = (np.array(part, dtype=float) for part in self._maps[surface](time, *state))
+            drift, matrix, state = found[:, 1:] @ drift + found[:, 0], found[:, 1:] @ matrix, after
+        return drift, matrix
 
     def field(self, mode: Mode, time: float, state: Vector) -> Vector:
         """x' in a mode."""

@@ -12,6 +12,9 @@ from henon_ref.errors import HenonRefError
 from henon_ref.filippov.modes import Mode
 from henon_ref.trajectory import Kind, Status
 
+OUT_OF_TIME = "the truth's time limit passed"
+"""Begin of the reason of a truth that has been cut short by it."""
+
 
 class TruthError(HenonRefError):
     """Two routes to the truth contradict each other, so that there is none to store."""

@@ -119,6 +119,30 @@ def test_a_polynomial_goes_past_the_end_of_what_it_stands_for() -> None:
     assert cause_of(run_row(solver="heyoka", **past | {"expected_status": "diverged"}), []) is None
 
 
+def test_heyoka_may_be_past_the_end_of_a_field_before_it_stops() -> None:
+    past = {"expected_status": "failed", "status": "failed", "missed": 0}
+    later = past | {"status_reason": "heyoka: the state is not finite; failed at t = 3.44, not at 2.567"}
+    assert cause_of(run_row(solver="heyoka", **later), []) == "heyoka-past-end"
+    earlier = past | {"status_reason": "heyoka: the state is not finite; failed at t = 2.44, not at 2.567"}
+    assert cause_of(run_row(solver="heyoka", **earlier), []) is None
+
+
+def test_two_roots_around_another_surface_s_event_cancel_in_one_step() -> None:
+    run = {"status": "failed", "status_reason": "a root of h was stepped over: it is -2.5e-19 at t = 1"}
+    run |= {"missed": 3, "end_time_s": 1.0, "steps": 4.0}
+    pair = [
+        missed("++", "-+", reference_time_s=1 - 5e-10, graze_distance=2.5e-19),
+        missed("-+", "--", surface="u", reference_time_s=1.0),
+        missed("--", "+-", reference_time_s=1 + 5e-10, graze_distance=2.5e-19),
+    ]
+    assert cause_of(run_row(solver="scipy-dop853", **run), pair) == "scipy-pair"
+    assert cause_of(run_row(solver="heyoka", **run), pair) == "heyoka-double-root"
+    deep = [row | {"graze_distance": 1e-3} for row in pair]
+    assert cause_of(run_row(solver="heyoka", **run), deep) is None
+    far = [pair[0], pair[1], pair[2] | {"reference_time_s": 9.0}]
+    assert cause_of(run_row(solver="scipy-dop853", **run), far) is None
+
+
 def test_programs_in_other_languages_have_causes_of_their_own() -> None:
     assert cause_of(run_row(solver="cvode-c-adams"), PAIR) == "cvode-c-pair"
     assert cause_of(run_row(solver="octave-ode45"), PAIR) == "octave-pair"

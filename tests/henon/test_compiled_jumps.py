@@ -91,6 +91,10 @@ def test_the_limit_of_impacts_is_python_s(jumps_in_python: list[tuple[int, ...]]
 UNPRESSED = FilippovSystem((X, V), (S,), (X,), (V, V), resets={0: Reset({V: sp.Integer(0)})})
 OUTSIDE = FilippovSystem((X, V), (S,), (X,), (V, sp.Integer(-1)), valid=(V + 2,), resets={0: Reset({V: V - 2})})
 THROUGH = FilippovSystem((X, V), (S,), (X,), (V, sp.Integer(-1)), resets={0: Reset({V: V / 2})})
+CARRIED = FilippovSystem(
+    (X, V, W), (S, U), (X, HALF - W), (V, sp.Integer(-1), sp.Integer(0)),
+    resets={0: Reset({X: sp.Integer(1), V: sp.Integer(0), W: sp.Integer(1)}), 1: Reset({W: sp.Integer(0)})},
+)  # fmt: skip
 TO_AN_EDGE = FilippovSystem((X, V), (S, U), (X, V - HALF), (V, -HALF), resets={0: Reset({V: HALF})})
 BESIDE = FilippovSystem((X, V, W), (S, U), (X, W), (V, sp.Integer(-1), -U), resets=BOUNCES)
 
@@ -98,13 +102,13 @@ BESIDE = FilippovSystem((X, V, W), (S, U), (X, W), (V, sp.Integer(-1), -U), rese
 @pytest.mark.parametrize(
     ("system", "start", "status", "kinds"),
     [
-        (UNPRESSED, (1, -1), "ok", ["reset", "stick"]),
+        (UNPRESSED, (1, -1), "ok", ["reset"]),
         (OUTSIDE, (1, 0), "invalid", []),
-        (THROUGH, (1, 0), "ok", ["reset"]),
+        (CARRIED, (1, 0, 0), "ok", ["reset", "reset"]),
         (TO_AN_EDGE, (1, -1), "ok", ["reset"]),
         (BESIDE, (1, 0, 0), "ok", ["reset"]),
     ],
-    ids=["nothing presses", "invalid", "through", "edge", "beside a slide"],
+    ids=["nothing presses", "invalid", "cascade", "edge", "beside a slide"],
 )
 def test_what_is_not_clear_is_python_s(
     jumps_in_python: list[tuple[int, ...]],
@@ -116,6 +120,30 @@ def test_what_is_not_clear_is_python_s(
     found = run(Problem(with_resting(system), sp.Integer(0), ints(*start), sp.Rational(3, 2)))
     assert jumps_in_python == [(0,)]
     assert (found.status, [t.kind for t in found.transitions]) == (status, kinds)
+
+
+COUNTED = FilippovSystem((X, V, W), (S,), (HALF - X,), (V, -X, sp.Integer(0)), resets={0: Reset({W: W + 1})})
+
+
+@pytest.mark.parametrize("system", [THROUGH, COUNTED], ids=["slower", "counted"])
+def test_a_surface_that_goes_on_falling_is_compiled_code_s(
+    jumps_in_python: list[tuple[int, ...]], monkeypatch: pytest.MonkeyPatch, system: FilippovSystem
+) -> None:
+    """The state goes on through the surface, at once below it; the bits are those of the way through Python."""
+    start = ints(1, 0) if system is THROUGH else ints(0, 1, 0)
+    problem = Problem(with_resting(system), sp.Integer(0), start, sp.Integer(20))
+    for _ in range(2):  # first into a mode that is not compiled
+        compiled = run(problem)
+    assert jumps_in_python == []
+    below = [t for t in compiled.transitions if t.kind == "reset"]
+    assert below and {(t.from_mode, t.to_mode) for t in below} == {((1,), (-1,))}
+    monkeypatch.setattr(mode_table, "jump_code", lambda _: None)
+    precise = run(problem)
+    assert len(jumps_in_python) == len(below)
+    assert [(t.time, t.state) for t in compiled.transitions] == [(t.time, t.state) for t in precise.transitions]
+    if system is COUNTED:  # x = sin t rises through 1/2 at pi/6 and falls back at 5 pi/6, again and again
+        assert [t.time for t in below] == pytest.approx([np.pi / 6 + 2 * np.pi * k for k in range(4)], abs=1e-12)
+        assert compiled.end_state[2] == 4.0
 
 
 def told(found: Trajectory) -> list[tuple[Any, ...]]:

@@ -85,6 +85,18 @@ def test_a_run_that_is_right_until_its_time_is_up_is_not_judged(times):
     assert result.verdict.basis == f"right up to t = {ended:g} s, where the time limit stopped it"
 
 
+@pytest.mark.parametrize(("late", "word"), [(0.9e-2, "ill-conditioned"), (1.1e-2, "solver defect")])
+def test_an_end_that_comes_with_the_root_of_the_error_is_the_question_s(late, word):
+    """By Torricelli's law a level 1e-4 off is off by 1e-2 in the time at which it is zero, in units of the run."""
+    truth = replace(expected(), status="failed")
+    span, end = truth.until - truth.start, truth.end_time + late * (truth.until - truth.start)
+    tolerance = 1e-4 / 200
+    stopped = trajectory(found(), "failed", end_time=end, reason="the step is too small")
+    result = score(stopped, truth, tolerance=tolerance)
+    assert (result.status, result.verdict.word) == ("failed", word)
+    assert span > 0
+
+
 @pytest.mark.parametrize("wrong", [(*found()[:1], *found()[2:4]), (*found()[:3], crossing(3.6))])
 def test_what_went_wrong_before_the_time_was_up_is_the_solver_s(wrong):
     stopped = trajectory(tuple(wrong), "timeout", end_time=3.7, reason="stopped after 1 s")

@@ -67,7 +67,8 @@ def reset_notes(system: FilippovSystem) -> list[str]:
         lines += "" if len(values) == len(reset.map) else " (a value is too long to be printed)"
         note = f"`{system.sign_names[index]}`: where it falls through zero, the state jumps: {lines}"
         impact, part = impact_of(system, index), f"2^{log2(REMAINING):.0f}"
-        if impact is not None:
+        note += f" (priority {reset.priority:g})" if reset.priority else ""
+        if impact is not None and not impact.idle:
             note += f"; impacts are told of until all later ones last less than {part} of the run, then "
             note += f"the run ends: {impact.refusal}" if impact.refusal else "the body rests"
         notes.append(note)

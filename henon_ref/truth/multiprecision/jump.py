@@ -23,6 +23,9 @@ class Jumps:
     selection : ModeSelection
     """
 
+    rounding = 0.0
+    """A point carries the radii to which it is known."""
+
     def __init__(self, selection: ModeSelection) -> None:
         self._selection = selection
 

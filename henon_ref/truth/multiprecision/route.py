@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 import sys
 from itertools import takewhile
-from time import perf_counter
+from time import perf_counter, process_time
 
 import heyoka as hy
 from flint import arb
@@ -29,11 +29,13 @@ LADDER = ((256, 224), (512, 448), (1024, 896))
 """Pairs of precisions [bits], tried in turn; the digits come from the first of a pair."""
 WANTED = 1e-30
 """Radius asked for, as a part of the run's length."""
+PARTS = (0.55, 1.0)
+"""Part of the time at which each of a pair has to stop: the lower precision takes less."""
 ROUNDING = 2.0**16
 """Roundings that a radius allows for even where two runs agree by luck."""
 
 
-def multiprecision(problem: Problem, *, progress: Progress | None = None) -> Route:
+def multiprecision(problem: Problem, *, progress: Progress | None = None, seconds: float | None = None) -> Route:
     """Compute a problem's transitions with heyoka in multiprecision.
 
     Parameters
@@ -41,6 +43,8 @@ def multiprecision(problem: Problem, *, progress: Progress | None = None) -> Rou
     problem : Problem
     progress : callable, optional
         Told the part that is done, 0 to 1.
+    seconds : float, optional
+        Processor time after which it stops with what it has [s].
 
     Returns
     -------
@@ -48,11 +52,14 @@ def multiprecision(problem: Problem, *, progress: Progress | None = None) -> Rou
         With status ``failed`` where the precisions do not suffice to tell what happens; its transitions are
         then those up to where they do.
     """
-    began = perf_counter()
+    began, begun = perf_counter(), process_time()
+    deadlines = [None if seconds is None else begun + seconds * part for part in PARTS]
     for pair in LADDER:
-        runs = [simulate(problem, bits, progress=_part(progress, i)) for i, bits in enumerate(pair)]
+        runs = [
+            simulate(problem, bits, progress=_part(progress, i), deadline=deadlines[i]) for i, bits in enumerate(pair)
+        ]
         route = _agreed(problem, *runs, seconds=perf_counter() - began)
-        if not route.undecided:
+        if not route.undecided or any(run.out_of_time for run in runs):
             return route
         log.info("%s bits: %s", pair, route.undecided)
     return route
@@ -78,7 +85,10 @@ def _agreed(problem: Problem, high: Run, low: Run, *, seconds: float) -> Route:
         size = max((abs(float(v)) for event in high.events for v in event.state), default=0.0) or 1.0
         transitions = tuple(t for pair in kept for t in _transitions(*pair, floor * span, floor * size))
         undecided = ""
-        if len(kept) < max(len(high.events), len(low.events)):
+        stopped = [run for run in (high, low) if run.out_of_time]
+        if stopped:
+            undecided = min(stopped, key=lambda run: float(run.end_time)).reason
+        elif len(kept) < max(len(high.events), len(low.events)):
             what = "know its time too roughly" if len(kept) < len(pairs) else "see different events"
             undecided = f"after transition {len(transitions)} the runs at {high.bits} and {low.bits} bits {what}"
         elif high.status != low.status:
@@ -112,7 +122,10 @@ def _radius(a: arb, b: arb, least: float) -> float:
 def _transitions(high: Event, low: Event, least_time: float, least_state: float) -> list[ReferenceTransition]:
     """One reference transition a surface."""
     radius = _radius(high.time, low.time, least_time)
-    state_radius = max(_radius(a, b, least_state) for a, b in zip(high.state, low.state, strict=True))
+    states, others = (event.states or (event.state,) * len(event.surfaces) for event in (high, low))
+    radii = [
+        max(_radius(a, b, least_state) for a, b in zip(*pair, strict=True)) for pair in zip(states, others, strict=True)
+    ]
     return [
         ReferenceTransition(
             kind="reset" if i in high.resets else transition_kind(high.before[i], high.after[i]),
@@ -121,9 +134,9 @@ def _transitions(high: Event, low: Event, least_time: float, least_state: float)
             to_mode=high.after,
             time_digits=ball_text(high.time, radius),
             radius=radius,
-            state=tuple(ball_text(v, state_radius) for v in high.state),
+            state=tuple(ball_text(v, state_radius) for v in state),
             state_radius=state_radius,
             transversality=float(f"{high.transversality:.6g}"),
         )
-        for i in high.surfaces
+        for i, state, state_radius in zip(high.surfaces, states, radii, strict=True)
     ]

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from time import process_time
 
 import numpy as np
 from flint import arb
 
-from henon_ref.filippov.after_jump import Rest
+from henon_ref.filippov.after_jump import AfterJump, Rest
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.resets import resetting
+from henon_ref.filippov.resets import resetting, rows_at
 from henon_ref.filippov.resting import REMAINING, turning_in_flight
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
@@ -24,7 +26,7 @@ from henon_ref.truth.multiprecision.mode_selection import ModeSelection, Point
 from henon_ref.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball
 from henon_ref.truth.multiprecision.stepper import Step, Stepper
 from henon_ref.truth.multiprecision.termination import CROWD, EndedError, Termination, written
-from henon_ref.truth.reference import NearGraze
+from henon_ref.truth.reference import OUT_OF_TIME, NearGraze
 from henon_ref.truth.roots import isolate
 
 FINAL = 2.0**-80
@@ -45,11 +47,13 @@ class Event:
     before: Mode
     after: Mode
     surfaces: tuple[int, ...]
-    """Surfaces that change, or that are touched where none changes."""
+    """Surfaces that change, or that are touched where none changes; twice where a map is applied twice."""
     transversality: float
     """Smallest speed with which a guard that ends the mode falls through zero [unit of the guard / s]."""
     resets: tuple[int, ...] = ()
-    """Surfaces that reset the state; ``state`` is the one after."""
+    """Surfaces that reset the state, in order; ``state`` is the one after all."""
+    states: tuple[tuple[arb, ...], ...] = ()
+    """For each of ``surfaces`` the state that its map has left, or all maps; empty where nothing resets the state."""
 
 
 @dataclass
@@ -64,6 +68,8 @@ class Run:
     end_time: arb = field(default_factory=arb)
     accumulates: bool = False
     """Events accumulate at ``end_time``; there are infinitely many more before it."""
+    out_of_time: bool = False
+    """Whether its deadline has ended it."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +82,7 @@ class _Hit:
     """Whether the guard goes through zero, or only touches it."""
 
 
-def simulate(problem: Problem, bits: int, *, progress: Progress | None = None) -> Run:
+def simulate(problem: Problem, bits: int, *, progress: Progress | None = None, deadline: float | None = None) -> Run:
     """Run a problem at one precision.
 
     Parameters
@@ -85,6 +91,8 @@ def simulate(problem: Problem, bits: int, *, progress: Progress | None = None) -
     bits : int
         heyoka's precision; a tie or a tangency within ``2**(-3/4 bits)`` (relative) counts as exact.
     progress : callable, optional
+    deadline : float, optional
+        Processor time of this process (``time.process_time``) at which the run stops [s].
 
     Returns
     -------
@@ -98,14 +106,15 @@ def simulate(problem: Problem, bits: int, *, progress: Progress | None = None) -
     """
     check_groups(problem.system)
     with working_precision(bits + GUARD_BITS):
-        return _Simulation(problem, bits, progress).run()
+        return _Simulation(problem, bits, progress, deadline).run()
 
 
 class _Simulation:
     """The state of one run."""
 
-    def __init__(self, problem: Problem, bits: int, progress: Progress | None) -> None:
+    def __init__(self, problem: Problem, bits: int, progress: Progress | None, deadline: float | None) -> None:
         self.problem = problem
+        self.deadline = math.inf if deadline is None else deadline
         self.bits = bits
         self.zero = arb(2) ** (-(3 * bits) // 4)
         self.progress = progress
@@ -133,6 +142,9 @@ class _Simulation:
                 if self._advance():
                     self.result.end_time = self.until
                     return self.result
+                if process_time() > self.deadline:
+                    self.result.out_of_time = True
+                    raise EndedError("failed", f"{OUT_OF_TIME} at t = {self._now()}")
             raise EndedError("failed", f"stopped after {MAX_STEPS} Taylor steps")
         except EndedError as end:
             self.result.status, self.result.reason, self.result.accumulates = end.status, end.reason, end.accumulates
@@ -269,23 +281,27 @@ class _Simulation:
         self.result.end_time = point.time.mid()
         if not self.accumulating:
             self.termination.event([*(e.time for e in self.result.events[-CROWD:]), point.time.mid()])
-        resets = resetting(self.problem.system, before, hits)
-        if self.accumulating and resets != self.accumulating and not self._turns_in_flight(hits):
-            raise EndedError("failed", f"something happens where impacts accumulate, at t = {self._now()}")
-        if resets:
-            after, active, rest = self._jump(resets, hits)
-            changed = tuple(i for i, s in enumerate(after) if s != before[i] or i in resets)
+        due = resetting(self.problem.system, before, hits)
+        if due:
+            jumped = self._jump(due, hits)
+            resets = tuple(i for i, _ in jumped.applied)
+            after, active, rest = self.mode, frozenset(jumped.on), jumped.rest
+            rows = rows_at(before, after, resets)
+            changed = tuple(i for i, _ in rows)
+            left = [jumped.state if place is None else jumped.applied[place][1] for _, place in rows]
         else:
+            resets, rest, left = (), None, []
             after = self._decided(self.selection.after_event(point, before, hits, touched=touched))
             active = self.problem.system.closed({g.index for g in hits}, {i for i, s in enumerate(before) if s == 0})
             changed = tuple(i for i in sorted(active) if after[i] != before[i])
+        if self.accumulating and resets != self.accumulating and not self._turns_in_flight(hits):
+            raise EndedError("failed", f"something happens where impacts accumulate, at t = {self._now()}")
         met = tuple(sorted({g.index for g in hits}))
-        state = tuple(v.mid() for v in self.point.state)
+        state, *states = (tuple(v.mid() for v in own) for own in (self.point.state, *left))
         if not self.accumulating:
-            self.result.events.append(
-                Event(point.time.mid(), state, before, after, changed or met, transversality, resets)
-            )
-        if resets and rest is not None:
+            event = Event(point.time.mid(), state, before, after, changed or met, transversality, resets, tuple(states))
+            self.result.events.append(event)
+        if rest is not None:
             self.accumulating = resets
             if rest.remaining <= FINAL * self.span:
                 self._come_to_rest(after, rest)
@@ -310,12 +326,12 @@ class _Simulation:
             self.result.events.append(Event(time, state, before, rest.mode, surfaces, 0.0))
         self._enter(rest.mode, frozenset(i for i, s in enumerate(rest.mode) if s == 0))
 
-    def _jump(self, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> tuple[Mode, frozenset[int], Rest | None]:
-        """Let the state jump; the mode after, the surfaces that the state is on, and the rest that is close."""
-        after = self.jumps.after(self.point, self.mode, surfaces, hits, REMAINING * self.span)
-        mode = self._decided(after.decision)
+    def _jump(self, due: tuple[int, ...], hits: Sequence[Guard]) -> AfterJump:
+        """Let the state jump, and go over to the mode after it."""
+        after = self.jumps.after(self.point, self.mode, due, hits, REMAINING * self.span)
+        self.mode = self._decided(after.decision)
         self.point = Point(self.point.time, tuple(after.state))
-        return mode, frozenset(after.on), after.rest
+        return after
 
     def _blurred(self, time: arb, state: Sequence[arb], step: Step) -> Point:
         """A point with the radii within which it counts as known."""

@@ -128,6 +128,8 @@ class Stepper:
         self._rhs = [*field, *slopes]
         self._numbers = RealParameters(bits, len(self._switches))
         rhs = tuple([to_heyoka(e, symbols, self._numbers) for e in self._rhs])
+        self._shortened: Any = None
+        """Length of the last step, if heyoka's choice of it could not be trusted."""
         self._integrator = _integrator(tuple(variables), rhs, bits, len(self._switches) + len(self._numbers.values))
 
     @property
@@ -148,19 +150,26 @@ class Stepper:
         integrator.pars[:] = [hy.real(str(self._values[s]), self.bits) for s in self._switches] + self._numbers.values
         integrator.state[:] = [to_real(v, self.bits) for v in (*state, *outputs)]
         integrator.time = to_real(time, self.bits)
+        self._shortened = None
 
     def step(self, limit: arb) -> Step:
-        """One step, not beyond a time; shortened where heyoka's choice of its length cannot be trusted."""
-        integrator = self._integrator
+        """One step, not beyond a time; shortened where heyoka's choice of its length cannot be trusted.
+
+        In front of a singularity that is so step after step: one begins with twice the length of the last.
+        """
+        integrator, two = self._integrator, hy.real("2", self.bits)
         begin, state = integrator.time, integrator.state.copy()
         room = to_real(limit, self.bits) - begin
+        if self._shortened is not None:
+            room = min(room, self._shortened * two)
+        self._shortened = None
         for _ in range(HALVINGS):
             outcome, length = integrator.step(room, write_tc=True)
             step = self._scaled(begin, length, outcome)
             if not step.finite or self._trusted(step):
                 return step
             integrator.time, integrator.state[:] = begin, state
-            room = length / hy.real("2", self.bits)
+            room = self._shortened = length / two
         return replace(step, finite=False)
 
     def _scaled(self, begin: Any, length: Any, outcome: Any) -> Step:

@@ -28,8 +28,8 @@ class Hit:
     """Enclosure of (t, x)."""
     rate: arb
     """Slope of the guard at the event [1/s]."""
-    resets: tuple[int, ...] = ()
-    """Surfaces that reset the state; ``box`` is of the state after."""
+    applied: tuple[tuple[int, tuple[arb, ...]], ...] = ()
+    """Surfaces that reset the state, in order, each with the enclosure after its map; ``box`` is after all."""
     rest: Rest | None = None
     """What follows at once, or after impacts that are not told of."""
     told: bool = True

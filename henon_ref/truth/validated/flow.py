@@ -11,16 +11,17 @@ from flint import arb, arb_mat
 
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
-from henon_ref.filippov.resets import Jump, jump_of, resetting, shared
-from henon_ref.filippov.resting import REMAINING, impact_of, pressed_by, time_to_rest
+from henon_ref.filippov.resets import Jump, resetting
+from henon_ref.filippov.resting import REMAINING, impact_of, time_to_rest
 from henon_ref.precision import working_precision
 from henon_ref.truth.balls import enclose
-from henon_ref.truth.validated.consistency import EndedError, Entry
+from henon_ref.truth.validated.consistency import Entry
 from henon_ref.truth.validated.enclosure import Curve, Expansion, Tail, UndecidedError, expand
 from henon_ref.truth.validated.event import guard_curve
 from henon_ref.truth.validated.fallen_guard import Hit, first_fall, guard_text
-from henon_ref.truth.validated.impacts import Rest, rest_after, speed_after
+from henon_ref.truth.validated.impacts import Rest, rest_after
 from henon_ref.truth.validated.lohner import PointSet
+from henon_ref.truth.validated.maps import ProvenMaps
 from henon_ref.truth.validated.mode_selection import entry_after, entry_after_jump, entry_at_rest
 from henon_ref.truth.validated.model import ModeModel, SystemModel
 
@@ -228,30 +229,33 @@ class ValidatedFlow:
 
     def _reset(self, guard: Guard, before: Mode, rate: arb) -> Hit:
         """Let the state jump where a guard has fallen."""
-        system, index = self.model.system, guard.index
-        jump = jump_of(system, (index,))
-        assert jump is not None  # of one surface there is one
-        arrived = self.points.hull()
-        if pressed := pressed_by(system, before, jump):
-            raise EndedError(shared(system, (index, *pressed), arrived[0].str(17, radius=False)).reason, "nonunique")
+        index, arrived = guard.index, self.points.hull()
         if self._accumulating not in (None, index):
             raise UndecidedError("another surface resets the state where impacts accumulate", "mode")
-        speed = speed_after(self.model, index, before, arrived)
-        self._jump(jump)
+        maps = ProvenMaps(self.model, before, index)
+        applied = []
+        while maps.due:
+            jump = maps.next(self.points.hull())
+            self._jump(jump)
+            applied.append((maps.applied[-1], tuple(self.points.hull())))
+            maps.after(jump, self.points.hull())
         box = tuple(self.points.hull())
-        entry = entry_after_jump(self.model, box, before, jump, speed)
+        entry = entry_after_jump(self.model, box, maps.sides, maps.speeds)
         after, rest = entry.mode, None
-        if speed is not None and after[index] == 0:  # the impact has taken all its speed
-            after, rest = replaced(after, index, 1), Rest(entry.mode, box)
+        for i, speed in maps.speeds.items():
+            if after[i] == 0 and i in maps.applied and speed == 0:  # the impact has taken all its speed
+                after, rest = replaced(after, i, 1), Rest(entry.mode, box)
         told = self._accumulating is None
-        if rest is None and speed is not None and after[index] > 0:
-            rest = self._limit(index, before, after, speed, arrived)
+        if rest is None and index in maps.speeds and after[index] > 0:
+            rest = self._limit(index, before, after, maps.speeds[index], arrived)
         if rest is not None and rest.box is not box:
             self._accumulating = None
             self.points = PointSet.box(rest.box)
             entry = entry_at_rest(self.model, rest.box, rest.mode)
+        if self._accumulating is not None and len(applied) > 1:
+            raise UndecidedError("another surface resets the state where impacts accumulate", "mode")
         self.enter(entry)
-        return Hit(guard, before, after, box, rate, (index,), rest, told)
+        return Hit(guard, before, after, box, rate, tuple(applied), rest, told)
 
     def _limit(self, index: int, before: Mode, after: Mode, speed: arb, arrived: Sequence[arb]) -> Rest | None:
         """The limit of impacts, where it is as close as can be; notes where they are no longer told of."""

@@ -37,7 +37,7 @@ class Rest:
     """Enclosure of (t, x) where it does."""
 
 
-def speed_after(model: SystemModel, index: int, mode: Mode, arrived: Sequence[arb]) -> arb | None:
+def speed_after(model: SystemModel, index: int, arrived: Sequence[arb]) -> arb | None:
     """Enclosure of h' after an impact on a surface, exactly 0 where it is proven to be; None where it is no body's.
 
     Parameters
@@ -45,7 +45,6 @@ def speed_after(model: SystemModel, index: int, mode: Mode, arrived: Sequence[ar
     model : SystemModel
     index : int
         The surface.
-    mode : Mode
     arrived : sequence of arb
         Enclosure of (t, x) before it.
 

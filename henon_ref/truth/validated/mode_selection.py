@@ -8,7 +8,7 @@ a Filippov release, so the surface's normal velocity is exactly zero there).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import sympy as sp
 from flint import arb
@@ -17,7 +17,6 @@ from henon_ref.filippov.decision import ended
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.resets import Jump
 from henon_ref.filippov.resting import impact_of, into_surface
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.validated.consistency import EndedError, Entry, Identities, Judge, sign_of
@@ -117,20 +116,18 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
     return judge.fixed(released, f"the release into {mode_text(released, system.sign_names)} leads back at once"), on
 
 
-def entry_after_jump(model: SystemModel, box: Sequence[arb], mode: Mode, jump: Jump, speed: arb | None) -> Entry:
-    """The mode after a jump of the state.
+def entry_after_jump(model: SystemModel, box: Sequence[arb], sides: Sequence[int], speeds: Mapping[int, arb]) -> Entry:
+    """The mode after the last jump of an instant.
 
     Parameters
     ----------
     model : SystemModel
     box : sequence of arb
         Enclosure of (t, x) after it.
-    mode : Mode
-        Before it.
-    jump : Jump
-        Of one surface.
-    speed : arb, optional
-        With which the surface is left; exactly 0 where it is not, None where the jump is no impact.
+    sides : sequence of int
+        Signs of the surfaces; 0 for one that the state is on.
+    speeds : mapping
+        Of such a surface h', where a map has changed that; exactly 0 where an impact has taken it.
     """
     system, at = model.system, dict(zip(model.symbols, box, strict=True))
     for expression in system.valid:
@@ -139,17 +136,11 @@ def entry_after_jump(model: SystemModel, box: Sequence[arb], mode: Mode, jump: J
             raise EndedError(f"the model does not hold after the reset: {expression} < 0", "invalid")
         if not value > 0:
             raise UndecidedError(f"whether the model holds after the reset cannot be told: {expression}", "mode")
-    signs = [sign_of(enclose(h, at)) for h in model.surfaces]
-    for i, sign in enumerate(signs):
-        if sign == 0 and i not in jump.kept:
-            raise UndecidedError(f"the side of {system.sign_names[i]} after the reset cannot be told", "mode")
-    (index,) = jump.surfaces
-    sides = jump.sides(mode, jump.surfaces, signs)
     on = tuple(i for i, side in enumerate(sides) if side == 0)
-    identities = _identities(model, [i for i in on if i != index or speed == 0], [i for i in on if i == index])
-    if speed is not None:
-        sides[index] = sign_of(speed)
-    return Judge(model, box, on, identities).unique(tuple(sides), tuple(i for i in on if sides[i] == 0))
+    still = [i for i in on if i not in speeds or speeds[i] == 0]
+    identities = _identities(model, still, [i for i in on if i in speeds])
+    entries = tuple(sign_of(speeds[i]) if i in speeds else side for i, side in enumerate(sides))
+    return Judge(model, box, on, identities).unique(entries, tuple(i for i in on if entries[i] == 0))
 
 
 def entry_at_rest(model: SystemModel, box: Sequence[arb], mode: Mode) -> Entry:

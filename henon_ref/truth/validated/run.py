@@ -13,6 +13,7 @@ from flint import arb
 from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode, transition_kind
 from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.resets import rows_at
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Kind
 from henon_ref.truth.balls import enclose
@@ -234,15 +235,27 @@ class _Attempt:
     def _record(self, hit: Hit) -> None:
         """One transition for every surface whose entry changes, in the order of the surfaces."""
         if hit.told:
-            self._note(hit, hit.before, hit.after, hit.box, hit.resets)
+            self._note(hit, hit.before, hit.after, hit.box, hit.applied)
         if hit.rest is not None:
             self._note(hit, hit.after, hit.rest.mode, hit.rest.box)
 
-    def _note(self, hit: Hit, before: Mode, after: Mode, box: tuple[arb, ...], resets: tuple[int, ...] = ()) -> None:
-        for i, (old, new) in enumerate(zip(before, after, strict=True)):
-            if old != new or i in resets:
-                kind: Kind = "reset" if i in resets else transition_kind(old, new)
-                self.transitions.append(CertifiedTransition(kind, i, before, after, box[0], box[1:], hit.rate))
+    def _note(
+        self,
+        hit: Hit,
+        before: Mode,
+        after: Mode,
+        box: tuple[arb, ...],
+        applied: tuple[tuple[int, tuple[arb, ...]], ...] = (),
+    ) -> None:
+        rows: list[tuple[int, int | None]]
+        if applied:
+            rows = rows_at(before, after, [i for i, _ in applied])
+        else:
+            rows = [(i, None) for i, (old, new) in enumerate(zip(before, after, strict=True)) if old != new]
+        for i, place in rows:
+            kind: Kind = transition_kind(before[i], after[i]) if place is None else "reset"
+            own = box if place is None else applied[place][1]
+            self.transitions.append(CertifiedTransition(kind, i, before, after, box[0], own[1:], hit.rate))
 
     def _result(self, status: Literal["certified", "not provable"], ended: Ended, reason: str) -> CertifiedRun:
         box = self.flow.points.hull() if self.flow is not None else self.start
