@@ -177,8 +177,8 @@ def _tables(work: Work, points: Points) -> dict[str, tuple[str, ...]]:
         tables |= ragged
     _check_once("table", [*names, FIGURES])
     _check_once("column", [*columns, *(name for name in OWN_COLUMNS if name not in (*points.labels, "status"))])
-    for ragged in tables.values():
-        _check_once("column", ragged)
+    for table in tables.values():
+        _check_once("column", table)
     columns.insert(0, "point")
     return {name: tuple(own) for name, own in tables.items()}
 
