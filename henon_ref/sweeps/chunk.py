@@ -98,7 +98,7 @@ def execute(work: bytes, first: int, values: Vector) -> Tables:
         points |= observation.columns(runs)
         for name, table in observation.tables(runs).items():
             ragged[name] = {**table, "point": table["point"] + first}
-    refused = tuple(f"{runs.told(k)}: {runs.message[k]}" for k in np.flatnonzero(runs.refused))
+    refused = tuple(f"{runs.told(k)}: {runs.message[k]}" for k in np.flatnonzero(runs.refused).tolist())
     return Tables(points, ragged, refused)
 
 

@@ -231,13 +231,14 @@ class Period(Observation):
         at = self._section().places(runs)
         returns, seconds = np.full(len(runs), np.nan), np.full(len(runs), np.nan)
         # The last points of each run, the last one first: what a run does not have is NaN, which nothing is close to.
-        length, back = 2 * self.most, rank_in_run(runs.run[at][::-1])[::-1]
+        back = rank_in_run(runs.run[at][::-1])[::-1]
+        length = min(2 * self.most, int(back.max(initial=0)) + 1)  # no more than any run has
         at, back = at[back < length], back[back < length]
         states = np.full((len(runs), length, len(runs.system.state)), np.nan)
         times = np.full((len(runs), length), np.nan)
         states[runs.run[at], back], times[runs.run[at], back] = runs.records["state"][at], runs.records["time"][at]
         size = np.max(np.abs(np.nan_to_num(states)), axis=(1, 2))
-        for p in range(self.most, 0, -1):
+        for p in range(length // 2, 0, -1):
             apart = np.max(np.abs(states[:, :p] - states[:, p : 2 * p]), axis=(1, 2))
             closed = apart <= self.tolerance * size
             returns[closed] = p

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,8 @@ MOST_CHUNKS = 1_000_000
 """Chunks that a sweep may have: their files stand in one folder, in the order of their names."""
 FIGURES = "figures"
 """Folder of a sweep's pictures, which no table may be called after."""
+TRIED = 100
+"""Points, of the first ones, of which one at least is a problem, or the arguments are what is wrong."""
 RTOL = 1e-10
 
 
@@ -129,20 +132,21 @@ def planned(
 
 
 def _horizon(settings: Settings, points: Points) -> float:
-    """The horizon of the system's own values; where these make no problem, of the first point's.
+    """The horizon of the system's own values; where these make no problem, of the first point that makes one.
 
     Raises
     ------
     ArgumentError
-        For what is wrong with both.
+        For what is wrong with the system's own values, where none of the first points makes one, either.
     """
     try:
         return float(point_problem(settings, {}).until)
     except ArgumentError:
-        first = dict(zip(points.names, points.values[0].tolist(), strict=True))
-        if exact_refusal(settings, first) is not None:
-            raise
-        return float(point_problem(settings, first).until)
+        for row in points.values[:TRIED].tolist():
+            values = dict(zip(points.names, row, strict=True))
+            if exact_refusal(settings, values) is None:
+                return float(point_problem(settings, values).until)
+        raise
 
 
 def _checked(observe: Sequence[Observation], system: System, until: float) -> tuple[Observation, ...]:
@@ -177,8 +181,8 @@ def _tables(work: Work, points: Points) -> dict[str, tuple[str, ...]]:
         tables |= ragged
     _check_once("table", [*names, FIGURES])
     _check_once("column", [*columns, *(name for name in OWN_COLUMNS if name not in (*points.labels, "status"))])
-    for ragged in tables.values():
-        _check_once("column", ragged)
+    for table in tables.values():
+        _check_once("column", table)
     columns.insert(0, "point")
     return {name: tuple(own) for name, own in tables.items()}
 
@@ -209,8 +213,18 @@ def _digest(content: bytes | memoryview) -> str:
 
 
 def _named(observation: Observation) -> str:
-    """An observation as text; a function by its name, for what it does cannot be told."""
+    """An observation as text; a function by its name and code, for what it does cannot be told."""
     function = getattr(observation, "of", None)
     if callable(function):
-        return f"function {getattr(function, '__qualname__', '?')} {getattr(observation, 'name', '')}"
+        name = f"{getattr(function, '__qualname__', '?')} {getattr(observation, 'name', '')}"
+        return f"function {name} {_code(getattr(function, '__code__', None))}"
     return repr(observation)
+
+
+def _code(code: Any) -> Any:
+    """What a function's code says, without the place that it stands at; constants of it as they are."""
+    if isinstance(code, frozenset):  # whose order is another one in each process
+        return sorted(map(repr, code))
+    if not isinstance(code, CodeType):
+        return repr(code)
+    return code.co_code.hex(), code.co_names, code.co_varnames, [_code(value) for value in code.co_consts]

@@ -150,7 +150,7 @@ def continuation(
     check_size(len(path) * len(others), len(others.names) + 1, "a continuation")
     made = np.column_stack([np.repeat(others.values, len(path), axis=0), np.tile(path, len(others))])
     label = np.array([d for d in directions for _ in values], dtype=object)
-    written = {"along": {name: _written_axis(*along.values(), values)}, "directions": list(directions)}
+    written = {"along": {name: _written_axis(next(iter(along.values())), values)}, "directions": list(directions)}
     if axes:
         written["grid"] = others.written.get("grid", {})
     labels = {DIRECTION: np.tile(label, len(others))}
@@ -307,7 +307,7 @@ def _check(points: Points) -> None:
         raise ArgumentError(f"points have {values.shape[1]} columns and the names {listed(names)}; wanted one each")
     if points.chain < 1 or len(values) % points.chain or any(len(own) != len(values) for own in points.labels.values()):
         raise ArgumentError("chains and labels of points must be as long as the points are")
-    check_size(*values.shape, "'points'")
+    check_size(len(values), len(names), "'points'")
     wrong = np.argwhere(~np.isfinite(values))
     if len(wrong):
         k, i = wrong[0].tolist()

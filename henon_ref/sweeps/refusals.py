@@ -37,14 +37,14 @@ def refusals(
     system = settings.system
     with np.errstate(all="ignore"):
         clear = np.isfinite(initial).all(axis=1) & np.isfinite(times).all(axis=1) & (times[:, 1] > times[:, 0])
-        for values in parameters.values():
-            clear &= np.isfinite(values)
+        for column in parameters.values():
+            clear &= np.isfinite(column)
         for condition in system.conditions:
             symbols = sorted(condition.free_symbols, key=lambda s: s.name)
             value = sp.lambdify(symbols, condition, "numpy")(*(parameters[s.name] for s in symbols))
             clear &= np.asarray(value) > CLEARLY
     found = np.full(len(initial), None, dtype=object)
-    for k in np.flatnonzero(~clear):
+    for k in np.flatnonzero(~clear).tolist():
         values = {name: float(column[k]) for name, column in columns.items()}
         found[k] = exact_refusal(settings, values) or _unclear(system, parameters, initial, times, k)
     return found

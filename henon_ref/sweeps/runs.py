@@ -39,7 +39,8 @@ class Settings:
 
 def told(point: int, values: Mapping[str, Any]) -> str:
     """A point in words: its number, and the first of its values."""
-    return f"point {point} ({listed([f'{name} = {float(value):.17g}' for name, value in values.items()], 4)})"
+    words = [f"{name} = {repr(float(value)).removesuffix('.0')}" for name, value in values.items()]
+    return f"point {point} ({listed(words, 4)})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,7 +66,7 @@ def owned(folder: Path) -> Owned | None:
         found = json.loads(manifest.read_text(encoding="utf-8"))
         own = Owned(**found[KEY])
         names = [*own.tables, *own.files]
-        if [type(value) for value in found[KEY].values()] == [str, int, list, list] and all(map(_is_name, names)):
+        if [*map(type, vars(own).values())] == [str, int, list, list] and all(map(_is_name, names)):
             return own
     except (ValueError, TypeError, KeyError, RecursionError):  # no manifest, or somebody else's
         pass
@@ -203,7 +203,7 @@ class SweepFolder:
 
 
 def _is_name(name: object) -> bool:
-    return isinstance(name, str) and Path(name).name == name
+    return isinstance(name, str) and name not in ("", "..") and Path(name).name == name
 
 
 def _numbered(folder: Path, chunks: int) -> Iterator[tuple[int, Path]]:

@@ -52,6 +52,7 @@ def content(folder: Path) -> dict[str, Any]:
         b"\xff\xfe",
         json.dumps({KEY: {"content": 1, "chunks": 3, "tables": [], "files": []}}),
         json.dumps({KEY: {"content": "a", "chunks": 3, "tables": ["../customers"], "files": []}}),
+        json.dumps({KEY: {"content": "a", "chunks": 3, "tables": [".."], "files": []}}),
         json.dumps({KEY: {"content": "a", "chunks": 3, "tables": "customers", "files": []}}),
         json.dumps({KEY: {"content": "a"}}),
     ],

@@ -128,6 +128,17 @@ def test_tables_and_their_columns_have_names_of_their_own() -> None:
         hr.observe.section("x", name="x" * 61)
 
 
+def test_another_function_of_that_name_is_another_sweep(tmp_path: Path) -> None:
+    """A resumption gave the values of the one before."""
+    for factor, function in ((1, lambda run: 1 * run.t[-1]), (2, lambda run: 2 * run.t[-1])):
+        if factor == 2:
+            with pytest.raises(HenonRefError, match="another sweep"):
+                swept(function, out=tmp_path / "out", resume=True)
+        for resume in (False, True):
+            table = swept(function, out=tmp_path / "out", resume=resume)
+            assert table["value"].tolist() == [9.0 * factor] * 4
+
+
 def test_workers_give_the_same_table() -> None:
     values = [None, {"a": 1}, {"a": 2}, {}]
     same(swept(by_point(values), chunk=1, jobs=2), swept(by_point(values)))
