@@ -35,10 +35,10 @@ _brent = compile_unit(brent, types.Tuple((float64, int64)), DOUBLES, int64, floa
 
 
 @inner(forceinline=True)
-def first_event(run, c, n, order, layout, known_zeros, lower, theta, natural, method, work, bounds):  # type: ignore[no-untyped-def]
+def first_event(run, c, n, order, layout, known_zeros, lower, faint, theta, natural, method, work, bounds):  # type: ignore[no-untyped-def]
     """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used).
 
-    ``natural``: theta of the step that nothing has cut short.
+    ``faint``: not 0 for guards that are passed over; ``natural``: theta of the step that nothing has cut short.
     """
     powers, scaled, stack = work[0], work[1], rest_of(work, 2)
     best, hit, undecided, used = 2.0, -1, False, 0
@@ -46,7 +46,7 @@ def first_event(run, c, n, order, layout, known_zeros, lower, theta, natural, me
     powers[0] = 0.0
     for g in range(mode_of(layout).guards):
         zeros = known_zeros[g]
-        if zeros == 0 and lower[g] > 0.0:
+        if faint[g] != 0 or (zeros == 0 and lower[g] > 0.0):
             continue
         if powers[0] == 0.0:
             powers_of(theta, powers, order)

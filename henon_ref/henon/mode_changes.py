@@ -195,6 +195,8 @@ class ModeChanges(State):
         return True
 
     def _record(self, kind: int, surface: int, source: int, target: int, *, side: int) -> None:
+        if self.scalars.below_rounding and self.since[surface] <= self.scalars.time:
+            return
         if self.scalars.transitions >= self.scalars.transition_capacity:
             self._close_block()
         scalars = self.scalars
