@@ -95,7 +95,7 @@ def _template(
     state[-guards:] = np.inf
     run = state[:LAST_STEPS].view(RUN_VIEW)[0]
     run.event_time, run.tolerance, run.order, run.method = -np.inf, tolerance, order, method
-    run.rest_part = REMAINING
+    run.rest_part, run.more_digits = REMAINING, 1
     run.stepped_mode, run.transition_capacity, run.states, run.guards = -1, CHUNK, states, guards
     run.stop_falling, run.stop_rising, run.most_steps = stop_falling, stop_rising, most_steps
     return state

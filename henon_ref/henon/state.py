@@ -64,6 +64,7 @@ RUN = np.dtype(
         ("states", "i8"), ("guards", "i8"),  # guards: of the largest mode
         ("stop_falling", "i8"), ("stop_rising", "i8"),  # surfaces, a bit each, on which the run ends
         ("stopped", "i8"),  # 1 once it has come to one
+        ("more_digits", "i8"),  # 1 where multiprecision may go from the start to where the run is in its first mode
         ("most_steps", "i8"),  # after which the run is to end
         ("dense", "i8"), ("dense_steps", "i8"), ("dense_capacity", "i8"),  # address of steps (0: none), how many, room
     ],
