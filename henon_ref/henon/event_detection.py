@@ -49,7 +49,7 @@ def first_event(run, c, n, order, layout, known_zeros, lower, faint, theta, natu
     best, hit, undecided, used = 2.0, -1, False, 0
     begin = 2.0  # of a touch somewhere on a piece of the step
     level = 0.0  # within which multiprecision is asked, that has the digits
-    if run.more_digits != 0 and run.remembered == 1 and run.steps > 0:
+    if run.more_digits != 0 and run.remembered == 1:
         level = NEAR * run.tolerance
     powers[0] = 0.0
     for g in range(mode_of(layout).guards):

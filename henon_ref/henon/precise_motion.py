@@ -16,7 +16,7 @@ MOST_STEPS = 1000
 """Steps after which no more are taken: some seconds."""
 SHORTEST_PART = 2.0**-20
 """Part of the length asked for that a step may be shortened to."""
-SAME = 1e-6
+SAME = 1e-2
 """Part of its size by which a double may be off the motion, for errors to have grown by no more than they seem to."""
 START_ROUNDING = 2.0**-50
 """What two doubles lose of a number, to what one does."""
