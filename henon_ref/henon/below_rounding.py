@@ -30,7 +30,8 @@ CLEAR_PART = 1e-4
 def guard_noise(run, x, layout, constants, c, ahead, point, row, theta):  # type: ignore[no-untyped-def]
     """What rounding of the states may make of a row on a step of ``theta`` units.
 
-    ``ahead``, ``point``: work space of an expansion, and of a state.
+    ``ahead``, ``point``: work space of an expansion, and of a state. (Expansions for it are no part of the motion: they
+    are not counted.)
     """
     noise = 0.0
     for i in range(run.states):
@@ -39,7 +40,6 @@ def guard_noise(run, x, layout, constants, c, ahead, point, row, theta):  # type
         if x[i] != 0.0:
             point[i] = x[i] + STATE_ROUNDING * x[i]
             call_expand(mode_of(layout).expansion, run.time, run.time_low, run.unit, point, constants, ahead)
-            run.expansions += 1
             point[i] = x[i]
             power = 1.0
             for k in range(run.order + 1):

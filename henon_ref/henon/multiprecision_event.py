@@ -204,18 +204,22 @@ def _beyond_rounding(
     outputs: Sequence[Sequence[arb]],
     events: Sequence[_Event],
 ) -> list[_Event]:
-    """The events, those left out (``miss``) of which rounding of the state leaves open whether they are there."""
+    """The events, those left out (``miss``) of which rounding of the state leaves open whether they are there.
+
+    The minimum of a square is zero wherever the state is: differences are taken to both sides.
+    """
     flat = {e.guard: 0.0 for e in events if e.depth <= FLAT_LEVEL}
     if not flat or not any(step.rounding):
         return list(events)
     for i, off in enumerate(step.rounding):
-        moved = [x + arb(off) if j == i else x for j, x in enumerate(step.state)]
-        near = modes.expand(step.mode, start, moved, unit)[1] if off else outputs
-        for event in events:
-            if event.guard in flat and off:
-                here, there = (arb_poly(list(o[event.guard]))(arb(event.place) / ONE) for o in (outputs, near))
-                size = sum((abs(float(c)) for c in outputs[event.guard]), 0.0) or 1.0
-                flat[event.guard] += abs(float(there - here)) / size
+        if off == 0.0:
+            continue
+        sides = [[x + side * arb(off) if j == i else x for j, x in enumerate(step.state)] for side in (-1, 1)]
+        below, above = (modes.expand(step.mode, start, state, unit)[1] for state in sides)
+        for event in (e for e in events if e.guard in flat):
+            low, high = (arb_poly(list(o[event.guard]))(arb(event.place) / ONE) for o in (below, above))
+            size = sum((abs(float(c)) for c in outputs[event.guard]), 0.0) or 1.0
+            flat[event.guard] += abs(float(high - low)) / (2.0 * size)
     open_ones = [flat.get(e.guard, 0.0) >= e.depth > 0.0 or flat.get(e.guard, 0.0) > e.depth == 0.0 for e in events]
     found = [
         replace(e, what="miss", lowest=True, order=2, below_rounding=True) if unclear else e

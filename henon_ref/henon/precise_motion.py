@@ -8,7 +8,6 @@ from flint import arb
 
 from henon_ref.filippov.modes import Mode
 from henon_ref.henon.precise_modes import MOST_ORDER, PreciseModes
-from henon_ref.jit.primitives import EPS
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
 
@@ -18,8 +17,8 @@ SHORTEST_PART = 2.0**-20
 """Part of the length asked for that a step may be shortened to."""
 SAME = 1e-2
 """Part of its size by which a double may be off the motion, for errors to have grown by no more than they seem to."""
-START_ROUNDING = 2.0**-50
-"""What two doubles lose of a number, to what one does."""
+START_ROUNDING = 2.0**-52
+"""What two doubles lose of a number, to what one does; and so of what comes of it."""
 Pair = tuple[float, float]
 """A number as its double and what that leaves."""
 
@@ -64,7 +63,7 @@ class PreciseMotion:
             return None
         if self._exact:
             return list(self._state), [0.0] * len(off)
-        return list(self._state), [START_ROUNDING * (e + 8 * EPS * s) for e, s in zip(off, sizes, strict=True)]
+        return list(self._state), [START_ROUNDING * error for error in off]
 
     def _advance(self, time: arb, length: float) -> bool:
         """Go on to a time; False where that takes too many steps."""
