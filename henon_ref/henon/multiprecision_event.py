@@ -58,6 +58,8 @@ DECIDED_STEEPNESS = 1e-5
 """Relative steepness from which double precision decides a root."""
 FLAT_LEVEL = 1e-6
 """Part of its size above which a minimum is beyond rounding, whatever that makes of it."""
+HIGHER_ORDER = 8.0
+"""So many squares of a rounding are terms of higher order in it, which tell nothing."""
 CLEAR_LEVEL = 1e-9
 """A guard that stays above this of its size by the sizes of its terms alone has no event."""
 EXPANDED_PART = 1.25
@@ -220,10 +222,13 @@ def _beyond_rounding(
             low, high = (arb_poly(list(o[event.guard]))(arb(event.place) / ONE) for o in (below, above))
             size = sum((abs(float(c)) for c in outputs[event.guard]), 0.0) or 1.0
             flat[event.guard] += abs(float(high - low)) / (2.0 * size)
-    open_ones = [flat.get(e.guard, 0.0) >= e.depth > 0.0 or flat.get(e.guard, 0.0) > e.depth == 0.0 for e in events]
+    largest = max(abs(float(x)) for x in step.state) or 1.0
+    higher_order = HIGHER_ORDER * (sum(step.rounding) / largest) ** 2
     found = [
-        replace(e, what="miss", lowest=True, order=2, below_rounding=True) if unclear else e
-        for e, unclear in zip(events, open_ones, strict=True)
+        replace(e, what="miss", lowest=True, order=2, below_rounding=True)
+        if flat.get(e.guard, 0.0) > max(e.depth, higher_order)
+        else e
+        for e in events
     ]
     first = min(found, key=lambda e: (e.what == "miss", e.place))
     return [first, *(e for e in found if e is not first)]

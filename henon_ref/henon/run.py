@@ -32,7 +32,8 @@ from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 _tuple = tuple.__new__
 _counts: Callable[..., tuple[int, ...]] = Struct("6q").unpack_from
 _FIRST_COUNT = 8 * list(RUN.names or ()).index("mode")
-"""Where in the block, in bytes, mode, steps, expansions, guard evaluations, transitions, guards below rounding stand."""
+"""Where in the block, in bytes, mode, steps, expansions, guard evaluations, transitions and guards below rounding
+are."""
 _STATE = 8 * STATE_PLACE
 _HORIZON = ReturnCode.HORIZON.value
 """The member itself would be looked up in a tenth of a microsecond, as its neighbours are where it matters less."""

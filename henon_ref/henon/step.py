@@ -79,8 +79,9 @@ def event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, a
     """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
 
     ``alone``: look at the very first one, as where a guard stands at zero or a branch point may come. ``shrunk``: the
-    unit has been made shorter for what is to be seen, and does not grow again here. Returns the step proposed in it; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where
-    the state blew up, -3 where the block of steps is full.
+    unit has been made shorter for what is to be seen, and does not grow again here. Returns the step proposed in it; 0
+    where the budget of steps is used up, -1 where the step size fell to zero, -2 where the state blew up, -3 where the
+    block of steps is full.
     """
     n, guards = run.states, mode_of(layout).guards
     expansion, closing = mode_of(layout).expansion, mode_of(layout).step_end

@@ -12,6 +12,7 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.pairs import decimal_pairs
 from henon_ref.simulation.compiled import integrator_of, local_error
 from henon_ref.sweeps.kernel import Ended, joined, run_points, together
 from henon_ref.sweeps.observations import Observation
@@ -103,9 +104,11 @@ def run_chunk(work: Work, columns: Mapping[str, Vector], count: int) -> Runs:
     moved = frozenset(swept) | set(following(system, frozenset(swept)))
 
     def numbers(value: Any) -> Vector:
-        return np.broadcast_to(number_values(system, value, parameters, moved), (count,))
+        return np.broadcast_to(number_values(system, value, swept), (count, 2))
 
-    initial = np.column_stack([columns.get(name, numbers(settings.initial[name])) for name in names])
+    initial = np.stack(
+        [decimal_pairs(columns[n]) if n in columns else numbers(settings.initial[n]) for n in names], axis=1
+    )
     start, until = numbers(settings.start), numbers(settings.until)
     parts: list[tuple[Any, Ended]] = []
     for step in range(work.chain):
@@ -113,17 +116,17 @@ def run_chunk(work: Work, columns: Mapping[str, Vector], count: int) -> Runs:
         if step:
             _, ended = parts[-1]
             carried = ended.status == "ok"
-            initial[own[carried]] = ended.end_state[carried]
+            initial[own[carried]] = decimal_pairs(ended.end_state[carried])
         at_step = {name: v[own] for name, v in parameters.items()}
-        times = np.column_stack([start[own], until[own]])
+        times = np.stack([start[own], until[own]], axis=1)
         parts.append((own, _run_step(work, moved, at_step, initial[own], times)))
     return Runs(
         settings=settings,
         sections=work.prepared()[1],
         values=columns,
-        parameters=parameters,
-        start=start,
-        start_state=initial,
+        parameters={name: pairs[:, 0] for name, pairs in parameters.items()},
+        start=start[:, 0],
+        start_state=initial[:, :, 0],
         **vars(joined(parts)),
     )
 
@@ -137,7 +140,7 @@ def _run_step(
     names = sorted(settings.system.exponent_parameters & moved)
     if not names:
         return run_points(work.prepared()[0], settings, parameters, initial, times, keep)
-    values, which = np.unique(np.column_stack([parameters[name] for name in names]), axis=0, return_inverse=True)
+    values, which = np.unique(np.column_stack([parameters[name][:, 0] for name in names]), axis=0, return_inverse=True)
     parts: list[tuple[Any, Ended]] = []
     for k, exponents in enumerate(values.tolist()):
         own = np.nonzero(which.ravel() == k)[0]
