@@ -73,7 +73,7 @@ RUN = np.dtype(
 """A run's scalars, the same for every system; behind them in one block of doubles: the last step of modes [s], shape
 (REMEMBERED_STEPS,); x, what rounding it lost, and x before the last jump, shape (n,) each; as integers known zeros of
 each guard at the present point (the surface just left), which are divided out, 1 for one that is at zero, and 1 for
-one that is below its own rounding on the present step, shape (G,) each; and since when a guard has been so [s], infinite
+one that is below its own rounding on the present step, shape (G,) each; and since when one has been so [s], infinite
 where it has not, shape (G,) by :func:`rounding_place`."""
 RUN_RECORD = from_dtype(RUN)
 """Its type in compiled code."""
