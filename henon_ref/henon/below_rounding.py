@@ -2,9 +2,9 @@
 
 What rounding leaves of a state moves a guard, directly and through the motion: each state is moved by some units in its
 last place, and the guard's series on the step looked at again. A root is decided where the guard falls, over as long as
-a step is, by more than that. Else it is passed over on this step, and from there on nothing is told of its surface
-(:func:`henon_ref.henon.recorder.record_transition`). The run goes on: where the guard is clearly below zero later, the
-mode changes there.
+a step is, by more than that, or is clearly below zero at the step's end. Else it is passed over on this step, and from
+there on nothing is told of its surface (:func:`henon_ref.henon.recorder.record_transition`). The run goes on: where the
+guard is clearly below zero later, the mode changes there.
 """
 
 from __future__ import annotations
@@ -83,9 +83,10 @@ def root_below_rounding(run, x, layout, constants, c, ahead, point, guard, tau, 
     for k in range(run.order, 0, -1):
         slope = slope * tau + k * c[row, k]
     theta = _length(run, layout, natural)
-    if abs(slope) * theta >= CLEAR_PART * largest:
+    fall = larger(abs(slope) * theta, -value(c[row], run.order, theta))
+    if fall >= CLEAR_PART * largest:
         return False
-    if abs(slope) * theta > guard_noise(run, x, layout, constants, c, ahead, point, row, theta):
+    if fall > guard_noise(run, x, layout, constants, c, ahead, point, row, theta):
         return False
     passed_over(run, x, layout, guard, tau)
     return True

@@ -90,7 +90,7 @@ class Run(ModeChanges):
         self.state = state = workspace.state
         state[...], self._scalars = start.state, None
         if block != CHUNK:
-            self.scalars.transition_capacity, self.scalars.more_digits = block, 0  # whoever stops may change the state
+            self.scalars.transition_capacity = block
         self.samples = _NO_SAMPLES
         if sample_times is not None:
             self.samples = np.full((sample_times.size, len(start.x) + 2), np.nan)
@@ -145,6 +145,8 @@ class Run(ModeChanges):
         """Go to the next transition; the trajectory instead where the run ends before one."""
         self.blocks.clear()  # transitions handed out already
         self.scalars.transitions = 0
+        if self.scalars.steps > 0:  # the state may have been changed
+            self.scalars.more_digits = 0
         while (end := self._advance(stop=True)) is None:
             if self.scalars.transitions:
                 last = slice(self.scalars.transitions - 1, self.scalars.transitions)
