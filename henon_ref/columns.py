@@ -10,7 +10,7 @@ RUN_COLUMNS = (
     "steps", "rhs_evaluations", "event_evaluations",
     "status_reason", "expected_status", "verdict", "digits", "time_unit_s", "end_time_s",
     "reference_radius_s", "missed_touches", "spurious_touches", "cut_off", "wall_s_low", "wall_s_high", "timed_runs",
-    "verdict_basis", "cause",
+    "verdict_basis", "cause", "undecided_after_s",
 )  # fmt: skip
 """A row a reading, solver and setting. From ``status_reason`` on beyond the contract:
 
@@ -21,7 +21,8 @@ RUN_COLUMNS = (
 * ``cut_off``: transitions that the horizon cuts off;
 * ``wall_s_low``, ``wall_s_high``: 95 % bootstrap interval of the median; ``timed_runs``: samples behind it;
 * ``verdict_basis``: what the verdict on a run that is not right rests on;
-* ``cause``: name of the cause of a solver's defect, where one is known for certain (:mod:`henon_ref.campaign.causes`).
+* ``cause``: name of the cause of a solver's defect, where one is known for certain (:mod:`henon_ref.campaign.causes`);
+* ``undecided_after_s``: from when on the solver decides nothing of some surface, which is below its own rounding.
 """
 
 TRANSITION_COLUMNS = (

@@ -78,6 +78,9 @@ class Trajectory(NamedTuple):
     """(k, n) states at the sample times asked for (NaN past an early end), or None."""
     sample_modes: tuple[Mode, ...] | None = None
     """Mode at each sample time, or None."""
+    undecided_after: tuple[tuple[int, float], ...] = ()
+    """Surfaces (-1: an expression of the model's end) that the solver decides nothing of from a time on [s], being
+    below their own rounding: of those it reports no later transition."""
 
 
 def without_hidden_kinks(found: Trajectory, system: FilippovSystem) -> Trajectory:

@@ -74,6 +74,7 @@ def check_trajectory(returned: object, problem: Problem, *, most: int) -> Trajec
         reason=convert.text("reason", given.reason),
         counts=convert.counts(given.counts),
         max_surface_drift=convert.size("max_surface_drift", given.max_surface_drift),
+        undecided_after=convert.undecided_after(given.undecided_after),
     )
     _check_times(checked, problem)
     if checked.status == "ok":

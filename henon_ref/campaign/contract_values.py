@@ -109,6 +109,17 @@ class Converter:
         entries = _entries(what, value, self.states, f"{self.states} numbers")
         return tuple(self.number(what, entry) for entry in entries)
 
+    def undecided_after(self, value: object) -> tuple[tuple[int, float], ...]:
+        """Pairs of a surface, or -1, and a time."""
+        what, wanted = "undecided_after", f"pairs of a surface, or -1, and a time, at most {2 * self.surfaces + 64}"
+        if not isinstance(value, Sequence) or isinstance(value, str) or len(value) > 2 * self.surfaces + 64:
+            raise wrong(what, value, wanted)
+        pairs = [_entries(what, entry, 2, wanted) for entry in value]
+        found = tuple((self.whole(what, surface), self.time(what, time)) for surface, time in pairs)
+        if not all(-1 <= surface < self.surfaces for surface, _ in found):
+            raise wrong(what, value, wanted)
+        return found
+
     def counts(self, value: object) -> Counts:
         """Counts that a file of integers can hold."""
         if not isinstance(value, Counts):

@@ -146,6 +146,7 @@ def _trajectory_values(trajectory: Trajectory) -> Row:
         "rhs_evaluations": counts.rhs_evaluations or None,
         "event_evaluations": counts.event_evaluations or None,
         "end_time_s": trajectory.end_time,
+        "undecided_after_s": min((time for _, time in trajectory.undecided_after), default=None),
     }
     return values | ({"landing": short_line("+".join(landings))} if landings else {})
 

@@ -97,21 +97,16 @@ class ConstantProgram:
                 run_operations(operations, found)
         return found
 
-    def made_accurate(self, registers: NDArray[np.float64]) -> None:
+    def made_accurate(self, registers: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]) -> None:
         """Evaluate outputs in balls at points where they have lost digits, terms having cancelled.
 
-        Raises
-        ------
-        ModelError
-            Where the inputs are no exact doubles.
+        ``exact``: the inputs of a point, by its number.
         """
-        if registers[:, : self.inputs, 1:].any():
-            raise ModelError("terms cancel, and their numbers have no more digits than two doubles")
         outputs = list(self.outputs)
         error, size = registers[:, outputs, 2], np.abs(registers[:, outputs, 0])
         for point in np.flatnonzero((np.isfinite(size) & (error > ACCURATE * size)).any(axis=1)).tolist():
             with working_precision(BITS):
-                found = [_three(ball) for ball in self.balls(registers[point, : self.inputs, 0].tolist())]
+                found = [_three(ball) for ball in self.balls(exact(point))]
             registers[point, outputs] = found
 
     def over_ring(
@@ -135,21 +130,24 @@ class ConstantProgram:
                 registers.append(abs(a) if NAMES[j] == "Abs" else getattr(a, NAMES[j])())
         return [registers[output] for output in self.outputs]
 
-    def balls(self, values: Sequence[float]) -> list[arb]:
-        """Expressions at one point, with the precision that python-flint has."""
-        return self.over_ring([arb(v) for v in values], _ball, arb.sqrt)
+    def balls(self, values: Sequence[sp.Expr]) -> list[arb]:
+        """Expressions at one point of exact numbers, with the precision that python-flint has."""
+        return self.over_ring([_ball(v) for v in values], _ball, arb.sqrt)
 
-    def signs(self, values: Sequence[float]) -> list[int]:
-        """Signs of the expressions at one point, taken as exact: 0 for zero, and where 60 digits show nothing."""
+    def signs(self, values: Sequence[sp.Expr]) -> list[int]:
+        """Signs of the expressions at one point of exact numbers: 0 for zero, and where 60 digits show nothing."""
+        return [int(v > 0) - int(v < 0) for v in self.exact_values(values)]
+
+    def exact_values(self, values: Sequence[sp.Expr]) -> list[Any]:
+        """Expressions at one point of exact numbers: balls, without radius where all is rational; NaN at a pole."""
         with working_precision(BITS):
-            if self.is_rational:
-                exact = [fmpq(*v.as_integer_ratio()) for v in values]
+            if self.is_rational and all(v.is_Rational for v in values):
+                exact = [fmpq(int(v.p), int(v.q)) for v in values]
                 try:
-                    found = self.over_ring(exact, lambda n: fmpq(int(n.p), int(n.q)), arb.sqrt)
+                    return list(map(arb, self.over_ring(exact, lambda n: fmpq(int(n.p), int(n.q)), arb.sqrt)))
                 except ZeroDivisionError:
-                    return [0] * len(self.outputs)
-                return [(v > 0) - (v < 0) for v in found]
-            return [int(v > 0) - int(v < 0) for v in self.balls(values)]
+                    return [arb("nan")] * len(self.outputs)
+            return self.balls(values)
 
     @cached_property
     def is_rational(self) -> bool:

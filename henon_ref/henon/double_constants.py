@@ -1,4 +1,4 @@
-"""Constants of compiled modes at parameter values that are doubles, made in microseconds."""
+"""Constants of compiled modes at parameter values that two doubles hold, made in microseconds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import sympy as sp
 from henon_ref.filippov.mode_evaluation import ModeWithTape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import Switching
-from henon_ref.henon.mode_constants import LoopData, ModeConstants
+from henon_ref.henon.mode_constants import LoopData, ModeConstants, Pair
+from henon_ref.henon.pairs import Three, three_of
 from henon_ref.henon.parameter_programs import ParameterPrograms
 from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
 from henon_ref.taylor.tape import Tape
@@ -24,19 +25,25 @@ class DoubleConstants(ModeConstants):
     Parameters
     ----------
     programs : ParameterPrograms
-    values : tuple of float
-        Of the programs' parameters, in their order; taken as exact.
+    values : tuple of Three
+        Of the programs' parameters, in their order (see :mod:`henon_ref.henon.pairs`).
+    exact : callable
+        Gives them as exact numbers, for what double-double does not decide.
     """
 
-    def __init__(self, programs: ParameterPrograms, values: tuple[float, ...]) -> None:
-        self._programs, self.values = programs, values
+    def __init__(
+        self, programs: ParameterPrograms, values: tuple[Three, ...], exact: Callable[[], Sequence[sp.Expr]]
+    ) -> None:
+        self._programs, self.values, self._exact = programs, values, exact
+        self.doubles = tuple(high for high, _, _ in values)
         self.latest = self.update()
 
     def update(self) -> LoopData:
         """See :class:`ModeConstants`."""
         program = self._programs.loop()
         compiled = program.compiled
-        numbers, constants = program.numbers(np.array([self.values]))
+        values = np.array(self.values).reshape(1, -1, 3)
+        numbers, constants = program.numbers(values, lambda _: self._exact())
         normals: tuple[Any, ...] = ()
         if compiled.rows.size:
             table = self._programs.table
@@ -45,27 +52,27 @@ class DoubleConstants(ModeConstants):
         self.latest = LoopData(compiled, compiled.tables, numbers[0], normals)
         return self.latest
 
-    def start_signs(self, t: float, x: Sequence[float]) -> tuple[int, ...]:
+    def start_signs(self, t: Pair, x: Sequence[Pair]) -> tuple[int, ...]:
         """See :meth:`ParameterPrograms.start_signs`."""
-        found: list[int] = self._programs.start_signs(np.array([(t, *x, *self.values)]))[0].tolist()
+        point = np.array([[*(three_of(pair) for pair in (t, *x)), *self.values]])
+        found: list[int] = self._programs.start_signs(point)[0].tolist()
         return tuple(found)
 
-    def exact_signs(self, t: float, x: Sequence[float]) -> tuple[list[int], list[int]]:
-        """Signs of the surfaces, and of the ``valid`` expressions, at a point taken as exact."""
-        signs, count = self._programs.start.signs((t, *x, *self.values)), len(self._programs.system.surfaces)
+    def exact_signs(self, t: sp.Expr, x: Sequence[sp.Expr]) -> tuple[list[int], list[int]]:
+        """Signs of the surfaces, and of the ``valid`` expressions, at a point of exact numbers."""
+        signs, count = self._programs.start.signs((t, *x, *self._exact())), len(self._programs.system.surfaces)
         return signs[:count], signs[count:]
 
     @cached_property
     def switching(self) -> Switching:
         """See :class:`ModeConstants`."""
-        return DoubleSwitching(self._programs, self.values)
+        return DoubleSwitching(self._programs, self.doubles)
 
     @cached_property
     def precise(self) -> PreciseModes:
         """See :class:`ModeConstants`."""
-        return PreciseModes(
-            self._programs.system, self.switching, lambda: _PreciseSwitching(self._programs, self.values)
-        )
+        values = tuple(self._exact())
+        return PreciseModes(self._programs.system, self.switching, lambda: _PreciseSwitching(self._programs, values))
 
 
 class DoubleSwitching(Switching):
@@ -92,7 +99,7 @@ class DoubleSwitching(Switching):
 class _PreciseSwitching(BallSwitching):
     """The same in balls."""
 
-    def __init__(self, programs: ParameterPrograms, values: tuple[float, ...]) -> None:
+    def __init__(self, programs: ParameterPrograms, values: tuple[sp.Expr, ...]) -> None:
         self._programs, self._values = programs, values
         super().__init__(programs.system)
 

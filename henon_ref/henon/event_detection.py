@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import boolean, float64, int64, types
 
 from henon_ref.henon.compile_units import compile_unit
@@ -26,6 +27,10 @@ from henon_ref.roots.double import (
 
 UNDECIDED_STEEPNESS = 1e-5
 """Relative steepness of a guard at its root below which the root is located in multiprecision."""
+NEAR = 1e3
+"""So many local errors, of its size on a step, off zero a guard may only seem to touch it, or not to."""
+NEWTON_STEPS, PLACES = 6, 16
+"""Of the minimum of a guard on a step: Newton's steps, and places to begin with."""
 EQUAL = 1e-13
 """Part of the friction by which a force may be off that counts as equal to it."""
 _isolate = compile_unit(first_falling_root, types.Tuple((int64, float64, float64)), DOUBLES, int64, GRID, GRID)
@@ -35,18 +40,21 @@ _brent = compile_unit(brent, types.Tuple((float64, int64)), DOUBLES, int64, floa
 
 
 @inner(forceinline=True)
-def first_event(run, c, n, order, layout, known_zeros, lower, theta, natural, method, work, bounds):  # type: ignore[no-untyped-def]
+def first_event(run, c, n, order, layout, known_zeros, lower, faint, theta, natural, method, work, bounds):  # type: ignore[no-untyped-def]
     """Earliest event on (0, theta]: (fraction of the step or 2, guard or -1, doubtful, landing used).
 
-    ``natural``: theta of the step that nothing has cut short.
+    ``faint``: not 0 for guards that are passed over; ``natural``: theta of the step that nothing has cut short.
     """
     powers, scaled, stack = work[0], work[1], rest_of(work, 2)
     best, hit, undecided, used = 2.0, -1, False, 0
     begin = 2.0  # of a touch somewhere on a piece of the step
+    level = 0.0  # within which multiprecision is asked, that has the digits
+    if run.more_digits != 0 and run.remembered == 1:
+        level = NEAR * run.tolerance
     powers[0] = 0.0
     for g in range(mode_of(layout).guards):
         zeros = known_zeros[g]
-        if zeros == 0 and lower[g] > 0.0:
+        if faint[g] != 0 or (zeros == 0 and lower[g] > 0.0):
             continue
         if powers[0] == 0.0:
             powers_of(theta, powers, order)
@@ -60,6 +68,9 @@ def first_event(run, c, n, order, layout, known_zeros, lower, theta, natural, me
         outcome, low, high = call_bernstein(mode_of(layout).bernstein, q, powers, degree, scaled, stack[0]), 0.0, 1.0
         if outcome == SUBDIVIDE:
             outcome, low, high = _isolate(scaled, order, stack, bounds)
+            if outcome == NONE and level > 0.0:
+                low = high = _near_touch(scaled, degree, level)
+                outcome = TANGENTIAL if low > 0.0 else NONE
         if outcome == NONE or load_equals_friction(c, n, order, layout, g, natural):
             continue
         if outcome == TANGENTIAL:
@@ -73,9 +84,39 @@ def first_event(run, c, n, order, layout, known_zeros, lower, theta, natural, me
         run.guard_evaluations += evaluations
         first = low if outcome == TANGENTIAL else tau
         if first < begin:
-            flat = outcome == TANGENTIAL or steepness(scaled, degree, tau, stack[0]) < UNDECIDED_STEEPNESS
+            flat = outcome == TANGENTIAL
+            if not flat:
+                steep = steepness(scaled, degree, tau, stack[0])
+                flat = steep < UNDECIDED_STEEPNESS or steep * steep < level
             begin, best, hit, undecided, used = first, tau, g, flat, landing
     return best, hit, undecided, used
+
+
+@inner()
+def near_touch(a, degree, level):  # type: ignore[no-untyped-def]
+    """Where on (0, 1) a polynomial that stays above zero has a minimum within ``level`` of its size; else -1."""
+    size, tau, least = 0.0, -1.0, np.inf
+    for k in range(degree + 1):
+        size += abs(a[k])
+    for place in range(1, PLACES):
+        height = value(a, degree, place / PLACES)
+        if height < least:
+            least, tau = height, place / PLACES
+    first, bend = tau, 0.0
+    for _ in range(NEWTON_STEPS):
+        slope, bend = 0.0, 0.0
+        for k in range(degree, 0, -1):
+            bend = bend * tau + slope
+            slope = slope * tau + k * a[k]
+        if not bend > 0.0:
+            return -1.0
+        tau -= slope / bend
+        if not abs(tau - first) < 2.0 / PLACES:
+            return -1.0
+    return tau if 0.0 < tau < 1.0 and value(a, degree, tau) <= level * size else -1.0
+
+
+_near_touch = compile_unit(near_touch, float64, DOUBLES, int64, float64)
 
 
 @inner()

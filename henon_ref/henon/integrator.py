@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -21,6 +22,7 @@ from henon_ref.henon.double_double import UNCLEAR_SIGN
 from henon_ref.henon.loop import load
 from henon_ref.henon.mode_constants import ExactConstants, ModeConstants
 from henon_ref.henon.mode_table import ModeTable
+from henon_ref.henon.pairs import exact_expression, pair_of_exact, three_of
 from henon_ref.henon.parameter_programs import ParameterPrograms
 from henon_ref.henon.start import Start
 from henon_ref.henon.surface_start import mode_at_start
@@ -36,8 +38,8 @@ KEPT_VALUES = 64
 class Integrator:
     """Runs of one system at one order, from any thread; compiles what it needs and keeps it.
 
-    A run is ``Run(integrator, integrator.start(problem, ...)).to_horizon()``, from exact numbers; with
-    :meth:`start_at` in place of :meth:`start` from doubles, in microseconds. Many runs in one call are
+    A run is ``Run(integrator, integrator.start(problem, ...)).to_horizon()``; with :meth:`start_at` in place of
+    :meth:`start` from numbers as Python has them, in microseconds. Many runs in one call are
     :class:`henon_ref.henon.points.PointRuns`. The library keeps one integrator for each system and order.
 
     Parameters
@@ -105,8 +107,9 @@ class Integrator:
             raise ModelError("an integrator of a system with values of its parameters runs that system alone")
         return ParameterPrograms(self.mode_table)
 
-    def _double_constants(self, values: tuple[float, ...]) -> DoubleConstants:
-        return DoubleConstants(self.programs, values)
+    def _double_constants(self, values: tuple[Any, ...]) -> DoubleConstants:
+        threes = tuple(three_of(pair_of_exact(v)) for v in values)
+        return DoubleConstants(self.programs, threes, lambda: [exact_expression(v) for v in values])
 
     def start(self, problem: Problem, *, tolerance: float, landing: int) -> Start:
         """What is decided once a problem, in exact numbers: where it starts and in which mode.
@@ -130,25 +133,28 @@ class Integrator:
 
     def start_at(
         self,
-        values: tuple[float, ...],
-        initial: Sequence[float],
+        values: tuple[Any, ...],
+        initial: Sequence[Any],
         *,
-        start: float = 0.0,
-        until: float,
+        start: Any = 0.0,
+        until: Any,
         tolerance: float,
         landing: int,
         mode: Mapping[int, int] | None = None,
         **limits: int,
     ) -> Start:
-        """The same from doubles, taken as exact: in microseconds where the start is clearly off every surface.
+        """The same from single numbers: in microseconds where the start is clearly off every surface.
+
+        They are int, Fraction, float, which stands for the decimal number that it is printed as, or exact numbers of
+        SymPy.
 
         Parameters
         ----------
-        values : tuple of float
+        values : tuple of number
             Of :attr:`parameters`, in their order.
-        initial : sequence of float, shape (n,)
+        initial : sequence of number, shape (n,)
             State at the start.
-        start, until : float
+        start, until : number
             Initial time and horizon [s].
         tolerance, landing
             See :meth:`start`.
@@ -163,20 +169,15 @@ class Integrator:
             Where the system has values of its parameters, or an expression in them that no program evaluates.
         """
         constants = self.double_constants(values)
-        x = tuple((v, 0.0) for v in initial)
-        refused, (row, zeros) = (
-            None,
-            self.clear_start(constants, constants.start_signs(start, initial), start, initial)
-            if not mode
-            else (-1, ()),
-        )
+        time, end, *x = map(pair_of_exact, (start, until, *initial))
+        high, refused, row, zeros = [v for v, _ in x], None, -1, self.no_zeros
+        if not mode:
+            row, zeros = self.clear_start(constants, constants.start_signs(time, x), time[0], high)
         if row < 0:
-            surfaces, valid = constants.exact_signs(start, initial)
-            decision = constants.switching.mode_by_signs(start, list(initial), surfaces, valid, mode or {})
-            refused, row, zeros = self.entered(constants, start, initial, decision, surfaces, valid)
-        return Start(
-            (start, 0.0), (until, 0.0), x, refused, row, zeros, self.order, tolerance, landing, constants, **limits
-        )
+            surfaces, valid = constants.exact_signs(exact_expression(start), [exact_expression(v) for v in initial])
+            decision = constants.switching.mode_by_signs(time[0], high, surfaces, valid, mode or {})
+            refused, row, zeros = self.entered(constants, time[0], high, decision, surfaces, valid)
+        return Start(time, end, tuple(x), refused, row, zeros, self.order, tolerance, landing, constants, **limits)
 
     def row_at_start(self, signs: Mode) -> tuple[int, int] | None:
         """Row of a start's mode, and the surface that it is on (-1: none); None where Python has to decide the mode.

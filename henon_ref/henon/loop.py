@@ -10,6 +10,7 @@ from typing import Any
 
 from numba import boolean, float64, int64, types
 
+from henon_ref.henon.below_rounding import _fails_beyond_rounding, _root_below_rounding
 from henon_ref.henon.compensated_time import add_to_time, below_time_resolution, remaining
 from henon_ref.henon.compile_units import NUMBERS, ROW, ROWS, TABLES, compile_unit, link
 from henon_ref.henon.event_detection import at_zero, ends_at_zero, first_event, guards_below_zero, load_equals_friction
@@ -23,6 +24,7 @@ from henon_ref.henon.step import (
     CUT_WEIGHT,
     SHARP_CUT,
     SHARP_CUT_WEIGHT,
+    SHORTEST_UNIT,
     add_to_state,
     enter_mode,
     event_free_steps,
@@ -33,13 +35,15 @@ from henon_ref.henon.step_validation import cancellation_limit, tail_unconverged
 from henon_ref.henon.workspace import work_space
 from henon_ref.jit.calls import call_closing
 from henon_ref.jit.njit import njit
-from henon_ref.jit.primitives import smaller
+from henon_ref.jit.primitives import larger, smaller
 from henon_ref.jit.shared_compiling import Compiled, compile_all
 from henon_ref.jit.views import DOUBLES, GRID, INTEGERS, TABLE, rest_of, row_of, rows_in
 from henon_ref.roots.double import DEPTH
 
 BUDGET = 50_000
 """Steps between two looks at the clock, in Python."""
+TINY_PART = 1e-60
+"""An event at a smaller part of the unit is looked at with a shorter one: powers of it would be no doubles."""
 
 
 _fill_samples = compile_unit(fill_samples, types.void, RUN_RECORD, GRID, int64, float64, int64, ROWS)
@@ -89,7 +93,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
     block = row_of(state)
     run = run_of(block)
     n, order = run.states, run.order
-    last_steps, x, x_low, known_zeros, hits = vectors_of(block, n, most)
+    last_steps, x, x_low, known_zeros, hits, faint = vectors_of(block, n, most)
     band, room, remembered, records = work_space(block, n, most, order)
     rows = n + most + 1
     c, ahead, work = band, rest_of(band, rows), rest_of(band, 2 * rows)
@@ -97,7 +101,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
     change, lower, point = room, rest_of(room, n), rest_of(room, n + most)
     stop_at = min(run.steps + BUDGET, run.most_steps)
     code = ON if run.event_pending == 0 else EVENT
-    run.event_pending = 0
+    run.event_pending, shrunk = 0, False
     while True:
         if code == EVENT:
             code = apply_event(run, x, known_zeros, hits, records, tables, numbers, selection, band, room)
@@ -120,7 +124,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         if run.dense != 0 and run.dense_steps >= run.dense_capacity:
             return ReturnCode.STEPS_FULL.value
         sampled = run.next_sample < samples.shape[0]
-        theta = event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, sampled, stop_at)
+        theta = event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, sampled, shrunk, stop_at)
         if theta == 0.0:
             return ReturnCode.BUDGET_SPENT.value
         if theta < -2.5:
@@ -151,12 +155,28 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
                 elif cut:
                     run.stalled += SHARP_CUT_WEIGHT
         call_closing(compiled.step_end, theta, c, change)
-        if guards_below_zero(c, n, order, layout, known_zeros, hits, natural / unit):  # Python looks closer
+        for g in range(guards):
+            faint[g] = 0
+        if guards_below_zero(c, n, order, layout, known_zeros, hits, natural / unit) and _fails_beyond_rounding(
+            run, x, layout, constants, c, ahead, point, hits, faint, natural / unit
+        ):  # Python looks closer
             run.guard = NOWHERE
             return ReturnCode.SELECT_MODE.value
-        best, hit, undecided, used = first_event(
-            run, c, n, order, layout, known_zeros, lower, theta, natural / unit, run.method, work, bounds
-        )
+        while True:
+            best, hit, undecided, used = first_event(
+                run, c, n, order, layout, known_zeros, lower, faint, theta, natural / unit, run.method, work, bounds
+            )
+            if hit < 0 or not _root_below_rounding(
+                run, x, layout, constants, c, ahead, point, hit, best * theta, natural / unit, undecided
+            ):
+                break
+            faint[hit] = 1
+        shrunk = hit >= 0 and best * theta < TINY_PART
+        if shrunk:
+            if unit <= SHORTEST_UNIT:
+                return ReturnCode.STALLED.value
+            run.unit = larger(unit * larger(2.0 * best * theta, TINY_PART), SHORTEST_UNIT)
+            continue
         if not undecided and compiled.polynomial_degree > 2:
             reach = theta if hit < 0 else best * theta
             shorter = _cancellation_limit(c, n + guards, compiled.polynomial_degree, reach, run.tolerance)
@@ -169,7 +189,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         if final and hit < 0:  # the horizon belongs to the run: an event at it counts
             for g in range(guards):
                 at_end = ends_at_zero(c[n + g], known_zeros[g], order, theta, guard_of(layout, g).rising_only)
-                if at_end and not load_equals_friction(c, n, order, layout, g, natural / unit):
+                if at_end and faint[g] == 0 and not load_equals_friction(c, n, order, layout, g, natural / unit):
                     best, hit, undecided = 1.0, g, True
         part = theta if hit < 0 else best * theta
         if sampled:
@@ -183,7 +203,7 @@ def advance(state, tables, numbers, selection, samples):  # type: ignore[no-unty
         if hit >= 0:
             for g in range(guards):
                 at_once = g == hit or at_zero(c[n + g], known_zeros[g], order, part, guard_of(layout, g).rising_only)
-                hits[g] = 1 if at_once else 0
+                hits[g] = 1 if at_once and faint[g] == 0 else 0
             call_closing(compiled.step_end, part, c, change)
         if run.dense != 0 and part > 0.0:
             _record_step(run, c, part * unit, mode)
@@ -217,10 +237,13 @@ def called(selection: Any) -> tuple[Compiled, ...]:
     return (
         (
             event_free_steps,
-            (RUN_RECORD, DOUBLES, DOUBLES, INTEGERS, TABLE, DOUBLES, GRID, DOUBLES, boolean, int64),
+            (RUN_RECORD, DOUBLES, DOUBLES, INTEGERS, TABLE, DOUBLES, GRID, DOUBLES, boolean, boolean, int64),
         ),
         (apply_event, (RUN_RECORD, DOUBLES, INTEGERS, INTEGERS, GRID, TABLES, NUMBERS, selection, GRID, DOUBLES)),
-        (first_event, (RUN_RECORD, GRID, int64, int64, TABLE, INTEGERS, DOUBLES, float64, float64, int64, GRID, GRID)),
+        (
+            first_event,
+            (RUN_RECORD, GRID, int64, int64, TABLE, INTEGERS, DOUBLES, INTEGERS, float64, float64, int64, GRID, GRID),
+        ),
         (ends_at_zero, (DOUBLES, int64, int64, float64, int64)),
         (guards_below_zero, (GRID, int64, int64, TABLE, INTEGERS, INTEGERS, float64)),
     )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from flint import arb
 from numpy.typing import NDArray
 
 from henon_ref.filippov.decision import Decision
@@ -13,17 +15,21 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, numbered_mode, replaced, transition_kind
 from henon_ref.filippov.resets import resetting, rows_at
 from henon_ref.filippov.resting import REMAINING
+from henon_ref.henon.below_rounding import STATE_ROUNDING
 from henon_ref.henon.endings import ending_of
 from henon_ref.henon.guard_branch_point import behind_branch_point
+from henon_ref.henon.precise_motion import PreciseMotion
 from henon_ref.henon.recorder import events_accumulate
 from henon_ref.henon.records import CROSSING, RELEASED, RESET, STEP, STEP_PLACES, STICK, TRANSITION, TRANSITION_PLACES
-from henon_ref.henon.state import NOWHERE, ReturnCode
+from henon_ref.henon.state import NOWHERE, ReturnCode, rounding_place
 from henon_ref.henon.state_view import State
 from henon_ref.henon.transition_array import KINDS
 from henon_ref.jit.njit import in_python
 from henon_ref.trajectory import Status
 
 _events_accumulate = in_python(events_accumulate)
+Pair = tuple[float, float]
+"""A number as its double and what that leaves."""
 
 
 class Jumped(NamedTuple):
@@ -52,12 +58,14 @@ class ModeChanges(State):
         Full blocks of steps: rows of :func:`henon_ref.henon.records.step_dtype`, as doubles.
     """
 
-    __slots__ = ("_passed_at", "_steps", "blocks", "samples", "step_blocks")
+    __slots__ = ("_motion", "_passed_at", "_steps", "blocks", "samples", "step_blocks")
 
     blocks: list[NDArray[np.float64]]
     step_blocks: list[NDArray[np.float64]]
     samples: NDArray[np.float64]
     """Times at which samples are wanted; states and mode there."""
+    _motion: PreciseMotion | None
+    """The motion from the start in more digits, where they have been asked for."""
     _passed_at: int
     """Steps taken when a branch point was last passed."""
     _steps: NDArray[np.float64] | None
@@ -110,6 +118,41 @@ class ModeChanges(State):
             row[-1] = scalars.mode
             scalars.next_sample += 1
 
+    def _put(self, time: Pair, state: Sequence[Pair]) -> None:
+        """Set time and state."""
+        self.scalars.time, self.scalars.time_low = time
+        self.x[:] = [high for high, _ in state]
+        self.x_low[:] = [low for _, low in state]
+
+    def _digits(self) -> tuple[list[arb], list[float]]:
+        """The state in as many digits as there are, and what each entry may be off.
+
+        More than doubles have kept are there as long as the first mode lasts, and nobody else has changed the state.
+        """
+        scalars, start, state = self.scalars, self.start, self.x.tolist()
+        time, length = (float(scalars.time), float(scalars.time_low)), float(scalars.step_length)
+        if scalars.more_digits and scalars.remembered == 1 and not self.integrator.system.resets:
+            if self._motion is None:
+                self._motion = PreciseMotion(start.constants.precise, self.mode, start.time, start.x)
+            found = self._motion.at(time, state, length)
+            if found is not None:
+                return found
+        scalars.more_digits = 0
+        exact = [arb(high) + arb(low) for high, low in zip(state, self.x_low.tolist(), strict=True)]
+        return exact, [STATE_ROUNDING * abs(x) for x in state]
+
+    def _passed_over(self, guard: Guard) -> None:
+        """Note that a guard is below its rounding here (see :mod:`henon_ref.henon.below_rounding`)."""
+        place = rounding_place(guard.kind == "valid", guard.index, len(self.since))
+        if not self.since[place] <= self.scalars.time:
+            self.since[place] = self.scalars.time
+            self.scalars.below_rounding += 1
+
+    def _since(self) -> tuple[tuple[int, float], ...]:
+        """Surfaces that have been below their rounding, and since when [s]; -1 for an expression of the model's end."""
+        surfaces = len(self.integrator.system.surfaces)
+        return tuple((i if i < surfaces else -1, t) for i, t in enumerate(self.since.tolist()) if t < math.inf)
+
     def _set_known_zeros(self, mode: Mode, zeros: Sequence[int]) -> None:
         """Set the known zeros of the present mode's guards, given in the order of its equations."""
         for g, place in enumerate(self.integrator.mode_table.places(mode)):
@@ -159,17 +202,14 @@ class ModeChanges(State):
         most = REMAINING * (until - self.start.time[0])
         after = self.start.constants.jumps.after(surfaces, hits, self.mode, time, state, most)
         self.before_jump[:] = self.x
-        self.x[:] = [high for high, _ in after.state]
-        self.x_low[:] = [low for _, low in after.state]
+        self._put(time, after.state)
         ended, rest = self._change_mode(after.decision, after.known_zeros, (), after.applied), after.rest
         if ended is not None or rest is None:
             return ended
         length = (rest.time[0] - time[0]) + (rest.time[1] - time[1])
         self._keep_line(length, [high for high, _ in rest.state])
         late = (until - rest.time[0]) + (until_low - rest.time[1]) < 0.0
-        self.scalars.time, self.scalars.time_low = (until, until_low) if late else rest.time
-        self.x[:] = [high for high, _ in rest.state]
-        self.x_low[:] = [low for _, low in rest.state]
+        self._put((until, until_low) if late else rest.time, rest.state)
         return None if late else self._change_mode(rest.decision, rest.known_zeros, ())
 
     def _pass_branch_point(self) -> bool:
@@ -192,9 +232,7 @@ class ModeChanges(State):
         end = [high for high, _ in behind.state]
         self._keep_line(behind.length, end)
         self._fill_samples_on_line(behind.length, end)
-        scalars.time, scalars.time_low = behind.time
-        self.x[:] = end
-        self.x_low[:] = [low for _, low in behind.state]
+        self._put(behind.time, behind.state)
         self.known_zeros[:] = 0
         scalars.steps += 1
         scalars.unit, scalars.longest_step, scalars.stalled = behind.length, 1e3 * behind.length, 0
@@ -205,6 +243,8 @@ class ModeChanges(State):
         self, kind: int, surface: int, source: int, target: int, *, side: int, state: Sequence[float] | None = None
     ) -> None:
         """Write a transition down, at a state other than the run's where one is given."""
+        if self.scalars.below_rounding and self.since[surface] <= self.scalars.time:
+            return
         if self.scalars.transitions >= self.scalars.transition_capacity:
             self._close_block()
         scalars = self.scalars

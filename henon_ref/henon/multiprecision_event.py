@@ -6,12 +6,16 @@ count for nothing, and roots found to about 1e-50 of the step: no proof, but far
 
 Every guard of the mode is looked at. The first event of any of them is gone to, and what else happens there within the
 radius to which the place is known is part of it. The mode that follows is decided there in the same arithmetic.
+
+Where the state at the step's start is known to a rounding only, and that may lift a guard's touch from zero or make it
+two roots, nothing is decided: the run goes on past it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from flint import arb, arb_poly
@@ -52,6 +56,10 @@ ROUNDING = 32 * EPS
 """Part of its size within which double precision takes a guard for zero at the event of another one."""
 DECIDED_STEEPNESS = 1e-5
 """Relative steepness from which double precision decides a root."""
+FLAT_LEVEL = 1e-6
+"""Part of its size above which a minimum is beyond rounding, whatever that makes of it."""
+HIGHER_ORDER = 8.0
+"""So many squares of a rounding are terms of higher order in it, which tell nothing."""
 CLEAR_LEVEL = 1e-9
 """A guard that stays above this of its size by the sizes of its terms alone has no event."""
 EXPANDED_PART = 1.25
@@ -74,8 +82,10 @@ class UndecidedStep(NamedTuple):
     mode: Mode
     time: Pair
     """Start of the step [s]."""
-    state: tuple[Pair, ...]
+    state: Sequence[arb]
     """State there."""
+    rounding: Sequence[float]
+    """What each of its entries may be off."""
     length: float
     """How far the step is valid [s]."""
     suspect: float
@@ -99,6 +109,8 @@ class LocatedEvent(NamedTuple):
     """The mode that follows; None where the mode goes on, and where the state jumps first."""
     known_zeros: tuple[int, ...]
     """For each guard of the mode gone on with, zeros at this instant. A minimum just above zero counts as one."""
+    below_rounding: tuple[int, ...] = ()
+    """Guards of which rounding of the state leaves open whether they reach zero here."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +130,10 @@ class _Event:
     """Of the zero, or the minimum."""
     rounding: float
     """Where the guard is steep: how far from the place double precision takes it for zero. Else 0."""
+    depth: float
+    """Where it is flat: how far from zero its minimum is, on either side, of its size on the step. Else infinite."""
+    below_rounding: bool = False
+    """Whether rounding of the state leaves open what it does here; it then counts as a ``miss``."""
 
     def meets(self, other: _Event) -> bool:
         """Whether two events are at one instant: their radii overlap, or rounding of a steep guard is all between."""
@@ -130,11 +146,10 @@ def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent:
     with working_precision(BITS):
         start = arb(step.time[0]) + arb(step.time[1])
         unit = arb(min(step.length, EXPANDED_PART * step.suspect)) * _STEP_MARGIN
-        states, outputs, whole = modes.expand(
-            step.mode, start, [arb(high) + arb(low) for high, low in step.state], unit
-        )
+        states, outputs, whole = modes.expand(step.mode, start, step.state, unit)
         guards = modes.guards(step.mode)
         events = _events(guards, outputs, step, unit, whole=whole)
+        events = _beyond_rounding(modes, step, start, unit, outputs, events)
         first = events[0]
         met = [event for event in events if event is first or event.meets(first)]
         reported = [event for event in met if event.what != "miss"] or met
@@ -144,15 +159,17 @@ def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent:
         time, state = _split(start + unit * place), tuple(_split(series(place)) for series in states)
         falling = [event.guard for event in met if event.what == "root" or _ends(modes, guards, event)]
         touching = [(e.guard, e.order) for e in met if e.what == "touch" and e.guard not in falling]
+        ball = arb(place, radius)
+        point = start + unit * ball, [series(ball) for series in states]
         if falling:
-            ball = arb(place, radius)
-            point = start + unit * ball, [series(ball) for series in states]
             hits = [guards[g] for g in sorted([*falling, *(g for g, _ in touching)])]
             jumps = resetting(modes.system, step.mode, [guards[g] for g in falling])
             decision, zeros = (None, ()) if jumps else _next_mode(modes, step.mode, point, hits)
         else:
-            decision, zeros = None, _zeros_behind(events, best, len(guards))
-        return LocatedEvent(time, state, tuple(falling), tuple(touching), decision, zeros)
+            decision = _unless_unique(modes, step.mode, point, [guards[g] for g, _ in touching])
+            zeros = _zeros_behind(events, best, len(guards))
+        below = tuple(event.guard for event in events if event.below_rounding)
+        return LocatedEvent(time, state, tuple(falling), tuple(touching), decision, zeros, below)
 
 
 def _events(
@@ -179,6 +196,42 @@ def _events(
         else:
             found.append(event)
     return found
+
+
+def _beyond_rounding(
+    modes: PreciseModes,
+    step: UndecidedStep,
+    start: arb,
+    unit: arb,
+    outputs: Sequence[Sequence[arb]],
+    events: Sequence[_Event],
+) -> list[_Event]:
+    """The events, those left out (``miss``) of which rounding of the state leaves open whether they are there.
+
+    The minimum of a square is zero wherever the state is: differences are taken to both sides.
+    """
+    flat = {e.guard: 0.0 for e in events if e.depth <= FLAT_LEVEL}
+    if not flat or not any(step.rounding):
+        return list(events)
+    for i, off in enumerate(step.rounding):
+        if off == 0.0:
+            continue
+        sides = [[x + side * arb(off) if j == i else x for j, x in enumerate(step.state)] for side in (-1, 1)]
+        below, above = (modes.expand(step.mode, start, state, unit)[1] for state in sides)
+        for event in (e for e in events if e.guard in flat):
+            low, high = (arb_poly(list(o[event.guard]))(arb(event.place) / ONE) for o in (below, above))
+            size = sum((abs(float(c)) for c in outputs[event.guard]), 0.0) or 1.0
+            flat[event.guard] += abs(float(high - low)) / (2.0 * size)
+    largest = max(abs(float(x)) for x in step.state) or 1.0
+    higher_order = HIGHER_ORDER * (sum(step.rounding) / largest) ** 2
+    found = [
+        replace(e, what="miss", lowest=True, order=2, below_rounding=True)
+        if flat.get(e.guard, 0.0) > max(e.depth, higher_order)
+        else e
+        for e in events
+    ]
+    first = min(found, key=lambda e: (e.what == "miss", e.place))
+    return [first, *(e for e in found if e is not first)]
 
 
 class _Series:
@@ -224,8 +277,13 @@ def _first_event(guard: int, series: _Series, suspect: int) -> _Event:
     part, local = place / ONE, series.around(place)
     radius, order = leading_term(local, series.noise(part))
     slope, size = (abs(local[1]) if len(local) > 1 else 0.0), series.size(part)
-    rounding = ROUNDING * size / slope if what == "root" and slope * part > DECIDED_STEEPNESS * size else 0.0
-    return _Event(guard, what, lowest, place, max(radius, FINEST), order - order % 2 if lowest else order, rounding)
+    steep = what == "root" and slope * part > DECIDED_STEEPNESS * size
+    rounding = ROUNDING * size / slope if steep else 0.0
+    depth = math.inf
+    if not steep and len(local) > 2 and local[2] > 0.0:
+        depth = abs(local[0] - local[1] ** 2 / (4.0 * local[2]))
+    order = order - order % 2 if lowest else order
+    return _Event(guard, what, lowest, place, max(radius, FINEST), order, rounding, depth)
 
 
 def _without_known_zeros(c: Sequence[arb], zeros: int) -> list[arb]:
@@ -319,6 +377,20 @@ def _next_mode(
     slid = {i for i, s in enumerate(decision.mode) if s == 0 or mode[i] == 0}
     active = modes.system.closed(zero, slid)
     return decision, tuple(switching.contact_orders(time, state, decision.mode, active, zero=TIE_LEVEL))
+
+
+def _unless_unique(
+    modes: PreciseModes, mode: Mode, point: tuple[arb, list[arb]], touching: Sequence[Guard]
+) -> Decision | None:
+    """Why a run ends where surfaces are touched from which other motions lead away, too; None where it goes on.
+
+    So it is where the field on the other side leads away: at once, or at a visible two-fold (Filippov 1988, Sec. 19).
+    """
+    surfaces = [guard for guard in touching if guard.kind == "surface"]
+    if not surfaces:
+        return None
+    decision = modes.precise_switching.after_event(*point, mode, surfaces)
+    return decision if decision.status == "nonunique" else None
 
 
 def _split(number: arb) -> Pair:

@@ -45,8 +45,10 @@ class LoopProgram:
         constants = self.tapes * self.longest * len(self.compiled.modes) + 2 * len(self.normal_sources) + 1
         return 8 * (3 * registers + constants)
 
-    def numbers(self, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """At parameter values, shape (points, parameters).
+    def numbers(
+        self, values: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """At parameter values, shape (points, parameters, 3); ``exact``: those of a point, by its number.
 
         Returns
         -------
@@ -58,7 +60,7 @@ class LoopProgram:
         registers, points, modes = self.program.registers(values), len(values), len(self.compiled.modes)
         numbers = np.zeros((points, modes * self.tapes * self.longest))
         if not scatter(registers, self.sources, *self.places, numbers):
-            self.program.made_accurate(registers)
+            self.program.made_accurate(registers, exact)
             scatter(registers, self.sources, *self.places, numbers)
         count = len(self.normal_sources)
         normals = np.zeros((points, 2 * count + 1))
@@ -111,8 +113,8 @@ class ParameterPrograms:
 
         Parameters
         ----------
-        points : ndarray, shape (points, 1 + n + parameters)
-            Time, state, parameter values; taken as exact.
+        points : ndarray, shape (points, 1 + n + parameters, 3)
+            Time, state, parameter values (see :func:`henon_ref.henon.pairs.threes`).
         """
         program = self.start
         signs = np.empty((len(points), len(program.outputs)), dtype=np.int64)

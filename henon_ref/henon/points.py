@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.filippov.modes import Mode
 from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.pairs import decimal_pairs, exact_expression, threes
 from henon_ref.henon.points_kernel import (
     ASIDE,
     BUFFER_FULL,
@@ -62,6 +63,23 @@ class Keep(NamedTuple):
 NOTHING = Keep(kinds=0)
 
 
+class ExactPoint(NamedTuple):
+    """Numbers of a point as :meth:`Integrator.start_at` takes them."""
+
+    values: tuple[Any, ...]
+    initial: Sequence[Any]
+    start: Any
+    until: Any
+
+
+def _pairs(numbers: ArrayLike, axes: int) -> NDArray[np.float64]:
+    """Pairs of doubles as they are; else of the decimal numbers that doubles are printed as (``axes``: at least)."""
+    found = np.asarray(numbers, dtype=np.float64)
+    if found.ndim == max(axes, 1) + 1 and found.shape[-1] == 2:
+        return found
+    return decimal_pairs(np.atleast_2d(found) if axes else found)
+
+
 class PointRuns:
     """Runs of many points: iterate once to do them, then read how they ended.
 
@@ -73,10 +91,10 @@ class PointRuns:
     ----------
     integrator : Integrator
         Of a system without values of its parameters.
-    values : array_like, shape (points, parameters) or (1, parameters)
+    values : array_like, shape (points or 1, parameters) or (points or 1, parameters, 2)
         Of :attr:`Integrator.parameters`, in their order; one row: the same for all points.
-    initial : array_like, shape (points, n)
-    start, until : float or array_like, shape (points,)
+    initial : array_like, shape (points, n) or (points, n, 2)
+    start, until : float or array_like, shape (points,) or (points, 2)
         Initial time and horizon [s].
     tolerance : float
         Local error of a step, relative to the size of each state and guard on the step.
@@ -86,6 +104,12 @@ class PointRuns:
         By default nothing.
     stop_falling, stop_rising, most_steps : int
         See :class:`henon_ref.henon.start.Start`.
+    exact : callable, optional
+        The exact numbers of a point, by its number: values, state, initial time, horizon. By default those that the
+        doubles are printed as.
+
+    Doubles stand for the decimal numbers that they are printed as; with a last axis of length 2 they are pairs (see
+    :mod:`henon_ref.henon.pairs`).
 
     Attributes
     ----------
@@ -111,13 +135,14 @@ class PointRuns:
         stop_falling: int = 0,
         stop_rising: int = 0,
         most_steps: int = MOST_STEPS,
+        exact: Callable[[int], ExactPoint] | None = None,
     ) -> None:
-        self.integrator, self.keep = integrator, keep
-        self.values = np.atleast_2d(np.asarray(values, dtype=np.float64))
-        self.initial = np.ascontiguousarray(initial, dtype=np.float64)
-        points, n = self.initial.shape
-        self.times = np.empty((points, 2))
-        self.times[:, 0], self.times[:, 1] = start, until
+        self.integrator, self.keep, self._exact = integrator, keep, exact
+        self.values = threes(_pairs(values, 2))
+        self.initial = _pairs(initial, 2)
+        points, n = self.initial.shape[:2]
+        self.times = np.empty((points, 2, 2))
+        self.times[:, 0], self.times[:, 1] = _pairs(start, 0), _pairs(until, 0)
         self._tolerance, self._landing = tolerance, landing
         self._limits: dict[str, Any] = {
             "stop_falling": stop_falling,
@@ -132,7 +157,7 @@ class PointRuns:
     @property
     def transition_dtype(self) -> np.dtype[Any]:
         """``point``, then the fields of :func:`henon_ref.henon.records.transition_dtype`."""
-        kind = transition_dtype(self.initial.shape[1])
+        kind = transition_dtype(self.states.shape[1])
         assert kind.names is not None
         return np.dtype([("point", "i8"), *((name, kind[name]) for name in kind.names)], align=True)
 
@@ -150,13 +175,19 @@ class PointRuns:
             return self.others[point].end_mode
         return self.integrator.mode_table.modes[self.ends["mode"][point]]
 
+    def exact(self, point: int) -> ExactPoint:
+        """The exact numbers of a point."""
+        if self._exact is not None:
+            return self._exact(point)
+        values, (begin, until) = self.values[point if len(self.values) > 1 else 0], self.times[point, :, 0].tolist()
+        return ExactPoint(tuple(values[:, 0].tolist()), self.initial[point, :, 0].tolist(), begin, until)
+
     def start(self, point: int) -> Start:
         """Where the run of a point starts, as :class:`Run` takes it."""
-        values = self.values[point if len(self.values) > 1 else 0]
-        begin, until = self.times[point].tolist()
+        values, initial, begin, until = self.exact(point)
         return self.integrator.start_at(
-            tuple(values.tolist()),
-            self.initial[point].tolist(),
+            values,
+            initial,
             start=begin,
             until=until,
             tolerance=self._tolerance,
@@ -185,7 +216,7 @@ class _Part:
 
     def __init__(self, runs: PointRuns, first: int, last: int) -> None:
         self.runs, self.first, self.part = runs, first, slice(first, last)
-        n, surfaces = runs.initial.shape[1], len(runs.integrator.system.surfaces)
+        n, surfaces = runs.states.shape[1], len(runs.integrator.system.surfaces)
         self.values = runs.values[self.part] if len(runs.values) > 1 else runs.values
         self.kept = np.empty((BUFFER, 1 + TRANSITION_PLACES + n))
         self.pending = np.zeros((surfaces, 1 + TRANSITION_PLACES + n))
@@ -213,13 +244,15 @@ class _Part:
     def _compiled(self, workspace: Workspace) -> Iterator[NDArray[Any]]:
         runs, progress, table = self.runs, self.progress, self.runs.integrator.mode_table
         rows, surfaces = self._rows()
+        times = runs.times[self.part].reshape(-1, 4)
+        initial = np.ascontiguousarray(runs.initial[self.part].transpose(0, 2, 1)).reshape(len(times), -1)
         template = replace(runs.start(self.first), zeros=runs.integrator.no_zeros).state
         ends, states = runs.ends[self.part].view(np.float64).reshape(-1, END_PLACES), runs.states[self.part]
         tries, code, constants = TRIES, PAUSE, self._constants(workspace)
         while code != DONE:
             code = run_points(
-                self.memory.view(np.float64), workspace.block, template, runs.times[self.part],
-                runs.initial[self.part], rows, surfaces, *constants, NO_SAMPLES, self.kept, self.pending, ends, states,
+                self.memory.view(np.float64), workspace.block, template, times, initial, rows, surfaces, *constants,
+                NO_SAMPLES, self.kept, self.pending, ends, states,
             )  # fmt: skip
             if code == ASIDE:
                 compiled = table.compiled
@@ -238,10 +271,10 @@ class _Part:
         Where it is on one, the row is that of the mode below it; -1 where the start is not clear.
         """
         runs, integrator = self.runs, self.runs.integrator
-        initial, times = runs.initial[self.part], runs.times[self.part, :1]
-        values = np.broadcast_to(self.values, (len(initial), self.values.shape[1]))
-        signs = integrator.programs.start_signs(np.hstack([times, initial, values]))
-        rows, surfaces = np.full(len(initial), -1), np.full(len(initial), -1)
+        points = threes(np.concatenate([runs.times[self.part, :1], runs.initial[self.part]], axis=1))
+        values = np.broadcast_to(self.values, (len(points), *self.values.shape[1:]))
+        signs = integrator.programs.start_signs(np.concatenate([points, values], axis=1))
+        rows, surfaces = np.full(len(points), -1), np.full(len(points), -1)
         modes, places = np.unique(signs, axis=0, return_inverse=True)
         for k, mode in enumerate(modes.tolist()):
             found = integrator.row_at_start(tuple(mode))
@@ -255,7 +288,9 @@ class _Part:
         table = self.runs.integrator.mode_table
         program = self.runs.integrator.programs.loop()
         compiled = program.compiled
-        numbers, normals = program.numbers(self.values)
+        numbers, normals = program.numbers(
+            self.values, lambda point: [exact_expression(v) for v in self.runs.exact(self.first + point).values]
+        )
         selection = None
         if compiled.rows.size:
             assert table.normals is not None

@@ -108,8 +108,9 @@ def _begin(state, template, times, initial, point, row, surface, tables, numbers
     for i in range(template.size):
         state[i] = template[i]
     run = run_of(row_of(state))
-    run.time, run.begin, run.horizon, run.mode = times[point, 0], times[point, 0], times[point, 1], row
-    run.unit = max(run.horizon - run.time, 1e-280)
+    run.time, run.time_low, run.begin, run.mode = times[point, 0], times[point, 1], times[point, 0], row
+    run.horizon, run.horizon_low = times[point, 2], times[point, 3]
+    run.unit = max((run.horizon - run.time) + (run.horizon_low - run.time_low), 1e-280)
     for i in range(initial.shape[1]):
         state[STATE_PLACE + i] = initial[point, i]
     if surface >= 0:
@@ -176,9 +177,10 @@ def run_points(  # type: ignore[no-untyped-def]
         A workspace's block, which must be the same until all points are done.
     template : ndarray
         State of a start (:attr:`henon_ref.henon.start.Start.state`).
-    times : ndarray, shape (points, 2)
-        Initial time and horizon [s].
-    initial : ndarray, shape (points, n)
+    times : ndarray, shape (points, 4)
+        Initial time and horizon [s], each with what rounding lost of it.
+    initial : ndarray, shape (points, 2 n)
+        State at the start, and what rounding lost of it.
     rows : ndarray of int, shape (points,)
         Row of the mode at the start; -1: the point is set aside.
     surfaces : ndarray of int, shape (points,)

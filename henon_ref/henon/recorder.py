@@ -17,7 +17,7 @@ from henon_ref.henon.records import (
     step_of,
     transition_of,
 )
-from henon_ref.henon.state import RUN_RECORD
+from henon_ref.henon.state import RUN_RECORD, since_of
 from henon_ref.jit.njit import inner
 from henon_ref.jit.primitives import EPS, larger
 from henon_ref.jit.views import GRID, rest_of, row_at
@@ -31,8 +31,10 @@ MOST_AT_ONCE = 64
 def record_transition(run, x, records, kind, index, side, source, target, landing):  # type: ignore[no-untyped-def]
     """Write a transition down; ``side`` of the surface that it came from, 0 for a release.
 
-    Notes whether the run is to end on that surface.
+    Notes whether the run is to end on that surface. Of one that has been below its rounding nothing is told.
     """
+    if run.below_rounding != 0 and since_of(run, x)[index] <= run.time:
+        return
     made, state = transition_of(records, run.transitions), rest_of(records[run.transitions], TRANSITION_PLACES)
     made.time, made.time_low = run.time, run.time_low
     made.kind, made.surface, made.landing = kind, index, landing

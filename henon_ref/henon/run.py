@@ -30,9 +30,10 @@ from henon_ref.jit.processor_time import Deadline
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 _tuple = tuple.__new__
-_counts: Callable[..., tuple[int, ...]] = Struct("5q").unpack_from
+_counts: Callable[..., tuple[int, ...]] = Struct("6q").unpack_from
 _FIRST_COUNT = 8 * list(RUN.names or ()).index("mode")
-"""Where in the block, in bytes, mode, steps, expansions, guard evaluations and transitions stand."""
+"""Where in the block, in bytes, mode, steps, expansions, guard evaluations, transitions and guards below rounding
+are."""
 _STATE = 8 * STATE_PLACE
 _HORIZON = ReturnCode.HORIZON.value
 """The member itself would be looked up in a tenth of a microsecond, as its neighbours are where it matters less."""
@@ -96,7 +97,7 @@ class Run(ModeChanges):
             self.samples[:, 0] = sample_times
         self.blocks = []
         self.step_blocks = []
-        self._passed_at = -1
+        self._passed_at, self._motion = -1, None
         self._steps = None
         self.ended: Trajectory | None = None
         if dense:
@@ -149,6 +150,8 @@ class Run(ModeChanges):
         """Go to the next transition; the trajectory instead where the run ends before one."""
         self.blocks.clear()  # transitions handed out already
         self.scalars.transitions = 0
+        if self.scalars.steps > 0:  # the state may have been changed
+            self.scalars.more_digits = 0
         while (end := self._advance(stop=True)) is None:
             if self.scalars.transitions:
                 last = slice(self.scalars.transitions - 1, self.scalars.transitions)
@@ -206,12 +209,14 @@ class Run(ModeChanges):
         places = integrator.mode_table.places(mode)
         zeros = dict(zip(places, self.known_zeros.tolist(), strict=False))
         time, low = float(scalars.time), float(scalars.time_low)
+        state, rounding = self._digits()
         found = locate_event(
             self.start.constants.precise,
             UndecidedStep(
                 mode=mode,
                 time=(time, low),
-                state=tuple(zip(self.x.tolist(), self.x_low.tolist(), strict=True)),
+                state=state,
+                rounding=rounding,
                 length=float(scalars.step_length),
                 suspect=float(scalars.suspect),
                 guard=places[int(self.scalars.guard)],
@@ -220,9 +225,7 @@ class Run(ModeChanges):
         )
         if self._steps is not None:
             self._keep_step((found.time[0] - time) + (found.time[1] - low))
-        scalars.time, scalars.time_low = found.time
-        self.x[:] = [high for high, _ in found.state]
-        self.x_low[:] = [lost for _, lost in found.state]
+        self._put(found.time, found.state)
         self.scalars.steps += 1
         self.known_zeros[:] = 0
         until, until_low = self.until
@@ -230,6 +233,8 @@ class Run(ModeChanges):
             scalars.time, scalars.time_low = until, until_low
             return None
         guards = integrator.system.equations(mode).guards
+        for g in found.below_rounding:
+            self._passed_over(guards[g])
         falling = [guards[g] for g in found.falling]
         if surfaces := resetting(integrator.system, mode, falling):
             return self._jump(surfaces, [*falling, *(guards[g] for g, _ in found.touching)])
@@ -237,6 +242,8 @@ class Run(ModeChanges):
         tangential = sorted(
             {g.index for g in touching if g.kind == "surface" or integrator.system.held_inside(g.index)}
         )
+        if found.decision is not None and not falling:
+            return found.decision.ending, found.decision.reason
         if found.decision is not None:
             tangential += [guards[g].index for g in found.falling if guards[g].kind == "surface"]
             return self._change_mode(found.decision, found.known_zeros, sorted(set(tangential)))
@@ -247,7 +254,7 @@ class Run(ModeChanges):
 
     def _end(self, status: Status, reason: str) -> Trajectory:
         state, start, modes = self.state, self.start, self.integrator.mode_table.modes
-        mode, *counted, count = _counts(state, _FIRST_COUNT)
+        mode, *counted, count, below = _counts(state, _FIRST_COUNT)
         transitions: Sequence[Transition] = ()
         if count or self.blocks:
             records = self.workspace.transitions[:count].copy()
@@ -259,5 +266,6 @@ class Run(ModeChanges):
         # As the tuples they are, past Python's constructors: a tenth of a short run.
         counts = _tuple(Counts, counted)
         end, x = state.item(0), start.unpacked(state, _STATE)
-        fields = status, transitions, end, x, modes[mode], reason, counts, 0.0, samples, sample_modes
+        since = self._since() if below else ()
+        fields = status, transitions, end, x, modes[mode], reason, counts, 0.0, samples, sample_modes, since
         return _tuple(Trajectory, fields)

@@ -47,6 +47,7 @@ RUN = np.dtype(
         ("horizon", "f8"), ("horizon_low", "f8"),  # s
         ("tolerance", "f8"),  # local error, relative to each row's size on the step
         ("mode", "i8"), ("steps", "i8"), ("expansions", "i8"), ("guard_evaluations", "i8"), ("transitions", "i8"),
+        ("below_rounding", "i8"),  # surfaces, and expressions of the model's end, that have been below their rounding
         ("guard", "i8"), ("landing", "i8"),  # last guard hit, and its landing
         ("stalled", "i8"),  # steps that time cannot tell apart
         ("events_at_once", "i8"),  # events that it cannot tell apart
@@ -63,6 +64,7 @@ RUN = np.dtype(
         ("states", "i8"), ("guards", "i8"),  # guards: of the largest mode
         ("stop_falling", "i8"), ("stop_rising", "i8"),  # surfaces, a bit each, on which the run ends
         ("stopped", "i8"),  # 1 once it has come to one
+        ("more_digits", "i8"),  # 1 where multiprecision may go from the start to where the run is in its first mode
         ("most_steps", "i8"),  # after which the run is to end
         ("dense", "i8"), ("dense_steps", "i8"), ("dense_capacity", "i8"),  # address of steps (0: none), how many, room
     ],
@@ -70,8 +72,9 @@ RUN = np.dtype(
 )  # fmt: skip
 """A run's scalars, the same for every system; behind them in one block of doubles: the last step of modes [s], shape
 (REMEMBERED_STEPS,); x, what rounding it lost, and x before the last jump, shape (n,) each; as integers known zeros of
-each guard at the present point (the surface just left), which are divided out, and 1 for a guard that is at zero, shape
-(G,) each."""
+each guard at the present point (the surface just left), which are divided out, 1 for one that is at zero, and 1 for
+one that is below its own rounding on the present step, shape (G,) each; and since when one has been so [s], infinite
+where it has not, shape (G,) by :func:`rounding_place`."""
 RUN_RECORD = from_dtype(RUN)
 """Its type in compiled code."""
 LAST_STEPS = RUN.itemsize // 8
@@ -87,15 +90,27 @@ run_of = record_view(RUN)
 @register_jitable
 def state_places(n, most):  # type: ignore[no-untyped-def]
     """Length of a run's scalars and vectors, in doubles: of n states, and as many guards as the largest mode has."""
-    return STATE_PLACE + 3 * n + 2 * most
+    return STATE_PLACE + 3 * n + 4 * most
 
 
 @inner(forceinline=True)
 def vectors_of(block, n, most):  # type: ignore[no-untyped-def]
-    """Rows behind the scalars: last steps, x, what rounding it lost, known zeros, guards at zero."""
+    """Rows behind the scalars: last steps, x, what rounding it lost, known zeros, guards at zero, below rounding."""
     integers = integers_in(rest_of(block, STATE_PLACE + 3 * n))
     x = rest_of(block, STATE_PLACE)
-    return rest_of(block, LAST_STEPS), x, rest_of(x, n), integers, rest_of(integers, most)
+    return rest_of(block, LAST_STEPS), x, rest_of(x, n), integers, rest_of(integers, most), rest_of(integers, 2 * most)
+
+
+@inner(forceinline=True)
+def since_of(run, x):  # type: ignore[no-untyped-def]
+    """Row of the times since when guards have been below their rounding; ``x`` begins where the state stands."""
+    return rest_of(x, 3 * run.states + 3 * run.guards)
+
+
+@register_jitable
+def rounding_place(valid, index, most):  # type: ignore[no-untyped-def]
+    """Where in that row a surface stands, or an expression of the model's end (``valid``), of that index."""
+    return most - 1 - index if valid else index
 
 
 NOWHERE = -1

@@ -86,6 +86,11 @@ class State:
         return self._integers[len(self.start.zeros) :]
 
     @property
+    def since(self) -> NDArray[np.float64]:
+        """Since when each guard has been below its rounding [s] (:func:`henon_ref.henon.state.rounding_place`)."""
+        return self.state[len(self.state) - len(self.start.zeros) :]
+
+    @property
     def time(self) -> float:
         """Present time [s], rounded to double."""
         return float(self.scalars.time)

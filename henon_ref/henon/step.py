@@ -6,7 +6,7 @@ from henon_ref.henon.compensated_time import add_to_time, below_compensated_reso
 from henon_ref.henon.recorder import _record_step
 from henon_ref.henon.records import mode_of
 from henon_ref.henon.state import REMEMBERED_STEPS
-from henon_ref.henon.step_size import _flat_step_size, infinite_at_low_order, step_size
+from henon_ref.henon.step_size import _flat_step_size, infinite, step_size
 from henon_ref.henon.step_validation import tail_unconverged
 from henon_ref.jit.calls import call_closing, call_expand
 from henon_ref.jit.njit import inner
@@ -16,6 +16,8 @@ BLOWN_UP = 1e100
 """A state beyond this has blown up (no smaller bound is safe whatever the units)."""
 CHECKED_GROWTH = 4.0
 """A step this many times longer than the last is checked at its end before it is accepted."""
+SHORTEST_UNIT = 1e-280
+"""No unit is shorter."""
 OVERFLOW_REDUCTION = 1e-100
 """How much shorter unit becomes where even coefficients of low order are infinite."""
 STALLED_STEPS = 1000
@@ -73,16 +75,17 @@ def enter_mode(run, remembered, last_steps):  # type: ignore[no-untyped-def]
 
 
 @inner(forceinline=True)
-def event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, alone, stop_at):  # type: ignore[no-untyped-def]
+def event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, alone, shrunk, stop_at):  # type: ignore[no-untyped-def]
     """Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
 
-    ``alone``: look at the very first one, as where a guard stands at zero or a branch point may come. Returns the step
-    proposed in the unit; 0 where the budget of steps is used up, -1 where the step size fell to zero, -2 where
-    the state blew up, -3 where the block of steps is full.
+    ``alone``: look at the very first one, as where a guard stands at zero or a branch point may come. ``shrunk``: the
+    unit has been made shorter for what is to be seen, and does not grow again here. Returns the step proposed in it; 0
+    where the budget of steps is used up, -1 where the step size fell to zero, -2 where the state blew up, -3 where the
+    block of steps is full.
     """
     n, guards = run.states, mode_of(layout).guards
     expansion, closing = mode_of(layout).expansion, mode_of(layout).step_end
-    shrunk, zeros = False, 0
+    zeros = 0
     for g in range(guards):
         if known_zeros[g] > zeros:
             zeros = known_zeros[g]
@@ -95,14 +98,16 @@ def event_free_steps(run, x, x_low, known_zeros, layout, constants, c, change, a
         call_expand(expansion, run.time, run.time_low, unit, x, constants, c)
         run.expansions += 1
         theta = step_size(c, n + guards, run.order, run.tolerance)
+        if infinite(c, n + guards, mode_of(layout).polynomial_degree):
+            theta = 0.0
         if zeros > 2 and theta > 0.0:
             theta = _flat_step_size(c, n, guards, known_zeros, run.order, run.tolerance)
         if theta < 1e-6 or (theta > 1e6 and unit < left and not shrunk):
             # unit is far from the step: bring it there and expand again before anything is read off. Where it is
             # much too long even the step is not accepted: it shrinks by degrees, and does not grow again here.
-            least = OVERFLOW_REDUCTION if theta == 0.0 and infinite_at_low_order(c, n + guards) else 1e-4
+            least = OVERFLOW_REDUCTION if theta == 0.0 and infinite(c, n + guards, 2) else 1e-4
             new = larger(unit * larger(theta, least), 1e-290) if theta < 1.0 else smaller(unit * theta, left)
-            if unit <= 1e-280 and new <= unit:
+            if unit <= SHORTEST_UNIT and new <= unit:
                 return -1.0
             if new < 0.5 * unit or new > 2.0 * unit:
                 shrunk = shrunk or new < unit

@@ -39,14 +39,16 @@ def _error_norms(c, rows, order, theta):  # type: ignore[no-untyped-def]
 
 
 @inner()
-def infinite_at_low_order(c, rows):  # type: ignore[no-untyped-def]
-    """True if a coefficient is infinite (or no number) that is of order 2 at most: unit is too long by far, or all is.
+def infinite(c, rows, degree):  # type: ignore[no-untyped-def]
+    """True if a coefficient up to a degree above 0 is infinite (or no number): the unit is too long, or all is so.
 
-    States being bounded (BLOWN_UP), the unit is at least 1e100 times as long as what these coefficients allow.
+    Where it is one of order 2 at most the unit is at least 1e100 times as long as what these coefficients allow, for
+    states are bounded (BLOWN_UP).
     """
     found = False
-    for r in range(rows):
-        found = found or not (abs(c[r, 0]) + abs(c[r, 1]) + abs(c[r, 2]) < np.inf)
+    for r in range(rows if degree > 0 else 0):
+        for k in range(degree + 1):
+            found = found or not abs(c[r, k]) < np.inf
     return found
 
 

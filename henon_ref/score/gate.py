@@ -110,6 +110,9 @@ def status_text(row: Row) -> str:
 
 def _broken(gate: Gate, row: Row) -> list[str]:
     failures: list[str] = []
+    until = row.get("undecided_after_s")
+    if until is not None and row["verdict"] == "not judged":
+        failures.append(f"decided until t = {until} s only: {row['verdict_basis']}")
     if row["status"] != gate.status:
         failures.append(f"status {status_text(row)}, wanted {gate.status}")
     for name, column, bound in (

@@ -54,6 +54,8 @@ class NearGraze(Protocol):
     def time(self) -> float: ...
     @property
     def distance(self) -> float: ...
+    @property
+    def lasts(self) -> bool: ...
 
 
 class NearGrazes:
@@ -69,11 +71,17 @@ class NearGrazes:
         self._grazes = sorted(grazes, key=lambda graze: graze.time)
         self._times = [graze.time for graze in self._grazes]
         self._distances = np.array([graze.distance for graze in self._grazes])
+        self._lasting = np.array([graze.lasts for graze in self._grazes], dtype=bool)
 
     def closest(self, time: float, within: float) -> NearGraze | None:
-        """The one that comes closest to its surface of those no more than ``within`` from a time [s]."""
+        """The one that comes closest to its surface of those no more than ``within`` from a time [s].
+
+        Of those that last, the ones that have begun by then.
+        """
         begin, end = bisect_left(self._times, time - within), bisect_right(self._times, time + within)
-        return self._grazes[begin + int(np.argmin(self._distances[begin:end]))] if begin < end else None
+        later = self._lasting[begin:end] & (np.array(self._times[begin:end]) > time)
+        distances = np.where(later, np.inf, self._distances[begin:end])
+        return None if later.all() else self._grazes[begin + int(np.argmin(distances))]
 
     def from_nearest(self, time: float) -> float | None:
         """How far the nearest is from a time [s]; None where there is none."""

@@ -13,7 +13,8 @@ Torricelli's law a level falls with its root). A run that ends so, too, is grant
 
 ``not unique`` is for runs that are right up to the instant from which on the exact one has several futures;
 ``not judged`` for runs that are right up to where the time limit stopped them: how far they come is the machine's
-doing, too; and for all runs where nothing is known of the exact one after its start.
+doing, too; for runs that are right, and decide nothing of a surface of which the exact one has transitions later; and
+for all runs where nothing is known of the exact one after its start.
 """
 
 from __future__ import annotations
@@ -100,6 +101,11 @@ def verdict(
             return Verdict("solver defect", f"right up to its end at t = {ended:.9g} s; then {fault.basis}")
         return fault
     return spurious_verdict(expected, found[matching.spurious[0]], allowed)
+
+
+def undecided_verdict(event: ReferenceEvent) -> Verdict:
+    """The verdict on a right run that decides nothing of a surface any more where this transition of it comes."""
+    return Verdict("not judged", f"nothing is decided of the surface of the {event.kind} at t = {event.time:.9g} s")
 
 
 def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:

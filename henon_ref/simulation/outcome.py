@@ -27,6 +27,9 @@ class Outcome:
         How the run ended, in one sentence.
     counts : Counts
         ``steps``, ``rhs_evaluations``, ``event_evaluations``, as :class:`henon_ref.henon.solver.HenonSolver` counts.
+    undecided_after : dict of str to float
+        Surfaces that have been below their own rounding, and since when [s]: of these no later transition is told, for
+        double precision does not decide it.
     final_mode : str
         Mode at the end, such as ``s1=-1 s2=0``; empty where there is none to begin with.
     """
@@ -53,6 +56,11 @@ class Outcome:
     @property
     def counts(self) -> Counts:
         return self.trajectory.counts
+
+    @property
+    def undecided_after(self) -> dict[str, float]:
+        names = self._base.model.sign_names
+        return {names[i]: time for i, time in self.trajectory.undecided_after if 0 <= i < len(names)}
 
     @property
     def final_mode(self) -> str:

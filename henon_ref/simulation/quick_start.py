@@ -6,11 +6,10 @@ float, names that are not the system's, a start on a surface, constants that are
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
 from fractions import Fraction
-from functools import cached_property, lru_cache
-from typing import Any, cast
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -18,18 +17,13 @@ from flint import arb, fmpq
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.filippov.switching import Switching
-from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.double_constants import DoubleConstants, DoubleSwitching
-from henon_ref.henon.double_double import ROUNDING, UNCLEAR_SIGN
+from henon_ref.henon.double_constants import DoubleConstants
+from henon_ref.henon.double_double import UNCLEAR_SIGN
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.mode_constants import ExactConstants, LoopData
-from henon_ref.henon.parameter_programs import ParameterPrograms
-from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
+from henon_ref.henon.pairs import Pair, Three, exact_number, pair_of, three_of
 from henon_ref.henon.records import HENON
 from henon_ref.henon.start import Start
 from henon_ref.simulation.clear_signs import sign_function
-from henon_ref.simulation.pairs import Pair, exact_number, pair_of
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
@@ -38,50 +32,8 @@ KEPT = 64
 """Parameter values of which the constants are kept."""
 CLEARLY = 1e-9
 """What a condition on the parameters is above where rounding cannot have made it so."""
-Three = tuple[float, float, float]
-"""A number as its double, what that leaves, and a bound of their error."""
 Values = tuple[Three, ...]
 """Of the parameters that stand in the equations."""
-
-
-class PairConstants(DoubleConstants):
-    """Constants of compiled modes at values that are pairs of doubles.
-
-    Parameters
-    ----------
-    programs : ParameterPrograms
-    values : tuple of Three
-        Of the programs' parameters, in their order.
-    exact : callable
-        Gives the system with the exact values, for what double-double does not decide.
-    """
-
-    def __init__(self, programs: ParameterPrograms, values: Values, exact: Callable[[], FilippovSystem]) -> None:
-        self.doubles, self._exact = [high for high, _, _ in values], exact
-        super().__init__(programs, cast(Any, values))  # what the programs take in place of a double
-
-    def update(self) -> LoopData:
-        """See :class:`henon_ref.henon.mode_constants.ModeConstants`."""
-        try:
-            return super().update()
-        except ModelError:  # terms cancel by more digits than there are
-            self.latest = ExactConstants(self._programs.table, self._exact()).latest
-            return self.latest
-
-    @cached_property
-    def switching(self) -> Switching:
-        """See :class:`henon_ref.henon.mode_constants.ModeConstants`."""
-        return DoubleSwitching(self._programs, tuple(self.doubles))
-
-    @cached_property
-    def precise(self) -> PreciseModes:
-        """See :class:`henon_ref.henon.mode_constants.ModeConstants`."""
-        system, values = self._programs.system, self._exact()
-        return PreciseModes(system, self.switching, lambda: BallSwitching(system, values))
-
-
-def _three(pair: Pair) -> Three:
-    return (*pair, ROUNDING * abs(pair[0]) if pair[1] else 0.0)
 
 
 class QuickStart:
@@ -99,7 +51,7 @@ class QuickStart:
     def __init__(self, system: System, integrator: Integrator, tolerance: float) -> None:
         self._system, self._integrator, self._tolerance = system, integrator, tolerance
         programs, self._own = integrator.programs, system.model.parameters
-        self._values: Values = tuple(_three(double_double(self._own[symbol])) for symbol in programs.parameters)
+        self._values: Values = tuple(three_of(double_double(self._own[symbol])) for symbol in programs.parameters)
         self._places = {symbol.name: at for at, symbol in enumerate(programs.parameters)}
         self._movable = system.independent_parameters
         self._conditions = sp.lambdify(list(self._own), system.conditions, "math") if system.conditions else None
@@ -155,12 +107,11 @@ class QuickStart:
             refused, row, zeros = found
         return Start(time, end, tuple(x), refused, row, zeros, integrator.order, self._tolerance, HENON, constants)
 
-    def _row_off_surfaces(self, constants: PairConstants, time: Pair, x: list[Pair]) -> int | None:
+    def _row_off_surfaces(self, constants: DoubleConstants, time: Pair, x: list[Pair]) -> int | None:
         """Row of the mode at the start; None where that may be on a surface, and where the model may not hold."""
         count = len(self._integrator.system.surfaces)
         if self._signs is None:
-            point: list[Any] = [_three(pair) for pair in (time, *x)]
-            signs: tuple[int, ...] | None = constants.start_signs(point[0], point[1:])
+            signs: tuple[int, ...] | None = constants.start_signs(time, x)
         else:
             signs = self._signs(time[0], *(high for high, _ in x), *constants.doubles)
         if signs is None or UNCLEAR_SIGN in signs or 0 in signs or -1 in signs[count:]:
@@ -185,7 +136,7 @@ class QuickStart:
 
     def _decided(
         self,
-        constants: PairConstants,
+        constants: DoubleConstants,
         signs: tuple[int, ...],
         t: float,
         x: list[float],
@@ -224,7 +175,7 @@ class QuickStart:
                 return None
             place = self._places.get(name)
             if place is not None:  # else nothing depends on it
-                values[place] = _three(pair)
+                values[place] = three_of(pair)
         if self._conditions is not None and not self._clearly_allowed(parameters):
             return None
         return tuple(values)
@@ -238,16 +189,16 @@ class QuickStart:
             return False
         return all(condition > CLEARLY for condition in found)
 
-    def _made(self, values: Values) -> PairConstants | None:
+    def _made(self, values: Values) -> DoubleConstants | None:
         """Constants at some values; None where some of them are not finite."""
         programs = self._integrator.programs
-        made = PairConstants(programs, values, lambda: self._exact(values))
+        made = DoubleConstants(programs, values, lambda: self._exact(values))
         return made if bool(np.isfinite(made.latest.numbers).all()) else None
 
-    def _exact(self, values: Values) -> FilippovSystem:
-        """The system with exact values: its own, or the decimal numbers that others are printed as."""
-        model, given = self._system.model, dict(self._own)
-        for symbol, value, own in zip(self._integrator.programs.parameters, values, self._values, strict=True):
-            if value != own:
-                given[symbol] = sp.Rational(repr(value[0]))
-        return replace(model, parameters=given)
+    def _exact(self, values: Values) -> list[sp.Expr]:
+        """Exact values: the system's own, or the decimal numbers that others are printed as."""
+        symbols = self._integrator.programs.parameters
+        return [
+            self._own[symbol] if value == own else sp.Rational(repr(value[0]))
+            for symbol, value, own in zip(symbols, values, self._values, strict=True)
+        ]

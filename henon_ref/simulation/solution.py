@@ -44,7 +44,7 @@ class Solution(Outcome):
     sol : DenseOutput or None
         The solution between, by the steps' own Taylor polynomials: ``sol(t)`` has shape (n,) for a number, (n, m) for
         m times. None without dense output.
-    system, trajectory, status, success, message, counts, final_mode
+    system, trajectory, status, success, message, counts, undecided_after, final_mode
         As in :class:`henon_ref.simulation.outcome.Outcome`.
     """
 
@@ -179,6 +179,8 @@ class Solution(Outcome):
     def __repr__(self) -> str:
         end, changes = self.trajectory, len(self.trajectory.transitions)
         why = "" if self.success else f": {self.message}"
+        since = self.undecided_after.values()
+        why += f", decided until t = {min(since):.10g}" if since else ""
         return (
             f"Solution({end.status}{why}; t = {self._start:.10g} to {end.end_time:.10g}, "
             f"{changes} transition{'s' if changes != 1 else ''}, {end.counts.steps} steps)"

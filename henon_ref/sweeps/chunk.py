@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import HenonRefError
 from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.pairs import decimal_pairs
 from henon_ref.simulation.compiled import integrator_of, local_error
 from henon_ref.sweeps.kernel import Ended, joined, refused_runs, run_points, together
 from henon_ref.sweeps.observations import Observation
@@ -115,28 +116,31 @@ def run_chunk(work: Work, columns: Mapping[str, Vector], count: int, first: int 
     moved = frozenset(swept) | set(following(system, frozenset(swept)))
 
     def numbers(value: Any) -> Vector:
-        return np.broadcast_to(number_values(system, value, parameters, moved), (count,))
+        return np.broadcast_to(number_values(system, value, swept), (count, 2))
 
-    initial = np.column_stack([columns.get(name, numbers(settings.initial[name])) for name in names])
+    initial = np.stack(
+        [decimal_pairs(columns[n]) if n in columns else numbers(settings.initial[n]) for n in names], axis=1
+    )
     start, until = numbers(settings.start), numbers(settings.until)
-    wrong = refusals(settings, columns, parameters, initial, np.column_stack([start, until]))
+    highs = {name: pairs[:, 0] for name, pairs in parameters.items()}
+    wrong = refusals(settings, columns, highs, initial[:, :, 0], np.column_stack([start[:, 0], until[:, 0]]))
     parts: list[tuple[Any, Ended]] = []
     for step in range(work.chain):
         own = np.arange(step, count, work.chain)
         if step:
             _, ended = parts[-1]
             carried = ended.status == "ok"
-            initial[own[carried]] = ended.end_state[carried]
+            initial[own[carried]] = decimal_pairs(ended.end_state[carried])
         at_step = {name: v[own] for name, v in parameters.items()}
-        times = np.column_stack([start[own], until[own]])
+        times = np.stack([start[own], until[own]], axis=1)
         parts.append((own, _run_step(work, moved, at_step, initial[own], times, wrong[own])))
     return Runs(
         settings=settings,
         sections=work.prepared()[1],
         values=columns,
-        parameters=parameters,
-        start=start,
-        start_state=initial,
+        parameters=highs,
+        start=start[:, 0],
+        start_state=initial[:, :, 0],
         first=first,
         **vars(joined(parts)),
     )
@@ -170,7 +174,7 @@ def _run_step(
 
     there = np.flatnonzero(~refused)
     values, which = np.unique(
-        np.column_stack([parameters[name][there] for name in names] or [np.zeros(len(there))]),
+        np.column_stack([parameters[name][there, 0] for name in names] or [np.zeros(len(there))]),
         axis=0,
         return_inverse=True,
     )

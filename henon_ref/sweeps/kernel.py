@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.points import NOTHING, Keep, PointRuns
+from henon_ref.henon.pairs import pair_of
+from henon_ref.henon.points import NOTHING, ExactPoint, Keep, PointRuns
 from henon_ref.henon.records import HENON, transition_dtype
 from henon_ref.henon.run import Run
 from henon_ref.henon.state import ReturnCode
@@ -61,19 +65,20 @@ def run_points(
     integrator : Integrator
     settings : Settings
     parameters : mapping
-        Every parameter -> its values, shape (K,).
-    initial : ndarray, shape (K, n)
-    times : ndarray, shape (K, 2)
+        Every parameter -> its values, shape (K, 2), pairs of doubles like all numbers here.
+    initial : ndarray, shape (K, n, 2)
+    times : ndarray, shape (K, 2, 2)
         Initial time and horizon [s].
     keep : Keep
     """
     count = len(initial)
-    values = np.empty((count, len(integrator.parameters)))
+    values = np.empty((count, len(integrator.parameters), 2))
     for k, symbol in enumerate(integrator.parameters):
         values[:, k] = parameters[symbol.name]
+    exact = _exact_points(settings, values, initial, times)
     if settings.mode:
         mode = {settings.system.model.sign_names.index(sign): side for sign, side in settings.mode.items()}
-        return _one_by_one(integrator, values, initial, times, settings, mode)
+        return _one_by_one(integrator, [exact(k) for k in range(count)], settings, mode)
     runs = PointRuns(
         integrator,
         values,
@@ -84,6 +89,7 @@ def run_points(
         landing=HENON,
         keep=keep,
         most_steps=settings.max_steps,
+        exact=exact,
     )
     blocks = [block for block in runs if len(block)] if count else []
     records = np.concatenate([np.zeros(0, dtype=runs.transition_dtype), *blocks])
@@ -124,8 +130,8 @@ def refused_runs(messages: Sequence[Any], initial: Vector, times: Vector) -> End
     return Ended(
         status=np.full(count, "failed", dtype=object),
         message=np.array(messages, dtype=object),
-        end_time=times[:, 0].copy(),
-        end_state=initial.copy(),
+        end_time=times[:, 0, 0].copy(),
+        end_state=initial[:, :, 0].copy(),
         end_mode=np.full(count, -1),
         counts=np.zeros((count, 3), dtype=np.int64),
         run=np.zeros(0, dtype=np.int64),
@@ -135,20 +141,33 @@ def refused_runs(messages: Sequence[Any], initial: Vector, times: Vector) -> End
     )
 
 
+def _exact_points(settings: Settings, values: Vector, initial: Vector, times: Vector) -> Callable[[int], ExactPoint]:
+    """What gives the exact numbers of a point that are pairs here: what :func:`simulate` takes in their place."""
+    own = {double_double(value): value for value in settings.system.model.parameters.values()}
+
+    def number(pair: list[float]) -> Any:
+        high, low = pair
+        if pair_of(high) == (high, low) or not math.isfinite(high):
+            return high
+        return own.get((high, low), sp.Rational(high) + sp.Rational(low))
+
+    def point(k: int) -> ExactPoint:
+        state, parameters = ([number(pair) for pair in pairs[k].tolist()] for pairs in (initial, values))
+        return ExactPoint(tuple(parameters), state, *(number(pair) for pair in times[k].tolist()))
+
+    return point
+
+
 def _one_by_one(
-    integrator: Integrator,
-    values: Vector,
-    initial: Vector,
-    times: Vector,
-    settings: Settings,
-    mode: Mapping[int, int],
+    integrator: Integrator, points: Sequence[ExactPoint], settings: Settings, mode: Mapping[int, int]
 ) -> Ended:
     """The same where all runs start in a mode that is given: each is started by itself."""
-    ends, records, nowhere = [], [np.zeros(0, dtype=transition_dtype(initial.shape[1]))], []
-    for own, x, (begin, until) in zip(values.tolist(), initial.tolist(), times.tolist(), strict=True):
+    states = len(integrator.system.states)
+    ends, records, nowhere = [], [np.zeros(0, dtype=transition_dtype(states))], []
+    for own in points:
         start = integrator.start_at(
-            tuple(own), x, start=begin, until=until, tolerance=local_error(settings.rtol), landing=HENON, mode=mode,
-            most_steps=settings.max_steps,
+            own.values, own.initial, start=own.start, until=own.until, tolerance=local_error(settings.rtol),
+            landing=HENON, mode=mode, most_steps=settings.max_steps,
         )  # fmt: skip
         end = Run(integrator, start).to_horizon()
         ends.append(end)
@@ -159,7 +178,7 @@ def _one_by_one(
         status=np.array([end.status for end in ends], dtype=object),
         message=np.array([end.reason or OK for end in ends], dtype=object),
         end_time=np.array([end.end_time for end in ends]),
-        end_state=np.array([end.end_state for end in ends]).reshape(initial.shape),
+        end_state=np.array([end.end_state for end in ends]).reshape(-1, states),
         end_mode=np.array([-1 if no else rows[end.end_mode] for end, no in zip(ends, nowhere, strict=True)]),
         counts=np.array([tuple(end.counts) for end in ends]).reshape(-1, 3),
         run=np.repeat(np.arange(len(ends)), [len(r) for r in records[1:]]),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from graphlib import TopologicalSorter
 
 import numpy as np
@@ -10,13 +11,16 @@ import sympy as sp
 
 from henon_ref.casefile.expressions import parse_expression
 from henon_ref.casefile.tree import ScalarNode, child
+from henon_ref.filippov.exact_numbers import double_double
+from henon_ref.henon.constant_program import ConstantProgram, constant_program
+from henon_ref.henon.pairs import decimal_pairs, exact_expression
 from henon_ref.simulation.system import System
 from henon_ref.simulation.written import written
 from henon_ref.sweeps.runs import Vector
 
 
 def parameter_values(system: System, swept: Mapping[str, Vector], count: int) -> dict[str, Vector]:
-    """Every parameter -> its values, shape (count,).
+    """Every parameter -> its values as pairs of doubles (:mod:`henon_ref.henon.pairs`), shape (count, 2).
 
     Parameters
     ----------
@@ -25,35 +29,60 @@ def parameter_values(system: System, swept: Mapping[str, Vector], count: int) ->
         Parameter -> values, shape (count,).
     count : int
     """
-    found = {name: np.full(count, float(sp.N(value))) for name, value in system.parameters.items()} | dict(swept)
-    for name, expression in following(system, frozenset(swept)).items():
-        symbols = sorted(expression.free_symbols, key=lambda s: s.name)
-        with np.errstate(all="ignore"):
-            value = sp.lambdify(symbols, expression, "numpy")(*(found[s.name] for s in symbols))
-        found[name] = np.broadcast_to(np.asarray(value, dtype=np.float64), (count,)).copy()
+    exact = {symbol.name: value for symbol, value in system.model.parameters.items()}
+    found = {name: np.tile(double_double(value), (count, 1)) for name, value in exact.items() if name not in swept}
+    found |= {name: decimal_pairs(values) for name, values in swept.items()}
+    for name, expression in _without_others(following(system, frozenset(swept)), swept, exact).items():
+        found[name] = _evaluated(expression, swept, count)
     return found
 
 
-def number_values(system: System, value: object, parameters: Mapping[str, Vector], moved: frozenset[str]) -> Vector:
-    """A number at each point: one that is text in parameters follows those that are swept.
+def _without_others(
+    expressions: Mapping[str, sp.Expr], swept: Mapping[str, Vector], exact: Mapping[str, sp.Expr]
+) -> dict[str, sp.Expr]:
+    """Expressions in swept parameters alone: others' own expressions and values put in."""
+    known = {sp.Symbol(name, real=True): value for name, value in exact.items() if name not in swept}
+    found: dict[str, sp.Expr] = {}
+    for name, expression in expressions.items():  # each behind those that it uses
+        found[name] = known[sp.Symbol(name, real=True)] = expression.xreplace(known)
+    return found
+
+
+def _evaluated(expression: sp.Expr, swept: Mapping[str, Vector], count: int) -> Vector:
+    """An expression at the decimal numbers that swept parameters are printed as, to the last bit; shape (count, 2)."""
+    symbols = sorted(expression.free_symbols, key=lambda s: s.name)
+    if not symbols:
+        return np.tile(double_double(expression), (count, 1))
+    points, places = np.unique(np.column_stack([swept[s.name] for s in symbols]), axis=0, return_inverse=True)
+    program = constant_program(tuple(symbols), (expression,))
+    pairs = [_pair_at(program, point) for point in points.tolist()]
+    return np.array(pairs).reshape(-1, 2)[places.ravel()]
+
+
+def _pair_at(program: ConstantProgram, point: Sequence[float]) -> tuple[float, float]:
+    """The one expression of a program at a point; NaN where it has no finite value."""
+    if not all(map(math.isfinite, point)):
+        return math.nan, 0.0
+    (value,) = program.exact_values([exact_expression(v) for v in point])
+    high = float(value)
+    return (high, float(value - high)) if math.isfinite(high) else (math.nan, 0.0)
+
+
+def number_values(system: System, value: object, swept: Mapping[str, Vector]) -> Vector:
+    """A number at each point as a pair of doubles, shape (K, 2) or (1, 2): one that is text follows swept parameters.
 
     Parameters
     ----------
     system : System
     value : number or str
-    parameters : mapping
-        Every parameter -> its values, shape (K,).
-    moved : frozenset of str
-        Parameters that are swept, and those that follow them.
+    swept : mapping
+        Parameter -> values, shape (K,).
     """
-    count = len(next(iter(parameters.values()))) if parameters else 1
-    expression = parse_expression(written(value, "a number"), {name: sp.Symbol(name, real=True) for name in parameters})
-    symbols = sorted(expression.free_symbols, key=lambda s: s.name)
-    if not moved & {s.name for s in symbols}:
-        return np.full(count, float(sp.N(system.number(value))))
-    with np.errstate(all="ignore"):
-        found = sp.lambdify(symbols, expression, "numpy")(*(parameters[s.name] for s in symbols))
-    return np.broadcast_to(np.asarray(found, dtype=np.float64), (count,)).copy()
+    names = {name: sp.Symbol(name, real=True) for name in system.parameters}
+    exact = {symbol.name: own for symbol, own in system.model.parameters.items()}
+    read = {**following(system, frozenset(swept)), "": parse_expression(written(value, "a number"), names)}
+    count = len(next(iter(swept.values()))) if swept else 1
+    return _evaluated(_without_others(read, swept, exact)[""], swept, count)
 
 
 def following(system: System, swept: frozenset[str]) -> dict[str, sp.Expr]:

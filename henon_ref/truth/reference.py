@@ -66,6 +66,8 @@ class NearGraze:
     surface: int
     distance: float
     """abs(h) there [unit of the surface]."""
+    lasts: bool = False
+    """Whether it comes no farther away until the mode changes: the surface is approached for as long."""
 
 
 @dataclass(frozen=True)

@@ -135,7 +135,10 @@ def dumps(truth: Truth) -> str:
         "certified": truth.certified,
         "uncertified_because": truth.uncertified_because,
         "methods": [{"method": m, "bits": list(b), "seconds": round(s, 1)} for m, b, s in truth.methods],
-        "near_grazes": [{"time": g.time, "surface": g.surface, "distance": g.distance} for g in truth.near_grazes],
+        "near_grazes": [
+            {"time": g.time, "surface": g.surface, "distance": g.distance} | ({"lasts": True} if g.lasts else {})
+            for g in truth.near_grazes
+        ],
         "transitions": [_entry(t) for t in truth.transitions],
     }
     whole["checksum"] = "0" * 64

@@ -43,6 +43,7 @@ class NearGrazeForm(_Form):
     time: Number
     surface: Count
     distance: Size
+    lasts: bool = False
 
 
 class TransitionForm(_Form):
@@ -112,7 +113,7 @@ class TruthForm(_Form):
             end_digits=self.end_time,
             end_radius=self.end_radius,
             transitions=tuple(entry.transition for entry in self.transitions),
-            near_grazes=tuple(NearGraze(g.time, g.surface, g.distance) for g in self.near_grazes),
+            near_grazes=tuple(NearGraze(g.time, g.surface, g.distance, g.lasts) for g in self.near_grazes),
             methods=tuple((m.method, m.bits, m.seconds) for m in self.methods),
             certified=self.certified,
             uncertified_because=self.uncertified_because,

@@ -8,6 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
+from flint import arb
 from problems import make_problem
 from runs import kinds, run
 
@@ -36,7 +37,8 @@ def locate(
     """The event of a system's first guard, in the mode above all surfaces."""
     mode = (1,) * len(system.surfaces)
     known = (zeros, *[0] * (len(system.surfaces) - 1))
-    step = UndecidedStep(mode, time, state, reach, near, 0, known)
+    exact = [arb(high) + arb(low) for high, low in state]
+    step = UndecidedStep(mode, time, exact, [0.0] * len(exact), reach, near, 0, known)
     return locate_event(PreciseModes(system, Switching(system)), step)
 
 

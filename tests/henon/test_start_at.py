@@ -1,4 +1,4 @@
-"""Starts from doubles: the same as from the exact numbers that these doubles are."""
+"""Starts from doubles: the same as from the decimal numbers that they are printed as."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ CASES = Path(__file__).parents[2] / "cases"
 
 
 def both(problem: Problem) -> tuple[Start, Start, Integrator]:
-    """From doubles and from the exact numbers that they are; the system comes without values."""
+    """From doubles and from the decimal numbers that they are; the system comes without values."""
     integrator = Integrator(replace(problem.system, parameters={}), 12)
-    values = {symbol: sp.Rational(float(value)) for symbol, value in problem.system.parameters.items()}
+    values = {symbol: sp.Rational(repr(float(value))) for symbol, value in problem.system.parameters.items()}
     start, until, *initial = (float(v) for v in (problem.start, problem.until, *problem.initial))
     exact = replace(
         problem,
         system=replace(problem.system, parameters=values),
-        start=sp.Rational(start),
-        until=sp.Rational(until),
-        initial=tuple(sp.Rational(v) for v in initial),
+        start=sp.Rational(repr(start)),
+        until=sp.Rational(repr(until)),
+        initial=tuple(sp.Rational(repr(v)) for v in initial),
     )
     own = tuple(float(values[symbol]) for symbol in integrator.parameters)
     settings = {"tolerance": 1e-9, "landing": HENON}

@@ -33,6 +33,7 @@ spread = tuple(np.linspace(0.01, 4.99, MANY).tolist())
 class Touch:
     time: float
     distance: float
+    lasts: bool = False
 
 def rows(exact, transitions):
     run = trajectory(transitions)

@@ -19,6 +19,7 @@ from henon_ref.trajectory import Transition
 class Touch:
     time: float
     distance: float
+    lasts: bool = False
 
 
 def crossing(time: float, before: int = 1) -> Transition:

@@ -31,6 +31,8 @@ from henon_ref.truth.roots import isolate
 
 FINAL = 2.0**-80
 """Part of the run that is left of accumulating impacts where their limit is taken: it is wrong by about its square."""
+NEAR, CLOSER = 1e-3, 0.1
+"""A surface that is approached so closely is noted, and again where it is as much closer."""
 MAX_STEPS = 1_000_000
 """Taylor steps after which a run is given up: the time limit of a truth ends nearly all runs before."""
 
@@ -132,6 +134,8 @@ class _Simulation:
         self.skipped: list[int] = []
         """Leading coefficients of each guard that are zero at the start of the next step."""
         self.termination = Termination(self.span, bits)
+        self.approached: dict[int, list[NearGraze]] = {}
+        """By surface, how close it has come since the mode began, as long as it comes no farther."""
         self.accumulating: tuple[int, ...] = ()
         """The surface of impacts that have come to their limit, and are no longer told of."""
 
@@ -140,6 +144,7 @@ class _Simulation:
             self._begin()
             for _ in range(MAX_STEPS):
                 if self._advance():
+                    self._keep_approaches()
                     self.result.end_time = self.until
                     return self.result
                 if process_time() > self.deadline:
@@ -175,6 +180,7 @@ class _Simulation:
     def _enter(self, mode: Mode, active: frozenset[int]) -> None:
         """Go on in a mode from the present point; what fails at once is the next event."""
         self.mode = mode
+        self._keep_approaches()
         terms = self.selection.leading_terms(self.point, mode, active)
         if terms is None:
             raise EndedError("failed", f"the field is not finite at t = {self._now()}")
@@ -191,6 +197,10 @@ class _Simulation:
             return
         values = self.selection.values(self.point, mode)
         self.stepper.start(mode, self.point.time, self.point.state, values)
+
+    def _keep_approaches(self) -> None:
+        self.result.near_grazes += [graze for known in self.approached.values() for graze in known]
+        self.approached.clear()
 
     @property
     def stepper(self) -> Stepper:
@@ -212,6 +222,7 @@ class _Simulation:
             self._land(step, hits)
             return self._at_horizon()
         time, state = stepper.end()
+        self._approach(step)
         self.point = self._blurred(time, state, step)
         self.skipped = [0] * len(self.skipped)
         self.result.end_time = time
@@ -219,6 +230,18 @@ class _Simulation:
         if self.progress:
             self.progress(float(time - self.start) / self.span)
         return self._at_horizon()
+
+    def _approach(self, step: Step) -> None:
+        """Note how close surfaces are behind a step, where they come closer for as long as the mode lasts."""
+        end = float(step.time) + float(step.length)
+        for place, guard in enumerate(self.stepper.guards):
+            if guard.kind != "surface" or not self.signs[place]:
+                continue
+            distance, known = abs(self.stepper.guard_at_end(place)), self.approached.setdefault(guard.index, [])
+            while known and known[-1].distance <= distance:
+                known.pop()
+            if distance <= NEAR and (not known or distance <= CLOSER * known[-1].distance):
+                known.append(NearGraze(end, guard.index, distance, lasts=True))
 
     def _first_hits(self, step: Step) -> list[_Hit]:
         """The guards that end the mode first on a step; several where they tie."""

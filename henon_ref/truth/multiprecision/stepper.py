@@ -219,6 +219,10 @@ class Stepper:
         """Time and state after the last step."""
         return to_ball(self._integrator.time), [to_ball(v) for v in self._integrator.state[: self._dimension]]
 
+    def guard_at_end(self, guard: int) -> float:
+        """A guard's value after the last step."""
+        return float(to_ball(self._integrator.state[self._rows[guard]]))
+
     def guard_polynomial(self, step: Step, guard: int) -> list[arb]:
         """Coefficients of a guard on a step, in units of the step."""
         return [to_ball(c) for c in step.coefficients[self._rows[guard]]]

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
+import sympy as sp
+from numpy.typing import ArrayLike, NDArray
+
+from henon_ref.filippov.exact_numbers import double_double
+from henon_ref.henon.double_double import ROUNDING
+
 Pair = tuple[float, float]
 """A number as its double and what that leaves."""
+Three = tuple[float, float, float]
+"""A number as its double, what that leaves, and a bound of their error."""
 WHOLE = 2**53
 """Whole numbers up to here are doubles."""
 SHORT = 1e6
@@ -38,6 +48,56 @@ def pair_of(value: Any) -> Pair | None:
 def exact_number(value: Any) -> Fraction:
     """What :func:`pair_of` is a pair of, exactly."""
     return Fraction(repr(float(value))) if isinstance(value, float) else Fraction(value)
+
+
+def exact_expression(value: Any) -> sp.Expr:
+    """The same as an exact number of SymPy, which one that is given stays."""
+    if isinstance(value, sp.Expr):
+        return value
+    number = exact_number(value)
+    return sp.Rational(number.numerator, number.denominator)
+
+
+def pair_of_exact(value: Any) -> Pair:
+    """:func:`pair_of`, of SymPy's exact numbers as well.
+
+    Raises
+    ------
+    ModelError
+        For what is no finite real number.
+    """
+    found = None if isinstance(value, sp.Expr) else pair_of(value)
+    return double_double(exact_expression(value)) if found is None else found
+
+
+def three_of(pair: Pair) -> Three:
+    """A pair with the bound of what it leaves of its number."""
+    return (*pair, ROUNDING * abs(pair[0]) if pair[1] else 0.0)
+
+
+def decimal_pairs(values: ArrayLike) -> NDArray[np.float64]:
+    """:func:`pair_of` of each double of an array, shape (..., 2); of one that is not finite nothing is left."""
+    high = np.asarray(values, dtype=np.float64)
+    found = np.stack([high, np.zeros_like(high)], axis=-1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = high * 256.0
+        decimals = np.isfinite(high) & ~((np.abs(high) < SHORT) & (np.floor(scaled) == scaled))
+    different, places = np.unique(high[decimals], return_inverse=True)
+    lows = [(_printed(value) or (value, 0.0))[1] for value in different.tolist()]
+    found[decimals, 1] = np.array(lows, dtype=np.float64)[places.ravel()]
+    return found
+
+
+def threes(pairs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """:func:`three_of` of each pair of an array, shape (..., 3)."""
+    bounds = np.where(pairs[..., 1] != 0.0, ROUNDING * np.abs(pairs[..., 0]), 0.0)
+    return np.concatenate([pairs, bounds[..., None]], axis=-1)
+
+
+def rational_pairs(numbers: Sequence[Fraction]) -> NDArray[np.float64]:
+    """Rational numbers as pairs, shape (k, 2); NaN for one that is no double."""
+    nothing = (float("nan"), 0.0)
+    return np.array([_rational(n.numerator, n.denominator) or nothing for n in numbers]).reshape(-1, 2)
 
 
 def _rational(numerator: int, denominator: int) -> Pair | None:

@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.simulation import pairs
+from henon_ref.henon import pairs
 
 
 def test_the_examples() -> None:

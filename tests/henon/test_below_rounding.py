@@ -1,0 +1,132 @@
+"""Guards that lie below their own rounding decide nothing."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+import henon_ref as hr
+
+TOLERANCES = pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-11, 1e-15])
+PID = ["v", "-4*(x - 1) - 2*z - 2*v - s", "x - 1"]
+
+
+def kinds(run: Any) -> list[str]:
+    return [t.kind for t in run.trajectory.transitions]
+
+
+@TOLERANCES
+def test_a_speed_that_decays_below_its_rounding_is_no_stick(rtol: float) -> None:
+    """A mass under PID control (arXiv 2006.08977): the exact speed stays below zero after the release."""
+    system = hr.System(["x", "v", "z"], {}, {"s": "v"}, PID)
+    run = hr.simulate(system, {"x": 0, "v": 0, "z": 0}, until=200, rtol=rtol)
+    assert (run.status, kinds(run), run.final_mode) == ("ok", ["stick", "release"], "s=-1")
+    assert 50 < run.undecided_after["s"] < 70
+    assert run.y[:, -1] == pytest.approx([1, 0, 0.5], abs=1e-13)
+
+
+def test_a_surface_that_was_below_its_rounding_goes_on_to_act() -> None:
+    """A push at 100 s: the motion is the one that begins shortly before it, though nothing is told of it."""
+    field = [PID[0], f"{PID[1]} + 5*exp(-(t - 100)^2)", PID[2]]
+    system = hr.System(["x", "v", "z"], {}, {"s": "v"}, field)
+    run = hr.simulate(system, {"x": 0, "v": 0, "z": 0}, until=110)
+    assert (run.status, kinds(run)) == ("ok", ["stick", "release"])
+    late = hr.simulate(system, {"x": 1, "v": -1e-9, "z": "1/2"}, start=90, until=110)
+    assert kinds(late) == ["stick", "release", "crossing", "stick", "release"]
+    assert run.y[:, -1] == pytest.approx(late.y[:, -1], abs=1e-9)
+    assert run.final_mode == late.final_mode
+
+
+@pytest.mark.parametrize("centre", ["1", "1/3", "1e5"])
+def test_a_damped_oscillation_about_a_surface_is_told_down_to_rounding(centre: str) -> None:
+    """x - c = -c exp(-t/10) (...): a crossing each half period, pi/sqrt(0.99)."""
+    system = hr.System(["x", "v"], {"c": centre}, {"s": "x - c"}, ["v", "-(x - c) - v/5"])
+    run = hr.simulate(system, {"x": 0, "v": 0}, until=1000)
+    times = run.transitions.time_s.to_numpy()
+    first = (math.pi - math.acos(0.1)) / math.sqrt(0.99)
+    assert run.status == "ok"
+    assert times[:60] == pytest.approx([first + k * math.pi / math.sqrt(0.99) for k in range(60)], abs=1e-6)
+    assert 250 < times[-1] < run.undecided_after["s"] < 400
+
+
+def test_a_threshold_that_is_approached_for_ever_is_not_crossed() -> None:
+    """A neuron whose current just does not suffice, its voltage decaying along two directions."""
+    field = ["1 - u + (w - 1)/3", "(1 - w)/2"]
+    neuron = hr.System(["u", "w"], {}, {"s": "1 - u"}, field, resets={"s": {"map": {"u": "0"}}})
+    run = hr.simulate(neuron, {"u": 0, "w": 0}, until=200)
+    assert (run.status, kinds(run)) == ("ok", [])
+    assert run.y[0, -1] == pytest.approx(1, abs=1e-13)
+
+
+@pytest.mark.parametrize("scale", [1, 1e-9, 1e12])
+def test_ordinary_runs_are_decided_whatever_their_units(scale: float) -> None:
+    system = hr.System(["x", "v"], {"a": scale}, {"s": "v"}, ["v", "-x - a*s"])
+    run = hr.simulate(system, {"x": 10.5 * scale, "v": 0}, until=30)
+    assert (kinds(run), run.undecided_after) == ([*["crossing"] * 4, "stick"], {})
+
+
+@TOLERANCES
+@pytest.mark.parametrize(("initial", "touches"), [((1, 0), 15), ((0, 1), 16)])
+def test_touches_that_repeat_are_all_told(initial: tuple[int, int], touches: int, rtol: float) -> None:
+    """x = cos t, or sin t, touches 1 once a period; multiprecision has the digits as long as the first mode lasts."""
+    system = hr.System(["x", "v"], {}, {"s": "x - 1"}, ["v", "-x + 3*(1 + s)/10"])
+    run = hr.simulate(system, dict(zip("xv", initial, strict=True)), until=100, rtol=rtol)
+    assert (run.status, kinds(run)) == ("ok", ["graze"] * touches)
+    first = math.pi / 2 if initial[0] == 0 else 2 * math.pi
+    times = [first + 2 * math.pi * k for k in range(touches)]
+    assert run.transitions.time_s.tolist() == pytest.approx(times, rel=1e-15)
+
+
+def test_a_touch_behind_a_change_of_mode_is_told_always_or_never() -> None:
+    """What the last bits make of its height is no answer."""
+    system = hr.System(["x", "v"], {}, {"c": "t - 1", "s": "x - 1"}, ["v", "-x"])
+    run = hr.simulate(system, {"x": 0, "v": 1}, until=30, rtol=1e-15)
+    assert (run.status, kinds(run)) == ("ok", ["crossing"])
+    assert run.undecided_after == {"s": pytest.approx(math.pi / 2, abs=0.1)}
+
+
+@TOLERANCES
+def test_a_touch_at_a_visible_two_fold_is_not_unique(rtol: float) -> None:
+    """y = x^2/2 meets y = 0 at x = 0, from where the arc below and a repelling slide lead on as well."""
+    field = ["1", "(1 + s)/2*x - (1 - s)/2*x"]
+    run = hr.simulate(hr.System(["x", "y"], {}, {"s": "y"}, field), {"x": -1, "y": "1/2"}, until=2, rtol=rtol)
+    assert (run.status, run.trajectory.end_time) == ("nonunique", pytest.approx(1, abs=1e-12))
+
+
+@pytest.mark.parametrize(
+    ("below", "status"), [("-1", "nonunique"), ("-x", "nonunique"), ("1", "ok"), ("x", "ok"), ("1 + x", "ok")]
+)
+def test_a_touch_is_unique_unless_the_other_side_leads_away(below: str, status: str) -> None:
+    field = ["1", f"(1 + s)/2*x + (1 - s)/2*({below})"]
+    run = hr.simulate(hr.System(["x", "y"], {}, {"s": "y"}, field), {"x": -1, "y": "1/2"}, until=2)
+    assert run.status == status
+    assert kinds(run) == (["graze"] if status == "ok" else [])
+
+
+@pytest.mark.parametrize("force", [1, 1e100, 1e155, 1e160, 1e200, 1.7e308])
+def test_a_block_stops_where_it_does_whatever_the_force(force: float) -> None:
+    """After v^2/(2 F): times and states far below 1 are powers of a unit that would be no doubles."""
+    block = hr.System(["x", "v"], {"F": 0.5}, {"s": "v"}, ["v", "-F*s"])
+    run = hr.simulate(block, {"x": 0, "v": 1}, until=9, parameters={"F": force})
+    assert (run.status, kinds(run)) == ("ok", ["stick"])
+    assert run.y[0, -1] == pytest.approx(0.5 / force, rel=1e-9)
+
+
+@pytest.mark.parametrize("speed", [5e-324, 1e-310, 1e-300])
+def test_the_smallest_speeds_stick_at_once(speed: float) -> None:
+    block = hr.System(["x", "v"], {"F": 1}, {"s": "v"}, ["v", "-F*s"])
+    run = hr.simulate(block, {"x": 0, "v": speed}, until=9)
+    assert (run.status, kinds(run)) == ("ok", ["stick"])
+    assert all(map(math.isfinite, run.y.ravel().tolist()))
+
+
+@pytest.mark.parametrize("field", [["v", "-F*F*s"], ["v", "-F*s*exp(x)*1e300"], ["v", "F*v*v"]])
+def test_what_overflows_is_not_ok(field: list[str]) -> None:
+    try:
+        system = hr.System(["x", "v"], {"F": 1e200}, {"s": "v"}, field)
+        run = hr.simulate(system, {"x": 0, "v": 1}, until=9)
+    except hr.HenonRefError:
+        return
+    assert run.status != "ok" or all(map(math.isfinite, run.y.ravel().tolist()))

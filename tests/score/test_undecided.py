@@ -1,0 +1,49 @@
+"""A run that decides nothing of a surface from a time on is held against the truth up to there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import pytest
+from fakes import case, expected, found, trajectory
+
+from henon_ref.campaign.rows import Outcome, record, scored
+from henon_ref.campaign.settings import Setting
+from henon_ref.casefile.case import Gate
+from henon_ref.score.errors import score
+from henon_ref.score.gate import unmet_bounds
+
+
+@dataclass(frozen=True)
+class Approach:
+    time: float
+    distance: float
+    lasts: bool = True
+
+
+def test_what_a_run_leaves_open_is_neither_missed_nor_right() -> None:
+    """A transition of the truth behind it is no fault of the run, and a gate does not pass."""
+    truth, events = expected(), found()
+    last = truth.transitions[-1].time
+    run = trajectory(events[:-1])._replace(undecided_after=((events[-1].surface, last - 1e-3),))
+    result = score(run, truth, tolerance=1e-9)
+    assert (result.status, result.matching.missed, result.verdict.word) == ("ok", (), "not judged")
+    reading = replace(case().readings[0], gate={"henon": Gate(status="ok")})
+    outcome = Outcome("made_up", reading, "henon", Setting(rtol=min(reading.tolerances)), trajectory=run)
+    row = record(scored(outcome, truth), truth).run
+    assert row["undecided_after_s"] == last - 1e-3
+    ((_, complaint),) = unmet_bounds(reading, [row])
+    assert "decided until t = " in complaint
+
+
+def test_a_run_that_is_open_behind_the_last_transition_is_right() -> None:
+    truth, events = expected(), found()
+    run = trajectory(events)._replace(undecided_after=((0, truth.transitions[-1].time + 1e-3),))
+    assert score(run, truth, tolerance=1e-9).verdict.word == "right"
+
+
+@pytest.mark.parametrize(("begins", "word"), [(1.0, "ill-conditioned"), (3.0, "solver defect")])
+def test_what_is_invented_on_a_surface_that_is_approached_for_good_is_ill_conditioned(begins: float, word: str) -> None:
+    truth = expected((), near_grazes=(Approach(begins, 1e-8),), start_size=1.0)
+    invented = replace(found()[0], time=2.0)
+    assert score(trajectory((invented,)), truth, tolerance=1e-6).verdict.word == word
