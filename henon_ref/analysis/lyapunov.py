@@ -19,7 +19,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.analysis.tangent_frame import IDENTITY, TangentFrame
+from henon_ref.analysis.tangent_frame import LOCAL_ERROR, TangentFrame
 from henon_ref.analysis.variational import TangentFlow, fundamental_matrix
 from henon_ref.errors import ArgumentError
 from henon_ref.filippov.problem import Problem
@@ -111,7 +111,7 @@ def lyapunov_spectrum(problem: Problem, *, discard: float, span: float, toleranc
     UnsupportedError
         Where several surfaces change at one instant, or the logarithms' sum is not that of the volume.
     """
-    tolerance = min(tolerance, IDENTITY / 1000)
+    tolerance = min(tolerance, LOCAL_ERROR)
     flow = TangentFlow(problem, tolerance=tolerance)
     if flow.refused is not None:
         n = len(problem.system.states)

@@ -44,6 +44,7 @@ ORBITS = [
 LONG_ONES = [
     ("fig8", "listing_limit", f"60*{PERIOD}", f"2*{PERIOD}"),
     ("hard/steep_friction", "falling", 100, None),
+    ("hard/slider_with_stops", None, "201/1000", "1/250"),
     ("moving_belt", None, "400*pi", "10*pi"),
     ("rig_periodic", None, 3000, None),
     ("two_blocks", None, 400, None),
