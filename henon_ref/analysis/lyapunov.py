@@ -19,7 +19,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.analysis.tangent_frame import IDENTITY, TangentFrame
+from henon_ref.analysis.tangent_frame import LOCAL_ERROR, TangentFrame
 from henon_ref.analysis.variational import TangentFlow, fundamental_matrix
 from henon_ref.errors import ArgumentError
 from henon_ref.filippov.problem import Problem
@@ -38,7 +38,7 @@ class Spectrum:
     """Lyapunov exponents of one trajectory over a span of time."""
 
     exponents: tuple[float, ...]
-    """n of them [1/s], the largest first; ``-inf`` for directions that a stick has taken away."""
+    """n of them [1/s], the largest first; ``-inf`` for directions that a stick or a rest has taken away."""
     times: NDArray[np.float64]
     """(k,) times since the averages began [s]."""
     history: NDArray[np.float64]
@@ -111,7 +111,7 @@ def lyapunov_spectrum(problem: Problem, *, discard: float, span: float, toleranc
     UnsupportedError
         Where several surfaces change at one instant, or the logarithms' sum is not that of the volume.
     """
-    tolerance = min(tolerance, IDENTITY / 1000)
+    tolerance = min(tolerance, LOCAL_ERROR)
     flow = TangentFlow(problem, tolerance=tolerance)
     if flow.refused is not None:
         n = len(problem.system.states)
@@ -153,7 +153,8 @@ def lyapunov_exponents(
 
     Tangent vectors are carried along by the variational equations, across transitions by saltation matrices, and made
     orthonormal again by QR (Benettin et al., *Meccanica* 15, 1980; Mueller, *Chaos, Solitons & Fractals* 5, 1995). A
-    stick takes directions away: their exponents are -infinity.
+    stick takes directions away: their exponents are -infinity. The sum of all logarithms is held against the integrated
+    divergence and the volumes' factors of the saltation matrices, to 1e-8 of the sum of all terms' sizes.
 
     Parameters
     ----------
@@ -163,9 +164,11 @@ def lyapunov_exponents(
     span : float
         Time to average over [s].
     discard : float
-        Time before that, for the motion to reach its attractor [s].
-    start, rtol, parameters, mode
+        Time before that, for the motion to reach its attractor [s]. What sticks take away until then does not count.
+    start, parameters, mode
         As in :func:`henon_ref.simulate`.
+    rtol : float
+        Likewise; above 1e-12 it is taken for that, for the sake of the sum.
 
     Returns
     -------
@@ -175,7 +178,8 @@ def lyapunov_exponents(
     Raises
     ------
     HenonRefError
-        Where something cannot be meant, and where several surfaces change at one instant.
+        Where something cannot be meant, where several surfaces change at one instant, and where the sum of the
+        logarithms is off.
 
     Examples
     --------

@@ -82,6 +82,8 @@ def periodic_orbit(
     run = HENON_SOLVER.prepare(problem, rtol=tolerance)()
     if run.status != "ok":
         raise OrbitError(f"the run towards the orbit ended {run.status}: {run.reason}")
+    late = float(problem.start) + LATE * (run.end_time - float(problem.start))
+    _refuse_limits(problem, [t for t in run.transitions if t.time > late])
     if period is not None:
         length = system.number(period, "period")
         if not length.is_positive:
@@ -89,7 +91,6 @@ def periodic_orbit(
         return find_periodic_orbit(system.model, _between_events(problem, run, length, tolerance), radius=radius)
     if _depends_on_time(system.model):
         raise ArgumentError("time is in the equations: give the period of the forcing, as in period='2*pi/w'")
-    late = float(problem.start) + LATE * (run.end_time - float(problem.start))
     repeated = measured_period(run.transitions, after=late)
     open_ended = OrbitError(
         f"the run does not repeat itself three times between t = {late:.6g} and {run.end_time:.6g}: "
@@ -101,6 +102,16 @@ def periodic_orbit(
     if not repeated.settled and not all(abs(m) < 1 for m in orbit.multipliers):
         raise open_ended
     return orbit
+
+
+def _refuse_limits(problem: Problem, late: Sequence[Transition]) -> None:
+    """Raise where impacts accumulate on the orbit: no return map is enclosed over their limit."""
+    impacts = {(t.time, t.time_low, t.surface) for t in late if t.kind == "reset"}
+    for t in late:
+        rests = t.kind == "stick" and problem.system.rests(t.surface)
+        if rests and (t.time, t.time_low, t.surface) not in impacts:
+            name = problem.system.sign_names[t.surface]
+            raise OrbitError(f"impacts on {name} come to a limit at t = {t.time:.17g}: no orbit is proven over one")
 
 
 def _between_events(problem: Problem, run: Trajectory, period: sp.Expr, tolerance: float) -> Guess:

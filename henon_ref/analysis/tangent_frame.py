@@ -19,14 +19,16 @@ from henon_ref.analysis.variational import TangentFlow, TangentTransition
 from henon_ref.errors import UnsupportedError
 from henon_ref.trajectory import Status, Trajectory
 
-CONDITION = 1e3
+CONDITION = 1e5
 """Condition number of the frame at which it is made orthonormal again."""
-TAKEN_BACK = 1e6
-"""Condition number at which a stretch is done again, in shorter parts: the last growth has lost six digits by then."""
+TAKEN_BACK = 1e8
+"""Condition number at which a stretch is done again, in shorter parts: the last growth has lost half its digits."""
 FIRST = 2.0**-20
 """Part of the time ahead that is gone to begin with, before anything of the growth is seen."""
 IDENTITY = 1e-8
 """How far the logarithms' sum may be off, relative to the sum of the absolute values of all terms."""
+LOCAL_ERROR = IDENTITY / CONDITION
+"""Largest local error of a step for that: the frame's condition number multiplies it."""
 PARALLEL = 1e-8
 """A vector that a transition leaves with less than this part beside those before it is the one that it takes away."""
 

@@ -114,3 +114,23 @@ def test_a_family_of_orbits_is_one_clear_error(field: list[str], surface: str) -
 def test_what_does_not_repeat_itself_is_said_to(field: list[str], until: float) -> None:
     with pytest.raises(hr.HenonRefError, match="does not repeat itself three times"):
         hr.periodic_orbit(hr.System(["x", "v"], {}, {"s": "x"}, field), {"x": 1, "v": 0}, until=until)
+
+
+def test_what_slides_and_rests_leaves_no_coordinate_free() -> None:
+    """A block that a belt carries past a mark and back to the start; a ball at rest on a table that moves."""
+    carried = hr.System(
+        ["x", "v"],
+        {},
+        {"s": "v - 0.2", "mark": "x - 0.5", "end": "1 - x"},
+        ["v", "-x - 5*s"],
+        resets={"end": {"map": {"x": 0}}},
+    )
+    for until in (30.6, 32.6):  # after the reset, and after the mark
+        assert hr.periodic_orbit(carried, {"x": 0.1, "v": 0.2}, until=until).period.contains(5)
+    map_ = {"v": "-0.5*v + 1.5*w*A*cos(w*t)"}
+    values = {"w": "2*pi", "A": 0.05}
+    table = hr.System(["x", "v"], values, {"s": "x - A*sin(w*t)"}, ["v", "-10"], resets={"s": {"map": map_}})
+    rest = hr.periodic_orbit(table, {"x": 0.1, "v": 0}, until=20, period=1)
+    assert (rest.dimension, rest.multipliers, rest.events) == (0, (), ())
+    with pytest.raises(hr.HenonRefError, match="come to a limit"):  # it flies off and comes back to rest each time
+        hr.periodic_orbit(table, {"x": 0.5, "v": 0}, until=20, period=1, parameters={"A": 0.3})

@@ -157,6 +157,12 @@ def test_the_largest_exponent_of_a_damped_oscillator() -> None:
     assert table["lyapunov"].to_numpy() == pytest.approx([-0.1, -0.2], abs=2e-3)
 
 
+def test_the_largest_exponent_beside_a_much_smaller_one() -> None:
+    stiff = System(["x", "y"], {"k": 20}, {"s": "x - 5"}, ["-x", "-k*y + x"])
+    found = sweep(stiff, {"x": 1, "y": 1}, until=1, grid={"k": [20, 200]}, observe=[observe.lyapunov(span=50)], jobs=1)
+    assert found["lyapunov"].to_numpy() == pytest.approx([-1, -1], abs=1e-5)
+
+
 def test_a_function_of_ones_own_sees_each_run() -> None:
     threshold = 0.25
 

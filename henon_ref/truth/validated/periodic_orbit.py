@@ -181,7 +181,7 @@ class _Search:
                     raise OrbitError(SINGULAR) from None
                 correction = [step[i, 0].mid() for i in range(len(point))]
                 now = max((float(abs(c)) for c in correction), default=0.0)
-                if now <= max(map(float, map(abs, least))):
+                if now <= max(map(float, map(abs, least)), default=0.0):
                     nearest, least = point, correction
                 point = [(p - c).mid() for p, c in zip(point, correction, strict=True)]
             rough = bits < self.bits

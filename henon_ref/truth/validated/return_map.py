@@ -27,7 +27,7 @@ from henon_ref.truth.validated.consistency import Entry
 from henon_ref.truth.validated.fallen_guard import Hit
 from henon_ref.truth.validated.flow import Precision, ValidatedFlow
 from henon_ref.truth.validated.lohner import PointSet
-from henon_ref.truth.validated.model import SystemModel
+from henon_ref.truth.validated.model import SystemModel, solve_for_states
 
 MAX_STEPS = 20_000
 """Steps of one round: the guess is then taken to be no orbit."""
@@ -109,7 +109,10 @@ class ReturnMap:
         self.section = guess.lies_on(system)
         if self.section is not None:
             on.add(self.section)
-        self.solved = self.model.solved(tuple(sorted(on)))
+        rests = [impact_of(system, i) for i in sorted(on) if guess.mode[i] == 0 and system.rests(i)]
+        zeros = [self.model.surfaces[i] for i in sorted(on)]
+        zeros += [system.numeric(impact.speed) for impact in rests if impact is not None]
+        self.solved = solve_for_states(zeros, system.states)
         taken = {s.index for s in self.solved}
         self.free = [i for i in range(len(guess.state)) if i not in taken]
         """States that are its coordinates."""
