@@ -136,7 +136,8 @@ def test_a_surface_that_goes_on_falling_is_compiled_code_s(
         compiled = run(problem)
     assert jumps_in_python == []
     below = [t for t in compiled.transitions if t.kind == "reset"]
-    assert below and {(t.from_mode, t.to_mode) for t in below} == {((1,), (-1,))}
+    assert below
+    assert {(t.from_mode, t.to_mode) for t in below} == {((1,), (-1,))}
     monkeypatch.setattr(mode_table, "jump_code", lambda _: None)
     precise = run(problem)
     assert len(jumps_in_python) == len(below)
