@@ -11,7 +11,8 @@ wrong half way gets no credit for what it meets by chance, or because the same d
 Touches (``graze``: touch and go, no mode changes) do not change a trajectory and few solvers report them.
 They are matched apart, and a touch missed or reported in vain counts neither as missed nor as spurious.
 
-Transitions of several surfaces at one instant may come in any order.
+Transitions of several surfaces at one instant may come in any order, but where a reset is applied there several times:
+these follow from each other.
 
 What a run has just before the horizon may lie beyond it in the exact run, and the other way round: neither is held
 against the run. It may not have more there than the exact run has anywhere in so short a time, or a pair a surface.
@@ -203,10 +204,11 @@ def _bounds(times: NDArray[np.float64], keys: NDArray[np.int64], span: float) ->
     nearest = np.full(times.size, span)
     for key in np.unique(keys):
         where = np.nonzero(keys == key)[0]
-        gaps = np.diff(times[where])
+        instants, own = np.unique(times[where], return_inverse=True)  # a reset may be applied several times at one
+        gaps = np.diff(instants)
         if gaps.size:
             loose[where] = gaps.max() / 2
-            nearest[where] = np.minimum(np.append(gaps, np.inf), np.insert(gaps, 0, np.inf))
+            nearest[where] = np.minimum(np.append(gaps, np.inf), np.insert(gaps, 0, np.inf))[own]
     return loose, nearest
 
 
@@ -220,9 +222,14 @@ def _in_step_bound(gaps: NDArray[np.float64], slips: NDArray[np.float64]) -> NDA
 def _groups(events: Sequence[Event], slots: list[int], radius: float) -> list[set[int]]:
     """Sets of slots whose transitions are at one instant, on different surfaces."""
     groups: list[set[int]] = []
+    instant: list[int] = slots[:1]
+    repeated: set[int] = set()
     for before, after in pairwise(slots):
         first, second = events[before], events[after]
         together = second.time - first.time <= max(2 * radius, 4 * float(np.spacing(abs(first.time))))
+        instant = [*instant, after] if together else [after]
+        if second.kind == "reset" and any(_key(events[i]) == _key(second) for i in instant[:-1]):
+            repeated.update(instant)
         if not together or first.surface == second.surface:
             continue
         if groups and before in groups[-1]:
@@ -230,7 +237,7 @@ def _groups(events: Sequence[Event], slots: list[int], radius: float) -> list[se
                 groups[-1].add(after)
         else:
             groups.append({before, after})
-    return groups
+    return [group for group in groups if not group & repeated]
 
 
 def _simultaneous_in_run_order(

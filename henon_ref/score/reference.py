@@ -132,16 +132,23 @@ class Expected:
 
     @cached_property
     def gaps(self) -> list[float]:
-        """Distance of each transition to the nearest other of its surface [s]; the run's length without."""
-        found = [self.until - self.start] * len(self.transitions)
-        last: dict[int, int] = {}
-        for i, event in enumerate(self.transitions):
-            before = last.get(event.surface)
-            if before is not None:
-                gap = abs(event.time - self.transitions[before].time)
-                found[before], found[i] = min(found[before], gap), gap
-            last[event.surface] = i
-        return found
+        """Distance of each transition to the nearest other of its surface [s]; the run's length without.
+
+        A reset that is applied several times at one instant is one there.
+        """
+        span = self.until - self.start
+        nearest: dict[tuple[object, ...], float] = {}
+        last: dict[int, tuple[object, ...]] = {}
+        own: list[tuple[object, ...]] = []
+        for event in self.transitions:
+            instant = (event.surface, event.time, event.kind, event.from_mode, event.to_mode)
+            before = last.get(event.surface, instant)
+            if before != instant:
+                gap = abs(event.time - float(before[1]))  # type: ignore[arg-type]  # its time
+                nearest[before], nearest[instant] = min(nearest.get(before, span), gap), gap
+            last[event.surface] = instant
+            own.append(instant)
+        return [nearest.get(instant, span) for instant in own]
 
     @cached_property
     def _of_surface(self) -> dict[int, tuple[list[float], list[int]]]:

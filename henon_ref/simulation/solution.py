@@ -40,7 +40,8 @@ class Solution(Outcome):
         The start, the ends of the steps, both sides of every transition (its time stands there at least twice), and
         where the run ended [s]. Without dense output no ends of steps.
     y : ndarray, shape (n, k)
-        The state there; where it jumps, first the one before and then the one after (without dense output that alone).
+        The state there; where it jumps, first the one before each map and then the one after (without dense output that
+        alone).
     sol : DenseOutput or None
         The solution between, by the steps' own Taylor polynomials: ``sol(t)`` has shape (n,) for a number, (n, m) for
         m times. None without dense output.
@@ -85,6 +86,8 @@ class Solution(Outcome):
             jumps = changes["kind"] == RESET
             states = states.copy()
             states[jumps] = self.sol.before(times[jumps]).T
+            follows = jumps[1:] & jumps[:-1] & (times[1:] == times[:-1])  # before it is what the last map has left
+            states[1:][follows] = changes["state"][:-1][follows]
             return np.insert(begin, at, times), np.ascontiguousarray(np.insert(values, at, states, axis=0).T)
         moved = end.end_time > self._start or len(changes) > 0
         last = ([end.end_time], [end.end_state]) if moved else ([], np.zeros((0, len(self._initial))))

@@ -190,3 +190,16 @@ def test_long_sequences_with_many_edits_are_aligned_in_bounded_memory(seed):
     result = run(reference, found)
     assert set(result.missed) | set(result.cut_reference) == drop
     assert result.spurious == ()
+
+
+@pytest.mark.parametrize("late", [-1e-9, 0.0, 1e-9])
+@pytest.mark.parametrize("instants", [1, 3])
+def test_a_reset_that_is_applied_several_times_at_one_instant_is_matched_in_its_order(late, instants):
+    """Impacts among three balls in a row: pair by pair, back and forth, all between the same modes."""
+    reference = [Ev("reset", i, (1, 1), (1, 1), 1.0 + 2.0 * k) for k in range(instants) for i in (0, 1, 0, 1, 0)]
+    found = [replace(event, time=event.time + late) for event in reference]
+    result = run(reference, found)
+    assert result.exact
+    assert result.pairs == tuple((i, i) for i in range(len(reference)))
+    fewer = run(reference, found[:3] + found[4:])
+    assert (len(fewer.missed), fewer.spurious) == (1, ())

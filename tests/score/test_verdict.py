@@ -124,3 +124,12 @@ def test_every_transition_says_what_became_of_it_and_what_the_verdict_rests_on()
     assert rows[0]["transversality"] == 1.0
     assert rows[0]["graze_distance"] == pytest.approx(0.25 * 0.75)
     assert record(outcome, truth).run["verdict_basis"].startswith("crossing at t = 2 s: an error of 2.5e-07")
+
+
+def test_a_reset_applied_several_times_at_one_instant_has_the_distance_to_the_next_instant():
+    rows = [
+        replace(event, kind="reset", surface=0, from_mode=(1,), to_mode=(1,), time=time)
+        for event, time in zip(reference()[:4], (1.0, 1.0, 1.0, 1.5), strict=True)
+    ]
+    truth = replace(expected(), transitions=tuple(rows))
+    assert truth.gaps == [0.5] * 4

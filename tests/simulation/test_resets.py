@@ -97,3 +97,23 @@ observe: [{final_state: {}}]
 """
     (tmp_path / "sweep.yaml").write_text(text)
     assert len(load_sweep(tmp_path / "sweep.yaml").plan.points) == 2
+
+
+def test_a_cascade_stands_in_the_solution_map_by_map_and_in_sweeps_with_the_same_bits() -> None:
+    """What https://github.com/sbmlteam/sbml-test-suite asks of events that trigger events."""
+    system = hr.System(
+        ["x", "a", "b"], {"k": 1}, {"first": "1 - x", "second": "1/2 - a"}, ["k", "0", "0"],
+        resets={"first": {"map": {"x": "0", "a": "a + 1"}}, "second": {"map": {"a": "0", "b": "b + 1"}}},
+    )  # fmt: skip
+    start = {"x": 0, "a": 0, "b": 0}
+    run = hr.simulate(system, start, until=1.5)
+    at = run.t == 1.0
+    assert run.y[:, at].T.tolist() == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    assert run.sol is not None
+    assert run.sol(1.0).tolist() == [0.0, 0.0, 1.0]
+    assert run.transitions[["kind", "surface"]].values.tolist() == [["reset", "first"], ["reset", "second"]]
+    values = [0.7, 1.0, 1.3, 2.1]
+    table = hr.sweep(system, start, until=3.5, grid={"k": values}, observe=[hr.observe.final_state()], jobs=1)
+    alone = [hr.simulate(system, start, until=3.5, parameters={"k": k}).y[:, -1].tolist() for k in values]
+    columns = [name for name in table.columns if name.startswith("final_")][:3]
+    assert table[columns].to_numpy().tolist() == alone
