@@ -145,7 +145,7 @@ class SyntaxWalk:
     def _operator_offset(self, node: ast.BinOp) -> int:
         """Where the operator stands: after the left operand, past the parentheses that close it."""
         at = node.left.end_col_offset or 0
-        while self.scanned.python[at] in " )":
+        while self.scanned.python[at : at + 1] in (b" ", b")"):
             at += 1
         return self.scanned.origin[at]
 
@@ -155,7 +155,7 @@ class SyntaxWalk:
         if isinstance(node, ast.BinOp | ast.Call):
             begin, end = node.col_offset, node.end_col_offset or 0
             kind = type(node).__name__ + ("+" if self.text.kinks else "")
-            key = key_of(kind, self.scanned.python[begin:end], self.names)
+            key = key_of(kind, self.scanned.python[begin:end].decode(), self.names)
             if key not in self.work.values:
                 self.work.charge(OPERATION + end - begin, self._offset(node))
                 value = self._operation(node, depth)
@@ -210,7 +210,7 @@ class SyntaxWalk:
         return found
 
     def _number(self, node: ast.Constant) -> sp.Expr:
-        text = self.scanned.python[node.col_offset : node.end_col_offset]
+        text = self.scanned.python[node.col_offset : node.end_col_offset].decode()
         mantissa, _, exponent = text.lower().partition("e")
         whole, _, decimals = mantissa.partition(".")
         shift = int(exponent or 0) - len(decimals)

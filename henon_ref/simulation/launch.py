@@ -13,7 +13,7 @@ from henon_ref.henon.records import HENON
 from henon_ref.henon.start import Start
 from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.precision import one_at_a_time
-from henon_ref.simulation.arguments import check_absolute_tolerance, problem_of, stop_of, tolerance_of
+from henon_ref.simulation.arguments import check_absolute_tolerance, problem_of, start_of, stop_of, tolerance_of
 from henon_ref.simulation.compiled import integrator_of, local_error
 from henon_ref.simulation.quick_start import QuickStart
 from henon_ref.simulation.system import System
@@ -59,7 +59,7 @@ class Launch(NamedTuple):
 
 def launch(
     system: System,
-    initial: Mapping[Any, Any],
+    initial: Any,
     until: Any,
     start: Any,
     rtol: float,
@@ -77,6 +77,8 @@ def launch(
     """
     if not isinstance(system, System):
         raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
+    if type(initial) is not dict or until is None or start is None:
+        initial, until, start, mode = start_of(system, initial, until, start, mode)
     tolerance = rtol if type(rtol) is float else tolerance_of(rtol)
     ready: Prepared | None = system.prepared.get(tolerance)
     begin = None

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from henon_ref.errors import ArgumentError
-from henon_ref.simulation.arguments import problem_of, tolerance_of
+from henon_ref.simulation.arguments import problem_of, start_of, tolerance_of
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import Work
 from henon_ref.sweeps.observations import Observation
@@ -72,14 +72,14 @@ class Plan:
 
 def planned(
     system: System,
-    initial: Mapping[str, Any],
+    initial: Mapping[str, Any] | Sequence[Any] | None = None,
     *,
-    until: Any,
+    until: Any = None,
     grid: Any,
     observe: Sequence[Observation],
     rtol: float = RTOL,
     chunk: int | None = None,
-    start: Any = 0,
+    start: Any = None,
     mode: Mapping[str, int] | None = None,
 ) -> Plan:
     """Check the arguments of a sweep (see :func:`henon_ref.sweeps.sweep.sweep`).
@@ -97,6 +97,7 @@ def planned(
     first = {name: float(value) for name, value in zip(points.names, points.values[0], strict=True)}
     states = {name: value for name, value in first.items() if name in system.state}
     swept = {name: value for name, value in first.items() if name not in states}
+    initial, until, start, mode = start_of(system, initial, until, start, mode)
     given = dict(initial) if isinstance(initial, Mapping) else initial
     _, problem = problem_of(system, given, until=until, start=start)
     if states or swept:
