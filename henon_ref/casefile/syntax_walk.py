@@ -184,11 +184,18 @@ class SyntaxWalk:
                 exponent = self._of(node.right, depth + 1)
                 return power(base, exponent, self._operator_offset(node))
             case ast.Call(func=ast.Name(id=name), args=arguments) if self.text.kinks and name in KINK_FUNCTIONS:
-                return kinks.call(name, [self._argument(a, depth + 1) for a in arguments], self._offset(node))
+                return self._kinked(name, arguments, node, depth)
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
                 return self._call(name, [self._of(a, depth + 1) for a in arguments], self._offset(node))
             case _:
                 raise ExpressionError("this is not allowed in an expression", self._offset(node))
+
+    def _kinked(self, name: str, written: list[ast.expr], node: ast.expr, depth: int) -> sp.Expr:
+        arguments, offset = [self._argument(a, depth + 1) for a in written], self._offset(node)
+        if name == "piecewise":
+            strict = [isinstance(a, ast.Compare) and isinstance(a.ops[0], ast.Gt | ast.Lt) for a in written[1::2]]
+            kinks.check_on_surface(arguments[::2], arguments[1::2], strict, offset)
+        return kinks.call(name, arguments, offset)
 
     def _argument(self, node: ast.expr, depth: int) -> sp.Expr:
         """An argument; of a comparison what is positive where it holds."""
