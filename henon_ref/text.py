@@ -8,6 +8,7 @@ spreadsheet.
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Collection
 from difflib import get_close_matches
 from html import escape
@@ -175,6 +176,23 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def spelled(name: str) -> str:
+    """A name with its Greek letters spelled out.
+
+    Examples
+    --------
+    >>> spelled("θ_1"), spelled("Δx"), spelled("v")
+    ('theta_1', 'Deltax', 'v')
+    """
+    return "".join(c if c.isascii() else _letter(c) for c in name)
+
+
+def _letter(character: str) -> str:
+    words = unicodedata.name(character, character).split()
+    word = words[-1].lower()
+    return word.capitalize() if "CAPITAL" in words else word
 
 
 def did_you_mean(word: str, known: Collection[str]) -> str:

@@ -12,6 +12,7 @@ from henon_ref.filippov import equations
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.text import spelled
 
 RESERVED = ("t", "pow")
 """Names that mean something else in expressions."""
@@ -39,15 +40,17 @@ def problem_text(problem: Problem, start: Mode) -> messages.Problem:
     modes = [text for side in (-1, 0, 1) if (text := _mode_text(system, (side,))) is not None]
     if start[0] not in [text.mode for text in modes]:
         raise UnsupportedError("the initial mode has no equations")
-    names = [str(name) for name in (*system.states, *system.parameters)]
+    names = [spelled(str(name)) for name in (*system.states, *system.parameters)]
     if clash := sorted(set(names) & set(RESERVED)):
         raise UnsupportedError(f"the protocol has a meaning of its own for the name {clash[0]}")
+    if twice := sorted(name for name in set(names) if names.count(name) > 1):
+        raise UnsupportedError(f"spelled out for the protocol two names are {twice[0]}")
     surface = system.surfaces[0]
     return messages.Problem(
-        states=[str(x) for x in system.states],
-        parameters={str(name): float(value) for name, value in system.parameters.items()},
+        states=names[: len(system.states)],
+        parameters={spelled(str(name)): float(value) for name, value in system.parameters.items()},
         surface=messages.Surface(
-            name=str(system.signs[0]),
+            name=spelled(str(system.signs[0])),
             expression=infix(surface),
             gradient=[infix(sp.diff(surface, x)) for x in system.states],
         ),

@@ -1,7 +1,7 @@
 """SymPy expressions as text that C, Octave, Python, Julia, JavaScript and awk can evaluate.
 
 Doubles, names, ``+ - * /``, parentheses, ``pow(a, b)``, and sin cos tan asin acos atan sinh cosh tanh exp log sqrt.
-Numbers always have a point or an exponent, so that ``1.0/2.0`` is a half everywhere.
+Numbers always have a point or an exponent, so that ``1.0/2.0`` is a half everywhere; Greek letters are spelled out.
 """
 
 from __future__ import annotations
@@ -14,15 +14,19 @@ from sympy.printing.str import StrPrinter
 
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.callables import rounded
+from henon_ref.text import spelled
 
 FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "pow")
 MULTIPLIED = 4
 """Powers of a name up to this one are written as products."""
-_NAME = re.compile(r"(?<![\w.])[A-Za-z]\w*")
+_NAME = re.compile(r"(?<![\w.])[^\W\d_]\w*")
 
 
 class _Printer(StrPrinter):
     """One double a number; powers as products, quotients, ``sqrt`` and ``pow``."""
+
+    def _print_Symbol(self, expr: sp.Expr) -> str:  # noqa: N802
+        return spelled(expr.name)
 
     def _print_Float(self, expr: sp.Expr) -> str:  # noqa: N802  (SymPy's names here and below)
         return repr(float(expr))

@@ -36,19 +36,28 @@ KINK_FUNCTIONS = {"abs": 1, "sign": 1, "min": MANY, "max": MANY, "piecewise": MA
 """Functions allowed in fields, whose kinks and jumps become surfaces, with their arity."""
 EULER = "e"
 CONSTANTS = ("pi", EULER)
-RESERVED = frozenset((*FUNCTIONS, *CONSTANT_FUNCTIONS, *KINK_FUNCTIONS, *CONSTANTS, "t", "mode"))
+RESERVED = frozenset((*FUNCTIONS, *CONSTANT_FUNCTIONS, *KINK_FUNCTIONS, *CONSTANTS, "π", "t", "mode"))
 """Names that a state, parameter or sign symbol may not have."""
 
+_LETTER = "A-Za-zΑ-ΡΣ-Ωα-ω"
+"""Latin and Greek, as a class of characters."""
 _KINK = re.compile(rf"\b({'|'.join(KINK_FUNCTIONS)})\s*\(")
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
+NAME = re.compile(rf"[{_LETTER}][{_LETTER}0-9_]*")
 
 _TOKEN = re.compile(
-    r"(?P<space>\s+)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)"
+    r"(?P<space>\s+)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
+    rf"|(?P<name>[{_LETTER}_][{_LETTER}0-9_]*)"
     r"|(?P<operator>\*\*|[-+*/^])|(?P<bracket>[(),])|(?P<comparison>[<>]=?)",
     re.ASCII,
 )
 _ALLOWED = "numbers, names, + - * / ** ^ and parentheses"
 _LOOKALIKES = {"−": "-", "–": "-", "×": "*", "·": "*", "÷": "/", "²": "^2", "³": "^3", "[": "(", "]": ")", "|": "abs()"}
+_LOOKALIKES |= {"≤": "<=", "≥": ">=", "µ": "μ, the Greek letter (U+03BC)"}
+_TWO_CONDITIONS = (
+    "a condition has one comparison: where two are to hold, write one piecewise in another, as in "
+    "piecewise(piecewise(1, x < 1, 0), x > 0, 0) for 0 < x < 1"
+)
+_CONNECTIVES = ("and", "or", "not", "if", "else", "where")
 _HINTS: dict[str, str] = {
     **dict.fromkeys(
         KINK_FUNCTIONS,
@@ -56,6 +65,11 @@ _HINTS: dict[str, str] = {
         "name a surface h and use its sign s, as in s*h",
     ),
     **dict.fromkeys(("heaviside", "Heaviside"), "write piecewise(1, x > 0, 0)"),
+    "Piecewise": "write piecewise(value, condition, value otherwise), as in piecewise(1, x < 0, 2)",
+    "where": "write piecewise(value, condition, value otherwise), as in piecewise(1, x < 0, 2)",
+    **dict.fromkeys(("np", "numpy", "math", "sp", "sympy"), "functions stand by themselves, as in sin(x)"),
+    **dict.fromkeys(("And", "Or", "Not"), _TWO_CONDITIONS),
+    "π": "write pi",
     **dict.fromkeys(("Abs", "fabs"), "write abs(...)"),
     **dict.fromkeys(
         ("floor", "ceil", "round", "mod"), "it jumps without end; write a finite number of jumps with piecewise or sign"
@@ -85,10 +99,11 @@ class Scanned:
     """An expression that reads well, in Python's spelling."""
 
     tokens: tuple[Token, ...]
-    python: str
-    """The expression with ``**`` for every ``^``, one blank between tokens."""
+    python: bytes
+    """The expression with ``**`` for every ``^``, one blank between tokens; in UTF-8, by which Python's syntax trees
+    count."""
     origin: tuple[int, ...]
-    """For every character of ``python`` the offset of its token in the expression."""
+    """For every byte of ``python`` the offset of its token in the expression."""
 
 
 def name_problem(name: str, *, parameter: bool = False) -> str:
@@ -99,9 +114,10 @@ def name_problem(name: str, *, parameter: bool = False) -> str:
     if parameter and name == EULER:
         return ""
     if not NAME.fullmatch(name):
-        return f"{shortened(name)} is no name: a letter (a-z, A-Z) first, then letters, digits and underscores"
+        like = next((f"; write {_LOOKALIKES[c]}" for c in name if c in _LOOKALIKES), "")
+        return f"{shortened(name)} is no name: a letter (Latin or Greek) first, then letters, digits, underscores{like}"
     if name in RESERVED:
-        return f"'{name}' is taken (t, pi, e, mode and the names of functions are); choose another name"
+        return f"'{name}' is taken (t, pi, π, e, mode and the names of functions are); choose another name"
     if keyword.iskeyword(name):
         return f"'{name}' is a word of Python that expressions cannot hold; choose another name, such as '{name}_'"
     return ""
@@ -147,6 +163,9 @@ def scan(text: str, names: Collection[str], *, constant: bool = False, kinks: bo
 
 def _bad_character(text: str, offset: int) -> ExpressionError:
     character = text[offset]
+    if character in "&|=!" and text[:offset].rfind("piecewise") >= 0:
+        equal = "an equation holds at single points only: compare with <, <=, > or >="
+        return ExpressionError(equal if character in "=!" else _TWO_CONDITIONS, offset)
     like = _LOOKALIKES.get(character)
     hint = f"; write {like}" if like else ""
     return ExpressionError(f"{character!r} is not allowed in an expression{hint}; allowed: {_ALLOWED}", offset)
@@ -213,15 +232,17 @@ class _Scanner:
             raise ExpressionError("'(' is never closed", self.open[-1].bracket.offset)
         pieces, origin = [], []
         for token in self.tokens:
-            piece = _python_spelling(token) + " "
+            piece = (_python_spelling(token) + " ").encode()
             pieces.append(piece)
             origin += [token.offset] * len(piece)
-        return Scanned(tuple(self.tokens), "".join(pieces), tuple(origin))
+        return Scanned(tuple(self.tokens), b"".join(pieces), tuple(origin))
 
     def _is_function(self, name: str) -> bool:
         return name in FUNCTIONS or name in CONSTANT_FUNCTIONS or name in KINK_FUNCTIONS
 
     def _operand(self, token: Token, last: Token | None) -> None:
+        if token.text in _CONNECTIVES and token.text not in self.names:
+            raise ExpressionError(f"'{token.text}' is no operator here; {_TWO_CONDITIONS}", token.offset)
         if not self.want_operand:
             assert last is not None
             raise ExpressionError(
@@ -308,11 +329,13 @@ class _Scanner:
         """A comparison stands in a condition, once."""
         innermost = self.open[-1] if self.open else None
         if innermost is None or not innermost.is_condition:
+            if any(bracket.is_condition for bracket in self.open):
+                raise ExpressionError(f"a comparison has no parentheses of its own; {_TWO_CONDITIONS}", token.offset)
             raise ExpressionError(f"'{token.text}' stands in a condition of 'piecewise' only", token.offset)
         if self.want_operand:
             raise ExpressionError(f"a number or a name is missing before '{token.text}'", token.offset)
         if innermost.compared:
-            raise ExpressionError("a condition has one comparison, as in x < 1", token.offset)
+            raise ExpressionError(_TWO_CONDITIONS, token.offset)
         innermost.compared = True
         self.want_operand = True
 

@@ -7,17 +7,22 @@ equal one (up to a factor that is a number) once.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 
 import sympy as sp
 
 from henon_ref.errors import ExpressionError
+from henon_ref.filippov.bounds import shown, terms
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.switched_field import up_to_a_number
 
 MAX_INNER = 4
 """Kinks that the argument of another one may have: its branches are twice as many with each."""
+
+
+MAX_TERMS = 1_000
+"""Terms, multiplied out, of a difference that is looked at whether it is zero."""
 
 
 class Sgn(sp.Function):
@@ -146,6 +151,49 @@ def _called(name: str, arguments: Sequence[sp.Expr]) -> sp.Expr:
             value = chosen(arguments[k], arguments[k + 1], value)
         return value
     return sgn(arguments[0]) * (arguments[0] if name == "abs" else 1)
+
+
+def check_on_surface(
+    values: Sequence[sp.Expr], conditions: Sequence[sp.Expr], strict: Sequence[bool], offset: int
+) -> None:
+    """Refuse a ``piecewise`` of one surface that has a value on it which is neither side's, nor halfway between them.
+
+    Parameters
+    ----------
+    values, conditions : sequences of Expr
+        The last value is that where no condition holds; each condition is what is positive where it holds.
+    strict : sequence of bool
+        Whether a condition does not hold where it is 0.
+    """
+    signs = [sgn(condition) for condition in conditions]
+    surfaces = set().union(*(sign.atoms(Sgn) for sign in signs))
+    if len(surfaces) != 1:
+        return
+    (surface,) = surfaces
+    above, below = (
+        values[_first(sign.xreplace({surface: side}) > 0 for sign in signs)].xreplace({surface: side})
+        for side in (sp.Integer(1), sp.Integer(-1))
+    )
+    own = values[_first((not sign.is_number and not s) or sign == 1 for sign, s in zip(signs, strict, strict=True))]
+    here = {surface.args[0]: sp.S.Zero, surface: sp.S.Zero}
+    apart = [own.xreplace(here) - side.xreplace(here) for side in (above, below, (above + below) / 2)]
+    if all(difference != 0 and (terms(difference) > MAX_TERMS or sp.expand(difference) != 0) for difference in apart):
+        value = "a value of its own" if own.has(Sgn) else shown(own)
+        raise ExpressionError(
+            f"where {shown(surface.args[0])} is 0 this is {value}, which it is on neither side: a field is what it is "
+            "beside a surface. Friction that holds more than it slides with has a 'static' in a scene, or "
+            "'sliding' with 'entry: inside'",
+            offset,
+        )
+
+
+def _first(holds: Iterable[object]) -> int:
+    """Index of the first condition that holds, or of the value behind the last."""
+    count = -1
+    for count, held in enumerate(holds):
+        if held:
+            return count
+    return count + 1
 
 
 class Kinks:

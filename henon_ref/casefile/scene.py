@@ -19,6 +19,7 @@ from henon_ref.casefile.requirements import Requirements
 from henon_ref.casefile.schema import MAX_STATES
 from henon_ref.casefile.source import Names, Path, Source, check_kinks, resolved
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
+from henon_ref.filippov.work import names_in
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
@@ -205,10 +206,23 @@ class _Reader:
                 raise self.source.error(path, message)
             link.words[key.name] = word
             return
+        if key.of != "states":
+            self._check_states(path, key)
         if key.of == "states":
             link.values[key.name], link.kinked_values[key.name] = self._of_states(path)
         else:
             link.values[key.name] = self._kinked(link, path) if key.of == "time" else self._expression(path, key, what)
+
+    def _check_states(self, path: Path, key: Key) -> None:
+        """Refuse states where a value is none of states."""
+        held = [name for name in names_in(self.source.text(path)) if name in self.states]
+        if held:
+            allowed = "t and parameters" if key.of == "time" else "parameters"
+            raise self.source.error(
+                path,
+                f"'{held[0]}' is a state, and '{key.name}' an expression in {allowed}: forces of states are a spring, "
+                "a damper, a friction with a 'law'; for others write the equations as 'system' in place of 'scene'",
+            )
 
     def _kinked(self, link: Link, path: Path) -> sp.Expr:
         """A function of time, whose kinks and jumps become surfaces."""

@@ -145,7 +145,7 @@ class SyntaxWalk:
     def _operator_offset(self, node: ast.BinOp) -> int:
         """Where the operator stands: after the left operand, past the parentheses that close it."""
         at = node.left.end_col_offset or 0
-        while self.scanned.python[at] in " )":
+        while self.scanned.python[at : at + 1] in (b" ", b")"):
             at += 1
         return self.scanned.origin[at]
 
@@ -155,7 +155,7 @@ class SyntaxWalk:
         if isinstance(node, ast.BinOp | ast.Call):
             begin, end = node.col_offset, node.end_col_offset or 0
             kind = type(node).__name__ + ("+" if self.text.kinks else "")
-            key = key_of(kind, self.scanned.python[begin:end], self.names)
+            key = key_of(kind, self.scanned.python[begin:end].decode(), self.names)
             if key not in self.work.values:
                 self.work.charge(OPERATION + end - begin, self._offset(node))
                 value = self._operation(node, depth)
@@ -184,11 +184,18 @@ class SyntaxWalk:
                 exponent = self._of(node.right, depth + 1)
                 return power(base, exponent, self._operator_offset(node))
             case ast.Call(func=ast.Name(id=name), args=arguments) if self.text.kinks and name in KINK_FUNCTIONS:
-                return kinks.call(name, [self._argument(a, depth + 1) for a in arguments], self._offset(node))
+                return self._kinked(name, arguments, node, depth)
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
                 return self._call(name, [self._of(a, depth + 1) for a in arguments], self._offset(node))
             case _:
                 raise ExpressionError("this is not allowed in an expression", self._offset(node))
+
+    def _kinked(self, name: str, written: list[ast.expr], node: ast.expr, depth: int) -> sp.Expr:
+        arguments, offset = [self._argument(a, depth + 1) for a in written], self._offset(node)
+        if name == "piecewise":
+            strict = [isinstance(a, ast.Compare) and isinstance(a.ops[0], ast.Gt | ast.Lt) for a in written[1::2]]
+            kinks.check_on_surface(arguments[::2], arguments[1::2], strict, offset)
+        return kinks.call(name, arguments, offset)
 
     def _argument(self, node: ast.expr, depth: int) -> sp.Expr:
         """An argument; of a comparison what is positive where it holds."""
@@ -210,7 +217,7 @@ class SyntaxWalk:
         return found
 
     def _number(self, node: ast.Constant) -> sp.Expr:
-        text = self.scanned.python[node.col_offset : node.end_col_offset]
+        text = self.scanned.python[node.col_offset : node.end_col_offset].decode()
         mantissa, _, exponent = text.lower().partition("e")
         whole, _, decimals = mantissa.partition(".")
         shift = int(exponent or 0) - len(decimals)

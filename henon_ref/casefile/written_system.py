@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import name_problem
+from henon_ref.casefile.grammar import may_have_kinks, name_problem
 from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.schema import MAX_STATES, CaseForm, SlidingForm, SystemForm
 from henon_ref.casefile.source import Names, Path, Source, resolved
@@ -13,6 +13,10 @@ from henon_ref.filippov.system import FilippovSystem, Release, Reset, SlidingOve
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
+KINK_IN_MAP = (
+    "a map has no kinks and no signs: write the branch that is in force where the surface falls (of a speed v that is "
+    "negative there abs(v) is -v)"
+)
 TAKEN = frozenset((*TRANSITION_COLUMNS, *JUDGED_COLUMNS))
 """Columns of ``transitions.csv``, where a state's column has the name of the state."""
 
@@ -165,6 +169,8 @@ def build_resets(source: Source, form: CaseForm, names: Names, system: FilippovS
             if name not in names.states:
                 message = f"'{name}' is no state{did_you_mean(name, names.states)}; states: {listed(names.states)}"
                 raise source.error(place, message, key=True)
+            if may_have_kinks(source.text(place)):
+                raise source.error(place, f"in '{name}': {KINK_IN_MAP}")
             values[names.states[name]] = names.smooth(source, place)
         if all(x == value for x, value in values.items()):
             raise source.error((*path, "map"), "the map leaves every state as it is; leave the reset out", key=True)

@@ -7,6 +7,8 @@ from functools import lru_cache
 
 import sympy as sp
 
+from henon_ref.text import spelled
+
 _GREEK = (
     "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|upsilon|phi|chi|psi"
     "|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|Omega"
@@ -23,10 +25,12 @@ def symbol(name: str) -> str:
     --------
     >>> symbol("x2"), symbol("vp"), symbol("mu0"), symbol("xi1"), symbol("q_1"), symbol("margin")
     ('x_{2}', 'v_{p}', '\\\\mu_{0}', '\\\\xi_{1}', 'q_{1}', '\\\\mathrm{margin}')
+    >>> symbol("θ"), symbol("μ_k")
+    ('\\\\theta', '\\\\mu_{\\\\mathrm{k}}')
     >>> symbol("s_a_belt"), symbol("Delta_x_1"), symbol("a__b"), symbol("Alpha")
     ('s_{\\\\mathrm{a,belt}}', '\\\\Delta_{\\\\mathrm{x,1}}', '\\\\mathrm{a\\\\_\\\\_b}', '\\\\mathrm{Alpha}')
     """
-    head, *indices = name.split("_")
+    head, *indices = spelled(name).split("_")
     greek = re.fullmatch(rf"({_GREEK})(\d\w*)?", head)
     latin = re.fullmatch(r"([A-Za-z])([A-Za-z]?\d*)" if not indices else r"([A-Za-z])()", head)
     found = greek or latin

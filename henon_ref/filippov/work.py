@@ -17,7 +17,7 @@ OPERATION, SCAN, CACHED = 20, 2, 3
 """An operation counts as so many characters besides its own, taking a text apart as so many for each of it, and a text
 that is known already as so many."""
 
-_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_NAME = re.compile(r"[^\W\d]\w*")
 
 
 @dataclass

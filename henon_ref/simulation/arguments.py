@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any
+
+import numpy as np
 
 from henon_ref.casefile.problem import build_problem
 from henon_ref.casefile.source import Source
@@ -18,7 +20,7 @@ from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System, argument_error
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
 from henon_ref.taylor.tape import TIME
-from henon_ref.text import did_you_mean, listed
+from henon_ref.text import did_you_mean, listed, shortened
 
 DIRECTIONS = ("falling", "rising")
 STOPS = 63
@@ -27,12 +29,42 @@ SMALLEST, LARGEST = 1e-16, 1.0
 """Between these lies a tolerance, as in a case file."""
 
 
+def start_of(
+    system: System, initial: Any, until: Any, start: Any, mode: Mapping[Any, Any] | None
+) -> tuple[Any, Any, Any, Mapping[Any, Any] | None]:
+    """Initial values by their states, horizon, initial time and mode of a run; of the case for what is not given.
+
+    The mode of the case belongs to its initial values.
+
+    Raises
+    ------
+    ArgumentError
+        For a system that has none of its own, and for more or fewer values than it has states.
+    """
+    own = system.own_start
+    if (initial is None or until is None) and own is None:
+        missing = "'initial'" if initial is None else "'until'"
+        raise ArgumentError(f"{missing} is missing: a system that is no case's has no initial values and no horizon")
+    if own is not None:
+        mode = own.mode if mode is None and initial is None else mode
+        initial = own.initial if initial is None else initial
+        until = own.until if until is None else until
+        start = own.start if start is None else start
+    if isinstance(initial, np.ndarray | list | tuple):
+        values = np.asarray(initial, dtype=object)
+        if values.shape != (len(system.state),):
+            wanted = f"a value for each of {listed(system.state)}, in this order"
+            raise ArgumentError(f"'initial' has the shape {values.shape}; wanted {wanted}")
+        initial = dict(zip(system.state, values.tolist(), strict=True))
+    return initial, until, 0 if start is None else start, mode
+
+
 def problem_of(
     system: System,
-    initial: Mapping[Any, Any],
+    initial: Mapping[Any, Any] | Sequence[Any] | None = None,
     *,
-    until: object,
-    start: object = 0,
+    until: object = None,
+    start: object = None,
     parameters: Mapping[Any, Any] | None = None,
     mode: Mapping[Any, Any] | None = None,
 ) -> tuple[System, Problem]:
@@ -49,6 +81,7 @@ def problem_of(
         For a missing or unknown state, a number that is not finite, an unknown parameter, a horizon that is not later
         than the start, and a mode of an unknown surface, or one that the start contradicts.
     """
+    initial, until, start, mode = start_of(system, initial, until, start, mode)
     if parameters:
         system = system.with_parameters(parameters)
     given = _mapping(initial, "'initial'", "state", system.state)
@@ -80,7 +113,8 @@ def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> Map
     """A mapping of known names."""
     node = tree_of(value, what)
     if not isinstance(node, MappingNode):
-        raise ArgumentError(f"{what} must be a mapping, as in {{{known[0]!r}: 0}}")
+        others = ", or an array with a value for each state" if kind == "state" else ""
+        raise ArgumentError(f"{what} must be a mapping, as in {{{known[0] if known else 's'!r}: 0}}{others}")
     for name in node.entries:
         if name not in known:
             raise ArgumentError(f"'{name[:60]}' is no {kind}{did_you_mean(name, known)}; {kind}s: {listed(known)}")
@@ -95,6 +129,8 @@ def tolerance_of(value: Any) -> float:
     ArgumentError
         For what is no number between 1e-16 and 1.
     """
+    if isinstance(value, str):
+        raise ArgumentError(f"rtol is text, {shortened(value)}; wanted a number without quotes, as in rtol=1e-9")
     if _is_number(value) and SMALLEST <= value < LARGEST:
         return float(value)
     raise ArgumentError(f"rtol is {str(value)[:60]}; a tolerance is a number from 1e-16 to below 1")

@@ -16,6 +16,7 @@ from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.arguments import (
     check_absolute_tolerance,
     problem_of,
+    start_of,
     stop_of,
     tolerance_of,
     whole_number,
@@ -65,7 +66,7 @@ class Launch(NamedTuple):
 
 def launch(
     system: System,
-    initial: Mapping[Any, Any],
+    initial: Any,
     until: Any,
     start: Any,
     rtol: float,
@@ -84,6 +85,8 @@ def launch(
     """
     if not isinstance(system, System):
         raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
+    if type(initial) is not dict or until is None or start is None:
+        initial, until, start, mode = start_of(system, initial, until, start, mode)
     tolerance = rtol if type(rtol) is float else tolerance_of(rtol)
     ready: Prepared | None = system.prepared.get(tolerance)
     begin = None

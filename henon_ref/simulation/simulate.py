@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from henon_ref.henon.run import Run
@@ -16,10 +16,10 @@ from henon_ref.simulation.system import System
 
 def simulate(
     system: System,
-    initial: Mapping[Any, Any],
+    initial: Mapping[Any, Any] | Sequence[Any] | None = None,
     *,
-    until: Any,
-    start: Any = 0,
+    until: Any = None,
+    start: Any = None,
     rtol: float = 1e-10,
     atol: float | None = None,
     parameters: Mapping[Any, Any] | None = None,
@@ -33,12 +33,13 @@ def simulate(
     Parameters
     ----------
     system : System
-    initial : mapping
-        State -> number (int, float, Fraction, or text in parameters); every state has its value.
+    initial : mapping, or array of shape (n,)
+        State -> number (int, float, Fraction, or text in parameters), or the numbers in the order of the states; of a
+        system from a case it may be left out, like all that says where and how long its reading runs.
     until : number
         Horizon: the run ends here [s].
-    start : number
-        Initial time [s].
+    start : number, optional
+        Initial time [s]; 0 (or that of the case) if left out.
     rtol : float
         Tolerance, from 1e-16 to below 1: a tenth of it is the local error of a step relative to each state's (and
         guard's) own size on the step. Order and step follow from it.
@@ -89,10 +90,10 @@ def simulate(
 
 def stream(
     system: System,
-    initial: Mapping[Any, Any],
+    initial: Mapping[Any, Any] | Sequence[Any] | None = None,
     *,
-    until: Any,
-    start: Any = 0,
+    until: Any = None,
+    start: Any = None,
     rtol: float = 1e-10,
     atol: float | None = None,
     parameters: Mapping[Any, Any] | None = None,

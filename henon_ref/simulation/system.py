@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import sympy as sp
 
@@ -46,9 +46,9 @@ class System:
     ----------
     state : sequence of str
         Names of the n states.
-    parameters : mapping
+    parameters : mapping, optional
         Name -> number, or an expression in other parameters.
-    surfaces : mapping
+    surfaces : mapping, optional
         Sign symbol -> the expression whose sign it is.
     field : sequence
         x', one expression a state, in time ``t``, states, parameters and signs; smooth for each sign at -1 and +1.
@@ -65,7 +65,8 @@ class System:
 
     Notes
     -----
-    Expressions are text or SymPy, whose symbols go by their names; numbers are int, float, Fraction or text. Numbers
+    Expressions are text or SymPy, whose symbols go by their names; ``Abs``, ``sign``, ``Max``, ``Min``, ``Piecewise``,
+    ``Heaviside`` are taken, too: their kinks and jumps become surfaces. Numbers are int, float, Fraction or text. They
     are exact, and a float is the decimal that it is printed as: 0.1 is 1/10, as in a case file. Two systems are equal
     that say the same; an equal one compiles nothing anew.
 
@@ -80,6 +81,8 @@ class System:
         What is made of it for runs, by tolerance.
     initial, start, until, mode
         Of the reading of a case (:meth:`from_case`), exact numbers by name; None for a system from Python.
+    own_start : OwnStart
+        The same as it is written, with which a run begins that is given no other.
 
     Raises
     ------
@@ -101,13 +104,15 @@ class System:
     def __init__(
         self,
         state: Sequence[str | sp.Symbol],
-        parameters: Mapping[Any, Any],
-        surfaces: Mapping[Any, Any],
-        field: Sequence[Any],
+        parameters: Mapping[Any, Any] | None = None,
+        surfaces: Mapping[Any, Any] | None = None,
+        field: Sequence[Any] | None = None,
         valid: Sequence[Any] | None = None,
         sliding: Mapping[Any, Any] | None = None,
         resets: Mapping[Any, Any] | None = None,
     ) -> None:
+        if field is None:
+            raise ArgumentError("a system needs its 'field', x' of each state, as in field=['v', '-x']")
         names = [written_name(x, "'state'") for x in state] if isinstance(state, list | tuple) else state
         given = {"state": names, "parameters": parameters, "surfaces": surfaces, "field": field, "valid": valid}
         written = {
@@ -119,7 +124,7 @@ class System:
 
     @classmethod
     def from_case(cls, path: str | Path, reading: str | None = None) -> System:
-        """The system of a case file, with where and how long its reading runs.
+        """The system of a case file, with where and how long its reading runs: that is what ``simulate`` runs.
 
         Parameters
         ----------
@@ -139,8 +144,10 @@ class System:
         case = load_case(path)
         chosen = case.readings[0] if reading is None else case.reading(reading)
         self = cls.__new__(cls)
-        self._read(dict(reading_sources(read_yaml(case.path or path), None))[chosen.name].tree)
+        source = dict(reading_sources(read_yaml(case.path or path), None))[chosen.name]
+        self._read(source.tree)
         problem = chosen.problem
+        self.own_start = written_start(source, self.state)
         self.initial = dict(zip(self.state, map(python_number, problem.initial), strict=True))
         self.start, self.until = python_number(problem.start), python_number(problem.until)
         self.mode = {problem.system.sign_names[i]: entry for i, entry in problem.initial_mode.items()}
@@ -174,6 +181,7 @@ class System:
         self.start: Number | None = None
         self.until: Number | None = None
         self.mode: dict[str, int] | None = None
+        self.own_start: OwnStart | None = None
         self.prepared: dict[float, Any] = {}
 
     def __getstate__(self) -> dict[str, Any]:
@@ -209,6 +217,7 @@ class System:
         key = "system" if "system" in self.tree.entries else "scene"
         other = System.__new__(System)
         other._read(merged(self.tree, mapping({key: mapping({"parameters": given})})))
+        other.own_start = self.own_start
         return other
 
     def expression(self, value: object, what: str = "the expression") -> sp.Expr:
@@ -315,6 +324,23 @@ class System:
         rows += [(latex(p), _formula(v)) for p, v in model.parameters.items()]
         body = "".join(f"<tr><td>${left}$</td><td>{right}</td></tr>" for left, right in rows)
         return f"<table><caption>Filippov system</caption><tbody>{body}</tbody></table>"
+
+
+class OwnStart(NamedTuple):
+    """Where and how long the reading of a case runs, in the words of the file."""
+
+    initial: dict[str, str]
+    start: str
+    until: str
+    mode: dict[str, int]
+
+
+def written_start(source: Source, states: Sequence[str]) -> OwnStart:
+    """What a reading says of its start and horizon."""
+    keys = source.keys(("initial",))
+    start = source.text(("initial", "t")) if "t" in keys else "0"
+    mode = {name: int(source.text(("initial", "mode", name))) for name in source.keys(("initial", "mode"))}
+    return OwnStart({x: source.text(("initial", x)) for x in states}, start, source.text(("until",)), mode)
 
 
 def python_number(number: sp.Expr) -> Number:

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from numbers import Integral, Rational, Real
 
+import numpy as np
 import sympy as sp
 from sympy.printing.str import StrPrinter
 
@@ -90,7 +91,7 @@ def tree_of(value: object, what: str, depth: int = 0) -> Node:
 
     Parameters
     ----------
-    value : mapping, list, tuple, None, or what :func:`written` takes
+    value : mapping, list, tuple, array, matrix, None, or what :func:`written` takes
     what : str
         What it is, for the message.
 
@@ -99,6 +100,8 @@ def tree_of(value: object, what: str, depth: int = 0) -> Node:
     ArgumentError
         For what cannot stand in a case file.
     """
+    if isinstance(value, np.ndarray | sp.MatrixBase):
+        value = value.tolist() if isinstance(value, np.ndarray) else list(value)
     if isinstance(value, Mapping | Sequence) and not isinstance(value, str):
         if len(value) > MOST_ENTRIES or depth > DEEPEST:
             raise ArgumentError(f"{what} has more than {MOST_ENTRIES} entries, or nests deeper than {DEEPEST}")
@@ -151,6 +154,44 @@ class _CasePrinter(StrPrinter):
         return str(expr.name)
 
     _print_Dummy = _print_Symbol  # noqa: N815
+
+    def _print_Abs(self, expr: sp.Expr) -> str:  # noqa: N802
+        return f"abs({self._print(expr.args[0])})"
+
+    def _print_Max(self, expr: sp.Expr) -> str:  # noqa: N802
+        name = type(expr).__name__.lower()
+        return f"{name}({', '.join(map(self._print, sorted(expr.args, key=sp.default_sort_key)))})"
+
+    _print_Min = _print_Max  # noqa: N815
+
+    def _print_Heaviside(self, expr: sp.Expr) -> str:  # noqa: N802
+        return f"piecewise(1, {self._print(expr.args[0])} > 0, 0)"
+
+    def _print_Piecewise(self, expr: sp.Piecewise) -> str:  # noqa: N802
+        return self._chosen([(value, condition) for value, condition in expr.args])
+
+    def _chosen(self, pairs: list[tuple[sp.Expr, sp.Basic]]) -> str:
+        """The first value whose condition holds; of several conditions in one a choice within a choice."""
+        if not pairs:
+            raise ArgumentError(
+                "a Piecewise has no value where none of its conditions holds: end it with (value, True)"
+            )
+        (value, condition), *others = pairs
+        if condition == sp.true:
+            return str(self._print(value))
+        if isinstance(condition, sp.And | sp.Or):
+            first, *rest = sorted(condition.args, key=sp.default_sort_key)
+            second = condition.func(*rest)
+            both = isinstance(condition, sp.And)
+            within = self._chosen([(value, second), *others])
+            held, otherwise = (within, self._chosen(others)) if both else (str(self._print(value)), within)
+            return f"piecewise({held}, {self._compared(first)}, {otherwise})"
+        return f"piecewise({self._print(value)}, {self._compared(condition)}, {self._chosen(others)})"
+
+    def _compared(self, condition: sp.Basic) -> str:
+        if not isinstance(condition, sp.StrictLessThan | sp.LessThan | sp.StrictGreaterThan | sp.GreaterThan):
+            raise ArgumentError(f"a condition compares with <, <=, > or >=, not {shortened(str(condition))}")
+        return f"{self._print(condition.lhs)} {condition.rel_op} {self._print(condition.rhs)}"
 
     def _print_Exp1(self, expr: sp.Expr) -> str:  # noqa: N802
         return "e"

@@ -15,7 +15,7 @@ import numpy as np
 
 from henon_ref.errors import ArgumentError
 from henon_ref.henon.start import MOST_STEPS, NO_LIMIT
-from henon_ref.simulation.arguments import problem_of, tolerance_of, whole_number
+from henon_ref.simulation.arguments import problem_of, start_of, tolerance_of, whole_number
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import POINTS, Work
 from henon_ref.sweeps.observations import Observation
@@ -95,14 +95,14 @@ class Plan:
 
 def planned(
     system: System,
-    initial: Mapping[str, Any],
+    initial: Mapping[str, Any] | Sequence[Any] | None = None,
     *,
-    until: Any,
+    until: Any = None,
     grid: Any,
     observe: Sequence[Observation],
     rtol: float = RTOL,
     chunk: int | None = None,
-    start: Any = 0,
+    start: Any = None,
     mode: Mapping[str, int] | None = None,
     max_steps: int = MOST_STEPS,
 ) -> Plan:
@@ -118,6 +118,7 @@ def planned(
     if not isinstance(system, System):
         raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
     check_names(points, list(system.parameters), system.state)
+    initial, until, start, mode = start_of(system, initial, until, start, mode)
     if not isinstance(initial, Mapping) or (mode is not None and not isinstance(mode, Mapping)):
         problem_of(system, initial, until=until, start=start, mode=mode)  # which says what is wrong with it
     named = {str(name): value for name, value in initial.items()}

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from henon_ref.filippov.algebra import measured
+from henon_ref.filippov.algebra import simplified
 from henon_ref.filippov.switched_field import up_to_a_number
 from henon_ref.simulation.system import System
 
@@ -61,9 +61,8 @@ def with_sections(system: System, expressions: Sequence[sp.Expr]) -> tuple[Syste
 def _multiple(expression: sp.Expr, surface: sp.Expr, index: int) -> Section | None:
     if expression.free_symbols != surface.free_symbols:
         return None
-    ratio = expression / surface
-    if measured(ratio) is None:  # long ones are compared as they are written
-        (one, way), (other, back) = up_to_a_number(expression), up_to_a_number(surface)
-        return Section(index, way * back) if one == other else None
-    ratio = sp.cancel(ratio)
+    (one, way), (other, back) = up_to_a_number(expression), up_to_a_number(surface)
+    if one == other:
+        return Section(index, way * back)
+    ratio = simplified(expression / surface)  # but for long ones
     return Section(index, 1 if ratio > 0 else -1) if ratio.is_Rational else None

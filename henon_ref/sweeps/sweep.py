@@ -30,9 +30,9 @@ KEPT_NOWHERE = "and lost: nothing is kept without a folder (out=)"
 
 def sweep(
     system: System,
-    initial: Mapping[str, Any],
+    initial: Mapping[str, Any] | Sequence[Any] | None = None,
     *,
-    until: Any,
+    until: Any = None,
     grid: Any,
     observe: Sequence[Observation] = (),
     rtol: float = RTOL,
@@ -41,7 +41,7 @@ def sweep(
     executor: Any = None,
     out: str | Path | None = None,
     resume: bool = False,
-    start: Any = 0,
+    start: Any = None,
     mode: Mapping[str, int] | None = None,
     max_steps: int = MOST_STEPS,
 ) -> SweepTable:
@@ -50,8 +50,9 @@ def sweep(
     Parameters
     ----------
     system : System
-    initial : mapping
-        Every state -> number; a state of the grid has the grid's values instead.
+    initial : mapping, or array of shape (n,)
+        Every state -> number, or the numbers in their order; a state of the grid has the grid's values instead. May be
+        left out of a system from a case, as in :func:`henon_ref.simulate`.
     until, start : number
         Horizon and initial time of each run [s].
     grid : mapping, DataFrame, str, Path or Points
