@@ -69,6 +69,7 @@ def test_a_near_touch_within_the_tolerance_is_ill_conditioned():
     class Touch:
         time: float
         distance: float
+        lasts: bool = False
 
     truth = expected(near_grazes=(Touch(1.5, 1e-8),))
     extra = replace(found()[2], kind="crossing", from_mode=(1,), to_mode=(-1,), time=1.5)
