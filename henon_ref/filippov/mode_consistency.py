@@ -11,11 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.mode_evaluation import ZERO, ModeEvaluation
+from henon_ref.filippov.held_groups import Broken, order_of
+from henon_ref.filippov.mode_evaluation import ORDER, ZERO, ModeEvaluation
 from henon_ref.filippov.modes import Mode, replaced
-
-EXHAUSTIVE = 4
-"""With at most this many surfaces in play all candidate modes are tried; beyond, they are searched."""
 
 
 class ModeConsistency(ModeEvaluation):
@@ -31,12 +29,9 @@ class ModeConsistency(ModeEvaluation):
         return index not in self.system.overrides and all(not self._sign(c, 0, rate, size, zero) for c in ends)
 
     def _violations(
-        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float, *, grouped: bool = False
+        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float
     ) -> tuple[Guard, ...] | None:
-        """Guards of the mode that do not hold just after (t, x); None where the mode has no equations.
-
-        ``grouped``: which of several contacts hold is decided for all of them, not for each beside the others.
-        """
+        """Guards of the mode that do not hold just after (t, x); None where the mode has no equations."""
         made = self._equations(mode)
         if made is None:
             return None
@@ -49,13 +44,11 @@ class ModeConsistency(ModeEvaluation):
         for guard, series in zip(made[0].guards, outputs, strict=True):
             if guard.ends or guard.index not in active:
                 continue
-            if guard.index in self.system.overrides and not (grouped and guard.kind == "surface"):
+            if guard.index in self.system.overrides:
                 sticks = self._sticks(t, x, mode, guard.index, zero)
                 # Where entry is decided by the hold zone, no slip starts inside it.
                 inside = self.system.held_inside(guard.index) or self.system.rests(guard.index)
                 refused = not sticks if guard.kind == "release" else sticks and inside
-                if refused and guard.kind == "release" and len(active) > EXHAUSTIVE:  # a search goes where it leads
-                    refused = self._sign(series, 0, rate, self._size(t, x, mode, guard.index), zero) < 0
                 if refused:
                     broken.append(guard)
                 if refused or guard.kind == "release":
@@ -67,6 +60,35 @@ class ModeConsistency(ModeEvaluation):
             if head < 0 or (head == 0 and guard.kind == "surface"):
                 broken.append(guard)
         return tuple(broken)
+
+    def _broken(self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float) -> Broken | None:
+        """Guards of contacts in groups that do not hold just after (t, x); None where the mode has no equations."""
+        made = self._equations(mode)
+        if made is None:
+            return None
+        try:
+            outputs, rate = self._expanded(mode, t, x)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return None
+        system, active, broken = self.system, set(active), list[tuple[Guard, int]]()
+        pairs = list(zip(made[0].guards, outputs, strict=True))
+        for guard, series in pairs:
+            i = guard.index
+            if guard.ends or i not in active:
+                continue
+            if guard.kind == "release" and i in system.overrides and not (system.held_inside(i) or system.rests(i)):
+                if self._way(t, x, mode, i) == guard.to_sign:
+                    broken.append((guard, 0))
+            elif guard.kind == "release" and i in system.overrides:
+                ways = [c for other, c in pairs if other.kind == "release" and other.index == i]
+                k = self._end_order(series, ways, rate, zero)
+                broken += [(guard, k)] if k is not None and series[k] < 0 else []
+            else:
+                first = 1 if guard.kind == "surface" else 0
+                k = self._leading(series, first, rate, self._size(t, x, mode, i), zero)
+                if (k is None and first) or (k is not None and series[k] < 0):
+                    broken.append((guard, order_of(system, guard, ORDER if k is None else k)))
+        return broken
 
     def _staying(
         self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float

@@ -225,6 +225,12 @@ class FilippovSystem(SwitchedField):
         """The same with all bodies that can rest, whose contacts have velocities for surfaces."""
         return self.with_reactions(self.resting)
 
+    @cached_property
+    def relative_accelerations(self) -> tuple[sp.Expr, ...]:
+        """dh_i/dt, of surfaces that a body can rest on d2h_i/dt2, whose sign stands for the reaction."""
+        own = self.velocities
+        return tuple(along(h, own.states, own.field) for h in own.surfaces)
+
     def normal_velocity(self, index: int) -> sp.Expr:
         """dh_i/dt along f, in time, states, signs and parameters."""
         return self._normal[index]

@@ -11,7 +11,6 @@ from flint import arb
 from henon_ref.filippov.after_jump import Rest
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import resetting
@@ -96,7 +95,6 @@ def simulate(problem: Problem, bits: int, *, progress: Progress | None = None) -
     UnsupportedError
         Where too many contacts with static friction act on each other at once.
     """
-    check_groups(problem.system)
     with working_precision(bits + GUARD_BITS):
         return _Simulation(problem, bits, progress).run()
 
