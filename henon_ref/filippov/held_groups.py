@@ -35,7 +35,7 @@ from henon_ref.filippov.contact_problem import (
     solved,
 )
 from henon_ref.filippov.decision import Decision, with_entries
-from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.equations import Guard, along
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.system import FilippovSystem
@@ -298,24 +298,27 @@ class _Group:
             matrix.append([way * slope for way, slope in zip(ways, own[1:], strict=True)])
             if not self.numbers.negative(-matrix[k][k], abs(matrix[k][k])):
                 return None
-            one = 0 * own[0] + 1
-            lower.append(None if system.rests(i) else -one)
-            upper.append(0 * one if system.rests(i) else one)
-            if i in self.static:
-                ends = [(guard.to_sign, next(rows)) for guard in system.hold_guards(i)]
-                inertia = next(rows)[0] if system.overrides[i].inertia is not None else self._inertia(i, k, own, ends)
+            ends = [(guard.to_sign, next(rows)) for guard in system.hold_guards(i)] if i in self.static else []
+            inertia, kinetic = 0 * own[0] + 1, 0 * own[0] + 1
+            if i in self.static and system.overrides[i].inertia is not None:
+                inertia = next(rows)[0]
+            elif i in self.static:
+                inertia = self._inertia(i, k, own, ends)
+            if i in self.static and system.overrides[i].push:
+                kinetic = inertia * next(rows)[0]
+            lower.append(None if system.rests(i) else -kinetic)
+            upper.append(0 * kinetic if system.rests(i) else kinetic)
+            if ends:
                 limits = {side: (end[0] + side * inertia * own[0]) / (inertia * matrix[k][k]) for side, end in ends}
                 static[k] = (-limits[-1] if -1 in limits else None), limits.get(1)
         return _Balance(ContactProblem(free, matrix, lower, upper), static)
 
     def _rows(self) -> Iterator[Row] | None:
         """Numbers by which functions are affine in the signs of the contacts: values at no sign, and slopes in each."""
-        system, group, count = self.system, self.contacts, len(self.contacts)
-        away = [i for i in sorted(system.resting) if i not in group]
-        mode = with_entries(self.mode, away, [0] * len(away))
+        group, count = self.contacts, len(self.contacts)
         corners = [(0,) * count, *(tuple(int(j == k) for j in range(count)) for k in range(count)), (1,) * count]
-        written = _written(system, group)
-        values = [self.numbers.values(written, with_entries(mode, group, corner)) for corner in corners]
+        written = _written(self.system, group)
+        values = [self.numbers.values(written, with_entries(self.mode, group, corner)) for corner in corners]
         known = [value for value in values if value is not None]
         if len(known) < len(values):
             return None
@@ -354,13 +357,15 @@ class _Group:
 
 @lru_cache(maxsize=256)
 def _written(system: FilippovSystem, group: tuple[int, ...]) -> tuple[sp.Expr, ...]:
-    """What is read of each contact of a group: its acceleration, the ends of its hold zone, its inertia."""
+    """What is read of each contact of a group: its acceleration, the ends of its hold zone, inertia, friction."""
     off = {system.signs[i]: sp.S.One for i in system.resting}
+    acting = system.with_reactions(frozenset(i for i in group if i in system.overrides and system.overrides[i].push))
     found = []
     for i in group:
-        found.append(system.relative_accelerations[i])
+        found.append(along(acting.surfaces[i], acting.states, acting.field))
         if system.held_inside(i):
+            own, speed, sign = system.overrides[i], system.normal_velocity(i), system.signs[i]
             found += [put(guard.expression, off) for guard in system.hold_guards(i)]
-            inertia = system.overrides[i].inertia
-            found += [] if inertia is None else [inertia]
+            found += [] if own.inertia is None else [own.inertia]
+            found += [put(put(speed, {sign: sp.S.Zero}) - put(speed, {sign: sp.S.One}), off)] if own.push else []
     return tuple(found)
