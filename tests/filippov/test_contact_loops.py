@@ -209,6 +209,9 @@ def test_the_cuts_say_what_a_linear_program_says() -> None:
         values = [float(g.expression.xreplace(at)) for g in guards]
         expected = carried(count, contacts, static, forces)
         assert (min(values) > 0) == expected, (contacts, static, forces, values)
+        mode = Switching(problem.system).initial_mode(problem.start, problem.initial, {}).mode
+        assert mode is not None
+        assert (not any(mode)) == expected  # the problem of Gauss's principle says the same
         seen.add(expected)
         looped += bool(problem.system.has_loops)
     assert seen == {True, False}
