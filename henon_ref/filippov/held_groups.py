@@ -47,6 +47,8 @@ ROUNDS = 8
 """Modes a contact that are expanded before it counts as undecided."""
 MOST_LOOSE = 8
 """Surfaces that are no contacts and are met without a speed, whose sides are tried."""
+NEVER = 1000
+"""Order that stands for a guard that stays at zero."""
 APART = 1e-5
 """Part of a relative acceleration's terms that stands for one that grows from zero."""
 
@@ -63,6 +65,8 @@ class Numbers:
     negative: Negative
     broken: Callable[[Mode, Collection[int]], Broken | None]
     """(mode, surfaces in play) -> guards that do not hold; None where the mode has no equations."""
+    same_motion: Callable[[Mode, Mode], bool]
+    """Whether two modes have the same motion from the point."""
     time: str
     """For messages."""
     proven: bool = False
@@ -74,8 +78,7 @@ def by_groups(system: FilippovSystem, active: Sequence[int]) -> bool:
 
     Of a few others all modes are tried, for the fields of a system need not be those of friction.
     """
-    own = [i for i in active if i in system.overrides and not system.rests(i)]
-    return len(active) > EXHAUSTIVE or (bool(own) and all(system.held_inside(i) for i in own))
+    return len(active) > EXHAUSTIVE or any(map(system.held_inside, active))
 
 
 def order_of(system: FilippovSystem, guard: Guard, derivative: int) -> int:
@@ -115,17 +118,20 @@ def decide_groups(
     if len(loose) > MOST_LOOSE:
         names = listed([system.sign_names[i] for i in loose])
         raise ModelError(f"too many surfaces that are met without a speed are open at t = {numbers.time}: {names}")
-    found: dict[Mode, None] = {}
+    found: dict[Mode, frozenset[int]] = {}
     for choice in product(*((-1, 1) for _ in loose)):
         group = _Group(system, with_entries(mode, loose, choice), [i for i in left if i not in loose], active, numbers)
         settled = group.settled(frozenset(slipped))
         if settled is not None:
-            found[settled] = None
-    if len(found) == 1:
-        return Decision("unique", next(iter(found)))
-    if not found:
+            found[settled] = group.stays
+    leaving = [each for each, stays in found.items() if not stays]
+    options = leaving or list(found)
+    if not options:
         return Decision("none", None, f"no mode is consistent at t = {numbers.time}")
-    modes = " or ".join(mode_text(m, system.sign_names) for m in found)
+    if len(options) == 1 or (not leaving and all(numbers.same_motion(options[0], other) for other in options[1:])):
+        own = sorted(frozenset().union(*found.values()) if not leaving else ())
+        return Decision("unique", with_entries(options[0], own, [mode[i] or 1 for i in own]))
+    modes = " or ".join(mode_text(m, system.sign_names) for m in options)
     return Decision("nonunique", None, f"the future is not unique at t = {numbers.time}: {modes}")
 
 
@@ -198,6 +204,8 @@ class _Group:
         self.static = frozenset(i for i in contacts if system.held_inside(i))
         self.apart: dict[int, int] = {}
         """Contacts that others at rest keep from holding, and the way in which these part from them."""
+        self.stays: frozenset[int] = frozenset()
+        """Surfaces, no contacts, that the mode found does not leave."""
 
     def settled(self, slipped: frozenset[int]) -> Mode | None:
         """The mode that follows; None where no mode is kept by its own field."""
@@ -229,7 +237,8 @@ class _Group:
             broken = self.numbers.broken(mode, self.active)
             if broken is None:
                 return self._parted(mode, slipped)
-            if not broken:
+            self.stays = frozenset(g.index for g, order in broken if order == NEVER and g.index not in self.contacts)
+            if all(guard.index in self.stays for guard, _ in broken):
                 return mode
             own = [(guard, order) for guard, order in broken if guard.index in self.contacts]
             if not own:

@@ -73,7 +73,6 @@ class ModeEvaluation:
         self.system = system
         self._numeric = (values or system).numeric
         self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[Any]] | None] = {}
-        self._holds: dict[tuple[Mode, int], Callable[..., list[Any]] | None] = {}
         self._numbers: dict[tuple[int, tuple[int, ...]], Any] = {}
         self._functions: dict[tuple[sp.Expr, ...], Callable[..., list[Any]]] = {}
         self.forget()
@@ -121,20 +120,11 @@ class ModeEvaluation:
         k = self._leading(series, first, rate, size, zero)
         return 0 if k is None else (1 if series[k] > 0 else -1)
 
-    def _holds_by(self, tape: Tape, numbers: Sequence[Any], ends: Sequence[int], t: Any, x: Any, zero: float) -> bool:
-        """Whether these outputs of a tape, the ends of a hold zone, are positive just after a point (or stay zero).
-
-        A load at one end of the hold zone is small against its distance to the other; then its derivatives decide.
-        """
-        states, outputs = expand(tape, numbers, t, x, ORDER)
-        ways = [outputs[end] for end in ends]
-        if not ways:  # the contact's part in every cut is another one's guard
-            return True
-        first = [(c, self._end_order(c, ways, rate_of(states, ways), zero)) for c in ways]
-        return all(k is None or c[k] > 0 for c, k in first)
-
     def _end_order(self, series: Sequence[Any], ways: Sequence[Sequence[Any]], rate: float, zero: float) -> int | None:
-        """Index of the first coefficient of an end of a hold zone that is not zero, beside its other ends; or None."""
+        """Index of the first coefficient that is not zero, of an end of a hold zone; None if there is none.
+
+        A load at one end of the hold zone is small against its distance to the others; then its derivatives decide.
+        """
         width = max(abs(value) for c in ways for value in scaled(c, rate))
         return 0 if abs(series[0]) > zero * width else leading(series, 1, rate, 0.0, zero)
 
@@ -236,16 +226,6 @@ class ModeEvaluation:
         if self._equations(mode) is None:
             raise ValueError("the mode has no equations")
         return self._expanded(mode, t, x)[0]
-
-    def _hold_values(self, mode: Mode, index: int) -> Callable[..., list[float]] | None:
-        """(t, *x) -> release guards of an override beside a mode's slips; None where they hold another sign."""
-        key = replaced(mode, index, 0), index
-        if key not in self._holds:
-            with one_at_a_time():
-                guards = [g.expression for g in self.system.hold_guards(index, mode)]
-                known = not any(g.has(*self.system.signs) for g in guards)
-                self._holds[key] = self._function(self.system.states, guards) if known else None
-        return self._holds[key]
 
     def _values_at(
         self, t: Any, x: Sequence[Any], expressions: tuple[sp.Expr, ...], signs: Mode

@@ -20,7 +20,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision, ended, explained, with_entries, without_indeterminate
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.held_groups import EXHAUSTIVE, Numbers, by_groups, decide_groups, slipped_by
+from henon_ref.filippov.held_groups import Numbers, by_groups, decide_groups, slipped_by
 from henon_ref.filippov.mode_consistency import ModeConsistency
 from henon_ref.filippov.mode_evaluation import ZERO
 from henon_ref.filippov.modes import Mode, mode_text, replaced
@@ -173,7 +173,7 @@ class Switching(ModeConsistency):
         for other in OTHERS:
             if decision.status == "none" and (other < zero or zero == ZERO):
                 decision = self._decided(t, x, mode, active, slipped, other)
-        if decision.status == "none" and len(active) <= EXHAUSTIVE:
+        if decision.status == "none" and not by_groups(self.system, active):
             staying, same = partial(self._staying, t, x, active=active, zero=zero), partial(self._same_motion, t, x)
             decision = staying_mode(self.system, mode, active, staying, same, f"at t = {_digits(t)}") or decision
         if decision.mode is None:
@@ -221,6 +221,7 @@ class Switching(ModeConsistency):
             partial(self._values_at, t, x),
             self._negative,
             lambda candidate, surfaces: self._broken(t, x, candidate, surfaces, zero),
+            partial(self._same_motion, t, x),
             _digits(t),
         )
         try:

@@ -19,7 +19,7 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision, ended, explained, without_indeterminate
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
-from henon_ref.filippov.held_groups import EXHAUSTIVE, Broken, Numbers, by_groups, decide_groups, order_of, slipped_by
+from henon_ref.filippov.held_groups import NEVER, Broken, Numbers, by_groups, decide_groups, order_of, slipped_by
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.resting import unless_into_surface
 from henon_ref.filippov.staying import staying_mode
@@ -155,7 +155,7 @@ class ModeSelection:
         self, point: Point, mode: Mode, active: tuple[int, ...], slipped: frozenset[int] = frozenset()
     ) -> Decision:
         decision = self._decided(point, mode, active, slipped)
-        if decision.status == "none" and len(active) <= EXHAUSTIVE:
+        if decision.status == "none" and not by_groups(self.system, active):
             staying, same = partial(self._staying, point, active=active), partial(self._same_motion, point)
             decision = staying_mode(self.system, mode, active, staying, same, f"at t = {_short(point)}") or decision
         return decision if decision.mode is not None else explained(decision, self.system, mode, active)
@@ -186,6 +186,7 @@ class ModeSelection:
             partial(self._finite_values, point),
             lambda value, size: bool(value < 0),
             partial(self._broken, point),
+            partial(self._same_motion, point),
             _short(point),
         )
         try:
@@ -217,7 +218,7 @@ class ModeSelection:
                 if not self._attracts(point, mode, i) and (term is None or term[1] <= 0):
                     broken.append((guard, 0))
             elif (term is None and guard.kind == "surface") or (term is not None and term[1] < 0):
-                broken.append((guard, order_of(system, guard, series.ORDER if term is None else term[0])))
+                broken.append((guard, NEVER if term is None else order_of(system, guard, term[0])))
         return broken
 
     def _at(self, point: Point, expressions: Sequence[sp.Expr]) -> list[arb]:
@@ -243,9 +244,9 @@ class ModeSelection:
         if terms is None:
             return None
         own = {i for i in active if mode[i] == 0 and i in self.system.overrides}
-        inside = {i for i in active if mode[i] != 0 and (self.system.held_inside(i) or self.system.rests(i))}
-        # Where entry is decided by the hold zone, no slip starts inside it.
-        if any(self._sticks(point, mode, i) for i in inside) or not all(self._sticks(point, mode, i) for i in own):
+        off = {i for i in active if mode[i] != 0 and self.system.rests(i)}
+        # No slip starts where a body rests.
+        if any(self._sticks(point, mode, i) for i in off) or not all(self._sticks(point, mode, i) for i in own):
             return None
         broken = []
         for guard, term in zip(self.system.equations(mode).guards, terms, strict=True):
@@ -279,21 +280,7 @@ class ModeSelection:
 
     def _sticks(self, point: Point, mode: Mode, index: int) -> bool:
         """Whether a surface whose sliding is overridden is slid on from a point."""
-        if self.system.rests(index):
-            return self._rests(point, mode, index)
-        if not self.system.held_inside(index):
-            return self._attracts(point, mode, index)
-        stick = replaced(mode, index, 0)
-        try:
-            terms = self.leading_terms(point, stick, frozenset((index,)))
-        except ModelError:  # beside another sliding surface it has no equations: no derivatives, but the load is there
-            return all(series.sign(value) > 0 for value in self._hold_values(point, mode, index))
-        guards = self.system.equations(stick).guards
-        return terms is not None and all(
-            term is None or term[1] > 0
-            for guard, term in zip(guards, terms, strict=True)
-            if guard.kind == "release" and guard.index == index
-        )
+        return self._rests(point, mode, index) if self.system.rests(index) else self._attracts(point, mode, index)
 
     def _rests(self, point: Point, mode: Mode, index: int) -> bool:
         """Whether a body on a surface stays there: off it, h would neither rise at once nor fall with a speed."""
@@ -302,14 +289,6 @@ class ModeSelection:
         own = zip(self.system.equations(free).guards, terms or (), strict=False)
         term = next((term for g, term in own if g.kind == "surface" and g.index == index), (1, -1))
         return term is None or (term[0] > 1 and term[1] < 0)
-
-    def _hold_values(self, point: Point, mode: Mode, index: int) -> list[arb]:
-        """Values of an override's release guards beside a mode's slips; none where they hold another sign."""
-        system = self.system
-        guards = [system.numeric(g.expression) for g in system.hold_guards(index, mode)]
-        if any(g.has(*system.signs) for g in guards):
-            return []  # which slides, so that the load is not known: no slip is told from a stick there
-        return self._at(point, guards)
 
     def _attracts(self, point: Point, mode: Mode, index: int) -> bool:
         """Whether both fields point at a surface, or along it."""

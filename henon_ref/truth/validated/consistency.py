@@ -131,16 +131,20 @@ class Judge:
             self._values,
             lambda value, size: bool(value < 0),
             self._broken,
+            lambda one, other: False,  # a surface that is never left is not told from one that is left late
             self.box[0].str(17, radius=False),
             proven=True,
         )
+        if not any(map(self.model.system.held_inside, active)):  # any system's fields, not those of friction alone
+            raise UndecidedError(f"{len(active)} surfaces in play at once: too many modes to try", "mode")
         try:
             decision = decide_groups(self.model.system, mode, active, slipped, numbers)
         except ModelError as error:
             raise UndecidedError(str(error), "mode") from None
-        if decision.mode is None:
-            assert decision.status != "unique"
+        if decision.status == "nonunique":
             raise EndedError(decision.reason, decision.status)
+        if decision.mode is None:  # that pivoting finds none is no proof that there is none
+            raise UndecidedError(decision.reason, "mode")
         zeros = [count for count, _ in self._leading_terms(self.model.mode(decision.mode))]
         return self._attracting(Entry(decision.mode, tuple(zeros)))
 
@@ -165,10 +169,21 @@ class Judge:
         """For each guard how many of its coefficients are exactly zero, and the sign of the next; (0, 1) off it."""
         series = made.flow.run(ctx.prec, self.box[0], self.box[1:], ORDER, arb(1))
         rows = zip(made.guards, (series[i] for i in made.flow.outputs), strict=True)
-        return [
-            (0, 1) if guard.ends or guard.index not in self.on else self._leading(made, guard, row)
-            for guard, row in rows
-        ]
+        found = []
+        for guard, row in rows:
+            if guard.ends or guard.index not in self.on:
+                found.append((0, 1))
+            elif self._by_own_rule(guard):
+                found.append((0, 1 if self._attracts(made.mode, guard.index) else -1))
+            else:
+                found.append(self._leading(made, guard, row))
+        return found
+
+    def _by_own_rule(self, guard: Guard) -> bool:
+        """Whether a guard ends a slide that attracts by an override of its own."""
+        system = self.model.system
+        own = guard.index in system.overrides and not system.held_inside(guard.index)
+        return own and not system.rests(guard.index) and guard.kind == "release"
 
     def _attracting(self, entry: Entry) -> Entry:
         """An entry, where it is sure that sliding on an intersection attracts."""
