@@ -151,6 +151,25 @@ def test_contacts_that_hold_and_slide_without_friction(forces, kinetic, time, mo
     assert [e.after for e in simulate(problem, 256).events] == modes
 
 
+def test_a_group_at_rest_on_a_kink_holds_beside_it() -> None:
+    """The elastic stop is just touched. At t = 2 both loads are at their limits; a then carries what it slides with."""
+    text = """scene:
+  bodies: {a: {mass: 1}, b: {mass: 1}, floor: fixed}
+  connections:
+    - friction: {between: [a, floor], law: coulomb, force: 1, static: 2}
+    - friction: {between: [b, a], law: coulomb, force: 1, static: 2}
+    - force: {on: b, value: t}
+    - stop: {between: [a, floor], gap: 0, stiffness: 100}
+initial: {t: 0, x_a: 0, v_a: 0, x_b: 0, v_b: 0}
+until: 3
+"""
+    problem = parse_case(HEAD + text).readings[0].problem
+    for name, options, bound in LIBRARIES:
+        run = solver(name).prepare(problem, **options)()
+        assert [t.to_mode for t in run.transitions] == [(0, 1, 1)], (name, run.reason)
+        assert run.end_state[1::2] == pytest.approx((0, 1.5), abs=10 * bound)
+
+
 MIXED = """\
 scene:
   bodies: {{c: {{mass: 1}}, wall: fixed, belt: {{velocity: "-0.35*t^{power}"}}}}
