@@ -34,7 +34,6 @@ from baselines.restart import MARGIN, Fresh
 from baselines.work import DeadlinePassed, Work
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.filippov.callables import ARITHMETIC
-from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.solver import Run
@@ -75,7 +74,6 @@ class Driver:
         sample_times: NDArray[np.float64] | None = None,
         known: ModeTable | None = None,
     ) -> None:
-        check_groups(problem.system)
         self.problem = problem
         self.library = library
         self.work = work

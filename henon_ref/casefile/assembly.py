@@ -125,9 +125,11 @@ class Scene:
         else:  # whose motion is given, at one velocity: nothing to carry
             on_surface, load, held, inertia = {}, sp.Integer(0), {}, sp.Integer(0)
         load, limit = load.xreplace(on_surface), hold.limit.xreplace(on_surface)
+        ends = {body.velocity: way / body.inertia for body, way in ((p, -1), (q, 1)) if body.inertia is not None}
         return SlidingOverride(
             field=self._field(on_surface, held),
             release=(Release(load - limit, "rising", 1), Release(load + limit, "falling", -1)),
             entry="inside",
             inertia=inertia,
+            push=tuple(ends.get(x, sp.S.Zero) for body in self.bodies.values() for x in body.states) if ends else (),
         )

@@ -120,6 +120,15 @@ def cuts(loop: Sequence[Relation]) -> Iterator[dict[int, int]]:
             yield cut
 
 
+def circuits(loop: Sequence[Relation]) -> Iterator[dict[int, int]]:
+    """Relations of a loop of which no other has a part of the surfaces, each once, as those of :func:`cuts`."""
+    surfaces = sorted(set().union(*loop))
+    matrix = [[relation.get(i, sp.S.Zero) for i in surfaces] for relation in loop]
+    normals = DomainMatrix.from_list_sympy(len(loop), len(surfaces), matrix).convert_to(sp.QQ).nullspace().to_Matrix()
+    rows = (dict(zip(surfaces, normals.row(k), strict=True)) for k in range(normals.rows))
+    yield from cuts([{i: factor for i, factor in row.items() if factor != 0} for row in rows])
+
+
 def guard_count(system: SwitchedField, surfaces: Collection[int]) -> int:
     """Guards of the cuts of all loops of some surfaces, at most."""
     found = loops(relations(system, tuple(sorted(surfaces))))

@@ -107,11 +107,13 @@ def held_field(
         else:
             _check_balance(system, held, sliding, group)
             made = _Joint(reacting, group, frozenset(held))
-            ends |= _with_reactions(reacting, held, zones, group)
+            ends |= _with_reactions(system, reacting, held, zones, group)
             rates = [
                 new if k in made.rows else kept for k, (new, kept) in enumerate(zip(made.field, rates, strict=True))
             ]
-            if any(held[i].push for i in group if i in held):  # a body at rest stays where it is, to the last bit
+            if any(
+                held[i].entry == "resting" for i in group if i in held
+            ):  # a body at rest stays where it is, to the last bit
                 rates = [put(rate, made.on_surface) for rate in rates]
             on_surface = {**on_surface, **made.on_surface}
             signs |= made.signs
@@ -150,17 +152,24 @@ def _groups(
 
 
 def _with_reactions(
-    reacting: SwitchedField, held: Mapping[int, Held], zones: Mapping[int, Sequence[Guard]], group: Sequence[int]
+    system: SwitchedField,
+    reacting: SwitchedField,
+    held: Mapping[int, Held],
+    zones: Mapping[int, Sequence[Guard]],
+    group: Sequence[int],
 ) -> dict[int, tuple[Guard, ...]]:
-    """The ends of what a group holds, with what the reactions on bodies at rest add to its loads."""
-    signs = [reacting.signs[i] for i in group if i in held and held[i].push]
+    """The ends of what a group holds, with what forces that act at rest alone add to its loads."""
+    sliding = set().union(*(rate.free_symbols for rate in system.field))
+    own = {i: system.signs[i] for i in group if i in held and held[i].push}
+    signs = {i: s for i, s in own.items() if held[i].entry == "resting" or s not in sliding}
     ends: dict[int, tuple[Guard, ...]] = {}
     for i in (i for i in group if i in held):
-        if held[i].push:
+        if held[i].entry == "resting":
             ends[i] = tuple(replace(guard, expression=reacting.signs[i]) for guard in zones[i])
             continue
         speed = along(reacting.surfaces[i], reacting.states, reacting.field)
-        added = sp.Add(*(factor * s for s, factor in (coefficients(speed, signs) or {}).items()))
+        others = [s for j, s in signs.items() if j != i]
+        added = sp.Add(*(factor * s for s, factor in (coefficients(speed, others) or {}).items()))
         if added == 0:
             continue
         inertia = held[i].inertia

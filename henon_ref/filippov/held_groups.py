@@ -1,90 +1,101 @@
-"""Which contacts of a group hold, slide and let go: all assignments tried, and of those that fit the one that counts.
+"""Which contacts of a group hold, slide and let go: one rule for all groups, with static friction or without.
 
-Contacts whose forces act on each other at once, through a body that they share, form a group. At a point the normal
-velocities of surfaces in play are affine in their signs, N = a + B s; a contact that holds has what sign keeps it on
-its surface (its load over its friction in sliding), one that slips has -1 or +1. An assignment is consistent where
-every load is at most what its contact holds and every slip moves off along its sign: the complementarity problem of
-Coulomb's friction between rigid bodies. See Lötstedt, *SIAM J. Appl. Math.* 42 (1982) 281-296; Pfeiffer and Glocker,
-*Multibody Dynamics with Unilateral Contacts* (1996); Stewart and Trinkle, *Int. J. Numer. Methods Eng.* 39 (1996)
-2673-2691. What is clear from these few numbers is not tried any further; the rest is looked at with its derivatives.
+Contacts whose forces act on each other at once, through a body that they share, form a group. At a point their relative
+accelerations are affine in their forces, and the motion that follows is the one of Gauss's principle with Coulomb's
+friction (:mod:`henon_ref.filippov.contact_problem`). The limit of a contact at rest is its static friction, or what it
+slides with once it has slipped in this instant, as one has whose load has just reached its limit. What slips in the
+solution and had not slipped before falls to kinetic friction, and the problem is solved again, at most once a contact.
+A body that rests on a stop is one contact more, its force the reaction, which does not pull.
 
-Where static friction is above kinetic friction several assignments may fit. Holding wins: of all sets of contacts that
-can hold, the one that contains all others counts; where there is none the future is not unique.
+What is zero at a limit (a load that equals what a contact holds, a reaction that vanishes) is decided by the next
+derivatives: the mode found is expanded, and the guards that fall first say which contacts let go or hold instead, until
+its own field keeps it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
-from math import prod
 from typing import Any, NamedTuple
 
-from henon_ref.errors import ModelError, UnsupportedError
-from henon_ref.filippov.contact_loops import closed, relations
+import sympy as sp
+
+from henon_ref.errors import ModelError
+from henon_ref.filippov.bounds import put
+from henon_ref.filippov.contact_loops import closed
+from henon_ref.filippov.contact_problem import (
+    Accelerations,
+    ContactProblem,
+    Negative,
+    Row,
+    independent_of,
+    is_clear,
+    solved,
+)
 from henon_ref.filippov.decision import Decision, with_entries
+from henon_ref.filippov.equations import Guard, along
 from henon_ref.filippov.exact_numbers import exact_sign
-from henon_ref.filippov.modes import Mode, mode_text
+from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.text import listed
 
-MOST = 8
-"""Contacts of a group: its assignments are 3^8 = 6561."""
-MOST_OPEN = 3**MOST
-"""Assignments of all groups together whose derivatives are looked at."""
+EXHAUSTIVE = 4
+"""With at most this many surfaces in play all candidate modes are tried where none has static friction."""
+ROUNDS = 8
+"""Modes a contact that are expanded before it counts as undecided."""
+MOST_LOOSE = 8
+"""Surfaces that are no contacts and are met without a speed, whose sides are tried."""
+NEVER = 1000
+"""Order that stands for a guard that stays at zero."""
+APART = 1e-5
+"""Part of a relative acceleration's terms that stands for one that grows from zero."""
 
-Row = list[Any]
-"""Numbers by which a function is affine in the signs of a group: its value at no sign, and the slope in each."""
-
-
-class Balance(NamedTuple):
-    """A group's normal velocities and hold zones at a point, affine in the group's signs."""
-
-    speeds: list[Row]
-    """A row a surface."""
-    ends: list[list[Row]]
-    """For each surface the ends of its hold zone, positive inside; empty for one without static friction."""
+Broken = Sequence[tuple[Guard, int]]
+"""Guards of a mode that do not hold just after a point, and the order of the derivative of the forces that tells."""
 
 
-Evaluate = Callable[[tuple[int, ...], Mode], tuple[list[Any], list[list[Any]]] | None]
-"""(group, signs of all surfaces) -> normal velocities and ends of hold zones of its surfaces; None if not finite."""
-Negative = Callable[[Any, Any], bool]
-"""(value, size of its terms) -> whether it is clearly below zero."""
+@dataclass(frozen=True)
+class Numbers:
+    """A point in some arithmetic."""
 
-
-def check_groups(system: FilippovSystem) -> None:
-    """Refuse a system in which more contacts than :data:`MOST` form a group, one of them with static friction.
-
-    Raises
-    ------
-    UnsupportedError
-    """
-    contacts = [i for i, s in enumerate(system.signs) if i in system.overrides or system.normal_velocity(i).has(s)]
-    for i in system.overrides:
-        group = system.together(i, contacts) if system.held_inside(i) else ()
-        if len(group) > MOST:
-            names = listed([system.sign_names[k] for k in sorted(group)])
-            raise UnsupportedError(
-                f"a group of {len(group)} contacts that act on each other at once, some with static friction; "
-                f"at most {MOST} are tried: {names}"
-            )
+    values: Callable[[tuple[sp.Expr, ...], Mode], Sequence[Any] | None]
+    """(expressions, signs of all surfaces) -> their values; None if not finite."""
+    negative: Negative
+    broken: Callable[[Mode, Collection[int]], Broken | None]
+    """(mode, surfaces in play) -> guards that do not hold; None where the mode has no equations."""
+    same_motion: Callable[[Mode, Mode], bool]
+    """Whether two modes have the same motion from the point."""
+    time: str
+    """For messages."""
+    proven: bool = False
+    """Whether a decision that rests on a number which is not clear is refused."""
 
 
 def by_groups(system: FilippovSystem, active: Sequence[int]) -> bool:
-    """Whether surfaces in play are decided as groups: some have static friction, none attracts by its own rule."""
-    own = [i for i in active if i in system.overrides and not system.rests(i)]
-    return bool(own) and all(system.held_inside(i) for i in own)
+    """Whether surfaces in play are decided as groups: some have static friction, or they are many.
+
+    Of a few others all modes are tried, for the fields of a system need not be those of friction.
+    """
+    return len(active) > EXHAUSTIVE or any(map(system.held_inside, active))
+
+
+def order_of(system: FilippovSystem, guard: Guard, derivative: int) -> int:
+    """The derivative of the forces that a derivative of a guard tells of: a velocity's first one is an acceleration."""
+    return derivative if guard.kind == "release" else derivative - 1 - system.rests(guard.index)
+
+
+def slipped_by(system: FilippovSystem, hits: Sequence[Guard]) -> frozenset[int]:
+    """Contacts whose loads have reached their limits where guards have fallen."""
+    ends = [guard for guard in hits if guard.kind == "release" and system.held_inside(guard.index)]
+    return frozenset(i for guard in ends for i, _ in _released(guard))
 
 
 def decide_groups(
-    system: FilippovSystem,
-    mode: Mode,
-    active: Sequence[int],
-    evaluate: Evaluate,
-    negative: Negative,
-    consistent: Callable[[Mode], bool],
-    time: str,
+    system: FilippovSystem, mode: Mode, active: Sequence[int], slipped: Collection[int], numbers: Numbers
 ) -> Decision:
-    """The mode in which the contacts hold that can.
+    """The mode that follows for the contacts of groups.
 
     Parameters
     ----------
@@ -93,207 +104,277 @@ def decide_groups(
         Entries of the surfaces that are not in play.
     active : sequence of int
         Surfaces in play.
-    evaluate, negative
-        Numbers at the point.
-    consistent : callable
-        Whether a mode's own field keeps it, with all derivatives that are needed.
-    time : str
-        For messages.
+    slipped : collection of int
+        Contacts whose loads have just reached their limits.
+    numbers : Numbers
 
     Raises
     ------
     ModelError
-        Where more than :data:`MOST_OPEN` assignments are open.
+        Where forces at the contacts are not those of friction; where a proof is asked for and there is none.
     """
-    mode, active = _with_sections(system, mode, active, evaluate, negative)
-    groups = _groups(system, active)
-    options = [_possible(system, mode, group, evaluate, negative) for group in groups]
-    if all(len(found) == 1 and clear for found, clear in options):
-        return Decision("unique", _joined(mode, groups, [found[0] for found, _ in options]))
-    if prod(len(found) for found, _ in options) > MOST_OPEN:
-        raise ModelError(f"too many assignments of {len(active)} contacts are open at t = {time}")
-    tried = (_joined(mode, groups, choices) for choices in product(*(found for found, _ in options)))
-    return largest_hold(system, [candidate for candidate in tried if consistent(candidate)], active, time)
+    mode, left = _with_sections(system, mode, active, numbers)
+    loose = [i for i in left if not _is_contact(system, mode, i, numbers)]
+    if len(loose) > MOST_LOOSE:
+        names = listed([system.sign_names[i] for i in loose])
+        raise ModelError(f"too many surfaces that are met without a speed are open at t = {numbers.time}: {names}")
+    found: dict[Mode, frozenset[int]] = {}
+    for choice in product(*((-1, 1) for _ in loose)):
+        group = _Group(system, with_entries(mode, loose, choice), [i for i in left if i not in loose], active, numbers)
+        settled = group.settled(frozenset(slipped))
+        if settled is not None:
+            found[settled] = group.stays
+    leaving = [each for each, stays in found.items() if not stays]
+    options = leaving or list(found)
+    if not options:
+        return Decision("none", None, f"no mode is consistent at t = {numbers.time}")
+    if len(options) == 1 or (not leaving and all(numbers.same_motion(options[0], other) for other in options[1:])):
+        own = sorted(frozenset().union(*found.values()) if not leaving else ())
+        return Decision("unique", with_entries(options[0], own, [mode[i] or 1 for i in own]))
+    modes = " or ".join(mode_text(m, system.sign_names) for m in options)
+    return Decision("nonunique", None, f"the future is not unique at t = {numbers.time}: {modes}")
 
 
 def _with_sections(
-    system: FilippovSystem, mode: Mode, active: Sequence[int], evaluate: Evaluate, negative: Negative
+    system: FilippovSystem, mode: Mode, active: Sequence[int], numbers: Numbers
 ) -> tuple[Mode, list[int]]:
-    """The mode behind surfaces on whose velocity no sign acts, an instant say; and the surfaces that are left open."""
+    """The mode behind surfaces on whose velocity no force acts, an instant say; and the surfaces that are left open.
+
+    A stop that a body moves off has no reaction. A surface that is zero at all times is never left.
+    """
     left = []
     for i in active:
-        if i not in system.overrides and not system.normal_velocity(i).has(*system.signs):
-            found = evaluate((i,), mode)
-            speed = found[0][0] if found is not None else None
-            side = 0 if speed is None else -1 if negative(speed, abs(speed)) else int(negative(-speed, abs(speed)))
-            if side:
-                mode = with_entries(mode, (i,), (side,))
-                continue
+        rests = system.rests(i)
+        if not rests and _never_left(system, i):
+            mode = replaced(mode, i, 0)
+            continue
+        if rests or (i not in system.overrides and not system.normal_velocity(i).has(*system.signs)):
+            speed = system.velocities.surfaces[i] if rests else system.normal_velocity(i)
+            terms = numbers.values(sp.Add.make_args(sp.expand(speed)), mode)
+            if terms:
+                value, size = sum(terms[1:], terms[0]), sum(map(abs, terms[1:]), abs(terms[0]))
+                side = -1 if numbers.negative(value, size) else int(numbers.negative(-value, size))
+                if side:
+                    mode = replaced(mode, i, side)
+                    continue
         left.append(i)
     return mode, left
 
 
-def largest_hold(system: FilippovSystem, found: Sequence[Mode], active: Sequence[int], time: str) -> Decision:
-    """Of consistent modes the one whose set of held contacts contains those of all others."""
-    if not found:
-        return Decision("none", None, f"no mode is consistent at t = {time}")
-    contacts = [i for i in active if system.held_inside(i)]
-    sets = {mode: frozenset(i for i in contacts if mode[i] == 0) for mode in found}
-    largest = [mode for mode in found if all(other <= sets[mode] for other in sets.values())]
-    if len(largest) == 1:
-        return Decision("unique", largest[0])
-    names = system.sign_names
-    if largest:
-        modes = " or ".join(mode_text(m, names) for m in largest)
-        return Decision("nonunique", None, f"the future is not unique at t = {time}: {modes}")
-    maximal = sorted({tuple(sorted(own)) for own in sets.values() if not any(own < other for other in sets.values())})
-    texts = " or ".join("{" + ", ".join(names[i] for i in own) + "}" for own in maximal)
-    message = f"the future is not unique at t = {time}: of the sets of contacts that can hold none contains all others"
-    return Decision("nonunique", None, f"{message}: {texts}")
-
-
-def _groups(system: FilippovSystem, active: Sequence[int]) -> list[tuple[int, ...]]:
-    """Surfaces in play, parted into those that act on each other at once."""
-    found: list[tuple[int, ...]] = []
-    left = set(active)
-    while left:
-        group = system.together(min(left), left)
-        found.append(tuple(sorted(group)))
-        left -= group
-    return found
-
-
-def _joined(mode: Mode, groups: Sequence[tuple[int, ...]], choices: Sequence[tuple[int, ...]]) -> Mode:
-    for group, choice in zip(groups, choices, strict=True):
-        mode = with_entries(mode, group, choice)
-    return mode
-
-
-def _possible(
-    system: FilippovSystem, mode: Mode, group: tuple[int, ...], evaluate: Evaluate, negative: Negative
-) -> tuple[list[tuple[int, ...]], bool]:
-    """Assignments of a group that are not clearly refused, and whether the first is the one that counts."""
-    entries = [(0,) if _never_left(system, i) else system.entries_from(mode[i], i) for i in group]
-    choices = sorted(product(*entries), key=lambda choice: -choice.count(0))
-    if system.has_loops:
-        choices = [choice for choice in choices if _may_slip(system, group, choice)]
-    # A reaction is in no normal velocity: where a body rests, derivatives tell.
-    balance = None if any(map(system.rests, group)) else _balance(mode, group, evaluate, negative)
-    if balance is None:
-        return choices, False
-    open_ones, settled = [], []
-    for choice in choices:
-        values = _margins(balance, choice, [i in system.overrides for i in group], _shared(system, group, choice))
-        clear = values is not None and all(negative(-value, size) for value, size in values)
-        if clear and not any(choice):
-            return [choice], True  # all of them hold
-        if values is None or not any(negative(value, size) for value, size in values):
-            open_ones.append(choice)
-            settled.append(clear)
-    return open_ones, settled == [True]
-
-
+@lru_cache(maxsize=1024)
 def _never_left(system: FilippovSystem, index: int) -> bool:
     """Whether a surface is zero at all times, as between two bodies that are given one velocity."""
     number = system.numeric(system.surfaces[index])
     return bool(number.is_number and exact_sign(number) == 0)
 
 
-def _may_slip(system: FilippovSystem, group: tuple[int, ...], choice: tuple[int, ...]) -> bool:
-    """Whether no contact that slips, nor a body that lifts off, stays wherever those do that are held."""
-    held = frozenset(i for i, entry in zip(group, choice, strict=True) if entry == 0)
-    return closed(system.velocities, held, tuple(i for i in group if i in system.overrides)) == held
+def _is_contact(system: FilippovSystem, mode: Mode, index: int, numbers: Numbers) -> bool:
+    """Whether a surface has a rule of its own, or a force that acts against its velocity."""
+    if index in system.overrides:
+        return True
+    speed = system.normal_velocity(index)
+    below, above = (numbers.values((speed,), replaced(mode, index, side)) for side in (-1, 1))
+    if below is None or above is None:
+        return False
+    return numbers.negative(above[0] - below[0], abs(above[0]) + abs(below[0]))
 
 
-def _shared(system: FilippovSystem, group: tuple[int, ...], choice: tuple[int, ...]) -> dict[int, bool]:
-    """Of the contacts of an assignment that are held in loops, by their places, whether others settle its surface."""
-    held = tuple(i for i, entry in zip(group, choice, strict=True) if entry == 0)
-    found = relations(system.velocities, held) if system.has_loops else ()
-    settled = {max(relation) for relation in found}
-    return {k: i in settled for k, i in enumerate(group) if any(i in relation for relation in found)}
+def _released(guard: Guard) -> tuple[tuple[int, int], ...]:
+    """Contacts that let go where a guard falls, and their sides: all of a cut."""
+    return guard.cut or ((guard.index, guard.to_sign),)
 
 
-def _balance(mode: Mode, group: tuple[int, ...], evaluate: Evaluate, negative: Negative) -> Balance | None:
-    """Affine parts at a point; None where they are not finite, or not affine."""
-    count = len(group)
-    corners = [(0,) * count, *(tuple(int(j == k) for j in range(count)) for k in range(count)), (1,) * count]
-    values = [evaluate(group, with_entries(mode, group, corner)) for corner in corners]
-    if any(value is None for value in values):
+class _Balance(NamedTuple):
+    """A group's relative accelerations, and the limits of its static friction, at a point."""
+
+    problem: ContactProblem
+    """With the limits of contacts that have slipped."""
+    static: Mapping[int, tuple[Any, Any]]
+    """Place of a contact -> its least and largest force before that; None: no limit."""
+
+
+class _Group:
+    """Surfaces in play at one point, those that are no contacts settled already."""
+
+    def __init__(
+        self, system: FilippovSystem, mode: Mode, contacts: Sequence[int], active: Sequence[int], numbers: Numbers
+    ) -> None:
+        self.system, self.mode, self.contacts, self.active = system, mode, tuple(contacts), tuple(active)
+        self.numbers = numbers
+        self.static = frozenset(i for i in contacts if system.held_inside(i))
+        self.apart: dict[int, int] = {}
+        """Contacts that others at rest keep from holding, and the way in which these part from them."""
+        self.stays: frozenset[int] = frozenset()
+        """Surfaces, no contacts, that the mode found does not leave."""
+
+    def settled(self, slipped: frozenset[int]) -> Mode | None:
+        """The mode that follows; None where no mode is kept by its own field."""
+        balance = self._balance()
+        if balance is None:  # no numbers tell: derivatives do
+            return self._kept(with_entries(self.mode, self.contacts, [0] * len(self.contacts)), slipped)
+        while True:
+            problem = self._limited(balance, slipped)
+            found = solved(problem)
+            new = {i for k, i in enumerate(self.contacts) if found.slips[k]} & self.static - slipped
+            if not new:
+                break
+            self._need_proof(problem, found, f"whether {self._names(new)} slip")
+            slipped |= new
+        # A load that equals what a contact holds is held, unless derivatives tell otherwise.
+        entries = [
+            0 if i in self.static - slipped else entry for i, entry in zip(self.contacts, found.entries, strict=True)
+        ]
+        kept = self._kept(with_entries(self.mode, self.contacts, entries), slipped)
+        if kept is not None and any(kept[i] == 0 for i in slipped & self.static):
+            self._need_proof(problem, found, f"whether {self._names(slipped)} hold by kinetic friction")
+        return kept
+
+    def _kept(self, mode: Mode, slipped: frozenset[int]) -> Mode | None:
+        """A mode that its own field keeps, from one in which all but what is zero at a limit is decided."""
+        seen: set[Mode] = set()
+        for _ in range(ROUNDS * (len(self.contacts) + 1)):
+            mode = self._closed(mode)
+            broken = self.numbers.broken(mode, self.active)
+            if broken is None:
+                return self._parted(mode, slipped)
+            self.stays = frozenset(g.index for g, order in broken if order == NEVER and g.index not in self.contacts)
+            if all(guard.index in self.stays for guard, _ in broken):
+                return mode
+            own = [(guard, order) for guard, order in broken if guard.index in self.contacts]
+            if not own:
+                return None
+            first = [guard for guard, order in own if order == min(order for _, order in own)]
+            over = {i for g in first if g.kind == "release" for i, _ in _released(g)} & self.static - slipped
+            if over:
+                return self.settled(slipped | over)
+            turned = first if mode not in seen else first[:1]
+            seen.add(mode)
+            for guard in turned:
+                for i, side in _released(guard) if guard.kind == "release" else ((guard.index, 0),):
+                    mode = replaced(mode, i, side)
         return None
-    tables = [[*speeds, *(end for own in ends for end in own)] for speeds, ends in values if speeds]  # type: ignore[misc]
-    rows: list[Row] = []
-    for function in zip(*tables, strict=True):
-        first, *steps, last = function
-        row = [first, *(step - first for step in steps)]
-        rest = last - sum(row[1:], first)
-        size = sum((abs(v) for v in row), 0 * first)
-        if negative(rest, size) or negative(-rest, size):
+
+    def _closed(self, mode: Mode) -> Mode:
+        """The mode with the contacts at rest that those which hold keep at rest."""
+        if not self.system.has_loops:
+            return mode
+        held = frozenset(i for i in self.contacts if mode[i] == 0)
+        more = closed(self.system.velocities, held, tuple(i for i in self.contacts if i in self.system.overrides))
+        return with_entries(mode, sorted(more), [0] * len(more))
+
+    def _parted(self, mode: Mode, slipped: frozenset[int]) -> Mode | None:
+        """What follows where contacts are held that cannot hold together: their drives part from each other later on.
+
+        Which way, the first derivative tells that is not zero; an acceleration as small as can be stands for it.
+        """
+        balance = self._balance()
+        if balance is None or self.apart:
             return None
-        rows.append(row)
-    lengths = [len(own) for own in values[0][1]]  # type: ignore[index]
-    ends, at = [], count
-    for length in lengths:
-        ends.append(rows[at : at + length])
-        at += length
-    return Balance(rows[:count], ends)
-
-
-def _margins(
-    balance: Balance, choice: tuple[int, ...], own: Sequence[bool], shared: Mapping[int, bool]
-) -> list[tuple[Any, Any]] | None:
-    """What has to be positive in an assignment, with the sizes of its terms; None where loads are not settled.
-
-    How loads are shared in a loop moves nothing. Whether they can be carried is left open here.
-
-    Parameters
-    ----------
-    balance : Balance
-    choice : tuple of int
-    own : sequence of bool
-        Whether each surface has a hold zone.
-    shared : mapping
-        Places of contacts that are held in loops; whether it is one whose load can be anything.
-    """
-    signs: list[Any] = list(choice)
-    held = [k for k, entry in enumerate(choice) if entry == 0 and not shared.get(k, False)]
-    if held:
-        matrix = [[*(balance.speeds[k][1 + j] for j in held), -_value(balance.speeds[k], signs)[0]] for k in held]
-        found = _solved(matrix)
-        if found is None:
+        held = [k for k, i in enumerate(self.contacts) if mode[i] == 0]
+        chosen = {self.contacts[k] for k in independent_of(balance.problem, held)}
+        kept = closed(self.system.velocities, frozenset(chosen), self.contacts)
+        parted = [self.contacts[k] for k in held if self.contacts[k] not in kept]
+        broken = self.numbers.broken(with_entries(mode, parted, [1] * len(parted)), self.active) if parted else None
+        if broken is None:
             return None
-        for k, sign in zip(held, found, strict=True):
-            signs[k] = sign
-    margins = []
-    for k, entry in enumerate(choice):
-        if entry:
-            value, size = _value(balance.speeds[k], signs)
-            margins.append((entry * value, size))
-        elif k in shared:
-            margins.append((0, 1))
-        elif own[k]:
-            margins += [_value(end, signs) for end in balance.ends[k]]
-        else:
-            margins += [(1 - signs[k], 1 + abs(signs[k])), (1 + signs[k], 1 + abs(signs[k]))]
-    return margins
+        back = {guard.index for guard, _ in broken if guard.kind == "surface"}
+        self.apart = {i: -1 if i in back else 1 for i in parted}
+        return self.settled(slipped)
 
+    def _limited(self, balance: _Balance, slipped: frozenset[int]) -> ContactProblem:
+        """The contact problem with the limits of contacts that have not slipped."""
+        free, matrix, lower, upper = (list(part) for part in balance.problem)
+        for k, (least, most) in balance.static.items():
+            if self.contacts[k] not in slipped:
+                lower[k], upper[k] = least, most
+        for i, way in self.apart.items():
+            k = self.contacts.index(i)
+            free[k] += way * APART * (abs(free[k]) + sum(map(abs, matrix[k])))
+        return ContactProblem(free, matrix, lower, upper)
 
-def _value(row: Row, signs: Sequence[Any]) -> tuple[Any, Any]:
-    """An affine function at some signs, and the sum of the sizes of its terms."""
-    terms = [row[0], *(slope * sign for slope, sign in zip(row[1:], signs, strict=True))]
-    return sum(terms[1:], terms[0]), sum((abs(term) for term in terms[1:]), abs(terms[0]))
-
-
-def _solved(matrix: list[Row]) -> list[Any] | None:
-    """Solution of a linear system, its right side the last column; None where a pivot may be zero."""
-    count = len(matrix)
-    for k in range(count):
-        pivot = max(range(k, count), key=lambda r: abs(float(matrix[r][k])))
-        matrix[k], matrix[pivot] = matrix[pivot], matrix[k]
-        largest = max(abs(float(entry)) for entry in matrix[k][:count])
-        if not abs(matrix[k][k]) > 1e-9 * largest:
+    def _balance(self) -> _Balance | None:
+        """None where the accelerations are not affine in the forces, or not finite, or a force does not act at all."""
+        rows = self._rows()
+        if rows is None:
             return None
-        for r in range(count):
-            if r != k:
-                factor = matrix[r][k] / matrix[k][k]
-                matrix[r] = [entry - factor * top for entry, top in zip(matrix[r], matrix[k], strict=True)]
-    return [row[count] / row[k] for k, row in enumerate(matrix)]
+        system, contacts = self.system, self.contacts
+        free, matrix, lower, upper = [], [], list[Any](), list[Any]()
+        static: dict[int, tuple[Any, Any]] = {}
+        ways = [1 if system.rests(i) else -1 for i in contacts]  # a reaction pushes off, friction holds back
+        for k, i in enumerate(contacts):
+            own = next(rows)
+            free.append(own[0])
+            matrix.append([way * slope for way, slope in zip(ways, own[1:], strict=True)])
+            if not self.numbers.negative(-matrix[k][k], abs(matrix[k][k])):
+                return None
+            ends = [(guard.to_sign, next(rows)) for guard in system.hold_guards(i)] if i in self.static else []
+            inertia, kinetic = 0 * own[0] + 1, 0 * own[0] + 1
+            if i in self.static and system.overrides[i].inertia is not None:
+                inertia = next(rows)[0]
+            elif i in self.static:
+                inertia = self._inertia(i, k, own, ends)
+            if i in self.static and system.overrides[i].push:
+                kinetic = inertia * next(rows)[0]
+            lower.append(None if system.rests(i) else -kinetic)
+            upper.append(0 * kinetic if system.rests(i) else kinetic)
+            if ends:
+                limits = {side: (end[0] + side * inertia * own[0]) / (inertia * matrix[k][k]) for side, end in ends}
+                static[k] = (-limits[-1] if -1 in limits else None), limits.get(1)
+        return _Balance(ContactProblem(free, matrix, lower, upper), static)
+
+    def _rows(self) -> Iterator[Row] | None:
+        """Numbers by which functions are affine in the signs of the contacts: values at no sign, and slopes in each."""
+        group, count = self.contacts, len(self.contacts)
+        corners = [(0,) * count, *(tuple(int(j == k) for j in range(count)) for k in range(count)), (1,) * count]
+        written = _written(self.system, group)
+        values = [self.numbers.values(written, with_entries(self.mode, group, corner)) for corner in corners]
+        known = [value for value in values if value is not None]
+        if len(known) < len(values):
+            return None
+        rows: list[Row] = []
+        for first, *steps, last in zip(*known, strict=True):
+            row = [first, *(step - first for step in steps)]
+            rest, size = last - sum(row[1:], first), sum(map(abs, row[1:]), abs(first))
+            if self.numbers.negative(rest, size) or self.numbers.negative(-rest, size):
+                return None
+            rows.append(row)
+        return iter(rows)
+
+    def _inertia(self, index: int, place: int, own: Row, ends: Iterable[tuple[int, Row]]) -> Any:
+        """How a load that is written by hand grows with the acceleration, from how both do with another force."""
+        for side, end in ends:
+            slope, j = max(((abs(float(v)), j) for j, v in enumerate(own[1:]) if j != place), default=(0.0, 0))
+            if slope:
+                inertia = -side * end[1 + j] / own[1 + j]
+                if not inertia > 0:
+                    name = self.system.sign_names[index]
+                    raise ModelError(f"the load of {name} is no force that keeps its surface: its 'sliding' is by hand")
+                return inertia
+        return 0 * own[0] + 1
+
+    def _need_proof(self, problem: ContactProblem, found: Accelerations, what: str) -> None:
+        def settled(chosen: list[int], k: int) -> bool:
+            own = frozenset(self.contacts[j] for j in chosen)
+            return self.contacts[k] in closed(self.system.velocities, own, self.contacts)
+
+        if self.numbers.proven and (self.apart or not is_clear(problem, found, settled, self.numbers.negative)):
+            raise ModelError(f"{what} cannot be told at t = {self.numbers.time}")
+
+    def _names(self, contacts: Collection[int]) -> str:
+        return listed([self.system.sign_names[i] for i in sorted(contacts)])
+
+
+@lru_cache(maxsize=256)
+def _written(system: FilippovSystem, group: tuple[int, ...]) -> tuple[sp.Expr, ...]:
+    """What is read of each contact of a group: its acceleration, the ends of its hold zone, inertia, friction."""
+    off = {system.signs[i]: sp.S.One for i in system.resting}
+    acting = system.with_reactions(frozenset(i for i in group if i in system.overrides and system.overrides[i].push))
+    found = []
+    for i in group:
+        found.append(along(acting.surfaces[i], acting.states, acting.field))
+        if system.held_inside(i):
+            own, speed, sign = system.overrides[i], system.normal_velocity(i), system.signs[i]
+            found += [put(guard.expression, off) for guard in system.hold_guards(i)]
+            found += [] if own.inertia is None else [own.inertia]
+            found += [put(put(speed, {sign: sp.S.Zero}) - put(speed, {sign: sp.S.One}), off)] if own.push else []
+    return tuple(found)

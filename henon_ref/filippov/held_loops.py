@@ -5,12 +5,13 @@ A stop that a body rests on may be in a loop: of the contacts that a block has w
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.filippov.contact_loops import loops, relations
+from henon_ref.filippov.contact_loops import circuits, loops, relations
 from henon_ref.filippov.sliding import filippov_sliding
 from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
 
@@ -39,12 +40,23 @@ def with_held_loops(system: FilippovSystem) -> FilippovSystem:
             continue
         more = {i: plain[i] for i in surfaces if i in plain}
         whole = replace(system, overrides={**system.overrides, **own, **more})
-        try:
-            whole.shared_equations(frozenset(surfaces))
-        except ModelError:  # it is no loop of forces and counterforces
+        if _holds(whole, surfaces):
+            own |= more
             continue
-        own |= more
+        # Drives that part from each other do not hold together; some of the loops beside them may.
+        for circuit in circuits(found[k]):
+            if not more.keys().isdisjoint(circuit) and _holds(whole, circuit):
+                own |= {i: more[i] for i in circuit if i in more}
     return replace(system, overrides={**system.overrides, **own}) if own else system
+
+
+def _holds(system: FilippovSystem, surfaces: Collection[int]) -> bool:
+    """Whether contacts can all hold at once, by loads that are forces and counterforces."""
+    try:
+        system.shared_equations(frozenset(surfaces))
+    except ModelError:
+        return False
+    return True
 
 
 def _held(system: FilippovSystem, index: int) -> SlidingOverride | None:

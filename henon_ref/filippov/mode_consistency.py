@@ -3,7 +3,7 @@
 A mode is *consistent* when every surface in slip is left on the mode's side (first non-zero derivative of h), and on
 every sliding surface the equivalent sign stays inside [-1, 1] and the two fields point at the surface. A surface whose
 sliding is overridden with ``entry: inside`` is held wherever every release guard is positive just after the point
-(first non-zero derivative; one that stays at zero holds); no slip starts on it there.
+(first non-zero derivative; one that stays at zero holds); whether it is, :mod:`henon_ref.filippov.held_groups` decides.
 """
 
 from __future__ import annotations
@@ -11,11 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.held_groups import NEVER, Broken, order_of
 from henon_ref.filippov.mode_evaluation import ZERO, ModeEvaluation
 from henon_ref.filippov.modes import Mode, replaced
-
-EXHAUSTIVE = 4
-"""With at most this many surfaces in play all candidate modes are tried; beyond, they are searched."""
 
 
 class ModeConsistency(ModeEvaluation):
@@ -31,12 +29,9 @@ class ModeConsistency(ModeEvaluation):
         return index not in self.system.overrides and all(not self._sign(c, 0, rate, size, zero) for c in ends)
 
     def _violations(
-        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float, *, grouped: bool = False
+        self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float
     ) -> tuple[Guard, ...] | None:
-        """Guards of the mode that do not hold just after (t, x); None where the mode has no equations.
-
-        ``grouped``: which of several contacts hold is decided for all of them, not for each beside the others.
-        """
+        """Guards of the mode that do not hold just after (t, x); None where the mode has no equations."""
         made = self._equations(mode)
         if made is None:
             return None
@@ -49,13 +44,10 @@ class ModeConsistency(ModeEvaluation):
         for guard, series in zip(made[0].guards, outputs, strict=True):
             if guard.ends or guard.index not in active:
                 continue
-            if guard.index in self.system.overrides and not (grouped and guard.kind == "surface"):
+            if guard.index in self.system.overrides:
                 sticks = self._sticks(t, x, mode, guard.index, zero)
-                # Where entry is decided by the hold zone, no slip starts inside it.
-                inside = self.system.held_inside(guard.index) or self.system.rests(guard.index)
-                refused = not sticks if guard.kind == "release" else sticks and inside
-                if refused and guard.kind == "release" and len(active) > EXHAUSTIVE:  # a search goes where it leads
-                    refused = self._sign(series, 0, rate, self._size(t, x, mode, guard.index), zero) < 0
+                # No slip starts where a body rests.
+                refused = not sticks if guard.kind == "release" else sticks and self.system.rests(guard.index)
                 if refused:
                     broken.append(guard)
                 if refused or guard.kind == "release":
@@ -67,6 +59,36 @@ class ModeConsistency(ModeEvaluation):
             if head < 0 or (head == 0 and guard.kind == "surface"):
                 broken.append(guard)
         return tuple(broken)
+
+    def _broken(self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float) -> Broken | None:
+        """Guards of contacts in groups that do not hold just after (t, x); None where the mode has no equations."""
+        made = self._equations(mode)
+        if made is None:
+            return None
+        try:
+            outputs, rate = self._expanded(mode, t, x)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            return None
+        system, active, broken = self.system, set(active), list[tuple[Guard, int]]()
+        pairs = list(zip(made[0].guards, outputs, strict=True))
+        for guard, series in pairs:
+            i = guard.index
+            if guard.ends or i not in active:
+                continue
+            if guard.kind == "release" and i in system.overrides and not (system.held_inside(i) or system.rests(i)):
+                if self._way(t, x, mode, i) == guard.to_sign:
+                    broken.append((guard, 0))
+            elif guard.kind == "release" and i in system.overrides:
+                ways = [c for other, c in pairs if other.kind == "release" and other.index == i]
+                k = self._end_order(series, ways, rate, zero)
+                broken += [(guard, k)] if k is not None and series[k] < 0 else []
+            else:
+                first = 1 if guard.kind == "surface" else 0
+                size = 0.0 if system.rests(i) else self._size(t, x, mode, i)
+                k = self._leading(series, first, rate, size, zero)
+                if (k is None and first) or (k is not None and series[k] < 0):
+                    broken.append((guard, NEVER if k is None else order_of(system, guard, k)))
+        return broken
 
     def _staying(
         self, t: float, x: Sequence[float], mode: Mode, active: Iterable[int], zero: float
@@ -96,21 +118,8 @@ class ModeConsistency(ModeEvaluation):
 
     def _sticks(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float) -> bool:
         """Whether a surface whose sliding is overridden is slid on from here."""
-        if self.system.rests(index):
-            return self._rests(t, x, mode, index, zero)
-        if not self.system.held_inside(index):
-            return self._attracts(t, x, mode, index)
-        made = self._equations(replaced(mode, index, 0))
-        if made is None:  # beside another sliding surface it has no equations: no derivatives, but the load is there
-            values = self._hold_values(mode, index)
-            # A load that depends on how another surface slides is not known: no slip is told from a stick there.
-            return values is None or all(value > 0 for value in values(t, *x))
-        equations, tape, numbers = made
-        ends = [k for k, g in enumerate(equations.guards) if g.kind == "release" and g.index == index]
-        try:
-            return self._holds_by(tape, numbers, ends, t, x, zero)
-        except (ZeroDivisionError, ValueError, OverflowError):
-            return False
+        rests = self.system.rests(index)
+        return self._rests(t, x, mode, index, zero) if rests else self._attracts(t, x, mode, index)
 
     def _rests(self, t: float, x: Sequence[float], mode: Mode, index: int, zero: float) -> bool:
         """Whether a body on a surface stays there: off it, h would neither rise at once nor fall with a speed."""

@@ -15,7 +15,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.branches import leaves_out
-from henon_ref.filippov.derivatives import leading, leading_sign, rate_of, scaled
+from henon_ref.filippov.derivatives import leading, rate_of, scaled
 from henon_ref.filippov.equations import ModeEquations
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.mode_tape import ModeTape
@@ -74,9 +74,8 @@ class ModeEvaluation:
         self.system = system
         self._numeric = (values or system).numeric
         self._tapes: dict[Mode, tuple[ModeEquations, Tape, list[Any]] | None] = {}
-        self._holds: dict[tuple[Mode, int], Callable[..., list[Any]] | None] = {}
         self._numbers: dict[tuple[int, tuple[int, ...]], Any] = {}
-        self._group_functions: dict[tuple[int, ...], tuple[Callable[..., list[Any]], list[int]]] = {}
+        self._functions: dict[tuple[sp.Expr, ...], Callable[..., list[Any]]] = {}
         self.forget()
         self._written_normals = [system.normal_velocity(i) for i in range(len(system.surfaces))]
         self._normals = self._function([*system.states, *system.signs], self._written_normals)
@@ -123,18 +122,13 @@ class ModeEvaluation:
         k = self._leading(series, first, rate, size, zero)
         return 0 if k is None else (1 if series[k] > 0 else -1)
 
-    def _holds_by(self, tape: Tape, numbers: Sequence[Any], ends: Sequence[int], t: Any, x: Any, zero: float) -> bool:
-        """Whether these outputs of a tape, the ends of a hold zone, are positive just after a point (or stay zero).
+    def _end_order(self, series: Sequence[Any], ways: Sequence[Sequence[Any]], rate: float, zero: float) -> int | None:
+        """Index of the first coefficient that is not zero, of an end of a hold zone; None if there is none.
 
-        A load at one end of the hold zone is small against its distance to the other; then its derivatives decide.
+        A load at one end of the hold zone is small against its distance to the others; then its derivatives decide.
         """
-        states, outputs = expand(tape, numbers, t, x, ORDER)
-        ways = [outputs[end] for end in ends]
-        if not ways:  # the contact's part in every cut is another one's guard
-            return True
-        rate = rate_of(states, ways)
         width = max(abs(value) for c in ways for value in scaled(c, rate))
-        return all(c[0] > 0 if abs(c[0]) > zero * width else leading_sign(c, 1, rate, 0.0, zero) >= 0 for c in ways)
+        return 0 if abs(series[0]) > zero * width else leading(series, 1, rate, 0.0, zero)
 
     def _attracts_by(self, below: Any, above: Any) -> bool:
         """Whether normal velocities below and above a surface point at it, or along it."""
@@ -235,36 +229,19 @@ class ModeEvaluation:
             raise ValueError("the mode has no equations")
         return self._expanded(mode, t, x)[0]
 
-    def _hold_values(self, mode: Mode, index: int) -> Callable[..., list[float]] | None:
-        """(t, *x) -> release guards of an override beside a mode's slips; None where they hold another sign."""
-        key = replaced(mode, index, 0), index
-        if key not in self._holds:
+    def _values_at(
+        self, t: Any, x: Sequence[Any], expressions: tuple[sp.Expr, ...], signs: Mode
+    ) -> Sequence[Any] | None:
+        """Expressions in time, states and signs at a point; None where they are not finite."""
+        if expressions not in self._functions:
             with one_at_a_time():
-                guards = [g.expression for g in self.system.hold_guards(index, mode)]
-                known = not any(g.has(*self.system.signs) for g in guards)
-                self._holds[key] = self._function(self.system.states, guards) if known else None
-        return self._holds[key]
-
-    def _group_values(
-        self, t: Any, x: Sequence[Any], group: tuple[int, ...], signs: Mode
-    ) -> tuple[list[Any], list[list[Any]]] | None:
-        """Normal velocities of some surfaces, and the ends of their hold zones; None where they are not finite."""
-        if group not in self._group_functions:
-            with one_at_a_time():
-                zones = [self.system.hold_guards(i) if i in self.system.overrides else () for i in group]
-                written = [self.system.normal_velocity(i) for i in group]
-                written += [g.expression for zone in zones for g in zone]
-                function = self._function([*self.system.states, *self.system.signs], written)
-                self._group_functions[group] = function, [len(zone) for zone in zones]
-        function, lengths = self._group_functions[group]
+                names = [*self.system.states, *self.system.signs]
+                self._functions[expressions] = self._function(names, expressions)
         try:
-            values = function(t, *x, *signs)
+            values = self._functions[expressions](t, *x, *signs)
         except (ZeroDivisionError, ValueError, OverflowError):
             return None
-        if not all(isfinite(float(value)) for value in values):
-            return None
-        ends = iter(values[len(group) :])
-        return list(values[: len(group)]), [[next(ends) for _ in range(length)] for length in lengths]
+        return values if all(isfinite(float(value)) for value in values) else None
 
     def _both_sides(self, t: float, x: Sequence[float], mode: Mode, index: int) -> tuple[float, float]:
         """dh/dt of a surface below and above it (signs of the mode elsewhere)."""

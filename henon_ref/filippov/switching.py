@@ -10,7 +10,7 @@ Several surfaces at once whose sliding is overridden with ``entry: inside`` are 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import partial
 from itertools import compress, product
 from typing import Any
@@ -20,8 +20,8 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision, ended, explained, with_entries, without_indeterminate
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.held_groups import by_groups, decide_groups
-from henon_ref.filippov.mode_consistency import EXHAUSTIVE, ModeConsistency
+from henon_ref.filippov.held_groups import Numbers, by_groups, decide_groups, slipped_by
+from henon_ref.filippov.mode_consistency import ModeConsistency
 from henon_ref.filippov.mode_evaluation import ZERO
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.resting import unless_into_surface
@@ -108,7 +108,7 @@ class Switching(ModeConsistency):
             # The equivalent sign reaches +-1 continuously, so the field does not jump and nothing else changes.
             return self._attracting(t, x, Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign)))
         active = self.system.in_play([g.index for g in hits], sliding)
-        return self._decide(t, list(x), mode, tuple(sorted(active)), zero)
+        return self._decide(t, list(x), mode, tuple(sorted(active)), slipped_by(self.system, hits), zero)
 
     def contact_orders(
         self,
@@ -159,13 +159,21 @@ class Switching(ModeConsistency):
         speed = above if mode[guard.index] > 0 else -below
         return bool(speed > PLAIN * abs(above - below) > 0)
 
-    def _decide(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float = ZERO) -> Decision:
+    def _decide(
+        self,
+        t: float,
+        x: list[float],
+        mode: Mode,
+        active: tuple[int, ...],
+        slipped: Collection[int] = (),
+        zero: float = ZERO,
+    ) -> Decision:
         """Try with what rounding may have made of a zero first; then, where no mode fits, with more and with less."""
-        decision = self._decided(t, x, mode, active, zero)
+        decision = self._decided(t, x, mode, active, slipped, zero)
         for other in OTHERS:
             if decision.status == "none" and (other < zero or zero == ZERO):
-                decision = self._decided(t, x, mode, active, other)
-        if decision.status == "none" and len(active) <= EXHAUSTIVE:
+                decision = self._decided(t, x, mode, active, slipped, other)
+        if decision.status == "none" and not by_groups(self.system, active):
             staying, same = partial(self._staying, t, x, active=active, zero=zero), partial(self._same_motion, t, x)
             decision = staying_mode(self.system, mode, active, staying, same, f"at t = {_digits(t)}") or decision
         if decision.mode is None:
@@ -186,11 +194,11 @@ class Switching(ModeConsistency):
         ]
         return ended(self.system, mode, falling, _digits(t)) or decision
 
-    def _decided(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:
+    def _decided(
+        self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float
+    ) -> Decision:
         if by_groups(self.system, active):
-            return self._decided_in_groups(t, x, mode, active, zero)
-        if len(active) > EXHAUSTIVE:
-            return self._search(t, x, mode, active, zero)
+            return self._decided_in_groups(t, x, mode, active, slipped, zero)
         found = [
             candidate
             for choice in product(*(self.system.entries_from(mode[i], i) for i in active))
@@ -207,36 +215,19 @@ class Switching(ModeConsistency):
         return Decision("nonunique", None, f"the future is not unique at t = {_digits(t)}: {modes}")
 
     def _decided_in_groups(
-        self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float
+        self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float
     ) -> Decision:
+        numbers = Numbers(
+            partial(self._values_at, t, x),
+            self._negative,
+            lambda candidate, surfaces: self._broken(t, x, candidate, surfaces, zero),
+            partial(self._same_motion, t, x),
+            _digits(t),
+        )
         try:
-            return decide_groups(
-                self.system,
-                mode,
-                active,
-                lambda group, signs: self._group_values(t, x, group, signs),
-                self._negative,
-                lambda candidate: self._violations(t, x, candidate, active, zero, grouped=True) == (),
-                _digits(t),
-            )
+            return decide_groups(self.system, mode, active, slipped, numbers)
         except ModelError as error:
             return Decision("none", None, str(error))
-
-    def _search(self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], zero: float) -> Decision:
-        """Start from sliding on all that attract; let go what cannot be held, hold what comes back, to the end."""
-        candidate = with_entries(mode, active, (0,) * len(active))
-        if self._equations(candidate) is None:  # a surface that no sign acts on cannot be slid on
-            candidate = with_entries(mode, active, [self._way(t, x, mode, i) for i in active])
-        for _ in range(4 * len(active)):
-            broken = self._violations(t, x, candidate, active, zero)
-            if broken is None:
-                return Decision("none", None, f"sliding on all of {active} at t = {_digits(t)} has no equations")
-            if not broken:
-                return Decision("unique", candidate)
-            for guard in broken:
-                candidate = replaced(candidate, guard.index, guard.to_sign if guard.kind == "release" else 0)
-        count = len(active)
-        return Decision("none", None, f"no consistent mode found at t = {_digits(t)} with {count} surfaces in play")
 
 
 def _digits(t: Any) -> str:

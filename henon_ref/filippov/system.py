@@ -61,7 +61,8 @@ class SlidingOverride:
     """How much the load, in the unit of the ends of the hold zone, grows with the acceleration of the surface by
     forces that these ends do not know: of a body on a wall its mass. None where that is not known."""
     push: tuple[sp.Expr, ...] = ()
-    """Of a body at rest: change of x' by a reaction of the surface that changes h'' by 1, shape (n,)."""
+    """Change of x' by the force of the contact, shape (n,): of a body at rest by a reaction of the surface that changes
+    h'' by 1, of a contact that is held by a load of 1. Empty where that is not known."""
 
 
 @dataclass(frozen=True)
@@ -205,7 +206,7 @@ class FilippovSystem(SwitchedField):
             (i,) = sliding
             return self.overrides[i].field, tuple(g for zone in zones.values() for g in zone), {}
         held = {i: self.overrides[i] for i in sorted(overridden)}
-        made = held_field(self, self.with_reactions(self.resting & overridden), held, zones, sliding)
+        made = held_field(self, self.with_reactions(self.reacting & overridden), held, zones, sliding)
         field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
         signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}
         if others:
@@ -227,26 +228,36 @@ class FilippovSystem(SwitchedField):
         return frozenset(i for i in self.overrides if self.rests(i))
 
     @cached_property
+    def reacting(self) -> frozenset[int]:
+        """Surfaces whose forces act at rest alone: reactions, and the loads of contacts without friction in sliding."""
+        acting = set().union(*(rate.free_symbols for rate in self.field))
+        held = {i for i, own in self.overrides.items() if self.held_inside(i) and own.push}
+        return self.resting | {i for i in held if self.signs[i] not in acting}
+
+    @cached_property
     def _reacting(self) -> dict[frozenset[int], SwitchedField]:
         return {}
 
-    def with_reactions(self, resting: frozenset[int]) -> SwitchedField:
-        """The field with bodies that rest on some surfaces as contacts.
+    def with_reactions(self, surfaces: frozenset[int]) -> SwitchedField:
+        """The field with the forces of some surfaces' contacts as their signs.
 
-        Such a surface is then its velocity h', and its sign stands for the reaction, an acceleration of h.
+        Where a body can rest the surface is then its velocity h', and the sign stands for the reaction, an acceleration
+        of h; elsewhere it stands for the load.
         """
-        if not resting:
+        if not surfaces:
             return self
-        if resting not in self._reacting:
-            signs = {i: self.signs[i] for i in sorted(resting)}
-            off = dict.fromkeys(signs.values(), sp.S.One)
+        if surfaces not in self._reacting:
+            signs = {i: self.signs[i] for i in sorted(surfaces)}
+            off = {s: sp.Integer(self.rests(i)) for i, s in signs.items()}
             rates = tuple(
                 sp.Add(put(rate, off), *(self.overrides[i].push[k] * s for i, s in signs.items()))
                 for k, rate in enumerate(self.field)
             )
-            surfaces = tuple(self._normal[i] if i in resting else h for i, h in enumerate(self.surfaces))
-            self._reacting[resting] = SwitchedField(self.states, self.signs, surfaces, rates, self.parameters)
-        return self._reacting[resting]
+            velocities = tuple(
+                self._normal[i] if i in self.resting & surfaces else h for i, h in enumerate(self.surfaces)
+            )
+            self._reacting[surfaces] = SwitchedField(self.states, self.signs, velocities, rates, self.parameters)
+        return self._reacting[surfaces]
 
     @property
     def velocities(self) -> SwitchedField:
@@ -317,7 +328,8 @@ class FilippovSystem(SwitchedField):
         """For each surface those whose signs are in its normal velocity."""
         everything = frozenset(range(len(self.surfaces)))
         found = []
-        for i, normal in enumerate(self._normal):
+        unslid = self.with_reactions(self.reacting - self.resting)
+        for i, normal in enumerate(along(h, unslid.states, unslid.field) for h in unslid.surfaces):
             loads = [g.expression for g in self.hold_guards(i)] if i in self.overrides else []
             acting = frozenset(j for j, s in enumerate(self.signs) if any(e.has(s) for e in (normal, *loads)))
             own = i not in self.overrides or self.held_inside(i) or self.rests(i)

@@ -12,7 +12,6 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
@@ -57,7 +56,6 @@ class Integrator:
     """
 
     def __init__(self, system: FilippovSystem, order: int) -> None:
-        check_groups(system)
         link()  # before anything that calls a compile unit is compiled or loaded: a missing symbol ends the process
         self.system = system
         self.order = order

@@ -192,9 +192,8 @@ class BallSwitching(Switching):
     def _leading(self, series: Sequence[Any], first: int, rate: float, size: float, zero: float) -> int | None:
         return next((k for k in range(first, len(series)) if not series[k].contains(0)), None)
 
-    def _holds_by(self, tape: Tape, numbers: Sequence[Any], ends: Sequence[int], t: Any, x: Any, zero: float) -> bool:
-        outputs, _ = self._series(tape, numbers, t, x)
-        return all(self._sign(outputs[end], 0, 1.0, 0.0, zero) >= 0 for end in ends)
+    def _end_order(self, series: Sequence[Any], ways: Sequence[Sequence[Any]], rate: float, zero: float) -> int | None:
+        return self._leading(series, 0, rate, 0.0, zero)
 
     def _attracts_by(self, below: Any, above: Any) -> bool:
         return not below < 0 and not above > 0

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode, replaced, transition_kind
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
@@ -94,7 +93,6 @@ class HenonRK4:
             raise UnsupportedError(f"{self.name} knows no jumps of the state")
         if step is None or not step > 0:
             raise UnsupportedError(f"{self.name} needs a positive step, got {step}")
-        check_groups(problem.system)
         wanted = np.empty(0) if sample_times is None else np.asarray(sample_times, dtype=float)
         plan = _Plan(problem, step)
         _Integration(plan, wanted, deadline).run()

@@ -118,10 +118,10 @@ def planned(
     if not isinstance(system, System):
         raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
     check_names(points, list(system.parameters), system.state)
-    initial, until, start, mode = start_of(system, initial, until, start, mode)
-    if not isinstance(initial, Mapping) or (mode is not None and not isinstance(mode, Mapping)):
-        problem_of(system, initial, until=until, start=start, mode=mode)  # which says what is wrong with it
-    named = {str(name): value for name, value in initial.items()}
+    given, until, start, mode = start_of(system, initial, until, start, mode)
+    if not isinstance(given, Mapping) or (mode is not None and not isinstance(mode, Mapping)):
+        problem_of(system, given, until=until, start=start, mode=mode)  # which says what is wrong with it
+    named = {str(name): value for name, value in given.items()}
     most = min(whole_number(max_steps, "max_steps"), NO_LIMIT)
     settings = Settings(system, named, start, until, tolerance, dict(mode) if mode else None, most)
     work = Work(settings, _checked(observe, system, _horizon(settings, points)), points.names, points.chain)

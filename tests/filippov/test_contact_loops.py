@@ -17,7 +17,6 @@ from multiprecision import simulate
 from scipy.optimize import linprog
 
 from henon_ref.casefile.case import parse_case
-from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.contact_loops import closed, cuts, independent, loops, relations
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switched_field import SwitchedField
@@ -153,17 +152,16 @@ def test_a_loop_on_a_belt_that_is_shaken_closes_and_opens(name, options, bound) 
     assert {(0, 0, 0, 1, 1), (-1, -1, 0, 0, 0)} <= {e.after for e in truth.events}
 
 
-def test_where_no_set_contains_all_others_the_run_names_them() -> None:
-    """a is pulled; it slips on b and the floor, or b goes with it: the contact between them or that of b can hold."""
+@ALL_LIBRARIES
+def test_what_a_full_cut_parts_slips_and_the_rest_holds(name, options, bound) -> None:  # type: ignore[no-untyped-def]
+    """Around a: t = 1 + 1.9. The contact of b with the floor, which holds 2, then carries 1."""
     contacts = [("a", "floor", "force: 0.2, static: 1"), ("b", "floor", "force: 1, static: 2"),
                 ("a", "b", "force: 1, static: 1.9")]  # fmt: skip
     problem = scene(AB, contacts, {"a": "t"}, "5")
-    words = "of the sets of contacts that can hold none contains all others: {s_b_floor} or {s_a_b}"
-    truth = simulate(problem, 256)
-    for run in [*(solver(name).prepare(problem, **options)() for name, options, _ in LIBRARIES), truth]:
-        assert run.status == "nonunique", run.reason
-        assert run.reason.endswith(words)
-    assert float(truth.end_time) == pytest.approx(2.9, abs=1e-12)
+    run, truth = solver(name).prepare(problem, **options)(), simulate(problem, 256)
+    assert [(t.surface, t.to_mode) for t in run.transitions] == [(0, (1, 0, 1)), (2, (1, 0, 1))], run.reason
+    assert [t.time for t in run.transitions] == pytest.approx([2.9, 2.9], abs=bound, rel=0)
+    assert [e.after for e in truth.events] == [(1, 0, 1)]
 
 
 def random_contacts(generator: np.random.Generator) -> tuple[int, list[tuple[int, int]]]:
@@ -211,6 +209,9 @@ def test_the_cuts_say_what_a_linear_program_says() -> None:
         values = [float(g.expression.xreplace(at)) for g in guards]
         expected = carried(count, contacts, static, forces)
         assert (min(values) > 0) == expected, (contacts, static, forces, values)
+        mode = Switching(problem.system).initial_mode(problem.start, problem.initial, {}).mode
+        assert mode is not None
+        assert (not any(mode)) == expected  # the problem of Gauss's principle says the same
         seen.add(expected)
         looped += bool(problem.system.has_loops)
     assert seen == {True, False}
@@ -329,12 +330,16 @@ until: 5
         assert run.final_mode == "s_a_floor=+1 s_b_floor=0 s_a_b=+1"
 
 
-def test_a_loop_of_more_than_eight_contacts_is_refused_by_name() -> None:
+def test_a_ring_of_nine_contacts_lets_go_at_the_cut_that_is_full() -> None:
+    """a is pulled and the others are not: around a and some neighbours beside it, t times what is left of 9 bodies."""
     bodies = dict.fromkeys("abcdefghi", ONE)
     contacts = [(p, q, "force: 1, static: 2") for p, q in zip("abcdefghi", "bcdefghia", strict=True)]
-    problem = scene(bodies, contacts, {"a": "t"}, "1")
-    with pytest.raises(UnsupportedError, match=r"group of 9 contacts .* at most 8 are tried: .*s_i_a"):
-        solver("henon").prepare(problem, rtol=1e-13)
+    problem = scene(bodies, contacts, {"a": "t"}, "5")
+    run = solver("henon").prepare(problem, rtol=1e-13)()
+    # Around a alone: t - t/9 = 2 + 2. The others, pulled by 1 + 1, move as one.
+    assert [t.surface for t in run.transitions] == [0, 8], run.reason
+    assert [t.time for t in run.transitions] == pytest.approx([4.5, 4.5], abs=1e-12)
+    assert run.end_mode == (1, *(0,) * 7, -1)
 
 
 def test_double_precision_and_multiprecision_agree_at_rest() -> None:

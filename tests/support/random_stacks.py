@@ -1,4 +1,4 @@
-"""Random stacks of two blocks on a floor: of how many some instant has no largest set of contacts that can hold.
+"""Random stacks of two blocks on a floor, each contact with static friction: how their runs end.
 
     python -m tests.support.random_stacks [NUMBER] [SEED] [SECONDS]
 
@@ -56,8 +56,8 @@ def stack() -> FilippovSystem:
     )
 
 
-def runs(number: int = NUMBER, seed: int = SEED, seconds: float = SECONDS) -> Iterator[Trajectory]:
-    """Runs of random stacks."""
+def draws(number: int, seed: int, seconds: float) -> Iterator[tuple[dict[str, float], tuple[float, float], Run]]:
+    """Random stacks: parameters, velocities at the start, and the run."""
     integrator, generator = Integrator(stack(), order_for(1e-13)), np.random.default_rng(seed)
     integrator.load()
     for _ in range(number):
@@ -67,14 +67,20 @@ def runs(number: int = NUMBER, seed: int = SEED, seconds: float = SECONDS) -> It
             "m": m, "Fs": static, "Fk": static / draw(1, 3), "Gs": upper, "Gk": upper / draw(1, 3),
             "A": draw(0, 4), "u": draw(0.5, 3), "B": draw(0, 3), "w": draw(0.5, 3),
         }  # fmt: skip
+        velocities = draw(-2, 2), draw(-2, 2)
         start = integrator.start_at(
             tuple(values[p.name] for p in integrator.parameters),
-            (0.0, draw(-2, 2), 0.0, draw(-2, 2)),
+            (0.0, velocities[0], 0.0, velocities[1]),
             until=seconds,
             tolerance=1e-13,
             landing=HENON,
         )
-        yield Run(integrator, start).to_horizon()
+        yield values, velocities, Run(integrator, start)
+
+
+def runs(number: int = NUMBER, seed: int = SEED, seconds: float = SECONDS) -> Iterator[Trajectory]:
+    """Their runs."""
+    return (run.to_horizon() for _, _, run in draws(number, seed, seconds))
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ zero: a tie within that radius counts as exact.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -19,8 +19,7 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision, ended, explained, without_indeterminate
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
-from henon_ref.filippov.held_groups import by_groups, decide_groups
-from henon_ref.filippov.mode_consistency import EXHAUSTIVE
+from henon_ref.filippov.held_groups import NEVER, Broken, Numbers, by_groups, decide_groups, order_of, slipped_by
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.resting import unless_into_surface
 from henon_ref.filippov.staying import staying_mode
@@ -88,7 +87,8 @@ class ModeSelection:
             # The equivalent sign reaches +-1 continuously, so nothing else changes (an override says where to).
             return Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign))
         active = self.system.in_play([g.index for g in hits], sliding)
-        return self._decide(point, mode, tuple(sorted(active)))
+        slipped = frozenset[int]() if touched else slipped_by(self.system, hits)
+        return self._decide(point, mode, tuple(sorted(active)), slipped)
 
     def mode_by_signs(self, point: Point, sides: Sequence[int], valid: Sequence[int]) -> Decision:
         """The mode at a point where the surfaces, and the ``valid`` expressions, have these signs; 0: it is on one."""
@@ -151,18 +151,18 @@ class ModeSelection:
         outputs = [system.numeric(g.expression) for g in equations.guards]
         return series.along(field, outputs, system.states, point.time, point.state, bits=self.bits, order=order)
 
-    def _decide(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
-        decision = self._decided(point, mode, active)
-        if decision.status == "none" and len(active) <= EXHAUSTIVE:
+    def _decide(
+        self, point: Point, mode: Mode, active: tuple[int, ...], slipped: frozenset[int] = frozenset()
+    ) -> Decision:
+        decision = self._decided(point, mode, active, slipped)
+        if decision.status == "none" and not by_groups(self.system, active):
             staying, same = partial(self._staying, point, active=active), partial(self._same_motion, point)
             decision = staying_mode(self.system, mode, active, staying, same, f"at t = {_short(point)}") or decision
         return decision if decision.mode is not None else explained(decision, self.system, mode, active)
 
-    def _decided(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
+    def _decided(self, point: Point, mode: Mode, active: tuple[int, ...], slipped: frozenset[int]) -> Decision:
         if by_groups(self.system, active):
-            return self._decided_in_groups(point, mode, active)
-        if len(active) > EXHAUSTIVE:
-            return self._search(point, mode, active)
+            return self._decided_in_groups(point, mode, active, slipped)
         found = []
         for choice in product(*(self.system.entries_from(mode[i], i) for i in active)):
             candidate = mode
@@ -179,34 +179,47 @@ class ModeSelection:
         modes = " or ".join(mode_text(m, self.system.sign_names) for m in found)
         return Decision("nonunique", None, f"the future is not unique at t = {_short(point)}: {modes}")
 
-    def _decided_in_groups(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
+    def _decided_in_groups(
+        self, point: Point, mode: Mode, active: tuple[int, ...], slipped: frozenset[int]
+    ) -> Decision:
+        numbers = Numbers(
+            partial(self._finite_values, point),
+            lambda value, size: bool(value < 0),
+            partial(self._broken, point),
+            partial(self._same_motion, point),
+            _short(point),
+        )
         try:
-            return decide_groups(
-                self.system,
-                mode,
-                active,
-                lambda group, signs: self._group_values(point, group, signs),
-                lambda value, size: bool(value < 0),
-                lambda candidate: self._violations(point, candidate, active, grouped=True) == (),
-                _short(point),
-            )
+            return decide_groups(self.system, mode, active, slipped, numbers)
         except ModelError as error:
             return Decision("none", None, str(error))
 
-    def _group_values(
-        self, point: Point, group: tuple[int, ...], signs: Mode
-    ) -> tuple[list[arb], list[list[arb]]] | None:
-        """Normal velocities of some surfaces, and the ends of their hold zones; None where they are not finite."""
+    def _finite_values(self, point: Point, expressions: tuple[sp.Expr, ...], signs: Mode) -> list[arb] | None:
+        """Expressions in time, states and signs at a point; None where they are not finite."""
+        entries = {s: sp.Integer(v) for s, v in zip(self.system.signs, signs, strict=True)}
+        values = self._at(point, [self.system.numeric(e).xreplace(entries) for e in expressions])
+        return values if all(value.is_finite() for value in values) else None
+
+    def _broken(self, point: Point, mode: Mode, active: Collection[int]) -> Broken | None:
+        """Guards of contacts in groups that do not hold just after a point; None where the mode has no equations."""
         system = self.system
-        zones = [system.hold_guards(i) if i in system.overrides else () for i in group]
-        written = [self._normals[i] for i in group]
-        written += [system.numeric(g.expression) for zone in zones for g in zone]
-        entries = {s: sp.Integer(v) for s, v in zip(system.signs, signs, strict=True)}
-        values = self._at(point, [e.xreplace(entries) for e in written])
-        if not all(value.is_finite() for value in values):
+        try:
+            terms = self.leading_terms(point, mode, frozenset(active))
+        except ModelError:
             return None
-        ends = iter(values[len(group) :])
-        return values[: len(group)], [[next(ends) for _ in zone] for zone in zones]
+        if terms is None:
+            return None
+        broken = []
+        for guard, term in zip(system.equations(mode).guards, terms, strict=True):
+            i = guard.index
+            if guard.ends or i not in active:
+                continue
+            if guard.kind == "release" and i in system.overrides and not (system.held_inside(i) or system.rests(i)):
+                if not self._attracts(point, mode, i) and (term is None or term[1] <= 0):
+                    broken.append((guard, 0))
+            elif (term is None and guard.kind == "surface") or (term is not None and term[1] < 0):
+                broken.append((guard, NEVER if term is None else order_of(system, guard, term[0])))
+        return broken
 
     def _at(self, point: Point, expressions: Sequence[sp.Expr]) -> list[arb]:
         """Values of expressions in time and states at a point."""
@@ -222,28 +235,8 @@ class ModeSelection:
         ends = [h for g, h in zip(guards, terms, strict=True) if g.kind == "release" and g.index == index]
         return index not in self.system.overrides and all(term is None for term in ends)
 
-    def _search(self, point: Point, mode: Mode, active: tuple[int, ...]) -> Decision:
-        """Start from all sliding; let go what cannot be held, hold what comes back, until nothing changes."""
-        candidate = mode
-        for index in active:
-            candidate = replaced(candidate, index, 0)
-        for _ in range(4 * len(active)):
-            broken = self._violations(point, candidate, active)
-            if broken is None:
-                return Decision("none", None, f"sliding on all of {active} at t = {_short(point)} has no equations")
-            if not broken:
-                return Decision("unique", candidate)
-            for guard in broken:
-                candidate = replaced(candidate, guard.index, guard.to_sign if guard.kind == "release" else 0)
-        return Decision("none", None, f"no consistent mode found at t = {_short(point)}")
-
-    def _violations(
-        self, point: Point, mode: Mode, active: Sequence[int], *, grouped: bool = False
-    ) -> tuple[Guard, ...] | None:
-        """Guards of the mode that do not hold just after the point; None where the mode has no equations.
-
-        ``grouped``: which of several contacts hold is decided for all of them, not for each beside the others.
-        """
+    def _violations(self, point: Point, mode: Mode, active: Sequence[int]) -> tuple[Guard, ...] | None:
+        """Guards of the mode that do not hold just after the point; None where the mode has no equations."""
         try:
             terms = self.leading_terms(point, mode, frozenset(active))
         except ModelError:
@@ -251,15 +244,13 @@ class ModeSelection:
         if terms is None:
             return None
         own = {i for i in active if mode[i] == 0 and i in self.system.overrides}
-        inside = {i for i in active if mode[i] != 0 and (self.system.held_inside(i) or self.system.rests(i))}
-        # Where entry is decided by the hold zone, no slip starts inside it.
-        lost = {i for i in own if not self._sticks(point, mode, i)}
-        held = not grouped and any(self._sticks(point, mode, i) for i in inside)
-        if held or (lost and (grouped or len(active) <= EXHAUSTIVE)):
+        off = {i for i in active if mode[i] != 0 and self.system.rests(i)}
+        # No slip starts where a body rests.
+        if any(self._sticks(point, mode, i) for i in off) or not all(self._sticks(point, mode, i) for i in own):
             return None
         broken = []
         for guard, term in zip(self.system.equations(mode).guards, terms, strict=True):
-            if guard.ends or guard.index not in active or guard.index in own - lost:
+            if guard.ends or guard.index not in active or guard.index in own:
                 continue
             # A surface that is never left is no slip; an equivalent sign that stays at its limit still holds.
             holds = guard.kind == "release" if term is None else term[1] > 0
@@ -289,21 +280,7 @@ class ModeSelection:
 
     def _sticks(self, point: Point, mode: Mode, index: int) -> bool:
         """Whether a surface whose sliding is overridden is slid on from a point."""
-        if self.system.rests(index):
-            return self._rests(point, mode, index)
-        if not self.system.held_inside(index):
-            return self._attracts(point, mode, index)
-        stick = replaced(mode, index, 0)
-        try:
-            terms = self.leading_terms(point, stick, frozenset((index,)))
-        except ModelError:  # beside another sliding surface it has no equations: no derivatives, but the load is there
-            return all(series.sign(value) > 0 for value in self._hold_values(point, mode, index))
-        guards = self.system.equations(stick).guards
-        return terms is not None and all(
-            term is None or term[1] > 0
-            for guard, term in zip(guards, terms, strict=True)
-            if guard.kind == "release" and guard.index == index
-        )
+        return self._rests(point, mode, index) if self.system.rests(index) else self._attracts(point, mode, index)
 
     def _rests(self, point: Point, mode: Mode, index: int) -> bool:
         """Whether a body on a surface stays there: off it, h would neither rise at once nor fall with a speed."""
@@ -312,14 +289,6 @@ class ModeSelection:
         own = zip(self.system.equations(free).guards, terms or (), strict=False)
         term = next((term for g, term in own if g.kind == "surface" and g.index == index), (1, -1))
         return term is None or (term[0] > 1 and term[1] < 0)
-
-    def _hold_values(self, point: Point, mode: Mode, index: int) -> list[arb]:
-        """Values of an override's release guards beside a mode's slips; none where they hold another sign."""
-        system = self.system
-        guards = [system.numeric(g.expression) for g in system.hold_guards(index, mode)]
-        if any(g.has(*system.signs) for g in guards):
-            return []  # which slides, so that the load is not known: no slip is told from a stick there
-        return self._at(point, guards)
 
     def _attracts(self, point: Point, mode: Mode, index: int) -> bool:
         """Whether both fields point at a surface, or along it."""

@@ -13,7 +13,6 @@ from flint import arb
 from henon_ref.filippov.after_jump import AfterJump, Rest
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import resetting, rows_at
@@ -106,7 +105,6 @@ def simulate(problem: Problem, bits: int, *, progress: Progress | None = None, d
     UnsupportedError
         Where too many contacts with static friction act on each other at once.
     """
-    check_groups(problem.system)
     with working_precision(bits + GUARD_BITS):
         return _Simulation(problem, bits, progress, deadline).run()
 

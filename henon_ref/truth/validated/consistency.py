@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -11,7 +11,7 @@ from flint import arb, ctx
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.equations import Guard, Refusal
-from henon_ref.filippov.held_groups import by_groups, decide_groups
+from henon_ref.filippov.held_groups import Broken, Numbers, by_groups, decide_groups, order_of
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.switched_field import up_to_a_number
 from henon_ref.truth.balls import enclose, proves_zero
@@ -20,8 +20,6 @@ from henon_ref.truth.validated.model import ModeModel, SystemModel, solve_for_st
 
 ORDER = 6
 """Derivatives looked at for the sign of a guard."""
-EXHAUSTIVE = 4
-"""With more surfaces in play than this the candidate modes are too many to be tried."""
 
 
 @dataclass(frozen=True)
@@ -104,13 +102,14 @@ class Judge:
             raise EndedError(refusal + self._where(), "none")
         return self._attracting(Entry(mode, zeros))
 
-    def unique(self, mode: Mode, active: tuple[int, ...]) -> Entry:
-        """The one consistent mode among all choices for the active surfaces."""
+    def unique(self, mode: Mode, active: tuple[int, ...], slipped: Collection[int] = ()) -> Entry:
+        """The one consistent mode among all choices for the active surfaces.
+
+        ``slipped``: contacts whose loads have just reached their limits.
+        """
         names = self.model.system.sign_names
         if by_groups(self.model.system, active):
-            return self._grouped(mode, active)
-        if len(active) > EXHAUSTIVE:
-            raise UndecidedError(f"{len(active)} surfaces in play at once: too many modes to try", "mode")
+            return self._grouped(mode, active, slipped)
         found: list[Entry] = []
         for choice in product(*(self.model.system.entries_from(mode[i], i) for i in active)):
             candidate = mode
@@ -126,49 +125,65 @@ class Judge:
         modes = " or ".join(mode_text(e.mode, names) for e in found)
         raise EndedError(f"the future is not unique{self._where()}: {modes}", "nonunique")
 
-    def _grouped(self, mode: Mode, active: tuple[int, ...]) -> Entry:
-        """The entry in which those contacts hold that can."""
-        zeros: dict[Mode, tuple[int, ...]] = {}
-
-        def consistent(candidate: Mode) -> bool:
-            found = self._entry_zeros(candidate, active, grouped=True)
-            if found is not None:
-                zeros[candidate] = found
-            return found is not None
-
+    def _grouped(self, mode: Mode, active: tuple[int, ...], slipped: Collection[int]) -> Entry:
+        """The entry into the mode that Gauss's principle tells."""
+        numbers = Numbers(
+            self._values,
+            lambda value, size: bool(value < 0),
+            self._broken,
+            lambda one, other: False,  # a surface that is never left is not told from one that is left late
+            self.box[0].str(17, radius=False),
+            proven=True,
+        )
+        if not any(map(self.model.system.held_inside, active)):  # any system's fields, not those of friction alone
+            raise UndecidedError(f"{len(active)} surfaces in play at once: too many modes to try", "mode")
         try:
-            decision = decide_groups(
-                self.model.system,
-                mode,
-                active,
-                self._group_values,
-                lambda value, size: bool(value < 0),
-                consistent,
-                self.box[0].str(17, radius=False),
-            )
+            decision = decide_groups(self.model.system, mode, active, slipped, numbers)
         except ModelError as error:
             raise UndecidedError(str(error), "mode") from None
-        if decision.mode is None:
-            assert decision.status != "unique"
+        if decision.status == "nonunique":
             raise EndedError(decision.reason, decision.status)
-        if decision.mode not in zeros and not consistent(decision.mode):
-            raise UndecidedError(f"the mode that loads tell{self._where()} is not kept by its own field", "mode")
-        return self._attracting(Entry(decision.mode, zeros[decision.mode]))
+        if decision.mode is None:  # that pivoting finds none is no proof that there is none
+            raise UndecidedError(decision.reason, "mode")
+        zeros = [count for count, _ in self._leading_terms(self.model.mode(decision.mode))]
+        return self._attracting(Entry(decision.mode, tuple(zeros)))
 
-    def _group_values(self, group: tuple[int, ...], signs: Mode) -> tuple[list[arb], list[list[arb]]] | None:
-        """Normal velocities of some surfaces, and the ends of their hold zones; None where they are not finite."""
+    def _values(self, expressions: tuple[sp.Expr, ...], signs: Mode) -> list[arb] | None:
+        """Expressions in time, states and signs at the point; None where they are not finite."""
         system = self.model.system
         entries = {s: sp.Integer(v) for s, v in zip(system.signs, signs, strict=True)}
         at = dict(zip(self.model.symbols, self.box, strict=True))
-        zones = [system.hold_guards(i) if i in system.overrides else () for i in group]
+        values = [enclose(system.numeric(e).xreplace(entries), at) for e in expressions]
+        return values if all(v.is_finite() for v in values) else None
 
-        def value(expression: sp.Expr) -> arb:
-            return enclose(system.numeric(expression).xreplace(entries), at)
+    def _broken(self, mode: Mode, active: Collection[int]) -> Broken | None:
+        """Guards of contacts in groups that are proven not to hold; None where the mode has no equations."""
+        try:
+            made = self.model.mode(mode)
+        except ModelError:
+            return None
+        terms = zip(made.guards, self._leading_terms(made), strict=True)
+        return [(g, order_of(self.model.system, g, k)) for g, (k, sign) in terms if sign < 0]
 
-        speeds = [value(system.normal_velocity(i)) for i in group]
-        ends = [[value(guard.expression) for guard in zone] for zone in zones]
-        finite = all(v.is_finite() for v in (*speeds, *(end for own in ends for end in own)))
-        return (speeds, ends) if finite else None
+    def _leading_terms(self, made: ModeModel) -> list[tuple[int, int]]:
+        """For each guard how many of its coefficients are exactly zero, and the sign of the next; (0, 1) off it."""
+        series = made.flow.run(ctx.prec, self.box[0], self.box[1:], ORDER, arb(1))
+        rows = zip(made.guards, (series[i] for i in made.flow.outputs), strict=True)
+        found = []
+        for guard, row in rows:
+            if guard.ends or guard.index not in self.on:
+                found.append((0, 1))
+            elif self._by_own_rule(guard):
+                found.append((0, 1 if self._attracts(made.mode, guard.index) else -1))
+            else:
+                found.append(self._leading(made, guard, row))
+        return found
+
+    def _by_own_rule(self, guard: Guard) -> bool:
+        """Whether a guard ends a slide that attracts by an override of its own."""
+        system = self.model.system
+        own = guard.index in system.overrides and not system.held_inside(guard.index)
+        return own and not system.rests(guard.index) and guard.kind == "release"
 
     def _attracting(self, entry: Entry) -> Entry:
         """An entry, where it is sure that sliding on an intersection attracts."""
@@ -182,11 +197,8 @@ class Judge:
     def _where(self) -> str:
         return f" at t = {self.box[0].str(17, radius=False)}"
 
-    def _entry_zeros(self, mode: Mode, active: Sequence[int], *, grouped: bool = False) -> tuple[int, ...] | None:
-        """Exact leading zeros of every guard where the mode is consistent, None where it is proven not to be.
-
-        ``grouped``: which of several contacts hold is decided for all of them, not for each beside the others.
-        """
+    def _entry_zeros(self, mode: Mode, active: Sequence[int]) -> tuple[int, ...] | None:
+        """Exact leading zeros of every guard where the mode is consistent, None where it is proven not to be."""
         try:
             made = self.model.mode(mode)
         except ModelError:
@@ -199,7 +211,7 @@ class Judge:
                 continue
             system = self.model.system
             inside = guard.index in active and (system.held_inside(guard.index) or system.rests(guard.index))
-            if inside and guard.kind == "surface" and not grouped and self._held(mode, guard.index):
+            if inside and guard.kind == "surface" and self._held(mode, guard.index):
                 return None  # no slip starts inside the hold zone
             if guard.rising_only and not inside:
                 if guard.index in active and not self._attracts(mode, guard.index):

@@ -15,6 +15,7 @@ from flint import arb
 
 from henon_ref.filippov.decision import ended
 from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.held_groups import slipped_by
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resting import impact_of, into_surface
@@ -108,7 +109,7 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
         judge = Judge(model, box, on, _identities(model, [i for i in on if i not in moving], moving, *released_by))
         if hit.kind == "surface" and system.rests(hit.index):  # from the side where nothing can rest
             return judge.fixed(replaced(mode, hit.index, hit.to_sign), "the surface is not left"), on
-        return judge.unique(mode, tuple(sorted(system.in_play([hit.index], on)))), on
+        return judge.unique(mode, tuple(sorted(system.in_play([hit.index], on))), slipped_by(system, [hit])), on
     released = replaced(mode, hit.index, hit.to_sign)
     identities = _identities(model, on, (), hit.expression)
     smooth = None if hit.index in system.overrides else hit.index

@@ -10,7 +10,6 @@ from typing import Literal
 
 from flint import arb
 
-from henon_ref.filippov.held_groups import check_groups
 from henon_ref.filippov.modes import Mode, transition_kind
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import rows_at
@@ -122,7 +121,6 @@ def certify(
     UnsupportedError
         Where too many contacts with static friction act on each other at once.
     """
-    check_groups(problem.system)
     begun = clock.monotonic()
     until = None if deadline is None else begun + deadline
     model = SystemModel(problem.system)
