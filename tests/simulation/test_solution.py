@@ -150,7 +150,7 @@ def test_states_and_axes_of_the_portrait_are_chosen(stick_slip: hr.Solution) -> 
     assert (own.get_xlabel(), own.get_ylabel()) == ("time t [s]", "$v$")
     assert stick_slip.plot(y="x")[0].get_xlabel() == "$v$"
     assert stick_slip.plot(x="v")[0].get_ylabel() == "$x$"
-    with pytest.raises(hr.HenonRefError, match="x is 'w', which is no state.*wanted one of x, v, t"):
+    with pytest.raises(hr.HenonRefError, match=r"x is 'w', which is no state.*wanted one of x, v, t"):
         stick_slip.plot(x="w")
     with pytest.raises(hr.HenonRefError, match="y is 't', which is no state"):
         stick_slip.plot(y="t")
