@@ -57,7 +57,7 @@ _TWO_CONDITIONS = (
     "a condition has one comparison: where two are to hold, write one piecewise in another, as in "
     "piecewise(piecewise(1, x < 1, 0), x > 0, 0) for 0 < x < 1"
 )
-_CONNECTIVES = ("and", "or", "not", "if", "else", "where")
+_CONNECTIVES = ("and", "or", "not")
 _HINTS: dict[str, str] = {
     **dict.fromkeys(
         KINK_FUNCTIONS,

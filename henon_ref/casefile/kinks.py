@@ -175,6 +175,8 @@ def check_on_surface(
         for side in (sp.Integer(1), sp.Integer(-1))
     )
     own = values[_first((not sign.is_number and not s) or sign == 1 for sign, s in zip(signs, strict, strict=True))]
+    if own.xreplace({surface: sp.S.One}) == above or own.xreplace({surface: sp.S.NegativeOne}) == below:
+        return
     here = {surface.args[0]: sp.S.Zero, surface: sp.S.Zero}
     apart = [own.xreplace(here) - side.xreplace(here) for side in (above, below, (above + below) / 2)]
     if all(difference != 0 and (terms(difference) > MAX_TERMS or sp.expand(difference) != 0) for difference in apart):

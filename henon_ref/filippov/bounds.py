@@ -16,8 +16,8 @@ MAX_POWER = 64
 """Largest absolute integer exponent over anything that is not a number."""
 MAX_ROOT = 1_000_000
 """Largest denominator of a rational exponent."""
-MAX_RATE = 10**15
-"""Largest absolute factor of anything that is not a number in an exponent."""
+MAX_RATE = 10**8
+"""Largest absolute factor of anything that is not a number in an exponent: SymPy may take it for a degree."""
 MAX_ANGLE = 10**15
 """Largest absolute number that sin, cos and tan are taken of."""
 MAX_TERMS = 20_000

@@ -78,3 +78,24 @@ def test_what_cannot_be_meant_is_refused(call: object, says: str) -> None:
     with pytest.raises(hr.HenonRefError, match=says) as refused:
         call()
     assert len(str(refused.value)) < 400
+
+
+@pytest.mark.parametrize("term", ["x^{k}/{k}", "1/({k} + x^2)"])
+def test_tangent_points_of_two_dozen_ordinary_terms(term: str) -> None:
+    rate = "-x + " + " + ".join(term.format(k=k) for k in range(1, 25))
+    system = hr.System(["x", "v"], {"F": 1}, {"s": "v"}, ["v", f"{rate} - F*s"])
+    found = hr.tangent_points(system)
+    assert found
+    x = sp.Symbol("x")
+    for point in found:
+        value = sp.sympify(rate.replace("^", "**"), locals={"x": x}).subs(x, sp.N(point.position, 30))
+        assert abs(value - point.side) < 1e-20
+
+
+@pytest.mark.parametrize(
+    "terms", ["+".join(f"sin({k}*x)/(1 + x^{k})" for k in range(1, 25)), "sin(" * 6 + "x" + ")" * 6]
+)
+def test_what_has_no_closed_form_is_refused_at_once(terms: str) -> None:
+    system = hr.System(["x", "v"], {"F": 1}, {"s": "v"}, ["v", f"-x - F*s + {terms}"])
+    with pytest.raises(hr.HenonRefError, match="no closed form of the tangent points is looked for"):
+        hr.tangent_points(system)

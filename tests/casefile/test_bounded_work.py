@@ -74,7 +74,7 @@ def operations(monkeypatch) -> Counter[str]:
     kept = SyntaxWalk._operation
 
     def counted(self, node, depth):  # type: ignore[no-untyped-def]
-        seen[self.scanned.python[node.col_offset : node.end_col_offset]] += 1
+        seen[self.scanned.python[node.col_offset : node.end_col_offset].decode()] += 1
         return kept(self, node, depth)
 
     monkeypatch.setattr(SyntaxWalk, "_operation", counted)

@@ -509,3 +509,40 @@ def test_a_truth_whose_hidden_kinks_change_their_signs_is_stored_and_read_again(
     stored = stored_truth(case, case.readings[0], tmp_path)
     assert stored is not None
     assert stored.transitions == found.transitions
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "piecewise(sign(v), abs(v) > 0, 2)",
+        "piecewise(2, abs(v) <= 0, sign(v))",
+        "piecewise(1, v > 0, -1, v < 0, 2)",
+        "sign(v)*piecewise(1, abs(v) > 0, 2)",
+    ],
+)
+def test_a_value_on_a_surface_that_neither_side_has_is_refused(text: str) -> None:
+    with pytest.raises(ExpressionError, match=r"where v is 0 this is 2.*'static'"):
+        parse_field(text, NAMES, Work())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "piecewise(1, v > 0, -1, v < 0, 0)",
+        "piecewise(sign(v), abs(v) > 0, 0)",
+        "piecewise(1, v >= 0, -1, v < 0, 7)",
+        "piecewise(1, v > 0, -1)",
+        "piecewise(x, x > 0, 0)",
+        "piecewise(1, x < 1, 2, x < 2, 3)",
+        "piecewise(1, abs(v) > 0.001, 1000*v)",
+    ],
+)
+def test_a_value_on_a_surface_that_changes_nothing_is_taken(text: str) -> None:
+    parse_field(text, NAMES, Work())
+
+
+def test_the_least_of_300_terms_is_read_and_stays_short() -> None:
+    (found,), made = read(f"min({', '.join(f'{k}*x' for k in range(1, 301))})")
+    assert list(made.values()) == [-X]
+    values = [found.xreplace({K1: sp.Integer(side)}) for side in (1, -1)]
+    assert [sp.expand(value) for value in values] == [300 * X, X]

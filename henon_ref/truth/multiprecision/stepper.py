@@ -179,7 +179,8 @@ class Stepper:
         for _ in range(self.order):
             powers.append(powers[-1] * length)
         scaled = self._integrator.tc * np.array(powers)
-        return Step(finite, begin, length, scaled, scaled.astype(float))
+        with np.errstate(invalid="ignore"):  # a field that is not finite
+            return Step(finite, begin, length, scaled, scaled.astype(float))
 
     def _trusted(self, step: Step) -> bool:
         """Whether the polynomials stand for the solution on the whole step.
