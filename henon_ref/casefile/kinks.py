@@ -178,7 +178,7 @@ def check_on_surface(
     if own.xreplace({surface: sp.S.One}) == above or own.xreplace({surface: sp.S.NegativeOne}) == below:
         return
     here = {surface.args[0]: sp.S.Zero, surface: sp.S.Zero}
-    apart = [own.xreplace(here) - side.xreplace(here) for side in (above, below, (above + below) / 2)]
+    apart = [(own - side).xreplace(here) for side in (above, below, (above + below) / 2)]
     if all(difference != 0 and (terms(difference) > MAX_TERMS or sp.expand(difference) != 0) for difference in apart):
         value = "a value of its own" if own.has(Sgn) else shown(own)
         raise ExpressionError(

@@ -533,6 +533,7 @@ def test_a_value_on_a_surface_that_neither_side_has_is_refused(text: str) -> Non
         "piecewise(1, v >= 0, -1, v < 0, 7)",
         "piecewise(1, v > 0, -1)",
         "piecewise(x, x > 0, 0)",
+        "piecewise(0, x > 0, log(-x))",
         "piecewise(1, x < 1, 2, x < 2, 3)",
         "piecewise(1, abs(v) > 0.001, 1000*v)",
     ],
