@@ -98,7 +98,7 @@ def planned(
     states = {name: value for name, value in first.items() if name in system.state}
     swept = {name: value for name, value in first.items() if name not in states}
     initial, until, start, mode = start_of(system, initial, until, start, mode)
-    given = dict(initial) if isinstance(initial, Mapping) else initial
+    given: Any = dict(initial) if isinstance(initial, Mapping) else initial
     _, problem = problem_of(system, given, until=until, start=start)
     if states or swept:
         problem_of(system, {**given, **states}, until=until, start=start, parameters=swept)
