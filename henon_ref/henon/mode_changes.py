@@ -23,6 +23,7 @@ from henon_ref.henon.recorder import events_accumulate
 from henon_ref.henon.records import CROSSING, RELEASED, RESET, STEP, STEP_PLACES, STICK, TRANSITION, TRANSITION_PLACES
 from henon_ref.henon.state import NOWHERE, ReturnCode, rounding_place
 from henon_ref.henon.state_view import State
+from henon_ref.henon.step import BLOWN_UP
 from henon_ref.henon.transition_array import KINDS
 from henon_ref.jit.njit import in_python
 from henon_ref.trajectory import Status
@@ -203,6 +204,8 @@ class ModeChanges(State):
         after = self.start.constants.jumps.after(surfaces, hits, self.mode, time, state, most)
         self.before_jump[:] = self.x
         self._put(time, after.state)
+        if not all(abs(high) < BLOWN_UP for high, _ in after.state):
+            return ending_of(self, ReturnCode.DIVERGED)
         ended, rest = self._change_mode(after.decision, after.known_zeros, (), after.applied), after.rest
         if ended is not None or rest is None:
             return ended

@@ -130,3 +130,10 @@ def test_what_overflows_is_not_ok(field: list[str]) -> None:
     except hr.HenonRefError:
         return
     assert run.status != "ok" or all(map(math.isfinite, run.y.ravel().tolist()))
+
+
+@pytest.mark.parametrize("until", [1.0, 2.0])  # the jump is at the horizon, or before it
+def test_a_jump_to_what_no_double_holds_is_not_ok(until: float) -> None:
+    system = hr.System(["x", "v"], {}, {"s": "x"}, ["-1", "0"], resets={"s": {"map": {"x": "1", "v": "1e200*v*1e200"}}})
+    run = hr.simulate(system, {"x": 1, "v": 1}, until=until)
+    assert run.status == "diverged"

@@ -154,7 +154,6 @@ REFUSED = {
     "a missing state": {"initial": {"x": 0}},
     "an unknown state": {"initial": {"x": 0, "v": 0, "q": 1}},
     "a time among the states": {"initial": {"x": 0, "v": 0, "t": 1}},
-    "states that are a list": {"initial": [0, 1]},
     "a state that is None": {"initial": {"x": None, "v": 0}},
     "a truth value": {"initial": {"x": True, "v": 0}},
     "a name that is no parameter": {"initial": {"x": "q", "v": 0}},
