@@ -249,7 +249,7 @@ def jump_transition(run, x, known_zeros, records, count, tables, numbers, band, 
     if end != target:
         record_transition(run, x, records, STICK, index, 1, target, end, run.landing)
         accumulate = events_accumulate(run)
-    run.mode = end
+    run.mode, run.more_digits = end, 0
     set_known_zeros(known_zeros, _layout(run, tables, end), index, 1 if kept and end == target else 0)
     return ReturnCode.EVENTS_ACCUMULATE.value if accumulate else ON
 

@@ -26,6 +26,8 @@ from henon_ref.henon.state_view import State
 from henon_ref.henon.step import BLOWN_UP
 from henon_ref.henon.transition_array import KINDS
 from henon_ref.jit.njit import in_python
+from henon_ref.precision import working_precision
+from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status
 
 _events_accumulate = in_python(events_accumulate)
@@ -128,18 +130,20 @@ class ModeChanges(State):
     def _digits(self) -> tuple[list[arb], list[float]]:
         """The state in as many digits as there are, and what each entry may be off.
 
-        More than doubles have kept are there as long as the first mode lasts, and nobody else has changed the state.
+        More than doubles have kept are there as long as the first mode lasts, and neither a jump nor a caller has
+        changed the state.
         """
         scalars, start, state = self.scalars, self.start, self.x.tolist()
         time, length = (float(scalars.time), float(scalars.time_low)), float(scalars.step_length)
-        if scalars.more_digits and scalars.remembered == 1 and not self.integrator.system.resets:
+        if scalars.more_digits and scalars.remembered == 1:
             if self._motion is None:
                 self._motion = PreciseMotion(start.constants.precise, self.mode, start.time, start.x)
             found = self._motion.at(time, state, length)
             if found is not None:
                 return found
         scalars.more_digits = 0
-        exact = [arb(high) + arb(low) for high, low in zip(state, self.x_low.tolist(), strict=True)]
+        with working_precision(BITS):
+            exact = [arb(high) + arb(low) for high, low in zip(state, self.x_low.tolist(), strict=True)]
         return exact, [STATE_ROUNDING * abs(x) for x in state]
 
     def _passed_over(self, guard: Guard) -> None:
@@ -204,6 +208,7 @@ class ModeChanges(State):
         after = self.start.constants.jumps.after(surfaces, hits, self.mode, time, state, most)
         self.before_jump[:] = self.x
         self._put(time, after.state)
+        self.scalars.more_digits = 0
         if not all(abs(high) < BLOWN_UP for high, _ in after.state):
             return ending_of(self, ReturnCode.DIVERGED)
         ended, rest = self._change_mode(after.decision, after.known_zeros, (), after.applied), after.rest

@@ -58,8 +58,10 @@ DECIDED_STEEPNESS = 1e-5
 """Relative steepness from which double precision decides a root."""
 FLAT_LEVEL = 1e-6
 """Part of its size above which a minimum is beyond rounding, whatever that makes of it."""
-HIGHER_ORDER = 8.0
-"""So many squares of a rounding are terms of higher order in it, which tell nothing."""
+SMALL_PART = 2.0**-40
+"""Part of a rounding that the state is moved by, for what it makes of a minimum to first order."""
+LEAST_MOVE = 1e-40
+"""Part of a guard's size below which what moves its minimum is higher order, or multiprecision's own rounding."""
 CLEAR_LEVEL = 1e-9
 """A guard that stays above this of its size by the sizes of its terms alone has no event."""
 EXPANDED_PART = 1.25
@@ -216,17 +218,17 @@ def _beyond_rounding(
     for i, off in enumerate(step.rounding):
         if off == 0.0:
             continue
-        sides = [[x + side * arb(off) if j == i else x for j, x in enumerate(step.state)] for side in (-1, 1)]
+        sides = [
+            [x + side * arb(SMALL_PART * off) if j == i else x for j, x in enumerate(step.state)] for side in (-1, 1)
+        ]
         below, above = (modes.expand(step.mode, start, state, unit)[1] for state in sides)
         for event in (e for e in events if e.guard in flat):
             low, high = (arb_poly(list(o[event.guard]))(arb(event.place) / ONE) for o in (below, above))
             size = sum((abs(float(c)) for c in outputs[event.guard]), 0.0) or 1.0
-            flat[event.guard] += abs(float(high - low)) / (2.0 * size)
-    largest = max(abs(float(x)) for x in step.state) or 1.0
-    higher_order = HIGHER_ORDER * (sum(step.rounding) / largest) ** 2
+            flat[event.guard] += abs(float(high - low)) / (2.0 * SMALL_PART * size)
     found = [
         replace(e, what="miss", lowest=True, order=2, below_rounding=True)
-        if flat.get(e.guard, 0.0) > max(e.depth, higher_order)
+        if flat.get(e.guard, 0.0) > max(e.depth, LEAST_MOVE)
         else e
         for e in events
     ]

@@ -99,7 +99,7 @@ def _template(
 ) -> NDArray[np.float64]:
     """What is the same for many starts. (To put each field in its place takes several microseconds.)"""
     state = np.zeros(state_places(states, guards))
-    state[-guards:] = np.inf
+    state[len(state) - guards :] = np.inf
     run = state[:LAST_STEPS].view(RUN_VIEW)[0]
     run.event_time, run.tolerance, run.order, run.method = -np.inf, tolerance, order, method
     run.rest_part, run.more_digits = REMAINING, 1

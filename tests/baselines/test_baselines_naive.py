@@ -96,7 +96,7 @@ def test_three_surfaces_are_read_off_jointly() -> None:
 
 @pytest.mark.parametrize("solver", [SMOOTHED, SIGN], ids=lambda s: s.name)
 def test_both_end_as_the_contract_says(solver: Any) -> None:
-    with pytest.raises(UnsupportedError, match="knows no sliding"):
+    with pytest.raises(UnsupportedError, match="cannot begin there on a given side"):
         run(solver, systems.static_belt(), 1e-6)
     found = run(solver, systems.blow_up(), 1e-6)
     assert (found.status, found.end_time) == ("diverged", pytest.approx(1.0, abs=1e-4))

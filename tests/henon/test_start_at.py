@@ -47,7 +47,7 @@ def _case(path: Path) -> object:
     return pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem == "burridge_knopoff" else [])
 
 
-@pytest.mark.parametrize("path", map(_case, case_files(CASES)))
+@pytest.mark.parametrize("path", [_case(path) for path in case_files(CASES)])
 def test_every_case_starts_as_from_exact_numbers(path: Path) -> None:
     """In the same mode, with the same known zeros and, but for the last bits of what rounding lost, constants."""
     problem = load_case(path).readings[0].problem

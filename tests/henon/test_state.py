@@ -42,5 +42,6 @@ def test_counts_and_places_are_integers_and_the_rest_doubles() -> None:
     }
     whole |= {"transition_capacity", "states", "guards"}
     whole |= {"stop_falling", "stop_rising", "stopped", "most_steps", "dense", "dense_steps", "dense_capacity"}
+    whole |= {"more_digits", "below_rounding"}
     assert RUN.fields is not None
     assert {name for name, (kind, *_) in RUN.fields.items() if kind == np.int64} == whole

@@ -22,6 +22,8 @@ SHORT = 12
 """Characters that a commit is told by, as in a report."""
 UNJUDGED = (None, "not judged")
 """Verdicts of runs that were not judged."""
+EVERY_REPORT_HAS = RUN_COLUMNS[: RUN_COLUMNS.index("undecided_after_s")]
+"""Columns of a list of runs of this package; reports that were made earlier lack those behind them."""
 MATRIX_COLUMNS = (
     "case", "title", "reading", "kind", "solver", "settings", "judged", "right", "status", "verdict", "digits",
     "wall_s", *(f"wall_{level}_s" for level in LEVELS), "commit",
@@ -78,7 +80,7 @@ def rows_of_report(manifest: Path) -> list[Row]:
         raise CaseError(f"cannot be read: {error}", file=str(file)) from error
     by_reading: dict[str, list[Row]] = {}
     for row in runs:
-        missing = [column for column in RUN_COLUMNS if column not in row]
+        missing = [column for column in EVERY_REPORT_HAS if column not in row]
         if missing:
             raise CaseError(f"is no list of runs of this package: it has no column {missing[0]}", file=str(file))
         by_reading.setdefault(str(row["reading"]), []).append(row)

@@ -84,7 +84,7 @@ def _note(rows: Sequence[Row], best: Row | None) -> str:
     phrases = [f"{ending} at {', '.join(at)}" for ending, at in notes.items()]
     if best is not None and best["missed_touches"]:
         phrases.append(f"touches missed: {number(best, 'missed_touches'):.0f}")
-    if best is not None and best["undecided_after_s"] is not None:
+    if best is not None and best.get("undecided_after_s") is not None:
         phrases.append(f"decided until t = {number(best, 'undecided_after_s'):.9g} s")
     if best is not None and best["wall_s"] is None:
         phrases.append(f"no time: {markdown(str(best['status_reason'])).rstrip('.')}")
