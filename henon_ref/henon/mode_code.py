@@ -89,8 +89,8 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int) -> ModeCode
     outputs = [g.expression for g in equations.guards]
     sides = _speeds(system, equations.guards)
     if key == mode:  # these are its own
-        slip = system.slip_signs(mode)
-        sides = [speed.xreplace(slip) for speed in sides]
+        own = dict(zip(system.signs, map(sp.Integer, mode), strict=True))
+        sides = [speed.xreplace(own) for speed in sides]
         entries: Entries = (({}, {}, {}),) * len(mode)
     else:
         entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)
