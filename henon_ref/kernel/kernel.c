@@ -4,6 +4,8 @@
  * what follows. henon_ref/kernel/kernel.h says what of it Python sees.
  */
 #include "kernel.h"
+#include "self_test.h"
+
 #include "numbers.h"
 #include "work.h"
 

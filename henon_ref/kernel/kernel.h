@@ -1,7 +1,7 @@
 /* What the compiled loop and Python share: structures, numbers with names, and the functions that Python calls.
  *
  * The compiler reads this file, and so does cffi (henon_ref.kernel.library), from which NumPy's record types are made
- * (henon_ref.kernel.interface): there is no second description. Lengths of arrays: n states, G guards of the largest
+ * (henon_ref.kernel.shared): there is no second description. Lengths of arrays: n states, G guards of the largest
  * mode, M modes that are compiled. Times are in seconds; the "unit" is the unit of time in which a run's Taylor
  * coefficients are, about the size of a step.
  */

@@ -1,0 +1,1 @@
+"""Builds this project: the backend that pyproject.toml names."""
