@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from henon_ref.filippov.resting import REMAINING
 from henon_ref.henon.mode_constants import ModeConstants
-from henon_ref.henon.state import LAST_STEPS, RUN, RUN_VIEW, STATE_PLACE, state_places
-from henon_ref.henon.workspace import CHUNK
+from henon_ref.henon.workspace import CHUNK, LAST_STEPS, RUN, RUN_VIEW, STATE_PLACE, places
 from henon_ref.trajectory import Trajectory
 
 NO_LIMIT = 1 << 62
@@ -21,10 +20,10 @@ NO_LIMIT = 1 << 62
 MOST_STEPS = 100_000_000
 """Steps of a run that has no limit of its own."""
 _BEGIN, _HORIZON, _MODE = Struct("4d"), Struct("2d"), Struct("q")
-_NAMES = RUN.names or ()
-_HORIZON_PLACE, _MODE_PLACE = 8 * _NAMES.index("horizon"), 8 * _NAMES.index("mode")
+_FIELDS = RUN.fields or {}
+_HORIZON_PLACE, _MODE_PLACE = _FIELDS["horizon"][1], _FIELDS["mode"][1]
 """In bytes; time, what rounding it lost, unit and begin come first."""
-assert _NAMES[:4] == ("time", "time_low", "unit", "begin")
+assert list(_FIELDS)[:4] == ["time", "time_low", "unit", "begin"]
 
 
 def out_of_steps(steps: int, time: float) -> str:
@@ -70,7 +69,7 @@ class Start:
 
     @cached_property
     def state(self) -> NDArray[np.float64]:
-        """What a run begins with (see :func:`henon_ref.henon.loop.advance`). Each run copies it to its workspace."""
+        """What a run begins with (``struct run`` of ``henon_ref/kernel/kernel.h``, and the vectors). Each run copies it to its workspace."""
         n, guards = len(self.x), len(self.zeros)
         limits = self.stop_falling, self.stop_rising, self.most_steps
         state = _template(n, guards, self.order, self.landing, self.tolerance, *limits).copy()
@@ -98,7 +97,7 @@ def _template(
     most_steps: int,
 ) -> NDArray[np.float64]:
     """What is the same for many starts. (To put each field in its place takes several microseconds.)"""
-    state = np.zeros(state_places(states, guards))
+    state = np.zeros(places(states, guards, order).end_of_state)
     state[len(state) - guards :] = np.inf
     run = state[:LAST_STEPS].view(RUN_VIEW)[0]
     run.event_time, run.tolerance, run.order, run.method = -np.inf, tolerance, order, method
