@@ -10,7 +10,10 @@
 
 #include <stdint.h>
 
-#ifndef HENON_EXPORT
+/* Python sees it, and calls from within stay within: "protected", as the C library has an advance() of its own. */
+#ifdef __ELF__
+#define HENON_EXPORT __attribute__((visibility("protected")))
+#else
 #define HENON_EXPORT __attribute__((visibility("default")))
 #endif
 
