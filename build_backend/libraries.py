@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -19,14 +20,22 @@ SOURCES = ("henon_ref/kernel/kernel.c",)
 """One translation unit each, that includes all it is made of."""
 _RECIPE: dict[str, Any] = runpy.run_path(str(ROOT / "henon_ref/kernel/compilation.py"))
 FLAGS: tuple[str, ...] = _RECIPE["FLAGS"]
+_VARIANTS: tuple[Any, ...] = _RECIPE["variants"]()
+_JOBS = list(product(SOURCES, _VARIANTS))
 
 
+@cache
 def compiler() -> Compiler:
     """The compiler that builds here."""
-    return choose(FLAGS, [variant.architecture for variant in _RECIPE["variants"]()])
+    return choose(FLAGS, [variant.architecture for variant in _VARIANTS])
 
 
-def build(into: Path = ROOT, *, root: Path = ROOT, extra: tuple[str, ...] = ()) -> list[Path]:
+def library_files() -> list[Path]:
+    """The libraries, relative to the tree's root."""
+    return [_RECIPE["library_file"](Path(source), variant) for source, variant in _JOBS]
+
+
+def compile_all(into: Path = ROOT, *, root: Path = ROOT, extra: tuple[str, ...] = ()) -> list[Path]:
     """Compile every source for every kind of processor.
 
     Parameters
@@ -49,10 +58,9 @@ def build(into: Path = ROOT, *, root: Path = ROOT, extra: tuple[str, ...] = ()) 
         Where there is no compiler, or it does not compile one of them.
     """
     chosen = compiler()
-    jobs = list(product(SOURCES, _RECIPE["variants"]()))
     with tempfile.TemporaryDirectory() as caches, ThreadPoolExecutor(os.cpu_count()) as pool:
         environment = os.environ | {"ZIG_LOCAL_CACHE_DIR": caches, "ZIG_GLOBAL_CACHE_DIR": caches}
-        return list(pool.map(lambda job: _library(chosen, *job, into, root, extra, environment), jobs))
+        return list(pool.map(lambda job: _library(chosen, *job, into, root, extra, environment), _JOBS))
 
 
 def _library(
