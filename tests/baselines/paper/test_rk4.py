@@ -16,11 +16,11 @@ import sympy as sp
 from problems import make_problem
 from scipy.optimize import brentq
 
+from baselines.paper.rk4 import RK4
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.rk4 import RK4
 from henon_ref.solver import Solver
 from henon_ref.taylor.tape import TIME
 
@@ -229,7 +229,7 @@ def test_a_crossing_at_the_very_end_of_a_step_is_found(step: float) -> None:
 
 
 def test_what_rounding_lost_of_a_time_is_less_than_its_last_place() -> None:
-    case = load_case(Path(__file__).parents[2] / "cases" / "fig8.yaml")
+    case = load_case(Path(__file__).parents[3] / "cases" / "fig8.yaml")
     found = RK4.prepare(case.reading("equations").problem, step=1e-3)()
     assert len(found.transitions) > 50
     assert all(abs(event.time_low) <= np.spacing(event.time) / 2 for event in found.transitions)

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from baselines.paper.listing import LISTING
+from baselines.paper.rk4 import RK4
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
-from henon_ref.henon.listing import LISTING
-from henon_ref.henon.rk4 import RK4
 from henon_ref.solver import Solver
 from henon_ref.taylor.tape import TIME
 

@@ -13,11 +13,12 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from weakref import WeakKeyDictionary
 
-import numba
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from baselines.paper.compiled import COMPILER
+from baselines.paper.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, crossed_guards, land
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
@@ -26,7 +27,6 @@ from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.filippov.two_signs import sign_after
-from henon_ref.henon.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, crossed_guards, land
 from henon_ref.jit.processor_time import Deadline, compiling
 from henon_ref.solver import Run
 from henon_ref.taylor.tape import TIME
@@ -67,8 +67,8 @@ class HenonRK4:
 
     @property
     def version(self) -> str:
-        """Version of numba, which compiles the steps."""
-        return f"numba {numba.__version__}"
+        """Version of the compiler of the steps."""
+        return COMPILER
 
     def prepare(
         self,

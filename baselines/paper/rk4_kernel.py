@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -11,14 +10,13 @@ import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from baselines.paper.compiled import ffi, flags, lib, rows
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.jit.calls import call_expand
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import NativeModule
-from henon_ref.jit.njit import inner, njit
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
@@ -26,14 +24,14 @@ Floats = NDArray[np.float64]
 
 STEEP = 0.5
 """Hénon's swap is used while the guard's rate stays within this ratio over it; else the root is bracketed."""
-DONE, EVENT, NOT_FINITE, NO_GUARD = 0, 1, 2, 3
-"""How the compiled loop came back."""
+EVENT, NOT_FINITE, NO_GUARD = lib.RK4_EVENT, lib.RK4_NOT_FINITE, lib.RK4_NO_GUARD
+"""How the compiled loop came back before its last step."""
 
 
 class Kernel:
     """Equations of one mode.
 
-    The loop and its steps are compiled once for all systems; the field and the guards are machine code
+    The loop and its steps are C (``rk4.c``), the same for all systems; the field and the guards are machine code
     written from the tape. What landings need is plain Python: they are too rare to be worth a compilation.
 
     Raises
@@ -56,9 +54,17 @@ class Kernel:
         names = ("field", "guards")
         parts = [expansion_ir(tape, n, 0, name) for tape, name in zip(tapes, names, strict=True)]
         self._code = NativeModule(declarations() + "".join(parts))
-        self._addresses = np.array([self._code.address(name) for name in names])
-        self._constants = tuple(_numbers(system, tape) for tape in tapes)
-        self._room = np.zeros(3 * n), np.zeros(n + len(expressions))
+        self._constants = [_numbers(system, tape) for tape in tapes]
+        self._mode = ffi.new(
+            "struct rk4_mode *",
+            [
+                *(n, len(expressions)),
+                *(ffi.cast("rk4_values", self._code.address(name)) for name in names),
+                *map(rows, self._constants),
+                flags(self.rising_only),
+            ],
+        )
+        self._states, self._room = n, 4 * n + len(expressions)
         along = list(zip(system.states, equations.field, strict=True))
         rates = [sp.diff(e, TIME) + sp.Add(*(sp.diff(e, x) * f for x, f in along)) for e in expressions]
         self.field = _function(system, equations.field)
@@ -68,13 +74,13 @@ class Kernel:
 
     def step(self, t: float, x: Floats, h: float, out: Floats) -> None:
         """One step from (t, x), written to ``out``."""
-        _step(self._addresses, self._constants, self._room, t, x, h, out)
+        lib.rk4_step(self._mode, rows(np.empty(self._room)), t, rows(x), h, rows(out))
 
     def values(self, t: float, x: Floats) -> list[float]:
         """The guards at (t, x)."""
-        _values(self._addresses, self._constants, self._room, t, x)
-        found: list[float] = self._room[1][x.size :].tolist()
-        return found
+        found = np.empty(self._room)
+        lib.rk4_guards(self._mode, t, rows(x), rows(found))
+        return found[self._states : self._states + self._mode.guards].tolist()
 
     def advance(
         self,
@@ -88,12 +94,16 @@ class Kernel:
         samples: Floats,
         filled: int,
     ) -> tuple[int, int, int]:
-        """The compiled loop, :func:`_advance`."""
-        done, filled, code = _advance(
-            self._addresses, self._constants, self._room, base, *steps, h, x, armed, self.rising_only, new,
-            wanted, samples, filled,
-        )  # fmt: skip
-        return done, filled, code
+        """Steps of length ``h`` by their numbers, counted from time ``base`` (``rk4_advance`` of ``paper.h``).
+
+        Returns the steps done, the samples filled, and how it came back. At an event ``x`` is the state before the
+        step that crossed a guard and ``new`` the one after it.
+        """
+        room = np.empty(self._room)
+        state = rows(x), rows(new), flags(armed), rows(wanted)
+        given = ffi.new("struct rk4_steps *", [base, h, *steps, *state, wanted.size, rows(samples), filled, rows(room)])
+        code = lib.rk4_advance(self._mode, given)
+        return given.first, given.filled, code
 
 
 @dataclass(frozen=True)
@@ -120,67 +130,6 @@ def _function(system: FilippovSystem, expressions: Sequence[sp.Expr]) -> Callabl
     rounded = [sp.N(system.numeric(e).xreplace(places), 25) for e in expressions]
     function: Callable[..., tuple[float, ...]] = sp.lambdify((TIME, x), tuple(rounded), "math", cse=True)
     return function
-
-
-@njit()
-def _step(addresses, constants, room, t, x, h, out):  # type: ignore[no-untyped-def]
-    """One classical Runge-Kutta step from (t, x), written to ``out``; time is a state."""
-    n, f = x.size, room[0]
-    field = addresses[0]
-    call_expand(field, t, 0.0, 1.0, x, constants[0], f)  # f: the states, then their rates
-    for i in range(n):
-        f[2 * n + i] = f[n + i]
-        out[i] = x[i] + h / 2 * f[n + i]
-    for stage in range(2):
-        call_expand(field, t + h / 2, 0.0, 1.0, out, constants[0], f)
-        for i in range(n):
-            f[2 * n + i] += 2 * f[n + i]
-            out[i] = x[i] + (h / 2 if stage == 0 else h) * f[n + i]
-    call_expand(field, t + h, 0.0, 1.0, out, constants[0], f)
-    for i in range(n):
-        out[i] = x[i] + h / 6 * (f[2 * n + i] + f[n + i])
-
-
-@njit()
-def _values(addresses, constants, room, t, x):  # type: ignore[no-untyped-def]
-    """Guards at (t, x), into the second room behind the states."""
-    call_expand(addresses[1], t, 0.0, 1.0, x, constants[1], room[1])
-
-
-@inner()
-def _is_through(g, armed, rising_only):  # type: ignore[no-untyped-def]
-    return (g < 0 and (armed or not rising_only)) or (g == 0 and armed)
-
-
-@njit()
-def _advance(addresses, constants, room, base, first, last, h, x, armed, rising_only, new, wanted, samples, filled):  # type: ignore[no-untyped-def]
-    """Steps ``first`` to ``last`` of length ``h``, counted from time ``base`` (so that time does not drift).
-
-    Returns the steps done, the samples filled, and how it came back. At an event ``x`` is the
-    state before the step that crossed a guard and ``new`` the one after it.
-    """
-    n, g = x.size, room[1]
-    for k in range(first, last):
-        t, after = base + k * h, base + (k + 1) * h
-        _step(addresses, constants, room, t, x, h, new)
-        for i in range(n):
-            if not math.isfinite(new[i]):
-                return k, filled, NOT_FINITE
-        _values(addresses, constants, room, after, new)
-        for i in range(armed.size):
-            if _is_through(g[n + i], armed[i], rising_only[i]):
-                return k, filled, EVENT
-        for i in range(armed.size):
-            if math.isnan(g[n + i]):
-                return k, filled, NO_GUARD
-        while filled < wanted.size and wanted[filled] <= after:
-            _step(addresses, constants, room, t, x, wanted[filled] - t, samples[filled])
-            filled += 1
-        for i in range(armed.size):
-            armed[i] = armed[i] or g[n + i] > 0
-        for i in range(n):
-            x[i] = new[i]
-    return last, filled, DONE
 
 
 def crossed_guards(kernel: Kernel, t: float, x: Floats, armed: NDArray[np.bool_]) -> list[int]:

@@ -1,6 +1,6 @@
 """``henon-listing``: the program in the paper's appendix as it is printed, as a solver.
 
-The program itself is :mod:`henon_ref.henon.listing_program`.
+The program itself is :mod:`baselines.paper.listing_program`.
 """
 
 from __future__ import annotations
@@ -8,17 +8,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numba
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from baselines.paper.compiled import COMPILER
+from baselines.paper.listing_program import EDGES, effective_changes, run_listing
 from henon_ref.errors import UnsupportedError
 from henon_ref.filippov.algebra import simplified
 from henon_ref.filippov.modes import Mode, transition_kind
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.listing_program import EDGES, effective_changes, run_listing
 from henon_ref.solver import Run
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
@@ -57,8 +57,8 @@ class Listing:
 
     @property
     def version(self) -> str:
-        """Version of numba, which compiles it."""
-        return f"numba {numba.__version__}"
+        """Version of its compiler."""
+        return COMPILER
 
     def prepare(
         self,
@@ -70,7 +70,7 @@ class Listing:
         sample_times: NDArray[np.float64] | None = None,
         deadline: float | None = None,
     ) -> Run:
-        """Check the system and compile (see :class:`henon_ref.solver.Solver`).
+        """Check the system (see :class:`henon_ref.solver.Solver`).
 
         Raises
         ------
@@ -92,23 +92,22 @@ class Listing:
             x = np.array([float(problem.start), *start])
             changes = np.empty((MAX_CHANGES, 5))
             path = np.empty((0 if wanted is None else steps + 1, 3))
-            count, mode, slips, landings = run_listing(x, EDGES, step, steps, *numbers, changes, path)
+            end = run_listing(x, step, steps, numbers, changes, path)
             status: Status = "ok" if np.isfinite(x).all() else "diverged"
             reason = "" if status == "ok" else "the state is no longer finite"
-            if count == MAX_CHANGES:
+            if end.changes == MAX_CHANGES:
                 status, reason = "failed", f"more than {MAX_CHANGES} changes of mode: it chatters"
             return Trajectory(
                 status=status,
-                transitions=_transitions(changes[:count], start_mode, until),
+                transitions=_transitions(changes[: end.changes], start_mode, until),
                 end_time=until if status == "ok" else min(float(x[0]), until),
                 end_state=(float(x[1]), float(x[2])),
-                end_mode=(int(mode),),
+                end_mode=(end.mode,),
                 reason=reason,
-                counts=Counts(steps + 1, 4 * (slips + landings), steps + 1),
+                counts=Counts(steps + 1, 4 * (end.slips + end.landings), steps + 1),
                 samples=None if wanted is None else _sampled(wanted, path),
             )
 
-        run()
         return run
 
 
