@@ -59,14 +59,13 @@ class LoopProgram:
         """
         registers, points, modes = self.program.registers(values), len(values), len(self.compiled.modes)
         numbers = np.zeros((points, modes * self.tapes * self.longest))
-        if not _scatter(registers, self.sources, *self.places, numbers):
+        if not _scatter(registers, self.sources, self.places, numbers):
             self.program.made_accurate(registers, exact)
-            _scatter(registers, self.sources, *self.places, numbers)
+            _scatter(registers, self.sources, self.places, numbers)
         count = len(self.normal_sources)
         normals = np.zeros((points, 2 * count + 1))
         if count:
-            places = np.arange(count)
-            _scatter(registers, self.normal_sources, places, places + count, normals)
+            _scatter(registers, self.normal_sources, np.arange(2 * count).reshape(2, -1), normals)
         return numbers.reshape(points, modes, self.tapes, self.longest), normals
 
 
@@ -184,16 +183,15 @@ class ParameterPrograms:
 def _scatter(
     registers: NDArray[np.float64],
     sources: NDArray[np.int64],
-    highs: NDArray[np.int64],
-    lows: NDArray[np.int64],
+    places: NDArray[np.int64],
     out: NDArray[np.float64],
 ) -> bool:
     """Put numbers, and what their rounding lost, into the places of rows; False where some have lost their digits."""
     points, width = registers.shape[:2]
+    highs, lows = map(integers, places)
     accurate = kernel.scatter(
-        doubles(registers), width, points, integers(sources), integers(highs), integers(lows), len(sources),
-        doubles(out), out.shape[1],
-    )  # fmt: skip
+        doubles(registers), width, points, integers(sources), highs, lows, len(sources), doubles(out), out.shape[1]
+    )
     return bool(accurate)
 
 

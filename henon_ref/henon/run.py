@@ -17,14 +17,14 @@ from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
 from henon_ref.henon.records import GRAZE, STEP_PLACES, step_dtype
 from henon_ref.henon.start import Start, out_of_steps
 from henon_ref.henon.transition_array import TransitionArray
-from henon_ref.henon.workspace import CHUNK, RUN, STATE_PLACE
+from henon_ref.henon.workspace import CHUNK, STATE_PLACE
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 _tuple = tuple.__new__
 _counts: Callable[..., tuple[int, ...]] = Struct("6q").unpack_from
-_FIRST_COUNT = (RUN.fields or {})["mode"][1]
+_FIRST_COUNT: int = ffi.offsetof("struct run", "mode")
 """Where in the block, in bytes, mode, steps, expansions, guard evaluations, transitions and guards below rounding
 are."""
 _STATE = 8 * STATE_PLACE

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from henon_ref.filippov.resting import REMAINING
 from henon_ref.henon.mode_constants import ModeConstants
-from henon_ref.henon.workspace import CHUNK, LAST_STEPS, RUN, RUN_VIEW, STATE_PLACE, places
+from henon_ref.henon.workspace import CHUNK, LAST_STEPS, RUN_VIEW, STATE_PLACE, places
+from henon_ref.kernel.shared import ffi
 from henon_ref.trajectory import Trajectory
 
 NO_LIMIT = 1 << 62
@@ -20,10 +21,8 @@ NO_LIMIT = 1 << 62
 MOST_STEPS = 100_000_000
 """Steps of a run that has no limit of its own."""
 _BEGIN, _HORIZON, _MODE = Struct("4d"), Struct("2d"), Struct("q")
-_FIELDS = RUN.fields or {}
-_HORIZON_PLACE, _MODE_PLACE = _FIELDS["horizon"][1], _FIELDS["mode"][1]
-"""In bytes; time, what rounding it lost, unit and begin come first."""
-assert list(_FIELDS)[:4] == ["time", "time_low", "unit", "begin"]
+_BEGIN_PLACE, _HORIZON_PLACE, _MODE_PLACE = (ffi.offsetof("struct run", name) for name in ("time", "horizon", "mode"))
+"""In bytes; behind the time stand what rounding it lost, unit and begin, behind the horizon what rounding that lost."""
 
 
 def out_of_steps(steps: int, time: float) -> str:
@@ -69,12 +68,12 @@ class Start:
 
     @cached_property
     def state(self) -> NDArray[np.float64]:
-        """What a run begins with (``struct run`` of ``henon_ref/kernel/kernel.h``, and the vectors). Each run copies it to its workspace."""
+        """What a run begins with (``struct run`` of ``kernel.h``, then vectors). Each run copies it to its workspace."""
         n, guards = len(self.x), len(self.zeros)
         limits = self.stop_falling, self.stop_rising, self.most_steps
         state = _template(n, guards, self.order, self.landing, self.tolerance, *limits).copy()
         length = (self.until[0] - self.time[0]) + (self.until[1] - self.time[1])
-        _BEGIN.pack_into(state.data, 0, *self.time, max(length, 1e-280), self.time[0])
+        _BEGIN.pack_into(state.data, _BEGIN_PLACE, *self.time, max(length, 1e-280), self.time[0])
         _HORIZON.pack_into(state.data, _HORIZON_PLACE, *self.until)
         _MODE.pack_into(state.data, _MODE_PLACE, self.row)
         high, low = zip(*self.x, strict=True)

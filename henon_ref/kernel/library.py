@@ -19,7 +19,8 @@ from henon_ref.errors import KernelError
 from henon_ref.kernel.compilation import best, library_file, source_files, sources_hash
 
 CPU_VARIABLE = "HENON_REF_CPU"
-"""Environment variable: ``x86-64`` takes the library for processors without fused operations."""
+"""Environment variable: LLVM's name of the processor that machine code of modes is compiled for; with ``x86-64`` the
+library is that for processors without fused operations."""
 SELF_TEST = float.fromhex("-0x1.d23ef345ec270p-2")
 """What ``henon_self_test`` of ``self_test.h`` returns."""
 EXPORTED = "extern const char henon_sources[]; double henon_self_test(void);"
@@ -68,10 +69,8 @@ def load(header: Path, name: str) -> tuple[FFI, Any]:
 
 def processor_features() -> frozenset[str]:
     """Features of this machine's processor in LLVM's words; of none where ``HENON_REF_CPU`` asks for the baseline."""
-    asked = os.environ.get(CPU_VARIABLE, "")
-    if asked not in ("", "x86-64"):
-        raise KernelError(f"{CPU_VARIABLE} is {asked!r}; it can be x86-64, or not set")
-    if asked or platform.machine().lower() not in ("x86_64", "amd64"):
+    baseline = os.environ.get(CPU_VARIABLE) == "x86-64"
+    if baseline or platform.machine().lower() not in ("x86_64", "amd64"):
         return frozenset()
     return frozenset(name for name, here in llvm.get_host_cpu_features().items() if here)
 

@@ -20,8 +20,9 @@ def bernstein_ir(order: int, name: str) -> str:
     """LLVM IR of ``i64 name(double* q, double* powers, i64 degree, double* a, double* b)``.
 
     ``a`` receives q_k powers_k up to ``degree``, then zeros; ``b`` the Bernstein coefficients of degree ``order`` of
-    that polynomial on [0, 1]; both have room for whole vectors. The value is ROOT of ``enum roots_outcome`` where it falls
-    through one root there, NO_ROOT where it falls through none, and SUBDIVIDE where the signs leave that open.
+    that polynomial on [0, 1]; both have room for whole vectors. The value (``enum roots_outcome`` of ``kernel.h``) is
+    ROOT where it falls through one root there, NO_ROOT where it falls through none, and SUBDIVIDE where the signs leave
+    that open.
     """
     w = IRWriter()
     blocks = row_length(order) // LANES
