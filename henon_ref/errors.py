@@ -77,3 +77,7 @@ class UnavailableError(HenonRefError):
 
 class ContractError(HenonRefError):
     """A solver does not keep the contract; the message says where (status ``failed``)."""
+
+
+class KernelError(HenonRefError):
+    """A compiled library is missing, or not one of these sources; the message names the line that builds it anew."""

@@ -41,8 +41,7 @@ def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if not {"avx2", "bmi2", "fma"} <= {name for name, has in get_host_cpu_features().items() if has}:
         pytest.skip(f"{OTHER}'s code does not run here")
     folder = tmp_path_factory.mktemp("records")
-    environment = {**os.environ, "NUMBA_CPU_NAME": OTHER, "PYTHONPATH": os.pathsep.join([str(SUPPORT), *sys.path])}
-    environment.pop("NUMBA_CPU_FEATURES", None)
+    environment = {**os.environ, "HENON_REF_CPU": OTHER, "PYTHONPATH": os.pathsep.join([str(SUPPORT), *sys.path])}
     for solver, options in {
         "henon": ["--tolerances", "1e-9", "--first"],
         "henon-rk4": ["--only", "free_coulomb,leaving_slide,stribeck_belt"],

@@ -1,0 +1,56 @@
+"""The hooks of PEP 517 and PEP 660: those of setuptools, asking for a compiler where the machine has none."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from setuptools import build_meta
+from setuptools.build_meta import (
+    build_editable,
+    build_sdist,
+    get_requires_for_build_sdist,
+    prepare_metadata_for_build_editable,
+    prepare_metadata_for_build_wheel,
+)
+
+from build_backend.compilers import ZIGLANG, CompilerError
+from build_backend.libraries import compiler
+
+__all__ = [
+    "build_editable",
+    "build_sdist",
+    "build_wheel",
+    "get_requires_for_build_editable",
+    "get_requires_for_build_sdist",
+    "get_requires_for_build_wheel",
+    "prepare_metadata_for_build_editable",
+    "prepare_metadata_for_build_wheel",
+]
+Settings = dict[str, Any] | None
+EARLIEST = "315532800"
+"""1980, in seconds since 1970: the earliest time that a wheel can hold."""
+
+
+def get_requires_for_build_wheel(config_settings: Settings = None) -> list[str]:
+    """What a wheel needs to be built: ``ziglang`` where no compiler works."""
+    return [*build_meta.get_requires_for_build_wheel(config_settings), *_compiler_package()]
+
+
+def get_requires_for_build_editable(config_settings: Settings = None) -> list[str]:
+    """What an editable installation needs to be built: as for a wheel."""
+    return [*build_meta.get_requires_for_build_editable(config_settings), *_compiler_package()]
+
+
+def build_wheel(wheel_directory: str, config_settings: Settings = None, metadata_directory: str | None = None) -> str:
+    """Build a wheel: the same bytes from the same sources, in whatever folder and whenever."""
+    os.environ.setdefault("SOURCE_DATE_EPOCH", EARLIEST)
+    os.umask(0o022)
+    return build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
+
+
+def _compiler_package() -> list[str]:
+    try:
+        return [ZIGLANG] if compiler().is_ziglang else []
+    except CompilerError:
+        return [] if os.environ.get("CC") not in (None, "", "ziglang") else [ZIGLANG]
