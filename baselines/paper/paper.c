@@ -1,10 +1,9 @@
 /* The one translation unit of the paper's programs; see paper.h. */
 #include "paper.h"
+#include "../../henon_ref/kernel/self_test.h"
 
 #include <math.h>
 #include <stdbool.h>
-
-#define HENON_EXPORT __attribute__((visibility("default")))
 
 #include "belt.c"
 #include "listing.c"
