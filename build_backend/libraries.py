@@ -17,7 +17,7 @@ from typing import Any
 from build_backend.compilers import Compiler, CompilerError, choose
 
 ROOT = Path(__file__).parents[1]
-SOURCES = ("henon_ref/kernel/kernel.c",)
+SOURCES = ("henon_ref/kernel/kernel.c", "baselines/paper/paper.c")
 """One translation unit each, that includes all it is made of."""
 _RECIPE: dict[str, Any] = runpy.run_path(str(ROOT / "henon_ref/kernel/compilation.py"))
 """Flags, processors and hash, which the loader needs, too; by path: the package itself cannot be imported yet."""

@@ -28,8 +28,9 @@ ABSENT = {f"{package} is not installed" for package, module in LIBRARIES.items()
 os.environ[VARIABLE] = str(cache_root())  # for processes that tests begin with another cache of truths, too
 
 LONG = (
-    "analysis/", "filippov/", "henon/", "roots/", "studies/", "taylor/", "truth/", "baselines/test_b",
-    "casefile/test_kinks", "cli/test_ci_outputs", "cli/test_exit_status", "test_docs_blocks", "test_suite",
+    "analysis/", "filippov/", "henon/", "roots/", "studies/", "taylor/", "truth/", "baselines/paper/",
+    "baselines/test_b", "casefile/test_kinks", "cli/test_ci_outputs", "cli/test_exit_status", "test_docs_blocks",
+    "test_suite",
 )  # fmt: skip
 """Where tests take long and compute what no version of Python changes: :func:`pytest_collection_modifyitems`."""
 

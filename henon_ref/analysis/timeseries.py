@@ -21,11 +21,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from henon_ref.errors import ModelError
-from henon_ref.jit.njit import njit
 
 Matrix = NDArray[np.float64]
-_CHUNK = 2048
-"""Reference points looked up at once (bounds the memory that their neighbours take)."""
+_CHUNK = 512
+"""Reference points looked up at once (bounds the memory that their neighbours' products take)."""
 
 
 @dataclass(frozen=True)
@@ -128,9 +127,7 @@ def _moments(samples: Matrix, settings: Settings, radius: float) -> tuple[Matrix
         for at, near in zip(narrow, _nearest(tree, samples, some[narrow], settings), strict=True):
             neighbours[at] = near
             counts[at] = len(near)
-        flat = np.concatenate(neighbours)
-        ends = np.cumsum(counts)
-        both = _sums(samples, some, flat, ends, settings.delay)
+        both = _sums(samples, some, np.concatenate(neighbours), counts, settings.delay)
         spread.append(both[0])
         moved.append(both[1])
         found.append(counts)
@@ -157,24 +154,12 @@ def _nearest(
         yield index[np.abs(index - at) > settings.theiler][: settings.least].astype(np.int64)
 
 
-@njit(allocates=True)
-def _sums(samples, references, neighbours, ends, delay):  # type: ignore[no-untyped-def]
-    """sum y_k y_k^T and sum y_{k+d} y_k^T, each (r, n, n)."""
-    n = samples.shape[1]
-    spread = np.zeros((references.size, n, n))
-    moved = np.zeros((references.size, n, n))
-    y, z = np.empty(n), np.empty(n)
-    begin = 0
-    for r in range(references.size):
-        j = references[r]
-        for at in range(begin, ends[r]):
-            k = neighbours[at]
-            for i in range(n):
-                y[i] = samples[k, i] - samples[j, i]
-                z[i] = samples[k + delay, i] - samples[j + delay, i]
-            for a in range(n):
-                for b in range(n):
-                    spread[r, a, b] += y[a] * y[b]
-                    moved[r, a, b] += z[a] * y[b]
-        begin = ends[r]
+def _sums(
+    samples: Matrix, references: NDArray[np.int64], neighbours: NDArray[np.int64], counts: NDArray[np.int64], delay: int
+) -> tuple[Matrix, Matrix]:
+    """sum y_k y_k^T and sum y_{k+d} y_k^T over the neighbours of each reference point, each (r, n, n)."""
+    at, begins = np.repeat(references, counts), np.cumsum(counts) - counts
+    y = samples[neighbours] - samples[at]
+    z = samples[neighbours + delay] - samples[at + delay]
+    spread, moved = (np.add.reduceat(v[:, :, None] * y[:, None, :], begins) for v in (y, z))
     return spread, moved

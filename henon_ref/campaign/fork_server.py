@@ -38,9 +38,8 @@ WORKERS_NEED = (
     "henon_ref.henon.solver",
     "henon_ref.campaign.run_jobs",
     "henon_ref.campaign.truth_job",
-    "henon_ref.jit.njit:warm_up",
 )
-"""What the command's server imports, and calls, as it begins."""
+"""What the command's server imports as it begins."""
 SELDOM = 200_000
 """Objects made between two looks for garbage."""
 BEGUN, ENDED = 0, 1

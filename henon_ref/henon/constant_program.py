@@ -1,6 +1,6 @@
 """Constants of equations as programs of their parameters: evaluated at thousands of points without SymPy.
 
-One machine runs every program (:mod:`henon_ref.henon.double_double`); functions other than roots are evaluated by
+One machine runs every program (``henon_ref/kernel/double_double.c``); functions other than roots are evaluated by
 python-flint, once for each distinct argument. The same program can be run over any ring: rational numbers, balls.
 """
 
@@ -20,9 +20,13 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.henon.double_double import ACCURATE, ADD, MULTIPLY, POWER, ROUNDING, SQRT, run_operations
+from henon_ref.kernel.shared import LEVELS, doubles, integers, kernel
 from henon_ref.precision import working_precision
 
+ADD, MULTIPLY, POWER, SQRT = kernel.ADD, kernel.MULTIPLY, kernel.POWER, kernel.SQRT
+"""Operations of the machine; POWER has a whole number in place of its second register."""
+ROUNDING, ACCURATE = LEVELS.operation_error, LEVELS.accurate
+"""Bounds of the relative error of one operation, and of that which a constant may have."""
 FUNCTION = 4
 """An operation that python-flint evaluates: its second operand is the function's number, or a register for powers."""
 POWER_OF = 5
@@ -94,7 +98,7 @@ class ConstantProgram:
                 for operation in operations.tolist():
                     _evaluate(operation, found)
             else:
-                run_operations(operations, found)
+                kernel.run_operations(integers(operations), len(operations), doubles(found), found.shape[1], len(found))
         return found
 
     def made_accurate(self, registers: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]) -> None:

@@ -12,7 +12,7 @@ import sympy as sp
 from henon_ref.filippov.mode_evaluation import ModeWithTape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import Switching
-from henon_ref.henon.mode_constants import LoopData, ModeConstants, Pair
+from henon_ref.henon.mode_constants import LoopData, ModeConstants, Pair, loop_data
 from henon_ref.henon.pairs import Three, three_of
 from henon_ref.henon.parameter_programs import ParameterPrograms
 from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
@@ -43,13 +43,8 @@ class DoubleConstants(ModeConstants):
         program = self._programs.loop()
         compiled = program.compiled
         values = np.array(self.values).reshape(1, -1, 3)
-        numbers, constants = program.numbers(values, lambda _: self._exact())
-        normals: tuple[Any, ...] = ()
-        if compiled.rows.size:
-            table = self._programs.table
-            assert table.normals is not None
-            normals = table.normals.address, constants[0], compiled.signs, compiled.rows, table.decoupled
-        self.latest = LoopData(compiled, compiled.tables, numbers[0], normals)
+        numbers, normals = program.numbers(values, lambda _: self._exact())
+        self.latest = loop_data(self._programs.table, compiled, numbers[0], normals[0])
         return self.latest
 
     def start_signs(self, t: Pair, x: Sequence[Pair]) -> tuple[int, ...]:

@@ -7,8 +7,8 @@ from itertools import takewhile
 
 from henon_ref.filippov.decision import ended
 from henon_ref.filippov.equations import Guard
-from henon_ref.henon.state import ReturnCode
 from henon_ref.henon.state_view import State
+from henon_ref.kernel.shared import kernel
 from henon_ref.trajectory import Status
 
 
@@ -17,14 +17,14 @@ def ending_of(run: State, code: int) -> tuple[Status, str]:
     at = f"t = {run.time:.17g}"
     largest = max(map(abs, run.x.tolist()))
     grown = largest > 1e8 * max(1.0, *(abs(v[0]) for v in run.start.x))
-    if code == ReturnCode.DIVERGED or (code == ReturnCode.STALLED and grown):
+    if code == kernel.DIVERGED or (code == kernel.STALLED and grown):
         return "diverged", f"the state leaves every bound at {at}"
-    singular = _vanishing_guard(run) if code == ReturnCode.STALLED else None
+    singular = _vanishing_guard(run) if code == kernel.STALLED else None
     if singular is not None:
         return _domain_ending(run, singular)
-    if code == ReturnCode.STALLED:
+    if code == kernel.STALLED:
         return "failed", f"the step size fell to zero at {at}: {_singular(run)} there"
-    if code == ReturnCode.EVENTS_ACCUMULATE:
+    if code == kernel.EVENTS_ACCUMULATE:
         return "failed", f"transitions accumulate at {at}: no mode lasts longer than the resolution of time"
     return _domain_ending(run, run.guards[run.scalars.guard])
 

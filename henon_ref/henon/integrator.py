@@ -15,18 +15,15 @@ from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.compile_units import link
 from henon_ref.henon.double_constants import DoubleConstants
-from henon_ref.henon.double_double import UNCLEAR_SIGN
-from henon_ref.henon.loop import load
 from henon_ref.henon.mode_constants import ExactConstants, ModeConstants
 from henon_ref.henon.mode_table import ModeTable
 from henon_ref.henon.pairs import exact_expression, pair_of_exact, three_of
 from henon_ref.henon.parameter_programs import ParameterPrograms
 from henon_ref.henon.start import Start
-from henon_ref.henon.surface_start import mode_at_start
 from henon_ref.henon.workspace import WorkspacePool
 from henon_ref.jit.processor_time import compiling
+from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.precision import one_at_a_time
 from henon_ref.trajectory import Trajectory
 
@@ -56,22 +53,14 @@ class Integrator:
     """
 
     def __init__(self, system: FilippovSystem, order: int) -> None:
-        link()  # before anything that calls a compile unit is compiled or loaded: a missing symbol ends the process
         self.system = system
         self.order = order
         self.mode_table = ModeTable(system, order)
-        states, surfaces = len(system.states), len(system.surfaces)
-        self.workspaces = WorkspacePool(states, self.mode_table.most_guards, order, surfaces)
-        self.several = self.mode_table.compiled.rows.size > 0
-        """Whether the compiled loop decides events of several surfaces."""
+        self.workspaces = WorkspacePool(len(system.states), self.mode_table.most_guards, order)
         self.no_zeros = (0,) * self.mode_table.most_guards
         """Known zeros of the guards where a start is off every surface."""
         self._constants: dict[tuple[sp.Expr, ...], ModeConstants] = {}
         self.double_constants = lru_cache(maxsize=KEPT_VALUES)(self._double_constants)
-
-    def load(self) -> None:
-        """Make the compiled loop callable, as the first run does otherwise."""
-        load(several=self.several)
 
     def constants(self, values: FilippovSystem) -> ModeConstants:
         """The compiled modes' constants at a system's parameter values; the same object for the same values.
@@ -189,7 +178,7 @@ class Integrator:
         """
         count = len(self.system.surfaces)
         mode, on = signs[:count], [i for i, sign in enumerate(signs[:count]) if sign == 0]
-        if UNCLEAR_SIGN in mode or len(on) > 1 or any(sign != 1 for sign in signs[count:]):
+        if kernel.UNCLEAR_SIGN in mode or len(on) > 1 or any(sign != 1 for sign in signs[count:]):
             return None
         if on and self.system.overrides:
             return None
@@ -209,11 +198,13 @@ class Integrator:
             return (-1 if found is None else found[0]), self.no_zeros
         data = constants.latest if constants.latest.compiled is self.mode_table.compiled else constants.update()
         point, speeds = np.array(x, dtype=np.float64), np.empty(len(x) + 2 * len(self.no_zeros))
-        row, order = mode_at_start(data.tables, data.numbers, *found, t, point, speeds)
+        zeros, guards = ffi.new("int64_t *"), len(self.no_zeros)
+        row = kernel.mode_on_surface(data.tables, *found, t, doubles(point), len(x), guards, doubles(speeds), zeros)
+        order = zeros[0]
         if row < 0 or order == 0:
             return row, self.no_zeros
-        guards = self.mode_table.guards(self.mode_table.modes[row])
-        own = tuple(order if g.kind == "surface" and g.index == found[1] else 0 for g in guards)
+        entered = self.mode_table.guards(self.mode_table.modes[row])
+        own = tuple(order if g.kind == "surface" and g.index == found[1] else 0 for g in entered)
         return row, own + self.no_zeros[len(own) :]
 
     def entered(

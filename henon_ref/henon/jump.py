@@ -1,4 +1,4 @@
-"""Jumps of the state that compiled code (:mod:`henon_ref.henon.jump_transition`) leaves open, in multiprecision."""
+"""Jumps of the state that compiled code (``henon_ref/kernel/jump.c``) leaves open, in multiprecision."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.henon.precise_modes import PreciseModes
-from henon_ref.jit.primitives import EPS
+from henon_ref.kernel.shared import EPS
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
 

@@ -1,4 +1,4 @@
-"""Machine code of the maps of resets, for the jumps that compiled code decides (`henon/jump_transition`)."""
+"""Machine code of the maps of resets, for the jumps that compiled code decides (``kernel/jump.c``)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import Jump, jump_of
 from henon_ref.filippov.resting import impact_of
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.jump_transition import compiled_jump
 from henon_ref.henon.mode_code import native_module
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import NativeModule
@@ -33,8 +32,6 @@ class JumpCode:
     code: NativeModule
     jumps: Mapping[int, Jump]
     """Of the surfaces that reset the state."""
-    transition: int
-    """Address of :func:`henon_ref.henon.jump_transition.jump_transition`."""
 
     def address(self, mode: Mode, index: int) -> int:
         """Address of the map of a surface that a mode reaches; 0 where Python has to decide what follows.
@@ -76,7 +73,7 @@ def jump_code(system: FilippovSystem) -> JumpCode | None:
     for i, own in places.items():
         code += values_ir(tape.part(range(first, first + len(own))), 2 * n, f"jump_{i}", own)
         first += len(own)
-    return JumpCode(system, ModeTape(tape, ()), native_module(code), jumps, compiled_jump())
+    return JumpCode(system, ModeTape(tape, ()), native_module(code), jumps)
 
 
 def _carried(value: sp.Expr, states: tuple[sp.Symbol, ...], lost: tuple[sp.Symbol, ...]) -> sp.Expr:

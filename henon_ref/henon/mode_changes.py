@@ -15,22 +15,17 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, numbered_mode, replaced, transition_kind
 from henon_ref.filippov.resets import resetting, rows_at
 from henon_ref.filippov.resting import REMAINING
-from henon_ref.henon.below_rounding import STATE_ROUNDING
 from henon_ref.henon.endings import ending_of
 from henon_ref.henon.guard_branch_point import behind_branch_point
 from henon_ref.henon.precise_motion import PreciseMotion
-from henon_ref.henon.recorder import events_accumulate
 from henon_ref.henon.records import CROSSING, RELEASED, RESET, STEP, STEP_PLACES, STICK, TRANSITION, TRANSITION_PLACES
-from henon_ref.henon.state import NOWHERE, ReturnCode, rounding_place
 from henon_ref.henon.state_view import State
-from henon_ref.henon.step import BLOWN_UP
 from henon_ref.henon.transition_array import KINDS
-from henon_ref.jit.njit import in_python
+from henon_ref.kernel.shared import LEVELS, kernel
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status
 
-_events_accumulate = in_python(events_accumulate)
 Pair = tuple[float, float]
 """A number as its double and what that leaves."""
 
@@ -144,11 +139,11 @@ class ModeChanges(State):
         scalars.more_digits = 0
         with working_precision(BITS):
             exact = [arb(high) + arb(low) for high, low in zip(state, self.x_low.tolist(), strict=True)]
-        return exact, [STATE_ROUNDING * abs(x) for x in state]
+        return exact, [LEVELS.state_rounding * abs(x) for x in state]
 
     def _passed_over(self, guard: Guard) -> None:
-        """Note that a guard is below its rounding here (see :mod:`henon_ref.henon.below_rounding`)."""
-        place = rounding_place(guard.kind == "valid", guard.index, len(self.since))
+        """Note that a guard is below its rounding here (``henon_ref/kernel/below_rounding.c``)."""
+        place = kernel.rounding_place(guard.kind == "valid", guard.index, len(self.since))
         if not self.since[place] <= self.scalars.time:
             self.since[place] = self.scalars.time
             self.scalars.below_rounding += 1
@@ -194,7 +189,7 @@ class ModeChanges(State):
                 self._record(RESET, i, source, row, side=1, state=applied[place][1])
         for i in () if changed else tangential:
             self._record(KINDS.index(transition_kind(before[i], decision.mode[i])), i, source, row, side=0)
-        return ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
+        return ending_of(self, kernel.EVENTS_ACCUMULATE) if kernel.events_accumulate(self.workspace.run) else None
 
     def _without_equations(self) -> tuple[Status, str]:
         return "failed", f"the mode after t = {self.time:.17g} has no equations"
@@ -209,8 +204,8 @@ class ModeChanges(State):
         self.before_jump[:] = self.x
         self._put(time, after.state)
         self.scalars.more_digits = 0
-        if not all(abs(high) < BLOWN_UP for high, _ in after.state):
-            return ending_of(self, ReturnCode.DIVERGED)
+        if not all(abs(high) < LEVELS.blown_up for high, _ in after.state):
+            return ending_of(self, kernel.DIVERGED)
         ended, rest = self._change_mode(after.decision, after.known_zeros, (), after.applied), after.rest
         if ended is not None or rest is None:
             return ended
@@ -287,7 +282,7 @@ class ModeChanges(State):
         for g, own in enumerate(mode_table.guards(after)):
             if own.kind == "surface" and own.index == guard.index:
                 self.known_zeros[g] = zeros
-        return ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
+        return ending_of(self, kernel.EVENTS_ACCUMULATE) if kernel.events_accumulate(self.workspace.run) else None
 
     def _select_mode(self) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
@@ -301,7 +296,7 @@ class ModeChanges(State):
         decision = switching.after_event(self.time, x, before, hits)
         if decision.mode is None:
             return decision.ending, decision.reason
-        early = self.scalars.guard == NOWHERE
+        early = self.scalars.guard == kernel.NOWHERE
         # Where no step was taken, surfaces left a moment ago are still as good as touched.
         fresh = {g.index for g, zeros in zip(self.guards, self.known_zeros, strict=False) if zeros and early}
         moved = {g.index for g in hits} | {i for i, s in enumerate(decision.mode) if s != before[i]}

@@ -20,6 +20,7 @@ from henon_ref.henon.jump import Jumps
 from henon_ref.henon.mode_table import CompiledModes, ModeTable
 from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
 from henon_ref.jit.processor_time import compiling
+from henon_ref.kernel.shared import doubles, ffi, integers
 from henon_ref.precision import one_at_a_time
 
 Pair = tuple[float, float]
@@ -30,13 +31,30 @@ class LoopData(NamedTuple):
     """What the compiled loop reads of the modes that are compiled, apart from a run's own memory."""
 
     compiled: CompiledModes
-    tables: NDArray[np.int64]
-    """See :attr:`CompiledModes.tables`."""
     numbers: NDArray[np.float64]
     """(M, 2 or 3, K): for each mode the constants of its expansion, of its probe, and of the maps of resets where
     compiled code makes jumps, rounded to double; behind them what the rounding lost of each."""
-    normals: tuple[Any, ...]
-    """Begin of the loop's argument ``selection``; empty where there is nothing to select."""
+    normals: NDArray[np.float64]
+    """Constants of the normal velocities of all surfaces, likewise; none where the loop selects no mode by them."""
+    tables: Any
+    """All this as the loop takes it: ``struct tables`` of ``henon_ref/kernel/kernel.h``, which points into it."""
+
+
+def loop_data(
+    mode_table: ModeTable, compiled: CompiledModes, numbers: NDArray[np.float64], normals: NDArray[np.float64]
+) -> LoopData:
+    """Modes that are compiled with their constants; those of the first point where there are several points'."""
+    tables = ffi.new("struct tables *")
+    tables.modes, tables.count = ffi.from_buffer(compiled.records), len(compiled.modes)
+    tables.numbers = doubles(numbers)
+    tables.tapes, tables.length = numbers.shape[-2:]
+    if compiled.rows.size:
+        velocities, selection = mode_table.normals, tables.selection
+        assert velocities is not None
+        selection.velocities, selection.constants = ffi.cast("expand_code", velocities.address), doubles(normals)
+        selection.signs, selection.rows = integers(compiled.signs), integers(compiled.rows)
+        selection.surfaces, selection.decoupled = compiled.signs.shape[1], mode_table.decoupled
+    return LoopData(compiled, numbers, normals, tables)
 
 
 class ModeConstants(ABC):
@@ -119,10 +137,7 @@ class ExactConstants(ModeConstants):
         for place, row in enumerate(rows, start=len(numbers)):
             for own, constants in zip(found[place], row, strict=True):
                 own[: len(constants)] = constants
-        normals: tuple[Any, ...] = ()
-        if compiled.rows.size:
-            normals = (*self._normals, compiled.signs, compiled.rows, self._table.decoupled)
-        return LoopData(compiled, compiled.tables, found, normals)
+        return loop_data(self._table, compiled, found, self._normals if compiled.rows.size else np.zeros(0))
 
     def _numbers(self, tape: ModeTape, mode: Mode) -> list[float]:
         pairs = [self._number(tape, at, mode) for at in range(len(tape.tape.constants))]
@@ -139,9 +154,9 @@ class ExactConstants(ModeConstants):
         return self._known[key]
 
     @cached_property
-    def _normals(self) -> tuple[int, NDArray[np.float64]]:
-        """Address of the normal velocities of all surfaces, in states and signs, and its constants."""
+    def _normals(self) -> NDArray[np.float64]:
+        """Constants of the normal velocities of all surfaces, in states and signs."""
         made = self._table.normals
         assert made is not None
         pairs = [double_double(self._values.numeric(c)) for c in made.tape.constants]
-        return made.address, np.array([*(p[0] for p in pairs), *(p[1] for p in pairs), 0.0])
+        return np.array([*(p[0] for p in pairs), *(p[1] for p in pairs), 0.0])

@@ -25,16 +25,15 @@ from henon_ref.henon.mode_code import (
     normal_velocities,
     switched_mode_code,
 )
-from henon_ref.henon.records import COUPLED, RECORD_PLACES, RELEASE, RESETTING, SURFACE, VALID, mode_dtype
+from henon_ref.henon.records import mode_dtype
 from henon_ref.jit.processor_time import compiling
+from henon_ref.kernel.shared import kernel
 from henon_ref.precision import one_at_a_time
 from henon_ref.roots.bernstein import bernstein_code
 
-SURFACES = 8
-"""With more surfaces than these no table holds the row of every mode."""
 ALL: Mode = ()
 """What machine code goes by that all modes have in common."""
-_KIND = {"surface": SURFACE, "release": RELEASE, "valid": VALID, "attracts": VALID}
+_KIND = {"surface": kernel.SURFACE, "release": kernel.RELEASE, "valid": kernel.VALID, "attracts": kernel.VALID}
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +49,6 @@ class CompiledModes:
     """(M, surfaces): the entries of each row's mode."""
     rows: NDArray[np.int64]
     """Row of every mode, written in base 3; -1 where not compiled yet, empty where modes are not decided by it."""
-
-    @cached_property
-    def tables(self) -> NDArray[np.int64]:
-        """The records as the compiled loop takes them, shape (M, 1 + G, RECORD_PLACES): a view."""
-        places = self.records.dtype.itemsize // 8
-        return self.records.view(np.int64).reshape(-1, places // RECORD_PLACES, RECORD_PLACES)
 
 
 class ModeTable:
@@ -80,7 +73,7 @@ class ModeTable:
         surfaces = len(system.surfaces)
         self._switched = system.switched
         self._jumps = jump_code(system)
-        several = 1 < surfaces <= SURFACES and not (system.overrides or system.resets)
+        several = 1 < surfaces <= kernel.SURFACES_IN_TABLE and not (system.overrides or system.resets)
         self.compiled = CompiledModes(
             modes=(),
             codes=(),
@@ -187,7 +180,7 @@ class ModeTable:
         for name, value in code.fields.items():
             own[name] = value
         if self._jumps:
-            own["number"], own["surfaces"], own["jump"] = mode_number(mode), len(mode), self._jumps.transition
+            own["number"], own["surfaces"] = mode_number(mode), len(mode)
         own["guards"], own["bernstein"] = len(guards), bernstein_code(self.order).address("bernstein")
         records["mode_across"] = records["mode_stuck"] = -1
         records["branches"][: len(code.guards_branch)] = code.guards_branch
@@ -198,8 +191,8 @@ class ModeTable:
             record["side"] = mode[guard.index] if surface else 0
             resets = surface and guard.index in system.resets and mode[guard.index] > 0
             record["jump"] = self._jumps.address(mode, guard.index) if resets and self._jumps else 0
-            coupled = COUPLED if system.decided_together(guard, sliding) else 0
-            record["coupled"] = RESETTING if resets else coupled
+            coupled = kernel.COUPLED if system.decided_together(guard, sliding) else kernel.UNCOUPLED
+            record["coupled"] = kernel.RESETTING if resets else coupled
             # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
             tangent = guard.kind == "release" and guard.index not in system.overrides
             record["zeros_at_release"] = 2 if tangent else 0

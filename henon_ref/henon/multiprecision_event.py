@@ -26,9 +26,8 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import resetting
 from henon_ref.filippov.switching import Switching
 from henon_ref.henon.precise_modes import ENDING_ORDERS, PreciseModes
-from henon_ref.jit.primitives import EPS
+from henon_ref.kernel.shared import EPS, LEVELS
 from henon_ref.precision import working_precision
-from henon_ref.roots.double import KNOWN_ZERO_LEVEL
 from henon_ref.roots.multiprecision import (
     BITS,
     CLEARANCE,
@@ -291,10 +290,10 @@ def _first_event(guard: int, series: _Series, suspect: int) -> _Event:
 def _without_known_zeros(c: Sequence[arb], zeros: int) -> list[arb]:
     """A guard with its known zeros put at 0, where rounding has left them beside it; the other roots stay.
 
-    See :func:`henon_ref.roots.double.factored`.
+    See ``deflated`` of ``henon_ref/kernel/roots.c``.
     """
     q = list(c[zeros:])
-    if zeros and len(q) > 1 and all(abs(low) <= KNOWN_ZERO_LEVEL * abs(q[0]) for low in c[:zeros]):
+    if zeros and len(q) > 1 and all(abs(low) <= LEVELS.known_zero_level * abs(q[0]) for low in c[:zeros]):
         head, factor = arb_poly(c[: zeros + LEADING_COEFFICIENTS]), [arb(0)] * zeros
         for _ in range(FLAT_STEPS):
             before = factor.copy()

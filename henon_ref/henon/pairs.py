@@ -11,7 +11,7 @@ import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.henon.double_double import ROUNDING
+from henon_ref.kernel.shared import LEVELS
 
 Pair = tuple[float, float]
 """A number as its double and what that leaves."""
@@ -72,7 +72,7 @@ def pair_of_exact(value: Any) -> Pair:
 
 def three_of(pair: Pair) -> Three:
     """A pair with the bound of what it leaves of its number."""
-    return (*pair, ROUNDING * abs(pair[0]) if pair[1] else 0.0)
+    return (*pair, LEVELS.operation_error * abs(pair[0]) if pair[1] else 0.0)
 
 
 def decimal_pairs(values: ArrayLike) -> NDArray[np.float64]:
@@ -90,7 +90,7 @@ def decimal_pairs(values: ArrayLike) -> NDArray[np.float64]:
 
 def threes(pairs: NDArray[np.float64]) -> NDArray[np.float64]:
     """:func:`three_of` of each pair of an array, shape (..., 3)."""
-    bounds = np.where(pairs[..., 1] != 0.0, ROUNDING * np.abs(pairs[..., 0]), 0.0)
+    bounds = np.where(pairs[..., 1] != 0.0, LEVELS.operation_error * np.abs(pairs[..., 0]), 0.0)
     return np.concatenate([pairs, bounds[..., None]], axis=-1)
 
 

@@ -15,8 +15,8 @@ from henon_ref.filippov.mode_evaluation import ModeWithTape, mode_with_tape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.constant_program import ConstantProgram, constant_program
-from henon_ref.henon.double_double import scatter, signs_of
 from henon_ref.henon.mode_table import CompiledModes, ModeTable
+from henon_ref.kernel.shared import doubles, integers, kernel
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
@@ -59,14 +59,13 @@ class LoopProgram:
         """
         registers, points, modes = self.program.registers(values), len(values), len(self.compiled.modes)
         numbers = np.zeros((points, modes * self.tapes * self.longest))
-        if not scatter(registers, self.sources, *self.places, numbers):
+        if not _scatter(registers, self.sources, self.places, numbers):
             self.program.made_accurate(registers, exact)
-            scatter(registers, self.sources, *self.places, numbers)
+            _scatter(registers, self.sources, self.places, numbers)
         count = len(self.normal_sources)
         normals = np.zeros((points, 2 * count + 1))
         if count:
-            places = np.arange(count)
-            scatter(registers, self.normal_sources, places, places + count, normals)
+            _scatter(registers, self.normal_sources, np.arange(2 * count).reshape(2, -1), normals)
         return numbers.reshape(points, modes, self.tapes, self.longest), normals
 
 
@@ -118,7 +117,10 @@ class ParameterPrograms:
         """
         program = self.start
         signs = np.empty((len(points), len(program.outputs)), dtype=np.int64)
-        signs_of(program.registers(points), program.places, signs)
+        registers, count = program.registers(points), len(program.outputs)
+        kernel.signs_of(
+            doubles(registers), registers.shape[1], len(points), integers(program.places), count, integers(signs)
+        )
         return signs
 
     def mode(self, mode: Mode) -> ModeWithTape | None:
@@ -176,6 +178,21 @@ class ParameterPrograms:
         own = registers[:count][np.array(sources, dtype=np.int64)]
         rows = max((len(code.tapes) for code in compiled.codes), default=0)
         return LoopProgram(compiled, program, own, put, rows, longest, registers[count:])
+
+
+def _scatter(
+    registers: NDArray[np.float64],
+    sources: NDArray[np.int64],
+    places: NDArray[np.int64],
+    out: NDArray[np.float64],
+) -> bool:
+    """Put numbers, and what their rounding lost, into the places of rows; False where some have lost their digits."""
+    points, width = registers.shape[:2]
+    highs, lows = map(integers, places)
+    accurate = kernel.scatter(
+        doubles(registers), width, points, integers(sources), highs, lows, len(sources), doubles(out), out.shape[1]
+    )
+    return bool(accurate)
 
 
 def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:

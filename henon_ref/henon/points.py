@@ -11,28 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.filippov.modes import Mode
 from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.mode_constants import LoopData, loop_data
 from henon_ref.henon.pairs import decimal_pairs, exact_expression, threes
-from henon_ref.henon.points_kernel import (
-    ASIDE,
-    BUFFER_FULL,
-    DONE,
-    END,
-    END_PLACES,
-    NO_SAMPLES,
-    PAUSE,
-    PROGRESS,
-    SET_ASIDE,
-    keep_rows,
-    load_points,
-    run_points,
-)
 from henon_ref.henon.records import HENON, TRANSITION_PLACES, transition_dtype
 from henon_ref.henon.run import Run
 from henon_ref.henon.start import MOST_STEPS, Start, out_of_steps
-from henon_ref.henon.state import ReturnCode
 from henon_ref.henon.workspace import CHUNK, Workspace
+from henon_ref.kernel.shared import doubles, ffi, integers, kernel, record_dtype
 from henon_ref.trajectory import Status, Trajectory
 
+PROGRESS, END = record_dtype("progress"), record_dtype("end")
+"""Where a call that runs many points stands, and what it is to keep; and how the run of a point ended."""
 AT_ONCE = 4096
 """Points whose constants are in memory at one time, at most."""
 MEMORY = 1 << 26
@@ -113,7 +102,7 @@ class PointRuns:
 
     Attributes
     ----------
-    ends : ndarray, shape (points,) of :data:`henon_ref.henon.points_kernel.END`
+    ends : ndarray, shape (points,) of :data:`END`
         Time, row of the mode, and counts at the end of each run.
     states : ndarray, shape (points, n)
         States there.
@@ -152,7 +141,6 @@ class PointRuns:
         self.ends = np.zeros(points, dtype=END)
         self.states = np.zeros((points, n))
         self.others: dict[int, Trajectory] = {}
-        load_points(several=integrator.several)
 
     @property
     def transition_dtype(self) -> np.dtype[Any]:
@@ -165,7 +153,7 @@ class PointRuns:
         """How the run of a point ended, and why it is not ``ok``."""
         if point in self.others:
             return self.others[point].status, self.others[point].reason
-        if self.ends["code"][point] == ReturnCode.BUDGET_SPENT:
+        if self.ends["code"][point] == kernel.BUDGET_SPENT:
             return "failed", out_of_steps(self.ends["steps"][point], self.ends["time"][point])
         return "ok", ""
 
@@ -237,7 +225,7 @@ class _Part:
             yield from self._compiled(workspace)
         finally:
             workspaces.free.append(workspace)
-        for point in np.flatnonzero(self.runs.ends["code"][self.part] == SET_ASIDE).tolist():
+        for point in np.flatnonzero(self.runs.ends["code"][self.part] == kernel.SET_ASIDE).tolist():
             if self.first + point not in self.runs.others:
                 yield from self._in_python(point)
 
@@ -247,23 +235,36 @@ class _Part:
         times = runs.times[self.part].reshape(-1, 4)
         initial = np.ascontiguousarray(runs.initial[self.part].transpose(0, 2, 1)).reshape(len(times), -1)
         template = replace(runs.start(self.first), zeros=runs.integrator.no_zeros).state
-        ends, states = runs.ends[self.part].view(np.float64).reshape(-1, END_PLACES), runs.states[self.part]
-        tries, code, constants = TRIES, PAUSE, self._constants(workspace)
-        while code != DONE:
-            code = run_points(
-                self.memory.view(np.float64), workspace.block, template, times, initial, rows, surfaces, *constants,
-                NO_SAMPLES, self.kept, self.pending, ends, states,
-            )  # fmt: skip
-            if code == ASIDE:
+        points = ffi.new("struct points *")
+        points.count, points.block, points.start = len(times), doubles(workspace.block), doubles(template)
+        points.times, points.initial = doubles(times), doubles(initial)
+        points.rows, points.surfaces = integers(rows), integers(surfaces)
+        points.ends = ffi.cast("struct end *", ffi.from_buffer(runs.ends[self.part]))
+        points.states = doubles(runs.states[self.part])
+        tries, code, data = TRIES, kernel.PAUSE, self._constants(points)
+        while code != kernel.DONE:
+            code = kernel.run_points(self._progress, points, data.tables, self._buffer(self.kept))
+            if code == kernel.ASIDE:
                 compiled = table.compiled
                 yield from self._in_python(int(progress["point"]) - 1)
                 if table.compiled is not compiled:
-                    tries, constants = TRIES, self._constants(workspace)
+                    tries, data = TRIES, self._constants(points)
                 tries -= 1
                 progress["stop_aside"] = tries > 0
-            elif code == BUFFER_FULL:
+            elif code == kernel.BUFFER_FULL:
                 yield from self._handed_out()
         yield from self._handed_out()
+
+    @property
+    def _progress(self) -> Any:
+        return ffi.cast("struct progress *", ffi.from_buffer(self.memory))
+
+    def _buffer(self, kept: NDArray[np.float64]) -> Any:
+        """Where transitions go; what it points to lasts as long as ``kept`` and :attr:`pending` do."""
+        buffer = ffi.new("struct buffer *")
+        buffer.kept, (buffer.capacity, buffer.width) = doubles(kept), kept.shape
+        buffer.pending, buffer.surfaces = doubles(self.pending), len(self.pending)
+        return buffer
 
     def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Row of each point's mode at the start, and the surface that it starts on, -1 for none.
@@ -283,20 +284,15 @@ class _Part:
                 rows[own], surfaces[own] = found
         return rows, surfaces
 
-    def _constants(self, workspace: Workspace) -> tuple[Any, ...]:
-        """Tables, constants and what decides events of several surfaces, for the modes that are compiled now."""
-        table = self.runs.integrator.mode_table
+    def _constants(self, points: Any) -> LoopData:
+        """The modes that are compiled now with the constants of all points, or of the first where all have the same."""
         program = self.runs.integrator.programs.loop()
-        compiled = program.compiled
         numbers, normals = program.numbers(
             self.values, lambda point: [exact_expression(v) for v in self.runs.exact(self.first + point).values]
         )
-        selection = None
-        if compiled.rows.size:
-            assert table.normals is not None
-            address = table.normals.address
-            selection = address, normals[0], compiled.signs, compiled.rows, table.decoupled, *workspace.selection
-        return compiled.tables, numbers, normals, selection
+        each = len(numbers) > 1
+        points.numbers_step, points.normals_step = numbers[0].size if each else 0, normals[0].size if each else 0
+        return loop_data(self.runs.integrator.mode_table, program.compiled, numbers, normals)
 
     def _handed_out(self) -> Iterator[NDArray[Any]]:
         """Transitions of the points that are done; those of one that is at work move to the begin of the buffer."""
@@ -315,19 +311,22 @@ class _Part:
     def _in_python(self, point: int) -> Iterator[NDArray[Any]]:
         """Do the run of a point that is set aside."""
         runs, number = self.runs, self.first + point
+        states = runs.states.shape[1]
         run, memory, ends = Run(runs.integrator, runs.start(number)), self.memory.copy(), runs.ends[number]
         memory["point"], self.pending[:, 0], ends["transitions"] = number, 0.0, 0
         kept = [np.empty((0, self.kept.shape[1]))]
         for block in run.stream():
             memory["kept"] = 0
             room = np.empty((len(block) + len(self.pending), self.kept.shape[1]))
-            keep_rows(memory.view(np.float64), np.ascontiguousarray(block.rows), room, self.pending)
+            records = np.ascontiguousarray(block.rows)
+            progress = ffi.cast("struct progress *", ffi.from_buffer(memory))
+            kernel.keep_transitions(progress, doubles(records), len(records), states, self._buffer(room))
             kept.append(room[: memory["kept"][0]])
             ends["transitions"] += len(block)
         end = run.ended
         assert end is not None
         runs.others[number], runs.states[number] = end._replace(transitions=()), end.end_state
-        ends["time"], ends["time_low"], ends["code"] = end.end_time, 0.0, SET_ASIDE
+        ends["time"], ends["time_low"], ends["code"] = end.end_time, 0.0, kernel.SET_ASIDE
         if run.start.refused is None:
             ends["time_low"] = run.scalars.time_low
         ends["mode"] = runs.integrator.mode_table.index.get(end.end_mode, -1)

@@ -12,33 +12,23 @@ from numpy.typing import NDArray
 from henon_ref.filippov.resets import resetting
 from henon_ref.henon.endings import ending_of
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.loop import advance
 from henon_ref.henon.mode_changes import Jumped, ModeChanges
 from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
-from henon_ref.henon.recorder import events_accumulate
-from henon_ref.henon.records import (
-    GRAZE,
-    STEP_PLACES,
-    step_dtype,
-)
+from henon_ref.henon.records import GRAZE, STEP_PLACES, step_dtype
 from henon_ref.henon.start import Start, out_of_steps
-from henon_ref.henon.state import RUN, STATE_PLACE, ReturnCode
 from henon_ref.henon.transition_array import TransitionArray
-from henon_ref.henon.workspace import CHUNK
-from henon_ref.jit.njit import in_python
+from henon_ref.henon.workspace import CHUNK, STATE_PLACE
 from henon_ref.jit.processor_time import Deadline
+from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 _tuple = tuple.__new__
 _counts: Callable[..., tuple[int, ...]] = Struct("6q").unpack_from
-_FIRST_COUNT = 8 * list(RUN.names or ()).index("mode")
+_FIRST_COUNT: int = ffi.offsetof("struct run", "mode")
 """Where in the block, in bytes, mode, steps, expansions, guard evaluations, transitions and guards below rounding
 are."""
 _STATE = 8 * STATE_PLACE
-_HORIZON = ReturnCode.HORIZON.value
-"""The member itself would be looked up in a tenth of a microsecond, as its neighbours are where it matters less."""
 _NO_SAMPLES = np.zeros((0, 2))
-_events_accumulate = in_python(events_accumulate)
 
 
 class Run(ModeChanges):
@@ -71,7 +61,7 @@ class Run(ModeChanges):
         How the run ended, once :meth:`stream` is through.
     """
 
-    __slots__ = ("deadline", "ended")
+    __slots__ = ("_sampled", "deadline", "ended")
 
     def __init__(
         self,
@@ -91,10 +81,10 @@ class Run(ModeChanges):
         state[...], self._scalars = start.state, None
         if block != CHUNK:
             self.scalars.transition_capacity = block
-        self.samples = _NO_SAMPLES
+        self.samples, self._sampled = _NO_SAMPLES, ffi.NULL
         if sample_times is not None:
             self.samples = np.full((sample_times.size, len(start.x) + 2), np.nan)
-            self.samples[:, 0] = sample_times
+            self.samples[:, 0], self._sampled = sample_times, doubles(self.samples)
         self.blocks = []
         self.step_blocks = []
         self._passed_at, self._motion = -1, None
@@ -173,33 +163,32 @@ class Run(ModeChanges):
         if refused is not None:
             unasked = self.samples is _NO_SAMPLES
             return refused if unasked else refused._replace(samples=self.samples[:, 1:-1], sample_modes=())
-        compiled, tables, numbers, normals = self.start.constants.latest
-        if compiled is not self.integrator.mode_table.compiled:
-            _, tables, numbers, normals = self.start.constants.update()
-        selection = (*normals, *self.workspace.selection) if normals and self.integrator.several else None
-        code = advance(self.state, tables, numbers, selection, self.samples)
-        if code == _HORIZON or code == ReturnCode.STOPPED:
+        data = self.start.constants.latest
+        if data.compiled is not self.integrator.mode_table.compiled:
+            data = self.start.constants.update()
+        code = kernel.advance(self.workspace.run, data.tables, self._sampled, len(self.samples))
+        if code == kernel.HORIZON or code == kernel.STOPPED:
             return self._end("ok", "")
-        if code == ReturnCode.BLOCK_FULL and not stop:
+        if code == kernel.BLOCK_FULL and not stop:
             self._close_block()
-        elif code in (ReturnCode.SELECT_MODE, ReturnCode.UNDECIDED_EVENT, ReturnCode.MODE_NOT_COMPILED):
+        elif code in (kernel.SELECT_MODE, kernel.UNDECIDED_EVENT, kernel.MODE_NOT_COMPILED):
             why = None
-            if code == ReturnCode.MODE_NOT_COMPILED:
+            if code == kernel.MODE_NOT_COMPILED:
                 why = self._enter_new_mode()
-            elif code == ReturnCode.SELECT_MODE:
+            elif code == kernel.SELECT_MODE:
                 why = self._select_mode()
             else:
                 why = self._locate()
             if why is None and self.scalars.stopped:
                 why = "ok", ""
             return None if why is None else self._end(*why)
-        elif code == ReturnCode.STALLED and self._pass_branch_point():
+        elif code == kernel.STALLED and self._pass_branch_point():
             return None
-        elif code == ReturnCode.STEPS_FULL:
+        elif code == kernel.STEPS_FULL:
             self._close_steps()
-        elif code == ReturnCode.BUDGET_SPENT and self.scalars.steps >= self.start.most_steps:
+        elif code == kernel.BUDGET_SPENT and self.scalars.steps >= self.start.most_steps:
             return self._end("failed", out_of_steps(self.start.most_steps, self.time))
-        elif code not in (ReturnCode.BLOCK_FULL, ReturnCode.BUDGET_SPENT):
+        elif code not in (kernel.BLOCK_FULL, kernel.BUDGET_SPENT):
             return self._end(*ending_of(self, code))
         return None
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from henon_ref.filippov.resting import REMAINING
 from henon_ref.henon.mode_constants import ModeConstants
-from henon_ref.henon.state import LAST_STEPS, RUN, RUN_VIEW, STATE_PLACE, state_places
-from henon_ref.henon.workspace import CHUNK
+from henon_ref.henon.workspace import CHUNK, LAST_STEPS, RUN_VIEW, STATE_PLACE, places
+from henon_ref.kernel.shared import ffi
 from henon_ref.trajectory import Trajectory
 
 NO_LIMIT = 1 << 62
@@ -21,10 +21,8 @@ NO_LIMIT = 1 << 62
 MOST_STEPS = 100_000_000
 """Steps of a run that has no limit of its own."""
 _BEGIN, _HORIZON, _MODE = Struct("4d"), Struct("2d"), Struct("q")
-_NAMES = RUN.names or ()
-_HORIZON_PLACE, _MODE_PLACE = 8 * _NAMES.index("horizon"), 8 * _NAMES.index("mode")
-"""In bytes; time, what rounding it lost, unit and begin come first."""
-assert _NAMES[:4] == ("time", "time_low", "unit", "begin")
+_BEGIN_PLACE, _HORIZON_PLACE, _MODE_PLACE = (ffi.offsetof("struct run", name) for name in ("time", "horizon", "mode"))
+"""In bytes; behind the time stand what rounding it lost, unit and begin, behind the horizon what rounding that lost."""
 
 
 def out_of_steps(steps: int, time: float) -> str:
@@ -70,12 +68,12 @@ class Start:
 
     @cached_property
     def state(self) -> NDArray[np.float64]:
-        """What a run begins with (see :func:`henon_ref.henon.loop.advance`). Each run copies it to its workspace."""
+        """What a run begins with (``struct run`` of ``kernel.h``, then vectors); each run copies it to its memory."""
         n, guards = len(self.x), len(self.zeros)
         limits = self.stop_falling, self.stop_rising, self.most_steps
         state = _template(n, guards, self.order, self.landing, self.tolerance, *limits).copy()
         length = (self.until[0] - self.time[0]) + (self.until[1] - self.time[1])
-        _BEGIN.pack_into(state.data, 0, *self.time, max(length, 1e-280), self.time[0])
+        _BEGIN.pack_into(state.data, _BEGIN_PLACE, *self.time, max(length, 1e-280), self.time[0])
         _HORIZON.pack_into(state.data, _HORIZON_PLACE, *self.until)
         _MODE.pack_into(state.data, _MODE_PLACE, self.row)
         high, low = zip(*self.x, strict=True)
@@ -98,7 +96,7 @@ def _template(
     most_steps: int,
 ) -> NDArray[np.float64]:
     """What is the same for many starts. (To put each field in its place takes several microseconds.)"""
-    state = np.zeros(state_places(states, guards))
+    state = np.zeros(places(states, guards, order).end_of_state)
     state[len(state) - guards :] = np.inf
     run = state[:LAST_STEPS].view(RUN_VIEW)[0]
     run.event_time, run.tolerance, run.order, run.method = -np.inf, tolerance, order, method

@@ -11,8 +11,7 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.start import Start
-from henon_ref.henon.state import LAST_STEPS, RUN_VIEW, STATE_PLACE
-from henon_ref.henon.workspace import Workspace
+from henon_ref.henon.workspace import LAST_STEPS, RUN_VIEW, STATE_PLACE, Workspace
 
 
 class State:
@@ -87,7 +86,7 @@ class State:
 
     @property
     def since(self) -> NDArray[np.float64]:
-        """Since when each guard has been below its rounding [s] (:func:`henon_ref.henon.state.rounding_place`)."""
+        """Since when each guard has been below its rounding [s] (``rounding_place`` of the kernel)."""
         return self.state[len(self.state) - len(self.start.zeros) :]
 
     @property

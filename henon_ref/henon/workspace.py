@@ -1,66 +1,35 @@
-"""The memory that a run works on: its block, which the compiled loop is handed, and views of the block's parts."""
+"""The memory that a run works on: its block, which the compiled loop is handed, and views of the block's parts.
+
+Where the parts stand says ``struct places`` of ``henon_ref/kernel/kernel.h``.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from henon_ref.henon.mode_selection import selection_space
-from henon_ref.henon.records import TRANSITION_PLACES
-from henon_ref.henon.state import REMEMBERED_STEPS, state_places
-from henon_ref.jit.ir_writer import row_length
-from henon_ref.jit.njit import inner
-from henon_ref.jit.views import integers_in, rest_of, rows_of
-from henon_ref.roots.double import DEPTH
+from henon_ref.kernel.shared import doubles, ffi, kernel, record_dtype
 
-CHUNK = 1024
+CHUNK: int = kernel.CHUNK
 """Transitions kept in one block of memory."""
-ALIGNMENT = 8
-"""Doubles in a line of the processor's cache: the parts of a block begin with one."""
-BANDS = 6 + 2 * DEPTH
-"""Rows of the work space that root isolation needs."""
+RUN = record_dtype("run")
+"""A run's scalars, the same for every system; the vectors stand behind them."""
+RUN_VIEW = np.dtype((np.record, RUN))
+"""What Python sees the scalars as."""
+LAST_STEPS = RUN.itemsize // 8
+"""Where, in doubles, the last steps stand in the block."""
+STATE_PLACE: int = kernel.places_of(0, 0, 0).state
+"""Where the state stands, followed by what rounding it lost, and by the state before the last jump."""
 
 
-@register_jitable
-def work_places(n, most, order):  # type: ignore[no-untyped-def]
-    """Where in a block the band, the room and the transitions begin, and length of a row of the band."""
-    width = row_length(order)
-    band = -(-state_places(n, most) // ALIGNMENT) * ALIGNMENT
-    room = band + (2 * (n + most + 1) + BANDS) * width
-    return band, room, room + 3 * (n + most) + REMEMBERED_STEPS, width
-
-
-@inner()
-def work_space(block, n, most, order):  # type: ignore[no-untyped-def]
-    """Parts of what the loop works on, which stand behind the run's state.
-
-    Parameters
-    ----------
-    block : row
-        The run's.
-    n, most, order : int
-        States; guards of the largest mode, G; order.
-
-    Returns
-    -------
-    band : rows, shape (2 (n + G + 1) + BANDS, row length)
-        Taylor coefficients of states and guards in the unit, then the norms of the last ones; the same at the
-        end of a step that is checked; what isolating roots needs.
-    room : row of 3 n + 3 G doubles
-        Change of the states over a step and bounds of the guards from below; a state; normal velocities.
-    remembered : row of REMEMBERED_STEPS integers
-        Modes whose last step the run keeps.
-    records : rows, shape (transitions kept, TRANSITION_PLACES + n)
-        Transitions, a row each.
-    """
-    band, room, records, width = work_places(n, most, order)
-    own = rows_of(rest_of(block, records), TRANSITION_PLACES + n)
-    remembered = integers_in(rest_of(block, records - REMEMBERED_STEPS))
-    return rows_of(rest_of(block, band), width), rest_of(block, room), remembered, own
+@lru_cache(maxsize=64)
+def places(states: int, guards: int, order: int) -> Any:
+    """Where the parts of a block stand: of so many states, and guards of the largest mode."""
+    return kernel.places_of(states, guards, order)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,33 +38,32 @@ class Workspace:
 
     block: NDArray[np.float64]
     """All of it."""
+    run: Any
+    """The same as the compiled loop takes it: a pointer."""
     state: NDArray[np.float64]
-    """A view: the run's scalars and vectors (:mod:`henon_ref.henon.state`)."""
+    """A view: the run's scalars and vectors."""
     band: NDArray[np.float64]
-    """A view: coefficients of the last expansion (see :func:`work_space`)."""
+    """A view: coefficients of the last expansion, a row a state, then a guard."""
     transitions: NDArray[np.float64]
     """A view: transitions, shape (CHUNK, TRANSITION_PLACES + n), each :data:`henon_ref.henon.records.TRANSITION` and a
     state. (An array of records is copied field by field: as long as half of a short run.)"""
-    selection: tuple[NDArray[Any], ...]
-    """Room of :func:`henon_ref.henon.mode_selection.select_mode`."""
 
     @classmethod
-    def of(cls, states: int, guards: int, order: int, surfaces: int) -> Workspace:
-        """For systems of so many states and surfaces, with so many guards in the largest mode.
+    def of(cls, states: int, guards: int, order: int) -> Workspace:
+        """For systems of so many states, with so many guards in the largest mode.
 
         Parts of an unused one may be used at once: they are zero where the loop takes that for granted.
         """
-        band, room, records, width = work_places(states, guards, order)
-        size = records + CHUNK * (TRANSITION_PLACES + states)
-        block = np.zeros(size + ALIGNMENT)
-        first = -(block.ctypes.data // 8) % ALIGNMENT
-        block = block[first : first + size]
+        own = places(states, guards, order)
+        block = np.zeros(own.size + kernel.ALIGNMENT)
+        first = -(block.ctypes.data // 8) % kernel.ALIGNMENT
+        block = block[first : first + own.size]
         return cls(
             block,
-            block[: state_places(states, guards)],
-            block[band:room].reshape(-1, width),
-            block[records:].reshape(CHUNK, -1),
-            selection_space(states, surfaces),
+            ffi.cast("struct run *", doubles(block)),
+            block[: own.end_of_state],
+            block[own.band : own.room].reshape(-1, own.width),
+            block[own.records :].reshape(CHUNK, -1),
         )
 
 
@@ -107,7 +75,7 @@ class WorkspacePool:
 
     Parameters
     ----------
-    states, guards, order, surfaces : int
+    states, guards, order : int
         See :meth:`Workspace.of`.
 
     Attributes
@@ -116,8 +84,8 @@ class WorkspacePool:
         Those that nobody has.
     """
 
-    def __init__(self, states: int, guards: int, order: int, surfaces: int) -> None:
-        self._sizes = states, guards, order, surfaces
+    def __init__(self, states: int, guards: int, order: int) -> None:
+        self._sizes = states, guards, order
         self.free: list[Workspace] = []
 
     def new(self) -> Workspace:

@@ -1,1 +1,1 @@
-"""Compiling: numba's and our own modules, the cache of machine code, the target processor."""
+"""Machine code of modes: LLVM IR, its compilation, the cache, the target processor."""

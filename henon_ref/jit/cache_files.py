@@ -11,7 +11,6 @@ import tempfile
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
-from typing import IO
 
 from henon_ref.jit import cache_folder
 
@@ -69,18 +68,6 @@ def write(file: Path, content: bytes) -> None:
         with suppress(OSError):
             os.unlink(name)
         raise
-
-
-def open_turn(file: Path) -> IO[bytes]:
-    """Open a file for locks, made where it is missing; what is written is appended at once.
-
-    Raises
-    ------
-    OSError
-        Where that cannot be.
-    """
-    make_folder(file.parent)
-    return open(file, "ab", buffering=0, opener=_own_file)
 
 
 def make_folder(folder: Path) -> None:

@@ -1,7 +1,7 @@
 """The folder that compiled code is kept in, and what is done where it cannot be used.
 
 The machine code in it is run. The folder is therefore refused unless it belongs to the user, and neither group nor
-others can write to it; so are the folders in it that are used. No folder above it may be open to everybody (one with
+others can write to it; so is the folder in it that is used. No folder above it may be open to everybody (one with
 the sticky bit, such as ``/tmp``, may). A symbolic link in its place must be the user's or root's; what it leads to is
 used, under the same rules. Each file is looked at again when it is read (:mod:`henon_ref.jit.cache_files`).
 
@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import logging
 import os
-import re
 import secrets
 import shutil
 import stat
@@ -29,12 +28,10 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-VARIABLE = "NUMBA_CACHE_DIR"
+VARIABLE = "HENON_REF_CACHE_DIR"
 """Environment variable of the folder; without it, it is ``henon_ref`` in the user's cache (``XDG_CACHE_HOME``)."""
 OBJECTS = "objects"
-"""Folder in it of our own modules' machine code."""
-FUNCTIONS = "numba-"
-"""Folders in it of numba's compiled functions, with a hash behind it."""
+"""Folder in it of modules' machine code."""
 ASIDE = "set-aside-"
 """What was set aside, with its former name behind it."""
 UNWRITTEN = "unwritten-"
@@ -42,21 +39,20 @@ UNWRITTEN = "unwritten-"
 PRIVATE = 0o700
 """Mode of folders that are made here."""
 KEPT_DAYS = 30
-"""Days after which a folder of compiled functions that nobody has used is removed."""
+"""Days after which what was set aside is removed, and notes."""
 LONGEST_NAME = 500
 """Characters of a path in a message."""
 _PROBE = 4096
 """Bytes that must find room in the folder."""
 _NOWHERE = Path(os.devnull, "henon_ref")
 """A folder that cannot be: nothing is found in it, nothing is kept."""
-_OURS = re.compile(rf"{FUNCTIONS}[0-9a-f]{{16}}|{OBJECTS}")
 _SAID: set[str] = set()
 """Names of what this process has set aside, and told."""
 _LOG = logging.getLogger(__name__)
 
 
 def cache_root() -> Path:
-    """Folder of everything that is compiled: ``NUMBA_CACHE_DIR``, or the user's cache; where refused, a temporary one.
+    """Folder of what is compiled: ``HENON_REF_CACHE_DIR``, or the user's cache; where refused, a temporary one.
 
     The variable then leads to that one, so that processes begun from here on use it, too.
     """
@@ -115,12 +111,11 @@ def _open_to_others(wanted: Path, folder: Path) -> str | None:
             return f"others can write to {_named(above)}"
     if found := foreign(folder.lstat()):
         return found
-    for inner in [entry for entry in os.scandir(folder) if _OURS.fullmatch(entry.name)]:
-        with suppress(FileNotFoundError):  # another process has set it aside
-            status = inner.stat(follow_symlinks=False)
-            found = foreign(status) if stat.S_ISDIR(status.st_mode) else "it is not a folder"
-            if found:
-                return f"{found}: {inner.name!r}"
+    with suppress(FileNotFoundError):  # it is not there yet, or another process has set it aside
+        status = (folder / OBJECTS).lstat()
+        found = foreign(status) if stat.S_ISDIR(status.st_mode) else "it is not a folder"
+        if found:
+            return f"{found}: {OBJECTS!r}"
     return None
 
 
@@ -217,14 +212,11 @@ def _named(path: Path) -> str:
 
 
 def _remove_old(root: Path) -> None:
-    """Remove folders of functions, what was set aside, and notes, once they have not been used for some time."""
+    """Remove what was set aside, and notes, after some time."""
     oldest = time.time() - KEPT_DAYS * 86400
     with suppress(OSError):
         for entry in list(os.scandir(root)):
-            ours = entry.name.startswith((ASIDE, UNWRITTEN)) or (
-                entry.name != OBJECTS and _OURS.fullmatch(entry.name) is not None
-            )
-            if ours and entry.stat(follow_symlinks=False).st_mtime < oldest:
+            if entry.name.startswith((ASIDE, UNWRITTEN)) and entry.stat(follow_symlinks=False).st_mtime < oldest:
                 if entry.is_dir(follow_symlinks=False):
                     shutil.rmtree(entry.path, ignore_errors=True)
                 else:

@@ -9,9 +9,9 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Sequence
 
-from numba.extending import register_jitable
+from henon_ref.kernel.shared import kernel
 
-LANES = 4
+LANES: int = kernel.LANES
 """Doubles in a vector."""
 LIBM = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log")
 _OF_LIBM = "nobuiltin readnone nounwind"
@@ -25,10 +25,10 @@ ONE = "0x3FF0000000000000"
 MINUS = "0xBFF0000000000000"
 
 
-@register_jitable
 def row_length(order: int) -> int:
     """Doubles from one row of coefficients to the next: whole vectors, padded with zeros."""
-    return -(-(order + 1) // LANES) * LANES if order else 1
+    length: int = kernel.row_length(order)
+    return length
 
 
 def literal(value: float) -> str:

@@ -1,4 +1,4 @@
-"""LLVM IR to callable machine code, through numba's own back end (llvmlite), kept on disk by a hash of the IR."""
+"""LLVM IR to callable machine code, through llvmlite, kept on disk by a hash of the IR."""
 
 from __future__ import annotations
 

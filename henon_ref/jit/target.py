@@ -1,7 +1,7 @@
-"""The processor that machine code is compiled for: one place says it, for numba and for our own LLVM modules.
+"""The processor that machine code of modes is compiled for.
 
-It is this machine's processor with its features, unless numba's variables ``NUMBA_CPU_NAME`` and ``NUMBA_CPU_FEATURES``
-name another. A name alone means that processor's own features, as in LLVM (numba would keep this machine's).
+It is this machine's processor with its features, unless the variable ``HENON_REF_CPU`` names another: that processor's
+own features then, as in LLVM. (``x86-64`` takes the kernel's library for processors without fused operations, too.)
 
 Whatever the target, the reference's digits are the same. The optimiser has no licence to fuse, reorder or approximate
 (no ``fastmath``, no flags in our own LLVM IR): fused operations are said (``fma``, which a processor without them
@@ -15,10 +15,12 @@ decide nothing.
 
 from __future__ import annotations
 
+import os
 from typing import NamedTuple
 
 import llvmlite.binding as llvm
-from numba.core import config
+
+from henon_ref.kernel.library import CPU_VARIABLE
 
 
 class Target(NamedTuple):
@@ -32,14 +34,7 @@ class Target(NamedTuple):
 
 def target() -> Target:
     """Processor and features that code is compiled for in this process."""
-    if config.CPU_NAME is None:
-        return Target(llvm.get_host_cpu_name(), config.CPU_FEATURES or llvm.get_host_cpu_features().flatten())
-    return Target(config.CPU_NAME, config.CPU_FEATURES or "")
-
-
-def _tell_numba() -> None:
-    """Make numba use :func:`target`, too: of a name alone it would keep this machine's features."""
-    config.CPU_NAME, config.CPU_FEATURES = target()
-
-
-_tell_numba()
+    named = os.environ.get(CPU_VARIABLE)
+    if named:
+        return Target(named, "")
+    return Target(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())

@@ -1,3 +1,43 @@
-/* The one translation unit of the kernel: what it includes is static and can be inlined. */
+/* The compiled side of the reference, one translation unit: what is small is inlined wherever it is called.
+ *
+ * In the order in which a step meets them: its size and validation, the step itself, events, what is written down, and
+ * what follows. henon_ref/kernel/kernel.h says what of it Python sees.
+ */
 #include "kernel.h"
 #include "self_test.h"
+
+#include "numbers.h"
+#include "work.h"
+
+#include "roots.c"
+#include "landing.c"
+#include "double_double.c"
+
+#include "compensated_time.c"
+#include "step_size.c"
+#include "validation.c"
+#include "recorder.c"
+#include "step.c"
+#include "events.c"
+#include "below_rounding.c"
+#include "selection.c"
+#include "jump.c"
+#include "transition.c"
+#include "loop.c"
+#include "surface_start.c"
+#include "points.c"
+#include "parts.c"
+
+/* Bounds and levels that Python reads, too. */
+HENON_EXPORT struct levels levels(void)
+{
+    return (struct levels){
+        .eps = EPS,
+        .blown_up = BLOWN_UP,
+        .state_rounding = STATE_ROUNDING,
+        .known_zero_level = KNOWN_ZERO_LEVEL,
+        .operation_error = OPERATION_ERROR,
+        .accurate = ACCURATE,
+        .clearance = CLEARANCE,
+    };
+}

@@ -11,7 +11,7 @@ from math import comb
 
 from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, declarations, literal, row_length
 from henon_ref.jit.native_module import NativeModule
-from henon_ref.roots.double import NONE, ROOT, SUBDIVIDE
+from henon_ref.kernel.shared import kernel
 
 _VECTOR = f"<{LANES} x double>"
 
@@ -20,8 +20,9 @@ def bernstein_ir(order: int, name: str) -> str:
     """LLVM IR of ``i64 name(double* q, double* powers, i64 degree, double* a, double* b)``.
 
     ``a`` receives q_k powers_k up to ``degree``, then zeros; ``b`` the Bernstein coefficients of degree ``order`` of
-    that polynomial on [0, 1]; both have room for whole vectors. The value is ROOT where it falls through one root
-    there, NONE where it falls through none, and SUBDIVIDE where the signs leave that open.
+    that polynomial on [0, 1]; both have room for whole vectors. The value (``enum roots_outcome`` of ``kernel.h``) is
+    ROOT where it falls through one root there, NO_ROOT where it falls through none, and SUBDIVIDE where the signs leave
+    that open.
     """
     w = IRWriter()
     blocks = row_length(order) // LANES
@@ -51,10 +52,10 @@ def bernstein_ir(order: int, name: str) -> str:
     certain = w.emit(f"icmp eq i64 {w.emit(f'and i64 {certain}, {every}')}, {every}")
     turned = w.emit(f"xor i64 {positive}, {w.emit(f'lshr i64 {positive}, 1')}")
     changes = w.emit(f"call i64 @llvm.ctpop.i64(i64 {w.emit(f'and i64 {turned}, {every >> 1}')})")
-    falling = w.emit(f"select i1 {w.emit(f'trunc i64 {positive} to i1')}, i64 {ROOT}, i64 {NONE}")
-    outcome = w.emit(f"select i1 {w.emit(f'icmp eq i64 {changes}, 1')}, i64 {falling}, i64 {SUBDIVIDE}")
-    outcome = w.emit(f"select i1 {w.emit(f'icmp eq i64 {changes}, 0')}, i64 {NONE}, i64 {outcome}")
-    outcome = w.emit(f"select i1 {certain}, i64 {outcome}, i64 {SUBDIVIDE}")
+    falling = w.emit(f"select i1 {w.emit(f'trunc i64 {positive} to i1')}, i64 {kernel.ROOT}, i64 {kernel.NO_ROOT}")
+    outcome = w.emit(f"select i1 {w.emit(f'icmp eq i64 {changes}, 1')}, i64 {falling}, i64 {kernel.SUBDIVIDE}")
+    outcome = w.emit(f"select i1 {w.emit(f'icmp eq i64 {changes}, 0')}, i64 {kernel.NO_ROOT}, i64 {outcome}")
+    outcome = w.emit(f"select i1 {certain}, i64 {outcome}, i64 {kernel.SUBDIVIDE}")
     body = "\n".join(w.lines)
     return (
         f"define i64 @{name}(ptr noalias %q, ptr noalias %powers, i64 %degree, ptr noalias %a, ptr noalias %b) {{\n"

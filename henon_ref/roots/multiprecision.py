@@ -1,7 +1,7 @@
 """Roots of polynomials in fixed point of 220 bits: the first one through which a guard falls, and touches before it.
 
 A number v stands as the integer v 2^220; the polynomial's size is 1 and its variable runs from 0 to 1. Roots are
-isolated as in the compiled :mod:`henon_ref.roots.double`.
+isolated as in the compiled ``henon_ref/kernel/roots.c``.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Literal
 
 from flint import arb, arb_poly
 
-from henon_ref.jit.primitives import EPS
+from henon_ref.kernel.shared import EPS
 from henon_ref.precision import working_precision
 
 BITS = 220
@@ -142,7 +142,7 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
     """Isolate the first root on (0, 1] through which a polynomial falls: (outcome, low, high).
 
     Descartes' rule of signs on Bernstein coefficients, as in the compiled
-    :func:`henon_ref.roots.double.first_falling_root`.
+    ``first_falling_root`` of ``henon_ref/kernel/roots.c``.
     """
     with working_precision(BITS):
         whole = arb_poly([arb(c) / ONE for c in q])
@@ -210,7 +210,7 @@ def _around_minimum(q: Fixed, piece: Fixed, low: int, high: int) -> list[int]:
 def _roughly_flat(piece: Fixed) -> tuple[float, float] | None:
     """A minimum of a piece, or a place where slope and value vanish, and how far from it to cut; None without one.
 
-    As in the compiled :mod:`henon_ref.roots.double`, on the slope over its derivative; doubles do, for what is cut
+    As in the compiled ``henon_ref/kernel/roots.c``, on the slope over its derivative; doubles do, for what is cut
     out is looked at again.
     """
     size = max(map(abs, piece))

@@ -36,7 +36,6 @@ def integrator_of(system: System, tolerance: float) -> Integrator:
             _kept.move_to_end(key)
             return _kept[key]
         made = Integrator(replace(system.model, parameters={}), key[1])
-        made.load()
         _kept[key] = made
         while len(_kept) > KEPT:
             _kept.popitem(last=False)

@@ -18,11 +18,11 @@ from flint import arb, fmpq
 from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.henon.double_constants import DoubleConstants
-from henon_ref.henon.double_double import UNCLEAR_SIGN
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.pairs import Pair, Three, exact_number, pair_of, three_of
 from henon_ref.henon.records import HENON
 from henon_ref.henon.start import Start
+from henon_ref.kernel.shared import kernel
 from henon_ref.simulation.clear_signs import sign_function
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
@@ -114,7 +114,7 @@ class QuickStart:
             signs: tuple[int, ...] | None = constants.start_signs(time, x)
         else:
             signs = self._signs(time[0], *(high for high, _ in x), *constants.doubles)
-        if signs is None or UNCLEAR_SIGN in signs or 0 in signs or -1 in signs[count:]:
+        if signs is None or kernel.UNCLEAR_SIGN in signs or 0 in signs or -1 in signs[count:]:
             return None
         return self._integrator.mode_table.index.get(signs[:count])
 

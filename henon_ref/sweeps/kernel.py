@@ -18,8 +18,8 @@ from henon_ref.henon.pairs import pair_of
 from henon_ref.henon.points import NOTHING, ExactPoint, Keep, PointRuns
 from henon_ref.henon.records import HENON, transition_dtype
 from henon_ref.henon.run import Run
-from henon_ref.henon.state import ReturnCode
 from henon_ref.henon.transition_array import TransitionArray
+from henon_ref.kernel.shared import kernel
 from henon_ref.simulation.compiled import local_error
 from henon_ref.sweeps.runs import Settings, Vector
 
@@ -96,7 +96,7 @@ def run_points(
     order = np.argsort(records["point"], kind="stable")  # points that were set aside come behind others
     status, message = np.full(count, "ok", dtype=object), np.full(count, OK, dtype=object)
     end_mode = runs.ends["mode"].astype(np.int64)
-    for point in np.flatnonzero(runs.ends["code"] == ReturnCode.BUDGET_SPENT).tolist():
+    for point in np.flatnonzero(runs.ends["code"] == kernel.BUDGET_SPENT).tolist():
         status[point], message[point] = runs.status(point)
     for point, end in runs.others.items():
         status[point], message[point] = end.status, end.reason or OK

@@ -22,7 +22,7 @@ entry:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setenv("HENON_REF_CACHE_DIR", str(tmp_path / "cache"))
     return tmp_path / "cache" / "objects"
 
 

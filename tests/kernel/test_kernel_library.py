@@ -57,6 +57,10 @@ def test_the_library_of_a_processor_without_fused_operations_can_be_asked_for(
     monkeypatch.setenv(CPU_VARIABLE, "x86-64")
     assert processor_features() == frozenset()
     load(header, "kernel")
+    monkeypatch.delenv(CPU_VARIABLE)
+    own = processor_features()
+    monkeypatch.setenv(CPU_VARIABLE, "haswell")  # what modes are compiled for
+    assert processor_features() == own
 
 
 @pytest.mark.parametrize(("file", "text"), [("part.c", PART), ("kernel.h", HEADER)])

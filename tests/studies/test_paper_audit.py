@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from henon_ref.henon.listing import LISTING
-from henon_ref.henon.listing_variants import DEFECTS, run_variant
+from baselines.paper.listing import LISTING
+from baselines.paper.listing_variants import DEFECTS, run_variant
 from henon_ref.studies.paper.audit import (
     ADDED,
     CROSSING_START,

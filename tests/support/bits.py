@@ -5,7 +5,7 @@
     python -m tests.support.bits compare RECORD RECORD
 
 ``own`` is the tightest tolerance that a reading itself names; ``--first`` takes the first reading of each case alone.
-With ``NUMBA_CPU_NAME=haswell`` in front, the record is that of machine code for another processor
+With ``HENON_REF_CPU=haswell`` in front, the record is that of machine code for another processor
 (:mod:`henon_ref.jit.target`). ``compare`` ends with status 1 unless all runs have equal bits, and names those that have
 not, the worst class first.
 """

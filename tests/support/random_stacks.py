@@ -59,7 +59,6 @@ def stack() -> FilippovSystem:
 def draws(number: int, seed: int, seconds: float) -> Iterator[tuple[dict[str, float], tuple[float, float], Run]]:
     """Random stacks: parameters, velocities at the start, and the run."""
     integrator, generator = Integrator(stack(), order_for(1e-13)), np.random.default_rng(seed)
-    integrator.load()
     for _ in range(number):
         draw = generator.uniform
         m, static, upper = draw(0.3, 3), draw(0.5, 3), draw(0.3, 2)

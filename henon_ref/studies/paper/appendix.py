@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pandas as pd
 
+from baselines.paper.listing_variants import DEFECTS, VariantRun, run_variant
 from henon_ref.figures import style
-from henon_ref.henon.listing_variants import DEFECTS, VariantRun, run_variant
 from henon_ref.report.files.svg import svg
 from henon_ref.studies.paper.audit import ADDED, PRINTED_STEP, audit, durations, numbers
 from henon_ref.studies.paper.claims import Claim, Section, checked, picture

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.paper.listing import LISTING
+from baselines.paper.listing_variants import DEFECTS, run_variant
 from henon_ref.figures import style
 from henon_ref.filippov.problem import Problem
-from henon_ref.henon.listing import LISTING
-from henon_ref.henon.listing_variants import DEFECTS, run_variant
 from henon_ref.report.files.svg import svg
 from henon_ref.studies.paper.audit import PRINTED_STEP, numbers
 from henon_ref.studies.paper.claims import Claim, Section, checked, picture

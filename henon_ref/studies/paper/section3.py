@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import sympy as sp
 
+from baselines.paper.rk4 import RK4
 from henon_ref.analysis.tangent import TangentAnalysis, TangentPoint
 from henon_ref.figures import style
 from henon_ref.filippov.problem import Problem
-from henon_ref.henon.rk4 import RK4
 from henon_ref.report.files.svg import svg
 from henon_ref.studies.paper.audit import ORDER_STEPS, ROUNDING, order_of
 from henon_ref.studies.paper.claims import Claim, Section, checked, picture

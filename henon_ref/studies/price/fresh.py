@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-CACHE = "NUMBA_CACHE_DIR"
+CACHE = "HENON_REF_CACHE_DIR"
 """Environment variable of the folder that compiled code is kept in."""
 
 P = ParamSpec("P")

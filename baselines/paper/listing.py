@@ -1,0 +1,201 @@
+"""``henon-listing``: the program in the paper's appendix as it is printed, as a solver.
+
+The program itself is :mod:`baselines.paper.listing_program`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from baselines.paper.compiled import COMPILER
+from baselines.paper.listing_program import EDGES, effective_changes, run_listing
+from henon_ref.errors import UnsupportedError
+from henon_ref.filippov.algebra import simplified
+from henon_ref.filippov.modes import Mode, transition_kind
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.solver import Run
+from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Counts, Status, Trajectory, Transition
+
+Floats = NDArray[np.float64]
+
+PARAMETERS = ("m", "k1", "k2", "mu0", "vp", "A", "w")
+"""Parameters that the listing reads, by name."""
+MAX_STEPS = 200_000_000
+"""Longest run."""
+MAX_CHANGES = 200_000
+"""Changes of mode that are kept; the listing at h = 1e-4 makes 180 of them."""
+
+
+class Listing:
+    """The appendix as printed, ``henon-listing``.
+
+    Runs only the system that the listing is a step method for: slip ``3 f`` with f of Eq. (18), and a
+    stick that ends where z rises through the middle upper tangent point, as the reading ``listing_limit``
+    of ``cases/fig8.yaml`` has it. It reads m, k1, k2, mu0, vp, A and w by name; the tangent points are
+    constants of the listing.
+
+    The listing counts passes and keeps no horizon: the state at the end is that after its last pass, some
+    steps off the horizon, which is what the trajectory names as its end.
+
+    A transition is reported when the listing changes its mode, with the time and state it then has. A
+    release whose very next step lands again and turns to the other side is one release to that side.
+
+    ``steps`` and ``event_evaluations``: passes of the loop. ``rhs_evaluations``: 4 for each pass in slip and
+    4 for each landing. The deadline is not watched: a million passes take some 20 ms.
+    """
+
+    name = "henon-listing"
+    fixed_step = True
+    landing = "listing"
+
+    @property
+    def version(self) -> str:
+        """Version of its compiler."""
+        return COMPILER
+
+    def prepare(
+        self,
+        problem: Problem,
+        *,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        sample_times: NDArray[np.float64] | None = None,
+        deadline: float | None = None,
+    ) -> Run:
+        """Check the system (see :class:`henon_ref.solver.Solver`).
+
+        Raises
+        ------
+        UnsupportedError
+            For any other system, and without a positive step.
+        """
+        if step is None or not step > 0:
+            raise UnsupportedError(f"{self.name} needs a positive step, got {step}")
+        numbers = listing_parameters(problem)
+        steps = round((float(problem.until) - float(problem.start)) / step)
+        if steps > MAX_STEPS:
+            raise UnsupportedError(f"{self.name} keeps no clock and is not run for more than {MAX_STEPS:.0e} steps")
+        start = _start(problem)
+        start_mode = _start_mode(start, numbers[4])
+        wanted = None if sample_times is None else np.asarray(sample_times, dtype=float)
+        until = float(problem.until)
+
+        def run() -> Trajectory:
+            x = np.array([float(problem.start), *start])
+            changes = np.empty((MAX_CHANGES, 5))
+            path = np.empty((0 if wanted is None else steps + 1, 3))
+            end = run_listing(x, step, steps, numbers, changes, path)
+            status: Status = "ok" if np.isfinite(x).all() else "diverged"
+            reason = "" if status == "ok" else "the state is no longer finite"
+            if end.changes == MAX_CHANGES:
+                status, reason = "failed", f"more than {MAX_CHANGES} changes of mode: it chatters"
+            return Trajectory(
+                status=status,
+                transitions=_transitions(changes[: end.changes], start_mode, until),
+                end_time=until if status == "ok" else min(float(x[0]), until),
+                end_state=(float(x[1]), float(x[2])),
+                end_mode=(end.mode,),
+                reason=reason,
+                counts=Counts(steps + 1, 4 * (end.slips + end.landings), steps + 1),
+                samples=None if wanted is None else _sampled(wanted, path),
+            )
+
+        return run
+
+
+LISTING = Listing()
+
+
+def listing_parameters(problem: Problem) -> tuple[float, ...]:
+    """m, k1, k2, mu0, vp, A, w of a problem that is the listing's; numbers, rounded once.
+
+    Raises
+    ------
+    UnsupportedError
+        With what is different, for any other system.
+    """
+    system = problem.system
+    named = {symbol.name: symbol for symbol in system.parameters}
+    missing = [name for name in PARAMETERS if name not in named]
+    if missing:
+        raise UnsupportedError(f"henon-listing runs the system of Fig. 8 only: no parameter {', '.join(missing)}")
+    difference = _difference(system, {name: named[name] for name in PARAMETERS})
+    if difference:
+        raise UnsupportedError(f"henon-listing runs the system of Fig. 8 only: {difference}")
+    return tuple(float(system.parameters[named[name]]) for name in PARAMETERS)
+
+
+def _difference(system: FilippovSystem, p: Mapping[str, sp.Symbol]) -> str:
+    """In what the system is not the limit of the listing ("" where it is)."""
+    if system.resets:
+        return "its state does not jump"
+    if len(system.states) != 2 or len(system.surfaces) != 1:
+        return "it has two states and one surface"
+    override = system.overrides.get(0)
+    if override is None or len(override.release) != 1 or override.entry != "attracting":
+        return "its stick is not Filippov's: it needs the 'sliding' override with one release and entry 'attracting'"
+    position, velocity = system.states
+    z = position - p["A"] * sp.sin(p["w"] * TIME)
+    force = p["k2"] * z**3 - p["k1"] * z
+    release = override.release[0]
+    middle = 2 * sp.sqrt(3) / 3 * sp.sin(sp.pi / 18)
+    if release.to != -1 or (release.direction == "falling") == _same(system, release.when, z - middle):
+        return "its stick ends where z rises through the upper middle tangent point, into s = -1"
+    expected = [
+        ("surface", system.surfaces[0], velocity - p["vp"]),
+        ("stick", override.field[0], p["vp"]),
+        ("stick", override.field[1], sp.Integer(0)),
+    ]
+    for sign in (-1, 1):
+        field = system.equations((sign,)).field
+        friction = p["mu0"] / (p["vp"] - velocity - sign)
+        expected += [("slip", field[0], 3 * velocity), ("slip", field[1], 3 * (force + friction) / p["m"])]
+    for what, given, wanted in expected:
+        if not _same(system, given, wanted):
+            return f"its {what} has {wanted} where the case has {given}"
+    return ""
+
+
+def _same(system: FilippovSystem, one: sp.Expr, other: sp.Expr) -> bool:
+    return bool(simplified(system.numeric(one - other)) == 0)
+
+
+def _start(problem: Problem) -> tuple[float, float]:
+    """Initial position and velocity; a tangent point is the listing's own double for it."""
+    position, velocity = (float(v) for v in problem.initial)
+    near = [float(edge) for edge in EDGES if math.isclose(edge, position, rel_tol=1e-15)]
+    return (near[0] if near else position), velocity
+
+
+def _start_mode(start: tuple[float, float], vp: float) -> Mode:
+    """The listing's mode at the start: sticking if it lies on the belt in a zone that it tests."""
+    position, velocity = start
+    if velocity != vp:
+        return (-1,) if velocity < vp else (1,)
+    return (0,) if any(EDGES[i + 1] <= position <= EDGES[i] for i in (0, 2)) else (1,)
+
+
+def _transitions(changes: Floats, start: Mode, until: float) -> tuple[Transition, ...]:
+    """Changes of mode in the project's words, to the horizon (passes are counted, and may end beyond it)."""
+    found: list[Transition] = []
+    mode = start
+    for _, time, position, velocity, entry in effective_changes(changes, start[0]).tolist():
+        if time <= until:
+            new = (int(entry),)
+            kind = transition_kind(mode[0], new[0])
+            found.append(Transition(kind, 0, mode, new, time, (position, velocity), landing="listing"))
+            mode = new
+    return tuple(found)
+
+
+def _sampled(wanted: Floats, path: Floats) -> Floats:
+    """Positions and velocities at the times wanted, on straight lines between steps; NaN past the end."""
+    return np.column_stack([np.interp(wanted, path[:, 0], path[:, i], right=np.nan) for i in (1, 2)])

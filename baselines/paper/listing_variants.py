@@ -1,0 +1,98 @@
+"""The paper's program with each of its mistakes as a switch: ``variants.c``, called from Python.
+
+It is for the audit of :mod:`henon_ref.studies.paper.audit`. All switches off it is the method of Sec. 3 done right on
+Eq. (18): order 4, Filippov's sliding. All on it is the appendix as printed, number for number
+(:mod:`baselines.paper.listing_program`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.paper.compiled import ffi, lib, rows
+from baselines.paper.listing_program import EDGES, effective_changes
+
+Floats = NDArray[np.float64]
+
+DEFECTS: dict[str, str] = {
+    "aliased_steps": "`xn = x` names one list twice: every Runge-Kutta stage moves the state itself",
+    "one_sided_release": "a stick is tested against the upper tangent point only",
+    "exit_side": "the stick is left to the wrong side (`k <> 2`)",
+    "frozen_forcing": "the forcing of the start of a step stands at all its stages",
+    "frozen_tangent": "the way back to the tangent point takes it where it is at the end of the step",
+    "quantised_release": "aliased, that way back is zero: a release keeps the time of the end of the step",
+    "landing_sign": "above the belt's speed the landing step has the wrong sign",
+    "rounded_sixth": "`h*0.166666` stands for h/6 in the landing step",
+}
+"""Each mistake that changes what the program computes: its name (a switch of ``struct defects``) and what it is."""
+
+MAX_CHANGES = 20_000
+"""Changes of mode after which a run counts as chattering."""
+
+
+@dataclass(frozen=True)
+class VariantRun:
+    """What one variant did."""
+
+    times: Floats
+    """Times of the changes of mode [s]."""
+    states: Floats
+    """(k, 2) positions and velocities there."""
+    modes: NDArray[np.int64]
+    """Mode after each change: -1 below the belt's speed, 0 in stick, +1 above."""
+    status: str
+    """``ok``, ``chatters`` (the changes of mode never end) or ``diverged``."""
+    path: Floats
+    """(steps, 3) time, position and velocity after each step, as far as it was asked for."""
+
+
+def run_variant(
+    defects: Collection[str],
+    *,
+    step: float,
+    numbers: tuple[float, ...],
+    start: tuple[float, float] | None = None,
+    until: float = 70.0,
+    path_from: float | None = None,
+) -> VariantRun:
+    """Run the paper's program on Fig. 8 with some of its mistakes.
+
+    Parameters
+    ----------
+    defects : collection of str
+        Names out of :data:`DEFECTS`.
+    step : float
+        Step h [s].
+    numbers : tuple of float
+        m, k1, k2, mu0, vp, A, w.
+    start : tuple of float, optional
+        Position and velocity at t = 0, in slip; the paper's start in stick, [z(4), vp], without it.
+    until : float
+        Horizon [s].
+    path_from : float, optional
+        Time from which the path is kept [s]; without it no path is.
+
+    Raises
+    ------
+    KeyError
+        For an unknown defect.
+    """
+    for name in defects:
+        DEFECTS[name]  # raises where there is none
+    changes = np.empty((MAX_CHANGES, 5))
+    path = np.empty((0 if path_from is None else int((until - path_from) / step) + 2 * MAX_CHANGES, 3))
+    x = np.array([0.0, *((EDGES[3], numbers[4]) if start is None else start)])
+    first = 0 if start is None else -1 if start[1] < numbers[4] else 1
+    end = lib.variant_run(
+        rows(x, "struct belt_state"), first == 0, until, step, rows(EDGES), ffi.new("struct belt *", numbers),
+        ffi.new("struct defects *", dict.fromkeys(defects, 1)), rows(changes, "struct mode_change"), len(changes),
+        rows(path, "struct belt_state"), len(path), path_from or 0.0,
+    )  # fmt: skip
+    kept = effective_changes(changes[: end.changes], first)
+    kept = kept[kept[:, 1] <= until]
+    status = ("ok", "chatters", "diverged")[end.ending]
+    return VariantRun(kept[:, 1], kept[:, 2:4], kept[:, 4].astype(np.int64), status, path[: end.path])

@@ -1,0 +1,295 @@
+"""``henon-rk4``: the paper's method done right, for any Filippov system.
+
+Classical Runge-Kutta of order 4 with a fixed step, time being a state so that the forcing is taken at the
+stage times. Where a step has crossed a guard g = 0 (a surface in slip, a tangent point in sliding), the
+independent variable is swapped from t to g, ``dx/dg = f/g'`` and ``dt/dg = 1/g'``, and one step of length
+-g lands on g = 0: Eq. (14) of Olejnik and Awrejcewicz (2013) where g is a surface, Eq. (15) where it is the
+end of a stick. The method is Hénon's, *Physica D* 5 (1982) 412-413.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from baselines.paper.compiled import COMPILER
+from baselines.paper.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, crossed_guards, land
+from henon_ref.errors import UnsupportedError
+from henon_ref.filippov.decision import Decision
+from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.modes import Mode, replaced, transition_kind
+from henon_ref.filippov.problem import Problem
+from henon_ref.filippov.switching import Switching
+from henon_ref.filippov.system import FilippovSystem
+from henon_ref.filippov.two_signs import sign_after
+from henon_ref.jit.processor_time import Deadline, compiling
+from henon_ref.solver import Run
+from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import Counts, Status, Trajectory, Transition, without_hidden_kinks
+
+CHUNK = 200_000
+"""Steps between two looks at the clock."""
+TOGETHER = 1e-12
+"""Guards that land within this time of each other [s] are one event."""
+CROWDED = 100
+"""Events within the length of one step after which the run gives up: they accumulate, or it chatters."""
+HUGE = 1e10
+"""A state that is no longer finite has diverged where it was this large a step before; else it has failed."""
+
+_KERNELS: WeakKeyDictionary[FilippovSystem, dict[Mode, Kernel]] = WeakKeyDictionary()
+"""Compiled once a system, whatever the step: system -> mode -> kernel."""
+
+
+class HenonRK4:
+    """The paper's fixed-step method, ``henon-rk4``.
+
+    The step after an event starts at the landed point, so the grid of steps shifts with every event. The
+    mode's own field is used up to the end of the step that crosses, and the swap goes back from there.
+    Near a tangency, where g' -> 0 and the swap divides by it, a bracketed root of g along the step decides
+    and the transition says ``bracket``. Nothing is projected: on a curved surface a slide drifts off it with
+    order 4 (``max_surface_drift``).
+
+    Events are seen by a guard's sign at the ends of steps only, which is the paper's way: two that fall
+    into one step, such as a graze or a short excursion, are missed.
+
+    ``steps``: Runge-Kutta steps, those cut short by an event included. ``rhs_evaluations``: 4 for each of
+    them and for each landing. ``event_evaluations``: ends of steps at which all guards were evaluated.
+    """
+
+    name = "henon-rk4"
+    fixed_step = True
+    landing = "henon"
+
+    @property
+    def version(self) -> str:
+        """Version of the compiler of the steps."""
+        return COMPILER
+
+    def prepare(
+        self,
+        problem: Problem,
+        *,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        sample_times: NDArray[np.float64] | None = None,
+        deadline: float | None = None,
+    ) -> Run:
+        """Compile every mode that the run meets, by one rehearsal (see :class:`henon_ref.solver.Solver`).
+
+        A system is compiled once a process: a second step length finds it done.
+
+        Raises
+        ------
+        UnsupportedError
+            Without a positive step, and where the state jumps.
+        """
+        if problem.system.resets:
+            raise UnsupportedError(f"{self.name} knows no jumps of the state")
+        if step is None or not step > 0:
+            raise UnsupportedError(f"{self.name} needs a positive step, got {step}")
+        wanted = np.empty(0) if sample_times is None else np.asarray(sample_times, dtype=float)
+        plan = _Plan(problem, step)
+        _Integration(plan, wanted, deadline).run()
+
+        def run() -> Trajectory:
+            return without_hidden_kinks(_Integration(plan, wanted, deadline).run(), problem.system)
+
+        return run
+
+
+RK4 = HenonRK4()
+
+
+class _Plan:
+    """What all runs of one problem share: compiled kernels and the switching rule."""
+
+    def __init__(self, problem: Problem, step: float) -> None:
+        self.problem = problem
+        self.step = step
+        self.switching = Switching(problem.system)
+        system = problem.system
+        surfaces = [system.numeric(h) for h in system.surfaces]
+        normals = [system.numeric(system.normal_velocity(i)) for i in range(len(surfaces))]
+        self.surfaces = sp.lambdify((TIME, *system.states), surfaces, "math")
+        self._normals = sp.lambdify((TIME, *system.states, *system.signs), normals, "math", cse=True)
+        self._kernels = _KERNELS.setdefault(system, {})
+
+    def kernel(self, mode: Mode) -> Kernel:
+        if mode not in self._kernels:
+            with compiling():
+                self._kernels[mode] = Kernel(self.problem.system, mode)
+        return self._kernels[mode]
+
+    def after_event(self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard]) -> Decision:
+        """As :meth:`Switching.after_event`, short where one surface is clearly left or reached."""
+        if len(hits) == 1 and self._by_signs(hits[0]) and 0 not in mode:
+            i = hits[0].index
+            try:
+                below, above = (self._normals(t, *x, *replaced(mode, i, s))[i] for s in (-1, 1))
+            except (ArithmeticError, ValueError):
+                return self.switching.after_event(t, x, mode, hits)
+            sign = sign_after(below, above)
+            if sign is not None:
+                return Decision("unique", replaced(mode, i, sign))
+        return self.switching.after_event(t, x, mode, hits)
+
+    def _by_signs(self, hit: Guard) -> bool:
+        """Whether the slip fields may decide what follows."""
+        return hit.kind == "surface" and not self.problem.system.held_inside(hit.index)
+
+
+class _Integration:
+    """One run: the mode loop around the compiled kernels."""
+
+    def __init__(self, plan: _Plan, wanted: Floats, deadline: float | None) -> None:
+        problem = plan.problem
+        self.plan = plan
+        self.deadline = Deadline(deadline)
+        self.time, self.time_low = float(problem.start), 0.0
+        self.until = float(problem.until)
+        self.x: Floats = np.array([float(v) for v in problem.initial])
+        self.mode: Mode = (0,) * len(problem.system.surfaces)
+        self.transitions: list[Transition] = []
+        self.drift = 0.0
+        self.steps = self.landings = 0
+        self.wanted, self.filled = wanted, 0
+        self.samples = np.full((wanted.size, self.x.size), np.nan)
+        self.sample_modes: list[Mode] = []
+
+    def run(self) -> Trajectory:
+        """Integrate to the horizon, or to where there is no going on."""
+        problem = self.plan.problem
+        self.plan.switching.forget()
+        decision = self.plan.switching.initial_mode(problem.start, problem.initial, problem.initial_mode)
+        recent: deque[float] = deque(maxlen=CROWDED)
+        while decision.mode is not None:
+            self.mode = decision.mode
+            ended = self._through_mode()
+            if not isinstance(ended, Decision):
+                return self._result(*ended)
+            decision = ended
+            recent.append(self.time)
+            if len(recent) == CROWDED and self.time - recent[0] < self.plan.step:
+                return self._result("failed", f"{CROWDED} events within one step at t = {self.time:.17g}")
+        return self._result(decision.ending, decision.reason)
+
+    def _through_mode(self) -> Decision | tuple[Status, str]:
+        """Step through one mode: what follows its end, or how the run ends."""
+        kernel, h = self.plan.kernel(self.mode), self.plan.step
+        new = np.empty_like(self.x)
+        armed = np.array(kernel.values(self.time, self.x)) > 0
+        done, last = 0, int((self.until - self.time) / h)
+        while True:
+            first = done
+            done, self.filled, code = kernel.advance(
+                self.time, (first, min(first + CHUNK, last)), h, self.x, armed, new,
+                self.wanted, self.samples, self.filled,
+            )  # fmt: skip
+            self._record_modes()
+            self.steps += done - first + (code == EVENT)
+            if code == EVENT:
+                self._move(done * h)
+                return self._event(kernel, h, armed, new)
+            if code in (NOT_FINITE, NO_GUARD):
+                self._move(done * h)
+                return self._lost(code)
+            if done == last:
+                self._move(done * h)
+                done, last, h = 0, 1, self.until - self.time
+                if h <= 0 or self.time + h == self.time:
+                    return "ok", ""
+            elif self.deadline.passed():
+                self._move(done * h)
+                return "timeout", f"out of time at t = {self.time:.17g}"
+
+    def _event(self, kernel: Kernel, h: float, armed: NDArray[np.bool_], new: Floats) -> Decision | tuple[Status, str]:
+        """Land on the first guard that the step from the present state to ``new`` has crossed, and switch."""
+        t = self.time
+        found = {i: land(kernel, i, t, self.x, new, h) for i in crossed_guards(kernel, t + h, new, armed)}
+        landings = {i: landing for i, landing in found.items() if landing is not None}
+        if len(landings) < len(found):
+            return "failed", f"a guard is not a number on the step from t = {t:.17g}"
+        self.landings += len(landings)
+        if not found:  # by the kernel's time, added up otherwise, a guard is just crossed: here the next step does it
+            self._sample_up_to(kernel, h)
+            self._move(h)
+            self.x = new.copy()
+            return Decision("unique", self.mode)
+        first = min(landings.values(), key=lambda landing: landing.offset)
+        hits = [kernel.guards[i] for i, landing in landings.items() if landing.offset <= first.offset + TOGETHER]
+        self._sample_up_to(kernel, first.offset)
+        self._move(first.offset)
+        self.x = first.state
+        state = tuple(self.x.tolist())
+        self._note_drift(g.index for g in hits if g.kind == "surface")
+        decision = self.plan.after_event(self.time, state, self.mode, hits)
+        if decision.mode is not None:
+            self._report(decision.mode, hits, state, first.how)
+        if self.deadline.passed():
+            return "timeout", f"out of time at t = {self.time:.17g}"
+        return decision
+
+    def _sample_up_to(self, kernel: Kernel, offset: float) -> None:
+        """Fill the samples on the next part of a step."""
+        while self.filled < self.wanted.size and self.wanted[self.filled] <= self.time + offset:
+            kernel.step(self.time, self.x, self.wanted[self.filled] - self.time, self.samples[self.filled])
+            self.filled += 1
+        self._record_modes()
+
+    def _lost(self, code: int) -> tuple[Status, str]:
+        """How a run ends whose next step is not in numbers."""
+        if code == NO_GUARD:
+            return "failed", f"a guard is not a number after t = {self.time:.17g}"
+        if np.abs(self.x).max() > HUGE:
+            return "diverged", f"the state is no longer finite after t = {self.time:.17g}"
+        return "failed", f"the field is not a number after t = {self.time:.17g}"
+
+    def _report(self, mode: Mode, hits: Sequence[Guard], state: tuple[float, ...], how: str) -> None:
+        touched = {g.index for g in hits if g.kind == "surface"}
+        for i, (old, entry) in enumerate(zip(self.mode, mode, strict=True)):
+            if old != entry or i in touched:
+                kind = transition_kind(old, entry)
+                self.transitions.append(
+                    Transition(kind, i, self.mode, mode, self.time, state, time_low=self.time_low, landing=how)
+                )
+
+    def _move(self, duration: float) -> None:
+        """Move time on, keeping what rounding loses."""
+        total = self.time + duration
+        moved = total - self.time
+        low = self.time_low + (self.time - (total - moved)) + (duration - moved)
+        self.time = total + low
+        self.time_low = low - (self.time - total)
+
+    def _record_modes(self) -> None:
+        self.sample_modes += [self.mode] * (self.filled - len(self.sample_modes))
+
+    def _note_drift(self, surfaces: Iterable[int]) -> None:
+        on = {*surfaces, *(i for i, s in enumerate(self.mode) if s == 0)}
+        if on:
+            h = self.plan.surfaces(self.time, *self.x.tolist())
+            self.drift = max(self.drift, *(abs(h[i]) for i in on))
+
+    def _result(self, status: Status, reason: str) -> Trajectory:
+        if status == "ok":
+            self._note_drift(())
+        end_mode = self.mode
+        count = len(self.wanted)
+        return Trajectory(
+            status=status,
+            transitions=tuple(self.transitions),
+            end_time=self.time,
+            end_state=tuple(self.x.tolist()),
+            end_mode=end_mode,
+            reason=reason,
+            counts=Counts(self.steps, 4 * (self.steps + self.landings), self.steps),
+            max_surface_drift=self.drift,
+            samples=self.samples if count else None,
+            sample_modes=tuple(self.sample_modes + [end_mode] * (count - self.filled)) if count else None,
+        )

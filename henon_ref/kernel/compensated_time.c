@@ -1,0 +1,29 @@
+/* The time of a run: a double and what rounding has lost of it. */
+
+/* t += step as a compensated sum (Neumaier), so that late times lose no digits of a duration. */
+static inline void add_to_time(struct run *run, double step)
+{
+    double t = run->time, total = t + step, part = total - t;
+    double lost = (t - (total - part)) + (step - part);
+    double low = run->time_low + lost;
+    run->time = total + low;
+    run->time_low = low - (run->time - total);
+}
+
+/* Whether a step is too short to move a double's time. */
+static inline bool below_time_resolution(const struct run *run, double step)
+{
+    return step <= 0.25 * EPS * fabs(run->time);
+}
+
+/* Whether it is too short even for what rounding has lost of the time. */
+static inline bool below_compensated_resolution(const struct run *run, double step)
+{
+    return step <= 0.25 * EPS * EPS * fabs(run->time);
+}
+
+/* Time left up to the horizon. */
+static inline double remaining(const struct run *run)
+{
+    return (run->horizon - run->time) + (run->horizon_low - run->time_low);
+}

@@ -1,0 +1,229 @@
+/* Guards on a step: which one falls first, which are at zero, and with how many zeros a surface is left. */
+
+/* Relative steepness of a guard at its root below which the root is located in multiprecision. */
+#define UNDECIDED_STEEPNESS 1e-5
+/* So many local errors, of its size on a step, off zero a guard may only seem to touch it, or not to. */
+#define NEAR 1e3
+/* Of the minimum of a guard on a step: Newton's steps, and places to begin with. */
+#define TOUCH_STEPS 6
+#define TOUCH_PLACES 16
+/* Part of the friction by which a force may be off that counts as equal to it. */
+#define EQUAL_PART 1e-13
+
+/* An event on a step. */
+struct event {
+    double part;     /* of the step at which it is; 2 where there is none */
+    int64_t guard;   /* -1 where there is none */
+    bool undecided;  /* whether multiprecision has to look */
+    int64_t landing; /* used */
+};
+
+/* Where on (0, 1) a polynomial that stays above zero has a minimum within "level" of its size; else -1. */
+static double near_touch(const double *a, int64_t degree, double level)
+{
+    double size = 0.0, tau = -1.0, lowest = INFINITY;
+    for (int64_t k = 0; k <= degree; k++)
+        size += fabs(a[k]);
+    for (int place = 1; place < TOUCH_PLACES; place++) {
+        double at = (double)place / TOUCH_PLACES, height = value(a, degree, at);
+        if (height < lowest)
+            lowest = height, tau = at;
+    }
+    double first = tau;
+    for (int step = 0; step < TOUCH_STEPS; step++) {
+        double slope = 0.0, bend = 0.0;
+        for (int64_t k = degree; k > 0; k--) {
+            bend = bend * tau + slope;
+            slope = slope * tau + (double)k * a[k];
+        }
+        if (!(bend > 0.0))
+            return -1.0;
+        tau -= slope / bend;
+        if (!(fabs(tau - first) < 2.0 / TOUCH_PLACES))
+            return -1.0;
+    }
+    return 0.0 < tau && tau < 1.0 && value(a, degree, tau) <= level * size ? tau : -1.0;
+}
+
+/* Whether a guard is a slide's end at which the force equals the friction all over a step: the slide holds.
+ *
+ * Against what all ends of that slide come to, which is the friction's size; on a step that nothing has cut short, for
+ * on a short one any end that is next to zero stays there. "natural": theta of that step.
+ */
+static bool load_equals_friction(const struct work *w, int64_t guard, double natural)
+{
+    const struct guard *guards = w->mode->guard, *end = &guards[guard];
+    if (end->kind != RELEASE)
+        return false;
+    double friction = 0.0;
+    for (int64_t g = 0; g < w->mode->guards; g++)
+        if (guards[g].kind == RELEASE && guards[g].index == end->index)
+            friction += guard_row(w, g)[0];
+    double own = 0.0, power = 1.0;
+    const double *row = guard_row(w, guard);
+    for (int64_t k = 0; k <= w->run->order; k++) {
+        own += fabs(row[k]) * power;
+        if (!(own <= EQUAL_PART * friction))
+            return false;
+        power *= natural;
+    }
+    return true;
+}
+
+/* The first root of one guard on a step: where it is, by which landing; part 2 where there is none.
+ *
+ * "powers" holds those of the step's theta. "level": within so much of its size multiprecision is asked, that has the
+ * digits; 0: nowhere. "begin": where the search says that the root may begin, for a touch its piece's begin.
+ */
+static inline struct event root_of_guard(const struct work *w, int64_t g, double natural, double level, double *begin)
+{
+    struct run *run = w->run;
+    const double *row = guard_row(w, g);
+    int64_t order = run->order, zeros = w->known_zeros[g], degree = order - zeros;
+    const double *q = row + zeros;
+    double *factor = w->stack + w->width, *quotient = factor + w->width; /* rows that are free until cuts */
+    struct event found = {2.0, -1, false, 0};
+    if (zeros > 0) {
+        if (q[0] > 0.0 && positive_by_bound(q, w->powers, degree))
+            return found;
+        if (deflated(row, zeros, order, factor, quotient))
+            q = quotient;
+    }
+    struct first_root root = {w->mode->bernstein(q, w->powers, degree, w->scaled, w->stack), 0.0, 1.0};
+    if (root.outcome == SUBDIVIDE) {
+        root = first_falling_root(w->scaled, order, w->stack, w->width);
+        if (root.outcome == NO_ROOT && level > 0.0) {
+            root.low = root.high = near_touch(w->scaled, degree, level);
+            root.outcome = root.low > 0.0 ? TANGENTIAL : NO_ROOT;
+        }
+    }
+    if (root.outcome == NO_ROOT || load_equals_friction(w, g, natural))
+        return found;
+    if (root.outcome == TANGENTIAL) {
+        *begin = root.low;
+        return (struct event){0.5 * (root.low + root.high), g, true, BRACKET};
+    }
+    struct landed landed = {-1.0, BRENT, 0};
+    if (run->method == BRENT)
+        landed = brent(w->scaled, degree, root.low, root.high);
+    if (landed.tau < 0.0)
+        landed = land(w->scaled, degree, root.low, root.high, run->method);
+    run->guard_evaluations += landed.evaluations;
+    *begin = landed.tau;
+    return (struct event){landed.tau, g, false, landed.used};
+}
+
+/* Earliest event on (0, theta].
+ *
+ * Guards that are "faint" are passed over; "natural": theta of the step that nothing has cut short.
+ */
+static inline struct event first_event(struct work *w, double theta, double natural)
+{
+    const struct run *run = w->run;
+    struct event first = {2.0, -1, false, 0};
+    double earliest = 2.0; /* of a touch somewhere on a piece of the step */
+    double level = run->more_digits != 0 && run->remembered == 1 ? NEAR * run->tolerance : 0.0;
+    bool powers_made = false;
+    for (int64_t g = 0; g < w->mode->guards; g++) {
+        if (w->faint[g] != 0 || (w->known_zeros[g] == 0 && w->lower[g] > 0.0))
+            continue;
+        if (!powers_made)
+            powers_of(theta, w->powers, run->order);
+        powers_made = true;
+        double begin = 2.0;
+        struct event found = root_of_guard(w, g, natural, level, &begin);
+        if (begin < earliest) {
+            if (!found.undecided) {
+                double steep = steepness(w->scaled, run->order - w->known_zeros[g], found.part, w->stack);
+                found.undecided = steep < UNDECIDED_STEEPNESS || steep * steep < level;
+            }
+            earliest = begin, first = found;
+        }
+    }
+    return first;
+}
+
+/* Of a guard below zero where a step begins: zeros with which its surface is left (0: it is not), whether it fails.
+ *
+ * "surface": it may be one that is left. A mode's side of a surface was decided when it was left, and no root came
+ * since: a value below zero is rounding's (another event followed at once), and if it rises, with a speed or
+ * tangentially, there is nothing to decide. What is zero and stays so does not fall through zero.
+ */
+static int64_t below_zero(const double *row, int64_t order, bool surface, bool *fails)
+{
+    double size = 0.0;
+    for (int64_t k = 1; k <= order; k++)
+        size += fabs(row[k]);
+    *fails = false;
+    if (surface && row[1] > TANGENT * size)
+        return 1;
+    if (surface && fabs(row[1]) <= TANGENT * size && row[2] > 0.5 * size)
+        return 2;
+    *fails = fabs(row[0]) + size != 0.0;
+    return 0;
+}
+
+/* Whether a guard is below zero where the step begins, and is not being left; "hits": which ones. */
+static inline bool guards_below_zero(struct work *w, double natural)
+{
+    bool found = false;
+    for (int64_t g = 0; g < w->mode->guards; g++) {
+        const struct guard *guard = &w->mode->guard[g];
+        const double *row = guard_row(w, g);
+        w->hits[g] = 0;
+        if (row[w->known_zeros[g]] <= 0.0 && guard->rising_only == 0) {
+            bool fails, surface = w->known_zeros[g] == 0 && guard->kind == SURFACE;
+            int64_t zeros = below_zero(row, w->run->order, surface, &fails);
+            fails = fails && !load_equals_friction(w, g, natural);
+            w->known_zeros[g] += zeros;
+            w->hits[g] = fails ? 1 : 0;
+            found = found || fails;
+        }
+    }
+    return found;
+}
+
+/* Whether a guard is at zero at the event of another one, at tau, as far as rounding can tell. */
+static inline bool at_zero(const struct work *w, int64_t g, double tau)
+{
+    int64_t degree = w->run->order - w->known_zeros[g];
+    const double *q = guard_row(w, g) + w->known_zeros[g];
+    if (w->mode->guard[g].rising_only && q[0] < 0.0)
+        return false;
+    double size = 0.0, power = 1.0;
+    for (int64_t k = 0; k <= degree; k++) {
+        size += fabs(q[k]) * power;
+        power *= tau;
+    }
+    return size > 0.0 && value(q, degree, tau) <= 32.0 * EPS * size;
+}
+
+/* Whether a guard falls to zero at the end of a step, as far as rounding can tell. */
+static bool ends_at_zero(const struct work *w, int64_t g, double theta)
+{
+    const double *row = guard_row(w, g);
+    if (row[w->known_zeros[g]] <= 0.0 || !at_zero(w, g, theta))
+        return false;
+    double slope = 0.0, power = 1.0;
+    for (int64_t k = 1; k <= w->run->order; k++) {
+        slope += (double)k * row[k] * power;
+        power *= theta;
+    }
+    return slope < 0.0;
+}
+
+/* 1 if the surface is left with a speed, 2 if tangentially, 0 if the new mode's field points back at it.
+ *
+ * speeds: for each guard of the mode the normal velocities towards its surface, and away from it beyond.
+ */
+static int64_t zeros_at_release(const struct mode *mode, int64_t surface, const double *speeds)
+{
+    for (int64_t g = 0; g < mode->guards; g++)
+        if (is_on(&mode->guard[g], surface)) {
+            double towards = speeds[2 * g], beyond = speeds[2 * g + 1];
+            if (fabs(towards) <= TANGENT * (fabs(towards) + fabs(beyond)))
+                return 2;
+            return towards < 0.0 ? 1 : 0;
+        }
+    return 0;
+}

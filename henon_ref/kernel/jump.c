@@ -1,0 +1,251 @@
+/* The jump of the state at one surface that resets it, and the mode after it, where double precision decides them.
+ *
+ * What henon_ref/filippov/after_jump.py says of a jump, for the common case: one surface alone is at zero, no other one
+ * is slid on after the jump, and the map carries none through zero whose reset would be due. The map is evaluated at the
+ * state with what rounding has lost of it, to the rounding of its own terms, as a step is. Then the mode after it is
+ * expanded there: every guard must be clearly above zero, and a surface that the map keeps must be left with a speed,
+ * with flights to come that last longer than what counts as rest. Or it goes on falling, or the impact takes all of the
+ * speed, and the body is clearly pressed on: then the mode below, or at rest, is expanded, too.
+ *
+ * All else is left to Python, before anything is changed.
+ */
+
+/* Part of the sum of its terms' sizes on a step from which on a guard is clearly above zero. */
+#define CLEARLY_ABOVE 1e-9
+/* So many times the longest rest all later flights must last together, for it to be clear that they go on. */
+#define LASTING (1.0 + 1e-6)
+
+/* What becomes of a surface whose function the map keeps; Python has to decide where that is not clear. */
+enum impact { NOT_CLEAR, RESTS, LEAVES, FALLS };
+
+/* A jump that is looked at. */
+struct jump {
+    int64_t surface;
+    double speed;                /* with which the surface is reached */
+    double *state, *low;         /* after it, and what is lost of that */
+    double *values;              /* of surfaces after it, 0 where the side is the same; then the part of the speed that
+                                    the impact leaves, 1 where it is none */
+    bool kept;                   /* whether the map keeps the surface's function */
+    int64_t number;              /* of the mode after the jump */
+    int64_t target, end;         /* rows of that mode, and of the one that follows at once */
+    int64_t expanded;            /* expansions that it took */
+};
+
+/* Put the state after the jump, what is lost of it, and new values of surfaces into the room; false if not finite.
+ *
+ * Of a surface whose function the map keeps the value is put as 0. The map of a surface
+ * (henon_ref/henon/jump_code.py) leaves what it does not move.
+ */
+static bool map_state(const struct work *w, const struct jump *jump)
+{
+    const struct run *run = w->run;
+    int64_t n = run->states, surfaces = w->mode->surfaces;
+    for (int64_t i = 0; i < 2 * n; i++)
+        w->room[i] = w->x[i];
+    for (int64_t j = 0; j < surfaces; j++)
+        jump->values[j] = 0.0;
+    const double *constants = constants_of(w->tables, run->mode, 2);
+    w->mode->guard[run->guard].jump(run->time, run->time_low, 1.0, w->x, constants, w->room);
+    bool bounded = true;
+    for (int64_t i = 0; i < n; i++) {
+        double x = jump->state[i], total = x + jump->low[i], part = total - x;
+        jump->low[i] = (x - (total - part)) + (jump->low[i] - part);
+        jump->state[i] = total;
+        bounded = bounded && fabs(total) < BLOWN_UP;
+    }
+    for (int64_t j = 0; j < surfaces; j++)
+        bounded = bounded && fabs(jump->values[j]) < BLOWN_UP;
+    return bounded;
+}
+
+/* Entry of a surface in the mode of a number (henon_ref.filippov.modes.mode_number). */
+static int64_t entry_of(int64_t number, int64_t surface)
+{
+    return number / three_to(surface) % 3 - 1;
+}
+
+/* Number of the mode on the sides where a jump has put the state; -1 where it slides on. */
+static int64_t number_after(const struct work *w, const double *values)
+{
+    int64_t number = w->mode->number, power = 1;
+    for (int64_t j = 0; j < w->mode->surfaces; j++) {
+        int64_t before = entry_of(w->mode->number, j);
+        if (values[j] != 0.0)
+            number += ((values[j] > 0.0 ? 1 : -1) - before) * power;
+        else if (before == 0)
+            return -1;
+        power *= 3;
+    }
+    return number;
+}
+
+/* Whether a map carries another surface below zero that resets the state there. */
+static bool carries_another(const struct work *w, const struct jump *jump)
+{
+    for (int64_t g = 0; g < w->mode->guards; g++) {
+        const struct guard *guard = &w->mode->guard[g];
+        bool resets = guard->kind == SURFACE && guard->coupled == RESETTING;
+        if (resets && guard->index != jump->surface && jump->values[guard->index] < 0.0)
+            return true;
+    }
+    return false;
+}
+
+/* Row of the mode of a number; -1 where that is not compiled. */
+static int64_t row_of_number(const struct work *w, int64_t number)
+{
+    for (int64_t row = 0; row < w->tables->count; row++)
+        if (mode_at(w, row)->number == number)
+            return row;
+    return -1;
+}
+
+/* The guard of a surface that a mode does not slide on. */
+static int64_t guard_on(const struct mode *mode, int64_t surface)
+{
+    int64_t g = 0;
+    while (!is_on(&mode->guard[g], surface))
+        g += 1;
+    return g;
+}
+
+/* What clearly becomes of a surface after an impact: it is left, the body rests there, or it falls through.
+ *
+ * row: coefficients of its function after the impact. turned: whether another surface changes its side.
+ */
+static enum impact after_impact(const struct run *run, const double *row, double speed, double ratio, bool turned)
+{
+    double size = 0.0;
+    for (int64_t k = 2; k <= run->order; k++)
+        size += fabs(row[k]);
+    if (ratio == 0.0)
+        return row[2] < -CLEARLY_ABOVE * size ? RESTS : NOT_CLEAR;
+    /* All later flights last 2 v / (a (1 - r)): see henon_ref/filippov/resting.py. Where friction has turned round the
+     * way up alone lasts v / a. */
+    double rise = row[1], reached = speed * run->unit;
+    if (rise < -TANGENT * reached)
+        return ratio > 0.0 ? FALLS : NOT_CLEAR;
+    double ending = larger(-row[2], 0.0) * (turned ? 2.0 : larger(1.0 - rise / reached, 0.0));
+    double rest = LASTING * run->rest_part * (run->horizon - run->begin);
+    return rise > TANGENT * reached && run->unit * rise > rest * ending ? LEAVES : NOT_CLEAR;
+}
+
+/* Expand the mode in a row at the state after the jump; whether all its guards, but for a surface's, are clearly above
+ * zero there. */
+static bool holds(const struct work *w, const struct jump *jump, int64_t row, int64_t surface)
+{
+    const struct run *run = w->run;
+    const struct mode *mode = mode_at(w, row);
+    const double *constants = constants_of(w->tables, row, 0);
+    mode->expansion(run->time, run->time_low, run->unit, jump->state, constants, w->ahead);
+    for (int64_t g = 0; g < mode->guards; g++) {
+        const double *ahead = row_ahead(w, run->states + g);
+        double size = 0.0;
+        for (int64_t k = 0; k <= run->order; k++)
+            size += fabs(ahead[k]);
+        if (!is_on(&mode->guard[g], surface) && !(ahead[0] > CLEARLY_ABOVE * size))
+            return false;
+    }
+    return true;
+}
+
+/* Have Python compile the mode of a number; the loop then goes through the event anew. */
+static int64_t not_compiled(struct run *run, int64_t number)
+{
+    run->pending_kind = RESET, run->pending_mode = number, run->event_pending = 1;
+    return MODE_NOT_COMPILED;
+}
+
+/* Of a surface whose function the map keeps: whether it is left, or which mode follows at once; ON, or why Python is
+ * needed. */
+static int64_t follow_impact(struct work *w, struct jump *jump, int64_t changes)
+{
+    struct run *run = w->run;
+    int64_t n = run->states, index = jump->surface;
+    const double *row = row_ahead(w, n + guard_on(mode_at(w, jump->target), index));
+    double ratio = jump->values[w->mode->surfaces];
+    enum impact found = after_impact(run, row, jump->speed, ratio, changes > 1);
+    if (found == NOT_CLEAR)
+        return SELECT_MODE;
+    if (found == LEAVES)
+        return ON;
+    bool falls = found == FALLS;
+    int64_t lower = jump->number - three_to(index) * (falls ? 2 : 1);
+    jump->end = row_of_number(w, lower);
+    if (jump->end < 0)
+        return not_compiled(run, lower);
+    jump->expanded = 3;
+    if (!holds(w, jump, jump->end, falls ? index : -1))
+        return SELECT_MODE;
+    if (falls) {
+        row = row_ahead(w, n + guard_on(mode_at(w, jump->end), index));
+        if (!(row[1] > TANGENT * jump->speed * run->unit))
+            return SELECT_MODE;
+        jump->number = lower, jump->target = jump->end;
+    }
+    return ON;
+}
+
+/* Put the state where the jump leads, and tell of it; ON, or EVENTS_ACCUMULATE. */
+static int64_t make_jump(struct work *w, const struct jump *jump)
+{
+    struct run *run = w->run;
+    int64_t n = run->states, mode = run->mode, before = w->mode->number;
+    for (int64_t i = 0; i < n; i++)
+        w->x_before[i] = w->x[i];
+    for (int64_t i = 0; i < n; i++)
+        w->x[i] = jump->state[i], w->x_low[i] = jump->low[i];
+    for (int64_t j = 0; j < w->mode->surfaces; j++) {
+        int64_t entry = entry_of(before, j);
+        if (j == jump->surface || entry != entry_of(jump->number, j)) {
+            int64_t kind = j == jump->surface ? RESET : entry == 0 ? RELEASED : CROSSING;
+            record_transition(w, kind, j, entry, mode, jump->target);
+        }
+    }
+    int64_t accumulate = events_accumulate(run);
+    if (jump->end != jump->target) {
+        record_transition(w, STICK, jump->surface, 1, jump->target, jump->end);
+        accumulate = events_accumulate(run);
+    }
+    run->mode = jump->end, run->more_digits = 0;
+    set_known_zeros(w, mode_at(w, jump->end), jump->surface, jump->kept && jump->end == jump->target ? 1 : 0);
+    return accumulate ? EVENTS_ACCUMULATE : ON;
+}
+
+/* Let the state jump at the event of one guard that the run stands at; ON, or why Python is needed. */
+static int64_t jump_transition(struct work *w)
+{
+    struct run *run = w->run;
+    int64_t n = run->states, mode = run->mode, before = w->mode->number;
+    struct jump jump = {.surface = w->mode->guard[run->guard].index, .expanded = 2};
+    jump.state = w->room, jump.low = w->room + n, jump.values = w->room + 2 * n;
+    w->mode->normal_velocities(run->time, run->time_low, 1.0, w->x, constants_of(w->tables, mode, 1), w->speeds);
+    jump.speed = w->speeds[n + 2 * run->guard];
+    if (!(map_state(w, &jump) && jump.speed > 0.0))
+        return SELECT_MODE;
+    jump.number = number_after(w, jump.values), jump.kept = jump.values[jump.surface] == 0.0;
+    if (jump.number < 0 || carries_another(w, &jump))
+        return SELECT_MODE;
+    jump.target = jump.end = row_of_number(w, jump.number);
+    if (jump.target < 0)
+        return not_compiled(run, jump.number);
+    int64_t changes = 0;
+    for (int64_t j = 0; j < w->mode->surfaces; j++)
+        changes += j == jump.surface || entry_of(before, j) != entry_of(jump.number, j) ? 1 : 0;
+    if (!holds(w, &jump, jump.target, jump.kept ? jump.surface : -1))
+        return SELECT_MODE;
+    if (jump.kept) {
+        int64_t code = follow_impact(w, &jump, changes);
+        if (code != ON)
+            return code;
+    }
+    changes += jump.end != jump.target ? 1 : 0;
+    /* Of a block that is empty there is memory for all, however few transitions it is to hold. */
+    if (run->transitions > 0 && run->transitions + changes > run->transition_capacity) {
+        run->event_pending = 1;
+        return BLOCK_FULL;
+    }
+    /* Normal velocities, and modes; not counted before all is sure, for the event may be put off. */
+    run->expansions += jump.expanded;
+    return make_jump(w, &jump);
+}

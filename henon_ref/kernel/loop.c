@@ -1,0 +1,212 @@
+/* The mode loop: Taylor steps, events, landings and ordinary mode changes without leaving machine code.
+ *
+ * Whatever needs more thought than a sign (several events at once, a tangency, a rest, a mode not compiled yet) is
+ * handed back to Python (henon_ref/henon/run.py) with a code; after the answer the loop goes on.
+ */
+
+/* Steps between two looks at the clock, in Python. */
+#define BUDGET 50000
+/* An event at a smaller part of the unit is looked at with a shorter one: powers of it would be no doubles. */
+#define TINY_PART 1e-60
+
+/* A step that is looked at. */
+struct look {
+    double theta;   /* its length, in the unit */
+    double natural; /* [s]: where nothing but its size, or its validation, has cut it short */
+    bool final;     /* whether it leads to the horizon */
+    bool cut;       /* whether the branch point of a guard has cut it short */
+};
+
+/* Whether the loop can go on before a step is taken: ON, or why not. */
+static inline int64_t before_step(const struct work *w)
+{
+    const struct run *run = w->run;
+    if (run->transitions + 1 > run->transition_capacity)
+        return BLOCK_FULL;
+    if (remaining(run) <= 0.0)
+        return HORIZON;
+    if (run->dense && run->dense_steps >= run->dense_capacity)
+        return STEPS_FULL;
+    return ON;
+}
+
+/* The step that is proposed, no longer than up to the horizon and than where the expansion holds. */
+static inline struct look accepted_step(struct work *w, double theta)
+{
+    struct run *run = w->run;
+    int64_t rows = run->states + w->mode->guards;
+    double unit = run->unit;
+    if (w->mode->slopes && 0.0 < run->longest_step && run->longest_step < theta * unit)
+        theta = run->longest_step / unit; /* it may have been cut before a branch point */
+    struct look look = {.theta = theta, .natural = theta * unit};
+    double left = remaining(run);
+    look.final = look.natural >= left;
+    if (look.final)
+        look.theta = left / unit;
+    bool grown = look.natural > CHECKED_GROWTH * unit;
+    bool unconverged = w->mode->polynomial_degree == 0 && (grown || tail_unconverged(w, rows, look.theta));
+    if (!unconverged && !w->mode->slopes)
+        return look;
+    double accepted = validated_step(w, look.theta, grown, unconverged);
+    if (accepted < look.theta) {
+        look.cut = w->mode->guards_branch > 0 && accepted < SHARP_CUT * look.theta;
+        look.theta = accepted, look.final = false;
+        look.natural = look.theta * unit;
+        if (below_time_resolution(run, look.natural) && !state_grows(w, look.theta))
+            run->stalled += CUT_WEIGHT;
+        else if (look.cut)
+            run->stalled += SHARP_CUT_WEIGHT;
+    }
+    return look;
+}
+
+/* The first event on the step that is more than rounding. */
+static inline struct event decided_event(struct work *w, const struct look *look)
+{
+    double natural = look->natural / w->run->unit;
+    while (true) {
+        struct event event = first_event(w, look->theta, natural);
+        if (event.guard < 0
+            || !root_below_rounding(w, event.guard, event.part * look->theta, natural, event.undecided))
+            return event;
+        w->faint[event.guard] = 1;
+    }
+}
+
+/* Shorten a step, or have its event looked at closer, where terms of a polynomial motion cancel too much. */
+static inline void spare_digits(struct work *w, struct look *look, struct event *event)
+{
+    struct run *run = w->run;
+    double reach = event->guard < 0 ? look->theta : event->part * look->theta;
+    double shorter = cancellation_limit(w, run->states + w->mode->guards, reach);
+    if (shorter < reach && event->guard >= 0) { /* multiprecision has the digits */
+        event->undecided = true;
+    } else if (shorter < reach) {
+        look->theta = shorter, look->final = false;
+        look->natural = look->theta * run->unit;
+        w->mode->step_end(look->theta, w->c, w->change);
+    }
+}
+
+/* The horizon belongs to the run: an event at it counts. */
+static inline void find_event_at_horizon(const struct work *w, const struct look *look, struct event *event)
+{
+    for (int64_t g = 0; g < w->mode->guards; g++)
+        if (ends_at_zero(w, g, look->theta) && w->faint[g] == 0
+            && !load_equals_friction(w, g, look->natural / w->run->unit))
+            *event = (struct event){1.0, g, true, event->landing};
+}
+
+/* Take a step, up to an event if there is one; EVENT, ON, or why the loop is left. */
+static inline int64_t take_step(struct work *w, const struct look *look, const struct event *event, double part)
+{
+    struct run *run = w->run;
+    double unit = run->unit, step = part * unit;
+    if (event->guard >= 0) {
+        for (int64_t g = 0; g < w->mode->guards; g++)
+            w->hits[g] = (g == event->guard || at_zero(w, g, part)) && w->faint[g] == 0 ? 1 : 0;
+        w->mode->step_end(part, w->c, w->change);
+    }
+    if (run->dense && part > 0.0)
+        record_step(w, step);
+    bool bounded = add_to_state(w);
+    if (!(below_time_resolution(run, step) || look->cut))
+        run->stalled = 0;
+    add_to_time(run, step);
+    run->steps += 1;
+    run->longest_step = part > 0.0 ? 1e3 * part * unit : unit;
+    run->unit = part > 0.0 ? smaller(look->natural, run->longest_step) : unit;
+    w->last_steps[run->step_place] = look->natural;
+    if (!bounded)
+        return DIVERGED;
+    if (event->guard >= 0) {
+        if (w->mode->guard[event->guard].kind == RELEASE)
+            refine_release(w, event->guard, unit, look->theta);
+        return EVENT;
+    }
+    for (int64_t g = 0; g < w->mode->guards; g++)
+        w->known_zeros[g] = 0;
+    if (!look->final)
+        return ON;
+    run->time = run->horizon, run->time_low = run->horizon_low;
+    return HORIZON;
+}
+
+/* One look ahead: steps that no guard can end, then one that is looked at.
+ *
+ * "shrunk": whether the unit has been made shorter for what is to be seen. EVENT where the run stands at an event, ON
+ * where it goes on, else why the loop is left.
+ */
+static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
+{
+    struct run *run = w->run;
+    enter(w);
+    if (run->mode != run->stepped_mode)
+        enter_mode(w);
+    int64_t code = before_step(w);
+    if (code != ON)
+        return code;
+    bool sampled = run->next_sample < w->sample_count;
+    double theta;
+    code = event_free_steps(w, sampled, *shrunk, stop_at, &theta);
+    if (code != ON)
+        return code;
+    double unit = run->unit;
+    struct look look = accepted_step(w, theta);
+    w->mode->step_end(look.theta, w->c, w->change);
+    for (int64_t g = 0; g < w->mode->guards; g++)
+        w->faint[g] = 0;
+    if (guards_below_zero(w, look.natural / unit) && fails_beyond_rounding(w, look.natural / unit)) {
+        run->guard = NOWHERE; /* Python looks closer */
+        return SELECT_MODE;
+    }
+    struct event event = decided_event(w, &look);
+    *shrunk = event.guard >= 0 && event.part * look.theta < TINY_PART;
+    if (*shrunk) {
+        if (unit <= SHORTEST_UNIT)
+            return STALLED;
+        run->unit = larger(unit * larger(2.0 * event.part * look.theta, TINY_PART), SHORTEST_UNIT);
+        return ON;
+    }
+    if (!event.undecided && w->mode->polynomial_degree > 2)
+        spare_digits(w, &look, &event);
+    if (look.final && event.guard < 0)
+        find_event_at_horizon(w, &look, &event);
+    double part = event.guard < 0 ? look.theta : event.part * look.theta;
+    if (sampled)
+        fill_samples(w, part);
+    run->guard = event.guard, run->landing = event.undecided ? BRACKET : event.landing;
+    if (event.undecided) {
+        run->suspect = part * unit, run->step_length = look.theta * unit;
+        if (w->mode->slopes)
+            run->longest_step = 1e3 * look.theta * unit;
+        return UNDECIDED_EVENT;
+    }
+    return take_step(w, &look, &event, part);
+}
+
+/* Run until the horizon, or until Python is needed.
+ *
+ * run: the begin of the run's block (struct places). samples: (count, 1 + n + 1): times at which samples are wanted;
+ * states and mode there. Returns an enum return_code: UNDECIDED_EVENT where an event ahead cannot be decided in double
+ * precision.
+ */
+HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, double *samples, int64_t count)
+{
+    struct work work = work_of(run, tables);
+    work.samples = samples, work.sample_count = count;
+    int64_t stop_at = least(run->steps + BUDGET, run->most_steps);
+    int64_t code = run->event_pending == 0 ? ON : EVENT;
+    bool shrunk = false;
+    run->event_pending = 0;
+    while (true) {
+        if (code == EVENT) {
+            code = apply_event(&work);
+            if (code == ON && run->stopped != 0)
+                return STOPPED;
+        }
+        if (code != ON)
+            return code;
+        code = look_ahead(&work, stop_at, &shrunk);
+    }
+}

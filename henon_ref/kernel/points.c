@@ -1,0 +1,150 @@
+/* One call that does the runs of many points: no Python between them, nor the interpreter lock.
+ *
+ * A point that double precision cannot decide, that needs a mode which is not compiled, or whose run ends before its
+ * horizon is set aside by its number: Python finishes it (henon_ref/henon/points.py).
+ */
+
+/* Where a row of the buffer has the transition, in doubles, behind the number of the point. */
+#define KEPT_PLACE ((int64_t)(offsetof(struct kept, transition) / sizeof(double)))
+
+static void append(struct progress *progress, const double *transition, const struct buffer *buffer)
+{
+    double *row = buffer->kept + progress->kept * buffer->width;
+    memcpy(row, &progress->point, sizeof progress->point);
+    memcpy(row + KEPT_PLACE, transition, (size_t)(buffer->width - KEPT_PLACE) * sizeof(double));
+    progress->kept += 1;
+}
+
+/* Append transitions that are wanted to the buffer.
+ *
+ * records: transitions of the present point, one after the other. There is room for "count" more, and one a surface.
+ */
+HENON_EXPORT void keep_transitions(struct progress *progress, const double *records, int64_t count, int64_t states,
+                                   const struct buffer *buffer)
+{
+    for (int64_t k = 0; k < count; k++) {
+        const double *record = records + k * (TRANSITION_PLACES + states);
+        struct transition made;
+        memcpy(&made, record, sizeof made);
+        if (!(has_bit(progress->kinds, made.kind) && has_bit(progress->surfaces, made.surface)))
+            continue;
+        double *waiting = buffer->pending + made.surface * buffer->width;
+        if (made.time < progress->after) {
+            if (progress->open_sticks != 0 && (made.kind == STICK || made.kind == RELEASED)) {
+                waiting[0] = made.kind == STICK ? 1.0 : 0.0;
+                memcpy(waiting + KEPT_PLACE, record, (size_t)(buffer->width - KEPT_PLACE) * sizeof(double));
+            }
+            continue;
+        }
+        if (made.kind == RELEASED && waiting[0] != 0.0) {
+            append(progress, waiting + KEPT_PLACE, buffer);
+            waiting[0] = 0.0;
+        }
+        append(progress, record, buffer);
+    }
+}
+
+/* Put a point's start into the run's block; false where its mode is not clear. */
+static bool begin_point(const struct points *points, const struct tables *tables, int64_t point)
+{
+    struct run *run = (struct run *)points->block;
+    const struct run *template = (const struct run *)points->start;
+    const struct places p = places_of(template->states, template->guards, template->order);
+    const double *times = points->times + 4 * point;
+    int64_t row = points->rows[point], surface = points->surfaces[point], n = template->states;
+    memcpy(points->block, points->start, (size_t)p.end_of_state * sizeof(double));
+    run->time = run->begin = times[0], run->time_low = times[1], run->mode = row;
+    run->horizon = times[2], run->horizon_low = times[3];
+    run->unit = larger(remaining(run), SHORTEST_UNIT);
+    memcpy(points->block + p.state, points->initial + point * 2 * n, (size_t)(2 * n) * sizeof(double));
+    if (surface >= 0) {
+        struct work work = work_of(run, tables);
+        int64_t zeros;
+        run->mode = mode_on_surface(tables, row, surface, run->time, work.x, n, run->guards, work.room, &zeros);
+        if (run->mode < 0)
+            return false;
+        set_known_zeros(&work, mode_at(&work, run->mode), surface, zeros);
+    }
+    return true;
+}
+
+/* Write down how a point's run ended. */
+static void finish_point(const struct points *points, int64_t code, int64_t point)
+{
+    const struct run *run = (const struct run *)points->block;
+    const struct places p = places_of(run->states, run->guards, run->order);
+    struct end *end = points->ends + point;
+    end->time = run->time, end->time_low = run->time_low, end->code = code, end->mode = run->mode;
+    end->steps = run->steps, end->expansions = run->expansions, end->guard_evaluations = run->guard_evaluations;
+    memcpy(points->states + point * run->states, points->block + p.state, (size_t)run->states * sizeof(double));
+}
+
+/* Take in what a point's run has come to; whether it goes on. */
+static bool take_in(struct progress *progress, const struct points *points, int64_t code, const struct buffer *buffer)
+{
+    struct run *run = (struct run *)points->block;
+    const struct places p = places_of(run->states, run->guards, run->order);
+    bool spent = code == BUDGET_SPENT, going_on = code == BLOCK_FULL || (spent && run->steps < run->most_steps);
+    struct end *end = points->ends + progress->point;
+    if (!(going_on || spent || code == HORIZON || code == STOPPED)) {
+        progress->kept = progress->kept_before, end->code = SET_ASIDE;
+        return false;
+    }
+    end->transitions += run->transitions;
+    keep_transitions(progress, points->block + p.records, run->transitions, run->states, buffer);
+    run->transitions = 0;
+    if (!going_on)
+        finish_point(points, code, progress->point);
+    return going_on;
+}
+
+/* Begin the run of the point that comes next; false where it is set aside. */
+static bool start_next(struct progress *progress, const struct points *points, const struct tables *tables,
+                       const struct buffer *buffer)
+{
+    int64_t point = progress->point;
+    if (points->rows[point] < 0 || !begin_point(points, tables, point)) {
+        points->ends[point].code = SET_ASIDE;
+        return false;
+    }
+    for (int64_t i = 0; i < buffer->surfaces; i++)
+        buffer->pending[i * buffer->width] = 0.0;
+    points->ends[point].transitions = 0;
+    progress->running = 1, progress->kept_before = progress->kept;
+    return true;
+}
+
+/* Do the runs of points until all are done, or Python is needed: an enum points_code.
+ *
+ * tables: those of the first point, or of all.
+ */
+HENON_EXPORT int64_t run_points(struct progress *progress, const struct points *points, const struct tables *tables,
+                                const struct buffer *buffer)
+{
+    struct run *run = (struct run *)points->block;
+    int64_t spent = 0;
+    while (progress->point < points->count) {
+        int64_t point = progress->point;
+        struct tables own = *tables;
+        own.numbers += point * points->numbers_step;
+        own.selection.constants += own.selection.constants ? point * points->normals_step : 0;
+        if (progress->running == 0 && !start_next(progress, points, &own, buffer)) {
+            progress->point += 1;
+            continue;
+        }
+        if (progress->kept + run->transition_capacity + buffer->surfaces > buffer->capacity)
+            return BUFFER_FULL;
+        int64_t before = run->steps;
+        int64_t code = advance(run, &own, NULL, 0);
+        spent += run->steps - before;
+        if (!take_in(progress, points, code, buffer)) {
+            progress->running = 0;
+            progress->point += 1;
+            if (progress->stop_aside != 0 && points->ends[point].code == SET_ASIDE)
+                return ASIDE;
+        }
+        if (spent > progress->steps)
+            return PAUSE;
+    }
+    return DONE;
+}

@@ -1,0 +1,124 @@
+/* What a run leaves behind: transitions, samples, and the mode that is entered with them. */
+
+/* Events in a row, each closer to the last than the resolution of time, before they count as accumulating. */
+#define MOST_AT_ONCE 64
+
+/* Where, among the times since when guards have been below their rounding, a surface stands, or an expression of the
+ * model's end ("valid"), of that index. */
+HENON_EXPORT int64_t rounding_place(int64_t valid, int64_t index, int64_t guards)
+{
+    return valid ? guards - 1 - index : index;
+}
+
+/* A transition among those that are kept. */
+static inline struct transition *transition_at(double *records, int64_t states, int64_t k)
+{
+    return (struct transition *)(records + k * (TRANSITION_PLACES + states));
+}
+
+/* Write a transition down; "side" of the surface that it came from, 0 for a release.
+ *
+ * Notes whether the run is to end on that surface. Of one that has been below its rounding nothing is told.
+ */
+static void record_transition(struct work *w, int64_t kind, int64_t index, int64_t side, int64_t source, int64_t target)
+{
+    struct run *run = w->run;
+    if (run->below_rounding != 0 && w->since[index] <= run->time)
+        return;
+    struct transition *made = transition_at(w->records, run->states, run->transitions);
+    made->time = run->time, made->time_low = run->time_low;
+    made->kind = (int8_t)kind, made->surface = (int16_t)index, made->landing = (int8_t)run->landing;
+    made->from_mode = (int32_t)source, made->to_mode = (int32_t)target;
+    for (int64_t i = 0; i < run->states; i++)
+        made->state[i] = w->x[i];
+    run->transitions += 1;
+    int64_t ends_here = side > 0 ? run->stop_falling : side < 0 ? run->stop_rising : 0;
+    if (ends_here != 0 && has_bit(ends_here, index))
+        run->stopped = 1;
+}
+
+/* Count events that time cannot tell apart; 1 once there are too many in a row. */
+HENON_EXPORT int64_t events_accumulate(struct run *run)
+{
+    double gap = (run->time - run->event_time) + (run->time_low - run->event_time_low);
+    run->events_at_once = gap <= 2.0 * EPS * fabs(run->time) ? run->events_at_once + 1 : 0;
+    run->event_time = run->time, run->event_time_low = run->time_low;
+    return run->events_at_once >= MOST_AT_ONCE;
+}
+
+/* Fill the samples that lie on the step just taken, up to "part" (in the unit): states, mode. */
+static void fill_samples(struct work *w, double part)
+{
+    struct run *run = w->run;
+    int64_t n = run->states;
+    while (run->next_sample < w->sample_count) {
+        double *sample = w->samples + run->next_sample * (n + 2);
+        double at = ((sample[0] - run->time) - run->time_low) / run->unit;
+        if (at > part)
+            return;
+        for (int64_t i = 0; i < n; i++)
+            sample[1 + i] = value(row_of(w, i), run->order, larger(at, 0.0));
+        sample[1 + n] = (double)run->mode;
+        run->next_sample += 1;
+    }
+}
+
+/* Write down the step that is about to be taken, of a length; whether there is no room for another one. */
+static bool record_step(struct work *w, double length)
+{
+    struct run *run = w->run;
+    int64_t n = run->states, columns = run->order + 1;
+    struct step *step = (struct step *)(run->dense + run->dense_steps * (STEP_PLACES + n * columns));
+    step->time = run->time, step->time_low = run->time_low;
+    step->length = length, step->unit = run->unit, step->mode = run->mode;
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t k = 0; k < columns; k++)
+            step->coefficients[i * columns + k] = row_of(w, i)[k];
+    run->dense_steps += 1;
+    return run->dense_steps >= run->dense_capacity;
+}
+
+/* Whether a guard is that of a surface. */
+static inline bool is_on(const struct guard *guard, int64_t surface)
+{
+    return guard->kind == SURFACE && guard->index == surface;
+}
+
+/* Known zeros of the guards at the start of a mode: those of the surface just left. */
+static inline void set_known_zeros(struct work *w, const struct mode *mode, int64_t surface, int64_t zeros)
+{
+    for (int64_t g = 0; g < mode->guards; g++)
+        w->known_zeros[g] = is_on(&mode->guard[g], surface) ? zeros : 0;
+}
+
+/* Go over to the mode in row "target", in which several surfaces may have changed; false where Python has to tell of
+ * it. */
+static bool change_mode(struct work *w, int64_t target)
+{
+    struct run *run = w->run;
+    int64_t surfaces = w->tables->selection.surfaces, mode = run->mode, changes = 0;
+    const int64_t *before = w->tables->selection.signs + mode * surfaces;
+    const int64_t *now = w->tables->selection.signs + target * surfaces;
+    for (int64_t i = 0; i < surfaces; i++)
+        changes += before[i] != now[i] ? 1 : 0;
+    if (changes == 0 || run->transitions + changes > run->transition_capacity)
+        return false;
+    for (int64_t i = 0; i < surfaces; i++)
+        if (before[i] != now[i]) {
+            int64_t kind = now[i] == 0 ? STICK : before[i] == 0 ? RELEASED : CROSSING;
+            record_transition(w, kind, i, before[i], mode, target);
+        }
+    const struct mode *after = mode_at(w, target);
+    for (int64_t g = 0; g < after->guards; g++) {
+        w->known_zeros[g] = 0;
+        if (after->guard[g].kind != SURFACE)
+            continue;
+        int64_t surface = after->guard[g].index; /* left with a speed: the decision was a clear one */
+        w->known_zeros[g] = before[surface] == 0 ? 1 : 0;
+        for (int64_t k = 0; k < w->mode->guards; k++)
+            if (w->hits[k] == 1 && w->mode->guard[k].index == surface)
+                w->known_zeros[g] = 1;
+    }
+    run->mode = target;
+    return true;
+}

@@ -1,0 +1,269 @@
+/* What follows an event where several surfaces meet or slide, decided in machine code where it is clear.
+ *
+ * The rule is that of henon_ref/filippov/switching.py: of all candidate modes the one whose own field keeps it. At one
+ * point the normal velocities are affine in the signs of the surfaces in play, N = a + B s; so a few numbers settle it:
+ * for each candidate the equivalent signs of its sliding surfaces solve B s = -a, and what is left must point the right
+ * way. Where no surface's velocity has another one's sign in it, each surface is decided alone, by its velocities below
+ * and above. Whatever is not clear (a number within CLEAR_MARGIN of where it would decide otherwise, none or several
+ * modes that fit, signs that multiply each other) is left to Python.
+ */
+
+/* Relative distance from a tie from which on a decision is clear in double precision. */
+#define CLEAR_MARGIN 1e-6
+
+/* Surfaces in play at an event, and where their normal velocities are evaluated. */
+struct in_play {
+    int64_t surface[SURFACES_IN_TABLE];
+    int64_t count;
+    int64_t first;            /* of the velocities, among the values */
+    double *point;            /* states, then the sign of every surface */
+    double *values, *others;  /* states, signs, then normal velocities: at two choices of signs */
+};
+
+/* Normal velocities of the surfaces in play, a + B s. A candidate's numbers stand beside them: its signs s, and the
+ * linear system of its sliding surfaces. */
+struct affine {
+    double a[MOST_COUPLED], b[MOST_COUPLED][MOST_COUPLED];
+    double size[MOST_COUPLED]; /* of each velocity's terms together */
+    double lean[MOST_COUPLED]; /* sign of a velocity that no signs turn; else 0 */
+    double s[MOST_COUPLED];
+    double m[MOST_COUPLED][MOST_COUPLED + 1];
+    int64_t index[MOST_COUPLED];
+};
+
+static int64_t three_to(int64_t exponent)
+{
+    int64_t power = 1;
+    for (; exponent > 0; exponent--)
+        power *= 3;
+    return power;
+}
+
+/* Sign of the k-th surface in play in a candidate (a number of base 3). */
+static int64_t choice(int64_t candidate, int64_t k)
+{
+    return candidate / three_to(k) % 3 - 1;
+}
+
+/* Normal velocities at the point's choice of signs, into "values". */
+static void velocities_at(const struct work *w, const double *point, double *values)
+{
+    const struct selection *selection = &w->tables->selection;
+    selection->velocities(w->run->time, w->run->time_low, 1.0, point, selection->constants, values);
+}
+
+/* The candidate of surfaces that do not act on each other, from their velocities on both sides; -1: unclear.
+ *
+ * before: the entries of the mode that ends.
+ */
+static int64_t each_alone(const struct work *w, const struct in_play *p, const int64_t *before)
+{
+    for (int side = 0; side < 2; side++) {
+        for (int64_t i = w->run->states; i < p->first; i++)
+            p->point[i] = 2.0 * side - 1.0;
+        velocities_at(w, p->point, side == 0 ? p->values : p->others);
+    }
+    int64_t found = 0, power = 1;
+    for (int64_t k = 0; k < p->count; k++) {
+        int64_t surface = p->surface[k], entry;
+        double below = p->values[p->first + surface], above = p->others[p->first + surface];
+        double margin = CLEAR_MARGIN * larger(fabs(below), fabs(above));
+        if (below > margin && above < -margin)
+            entry = 0;
+        else if (before[surface] == 0) /* it was not hit and slides on, if it is far from its own release */
+            return -1;
+        else if (smaller(below, above) > margin)
+            entry = 1;
+        else if (larger(below, above) < -margin)
+            entry = -1;
+        else
+            return -1;
+        found += (entry + 1) * power;
+        power *= 3;
+    }
+    return found;
+}
+
+/* Normal velocities of the surfaces in play as a + B s, from all corners; false where they are not affine. */
+static bool affine_velocities(const struct work *w, const struct in_play *p, struct affine *f)
+{
+    int64_t n = w->run->states, count = p->count, corners = (int64_t)1 << count;
+    double found[1 << MOST_COUPLED][MOST_COUPLED];
+    for (int64_t corner = 0; corner < corners; corner++) {
+        for (int64_t k = 0; k < count; k++)
+            p->point[n + p->surface[k]] = corner >> k & 1 ? 1.0 : -1.0;
+        velocities_at(w, p->point, p->values);
+        for (int64_t k = 0; k < count; k++)
+            found[corner][k] = p->values[p->first + p->surface[k]];
+    }
+    for (int64_t k = 0; k < count; k++) {
+        f->a[k] = 0.0;
+        for (int64_t j = 0; j < count; j++)
+            f->b[k][j] = 0.0;
+        for (int64_t corner = 0; corner < corners; corner++) {
+            f->a[k] += found[corner][k] / (double)corners;
+            for (int64_t j = 0; j < count; j++)
+                f->b[k][j] += (corner >> j & 1 ? found[corner][k] : -found[corner][k]) / (double)corners;
+        }
+        f->size[k] = fabs(f->a[k]);
+        for (int64_t j = 0; j < count; j++)
+            f->size[k] += fabs(f->b[k][j]);
+        bool leans = 2.0 * fabs(f->a[k]) - f->size[k] > CLEAR_MARGIN * f->size[k];
+        f->lean[k] = !leans ? 0.0 : f->a[k] > 0.0 ? 1.0 : -1.0;
+        for (int64_t corner = 0; corner < corners; corner++) {
+            double rest = found[corner][k] - f->a[k];
+            for (int64_t j = 0; j < count; j++)
+                rest -= corner >> j & 1 ? f->b[k][j] : -f->b[k][j];
+            if (!(fabs(rest) <= 1e-3 * CLEAR_MARGIN * f->size[k])) /* not affine, or no number */
+                return false;
+        }
+    }
+    return true;
+}
+
+/* Eliminate the columns of the linear system of a candidate's sliding surfaces; false where it is close to singular. */
+static bool eliminated(struct affine *f, int64_t sliding)
+{
+    for (int64_t r = 0; r < sliding; r++) {
+        int64_t pivot = r;
+        for (int64_t q = r + 1; q < sliding; q++)
+            if (fabs(f->m[q][r]) > fabs(f->m[pivot][r]))
+                pivot = q;
+        double largest = 0.0;
+        for (int64_t q = 0; q <= sliding; q++) {
+            double other = f->m[r][q];
+            f->m[r][q] = f->m[pivot][q], f->m[pivot][q] = other;
+            largest = larger(largest, fabs(f->m[r][q]));
+        }
+        if (fabs(f->m[r][r]) <= CLEAR_MARGIN * largest)
+            return false;
+        for (int64_t q = 0; q < sliding; q++) {
+            double factor = f->m[q][r] / f->m[r][r];
+            if (q != r)
+                for (int64_t p = 0; p <= sliding; p++)
+                    f->m[q][p] -= factor * f->m[r][p];
+        }
+    }
+    return true;
+}
+
+/* Signs of a candidate, those of its sliding surfaces from B s = -a; false where they are not settled. */
+static bool solved(struct affine *f, int64_t count, int64_t candidate)
+{
+    int64_t sliding = 0;
+    for (int64_t k = 0; k < count; k++) {
+        f->s[k] = (double)choice(candidate, k);
+        if (f->s[k] == 0.0)
+            f->index[sliding++] = k;
+    }
+    for (int64_t r = 0; r < sliding; r++) {
+        int64_t k = f->index[r];
+        f->m[r][sliding] = -f->a[k];
+        for (int64_t j = 0; j < count; j++)
+            f->m[r][sliding] -= f->b[k][j] * f->s[j];
+        for (int64_t q = 0; q < sliding; q++)
+            f->m[r][q] = f->b[k][f->index[q]];
+    }
+    if (!eliminated(f, sliding))
+        return false;
+    for (int64_t r = 0; r < sliding; r++)
+        f->s[f->index[r]] = f->m[r][sliding] / f->m[r][r];
+    return true;
+}
+
+/* 1 if a candidate's own field keeps it, -1 if not, 0 if that is not clear. */
+static int64_t consistent(struct affine *f, int64_t count, int64_t candidate)
+{
+    for (int64_t k = 0; k < count; k++)
+        if (f->lean[k] != 0.0 && f->lean[k] != (double)choice(candidate, k))
+            return -1;
+    bool unclear = !solved(f, count, candidate);
+    for (int64_t k = 0; k < count; k++) {
+        int64_t side = choice(candidate, k);
+        double speed = f->a[k], coupling = 0.0, own = f->b[k][k], clear;
+        for (int64_t j = 0; j < count; j++) {
+            speed += f->b[k][j] * f->s[j];
+            coupling += j != k ? fabs(f->b[k][j]) : 0.0;
+        }
+        if (side != 0) /* where the equivalent signs are not known, neither is it */
+            clear = !unclear && f->size[k] > 0.0 ? (double)side * speed / f->size[k] : 0.0;
+        else if (-own > CLEAR_MARGIN * f->size[k])
+            clear = unclear ? 0.0 : 1.0 - fabs(f->s[k]);
+        else if (coupling == 0.0 && f->size[k] > 0.0) /* it does not attract: one of the fields points away */
+            clear = smaller(-(f->a[k] + own), f->a[k] - own) / f->size[k];
+        else
+            clear = 0.0;
+        if (clear < -CLEAR_MARGIN)
+            return -1;
+        unclear = unclear || !(clear > CLEAR_MARGIN);
+    }
+    return unclear ? 0 : 1;
+}
+
+/* The one candidate that is clearly consistent; -1 where there is none, several, or an unclear one. */
+static int64_t only_candidate(struct affine *f, int64_t count)
+{
+    int64_t best = -1, candidates = three_to(count);
+    for (int64_t candidate = 0; candidate < candidates; candidate++) {
+        int64_t holds = consistent(f, count, candidate);
+        if (holds == 0 || (holds > 0 && best >= 0))
+            return -1;
+        if (holds > 0)
+            best = candidate;
+    }
+    return best;
+}
+
+/* Surfaces that a mode slides on, or whose guards are at zero; false where a guard that is no surface's is at zero. */
+static bool surfaces_in_play(const struct work *w, const int64_t *before, struct in_play *p)
+{
+    p->count = 0;
+    for (int64_t i = 0; i < w->tables->selection.surfaces; i++) {
+        bool involved = before[i] == 0;
+        for (int64_t g = 0; g < w->mode->guards; g++) {
+            if (w->hits[g] == 1 && w->mode->guard[g].kind != SURFACE)
+                return false;
+            involved = involved || (w->hits[g] == 1 && w->mode->guard[g].index == i);
+        }
+        if (involved)
+            p->surface[p->count++] = i;
+    }
+    return true;
+}
+
+/* Row of the mode that follows where guards of the present one are at zero (hits); UNCLEAR where that is not clear or
+ * the mode not compiled. */
+static int64_t select_mode(const struct work *w)
+{
+    const struct selection *selection = &w->tables->selection;
+    int64_t n = w->run->states, surfaces = selection->surfaces, found;
+    const int64_t *before = selection->signs + w->run->mode * surfaces;
+    struct in_play p = {.first = n + surfaces, .point = w->room};
+    p.values = p.point + n + surfaces, p.others = p.values + n + 2 * surfaces;
+    if (!surfaces_in_play(w, before, &p))
+        return UNCLEAR;
+    for (int64_t i = 0; i < n; i++)
+        p.point[i] = w->x[i];
+    for (int64_t i = 0; i < surfaces; i++)
+        p.point[n + i] = (double)before[i];
+    if (selection->decoupled) {
+        found = each_alone(w, &p, before);
+    } else {
+        struct affine f;
+        if (p.count > MOST_COUPLED || !affine_velocities(w, &p, &f))
+            return UNCLEAR;
+        found = only_candidate(&f, p.count);
+    }
+    if (found < 0)
+        return UNCLEAR;
+    int64_t entries[SURFACES_IN_TABLE], row = 0, power = 1;
+    for (int64_t i = 0; i < surfaces; i++)
+        entries[i] = before[i];
+    for (int64_t k = 0; k < p.count; k++)
+        entries[p.surface[k]] = choice(found, k);
+    for (int64_t i = 0; i < surfaces; i++) {
+        row += (entries[i] + 1) * power;
+        power *= 3;
+    }
+    return selection->rows[row];
+}

@@ -1,0 +1,164 @@
+/* Steps without events, and the compensated sum that the state is. */
+
+/* A step this many times longer than the last is checked at its end before it is accepted. */
+#define CHECKED_GROWTH 4.0
+/* No unit is shorter. */
+#define SHORTEST_UNIT 1e-280
+/* How much shorter the unit becomes where even coefficients of low order are infinite. */
+#define OVERFLOW_REDUCTION 1e-100
+/* Steps in a row too short to move a double's time before the run counts as stalled. */
+#define STALLED_STEPS 1000
+/* So many of them is one that does not even move what rounding has lost of the time, nor makes a state grow. */
+#define LOST_WEIGHT 100
+/* And so many one that had to be cut short before a singularity, nor makes a state grow. */
+#define CUT_WEIGHT 200
+/* And so many one of which a guard's branch point may leave less than this part: forty in a row lead from any scale to
+ * the rounding of a root's argument, where only noise is left to agree with. */
+#define SHARP_CUT 0.125
+#define SHARP_CUT_WEIGHT 25
+
+/* Whether some state grows by a hundredth at least on a step of theta units, as one does that blows up. */
+static bool state_grows(const struct work *w, double theta)
+{
+    bool found = false;
+    for (int64_t i = 0; i < w->run->states; i++) {
+        const double *row = row_of(w, i);
+        found = found || (fabs(row[1]) * theta > 0.01 * fabs(row[0]) && (row[1] > 0.0) == (row[0] > 0.0));
+    }
+    return found;
+}
+
+/* x += change as a compensated sum; false where the state has blown up. */
+static inline bool add_to_state(struct work *w)
+{
+    bool bounded = true;
+    for (int64_t i = 0; i < w->run->states; i++) {
+        double step = w->change[i] + w->x_low[i], x = w->x[i], total = x + step, part = total - x;
+        w->x_low[i] = (x - (total - part)) + (step - part);
+        w->x[i] = total;
+        bounded = bounded && fabs(total) < BLOWN_UP;
+    }
+    return bounded;
+}
+
+/* Begin a mode with its own last step, if the run has been in it.
+ *
+ * Which modes are remembered depends on the run alone, not on what others have had compiled.
+ */
+static void enter_mode(struct work *w)
+{
+    struct run *run = w->run;
+    int64_t place = 0;
+    while (place < run->remembered && w->remembered[place] != run->mode)
+        place += 1;
+    if (place == run->remembered) {
+        if (place < REMEMBERED_STEPS) {
+            w->remembered[place] = run->mode;
+            run->remembered += 1;
+        } else { /* the last place is for all others */
+            place -= 1;
+        }
+    }
+    run->step_place = place, run->stepped_mode = run->mode;
+    if (w->last_steps[place] > 0.0)
+        run->unit = smaller(w->last_steps[place], run->longest_step);
+}
+
+/* Step in the unit that the present expansion allows; 0 where a coefficient is not finite. */
+static inline double proposed_step(const struct work *w, int64_t rows, int64_t zeros)
+{
+    double theta = step_size(w, rows);
+    if (infinite(w, rows, w->mode->polynomial_degree))
+        theta = 0.0;
+    if (zeros > 2 && theta > 0.0)
+        theta = flat_step_size(w, rows);
+    return theta;
+}
+
+/* Take steps on which no guard can reach zero; come back with the coefficients of one that needs a look.
+ *
+ * "alone": look at the very first one, as where a guard stands at zero or a branch point may come. "shrunk": the unit
+ * has been made shorter for what is to be seen, and does not grow again here. Returns ON, and the step proposed; or
+ * BUDGET_SPENT, STALLED where the step size fell to zero, DIVERGED, or STEPS_FULL.
+ */
+static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, int64_t stop_at, double *proposed)
+{
+    struct run *run = w->run;
+    int64_t n = run->states, guards = w->mode->guards, rows = n + guards, zeros = 0;
+    for (int64_t g = 0; g < guards; g++)
+        if (w->known_zeros[g] > zeros)
+            zeros = w->known_zeros[g];
+    alone = alone || zeros > 0 || w->mode->slopes;
+    while (true) {
+        if (run->steps >= stop_at)
+            return BUDGET_SPENT;
+        double left = remaining(run), unit = run->unit;
+        expand(w, w->x, w->c);
+        run->expansions += 1;
+        double theta = proposed_step(w, rows, zeros);
+        if (theta < 1e-6 || (theta > 1e6 && unit < left && !shrunk)) {
+            /* The unit is far from the step: bring it there and expand again before anything is read off. Where it is
+             * much too long even the step is not accepted: it shrinks by degrees, and does not grow again here. */
+            double part = theta == 0.0 && infinite(w, rows, 2) ? OVERFLOW_REDUCTION : 1e-4;
+            double new = theta < 1.0 ? larger(unit * larger(theta, part), 1e-290) : smaller(unit * theta, left);
+            if (unit <= SHORTEST_UNIT && new <= unit)
+                return STALLED;
+            if (new < 0.5 * unit || new > 2.0 * unit) {
+                shrunk = shrunk || new < unit;
+                run->unit = new;
+                continue;
+            }
+        }
+        if (shrunk) {
+            theta = smaller(theta, 1e6);
+            shrunk = false;
+        }
+        double step = theta * unit;
+        if (below_time_resolution(run, step))
+            run->stalled += below_compensated_resolution(run, step) && !state_grows(w, theta) ? LOST_WEIGHT : 1;
+        if (run->stalled > STALLED_STEPS)
+            return STALLED;
+        *proposed = theta;
+        if (alone || step >= left || theta > CHECKED_GROWTH || tail_unconverged(w, rows, theta))
+            return ON;
+        w->mode->step_end(theta, w->c, w->change);
+        for (int64_t g = 0; g < guards; g++)
+            if (!(w->lower[g] > 0.0))
+                return ON;
+        if (!add_to_state(w))
+            return DIVERGED;
+        if (!below_time_resolution(run, step))
+            run->stalled = 0;
+        bool full = run->dense && record_step(w, step);
+        add_to_time(run, step);
+        run->steps += 1;
+        run->unit = smaller(step, 1e3 * unit);
+        if (full)
+            return STEPS_FULL;
+    }
+}
+
+/* Put the end of a slide on its guard to the last digit, whatever the tolerance of the step that led there.
+ *
+ * A tangent point is where the field's normal velocity vanishes: left a little beside it, the field would point back at
+ * the surface, and the slide would begin anew. Newton's steps on the expansion at the landing. The step was one of theta
+ * in a unit, which the run's may be no more.
+ */
+static void refine_release(struct work *w, int64_t guard, double unit, double theta)
+{
+    struct run *run = w->run;
+    for (int step = 0; step < 3; step++) {
+        w->mode->expansion(run->time, run->time_low, unit, w->x, w->constants, w->ahead);
+        run->expansions += 1;
+        const double *row = row_ahead(w, run->states + guard);
+        double off = row[0], slope = row[1], size = fabs(off) + fabs(slope) * theta;
+        if (fabs(off) <= 2.0 * EPS * size || !(slope < 0.0))
+            return;
+        double shift = -off / slope;
+        if (fabs(shift) > 0.1 * theta || run->time + shift * unit > run->horizon)
+            return;
+        w->mode->step_end(shift, w->ahead, w->change);
+        add_to_state(w);
+        add_to_time(run, shift * unit);
+    }
+}

@@ -1,0 +1,96 @@
+/* Step size from the last two terms of the expansion (Jorba and Zou 2005), and where coefficients are not finite. */
+
+/* A step, in the unit, that no coefficient limits. */
+#define UNLIMITED 1e30
+
+/* (above / below) ^ power to about one part in 100: a step size needs no more. Both positive.
+ *
+ * The exponent and the leading bits of a double are a piecewise linear logarithm to base 2.
+ */
+static inline double rough_root(double above, double below, double power)
+{
+    double exponent = (double)(bits(above) - bits(below)) * (EPS * power);
+    double shifted = exponent + 0x1.8p52; /* rounds to a whole number, which the low bits then hold */
+    double part = exponent - (shifted - 0x1.8p52);
+    double whole = from_bits(((uint64_t)bits(shifted) + 1023) << 52);
+    return whole * (1.0 + part * (0.6931471805599453 + 0.24022650695910072 * part));
+}
+
+/* Largest relative sizes of the last two coefficients over states and guards on a step of theta units. */
+static inline void error_norms(const struct work *w, int64_t rows, double theta, double *last, double *before)
+{
+    int64_t order = w->run->order;
+    *last = *before = 0.0;
+    for (int64_t r = 0; r < rows; r++) {
+        const double *row = row_of(w, r);
+        double scale = fused(theta, fused(theta, fabs(row[2]), fabs(row[1])), fabs(row[0])) + 1e-300;
+        *last = larger(*last, fabs(row[order]) / scale);
+        *before = larger(*before, fabs(row[order - 1]) / scale);
+    }
+}
+
+/* Whether a coefficient up to a degree above 0 is infinite (or no number): the unit is too long, or all is so.
+ *
+ * Where it is one of order 2 at most the unit is at least 1e100 times as long as what these coefficients allow, for
+ * states are bounded (BLOWN_UP).
+ */
+static bool infinite(const struct work *w, int64_t rows, int64_t degree)
+{
+    bool found = false;
+    for (int64_t r = 0; r < (degree > 0 ? rows : 0); r++)
+        for (int64_t k = 0; k <= degree; k++)
+            found = found || !(fabs(row_of(w, r)[k]) < INFINITY);
+    return found;
+}
+
+/* Step in the unit at which the last two terms fall below the tolerance (Jorba and Zou 2005, Sec. 3).
+ *
+ * 0 where a coefficient is not finite. The expansion puts the largest relative sizes of the last two coefficients on a
+ * step of one unit, a number that is no double where one is not finite, and the longest step behind its rows.
+ */
+static inline double step_size(const struct work *w, int64_t rows)
+{
+    const double *norms = row_of(w, rows), tolerance = w->run->tolerance;
+    double last = norms[0], before = norms[1], theta = 1.0, longest = smaller(norms[3], UNLIMITED);
+    double power = 1.0 / (double)w->run->order, other = 1.0 / (double)(w->run->order - 1);
+    if (!(norms[2] < INFINITY))
+        return 0.0;
+    for (int step = 0; step < 4; step++) {
+        double new = UNLIMITED;
+        if (last > 0.0)
+            new = smaller(new, rough_root(tolerance, last, power));
+        if (before > 0.0)
+            new = smaller(new, rough_root(tolerance, before, other));
+        if (new >= 0.5 * theta)
+            return smaller(new, longest);
+        theta = new;
+        error_norms(w, rows, theta, &last, &before);
+    }
+    return smaller(theta, longest);
+}
+
+/* The same where guards have more than two known zeros: what follows those tells the size of such a guard. */
+static double flat_step_size(const struct work *w, int64_t rows)
+{
+    int64_t n = w->run->states, order = w->run->order;
+    double shortest = smaller(row_of(w, rows)[3], UNLIMITED);
+    for (int64_t r = 0; r < rows; r++) {
+        const double *row = row_of(w, r);
+        int64_t first = r >= n ? w->known_zeros[r - n] : 0;
+        double theta = 1.0;
+        for (int step = 0; step < 4; step++) {
+            double size = fabs(row[first]) + theta * (fabs(row[first + 1]) + theta * fabs(row[first + 2]));
+            double new = UNLIMITED;
+            size = size * whole_power(theta, first) + 1e-300;
+            for (int64_t k = order - 1; k <= order; k++)
+                if (row[k] != 0.0)
+                    new = smaller(new, pow(w->run->tolerance * size / fabs(row[k]), 1.0 / (double)k));
+            bool enough = new >= 0.5 * theta;
+            theta = new;
+            if (enough)
+                break;
+        }
+        shortest = smaller(shortest, theta);
+    }
+    return shortest;
+}

@@ -1,0 +1,146 @@
+/* What a run works on: its block of memory cut into parts, and the compiled modes. */
+#ifndef HENON_WORK_H
+#define HENON_WORK_H
+
+#include <stddef.h>
+
+#include "kernel.h"
+#include "numbers.h"
+
+/* Rows of the band that root isolation needs: powers, a scaled guard, and pieces. */
+#define ROOT_ROWS (4 + DEPTH)
+/* Of a transition, and of one that is kept, in doubles: what stands before the state. */
+#define TRANSITION_PLACES ((int64_t)(offsetof(struct transition, state) / sizeof(double)))
+#define STEP_PLACES ((int64_t)(sizeof(struct step) / sizeof(double)))
+/* Of a run, relative normal velocity below which a contact is left to Python's mode selection. */
+#define TANGENT 1e-9
+/* A state beyond this has blown up (no smaller bound is safe whatever the units). */
+#define BLOWN_UP 1e100
+/* Part of its size by which a state may be off: eight units in its last place. */
+#define STATE_ROUNDING (16.0 * EPS)
+
+/* Parts of a run's block (struct places), the compiled modes, and the present one. */
+struct work {
+    struct run *run;
+    double *last_steps;
+    double *x, *x_low, *x_before; /* state, what rounding lost of it, and the state before the last jump */
+    int64_t *known_zeros, *hits, *faint;
+    double *since;
+    double *c, *ahead;              /* expansions: of the step, and at the end of one that is checked */
+    double *powers, *scaled, *stack;
+    double *room;                   /* all of what follows */
+    double *change, *lower;         /* of states over a step; bounds of the guards */
+    double *point, *speeds;
+    int64_t *remembered;
+    double *records;
+    int64_t width;                  /* of a row of c, ahead and stack */
+    const struct tables *tables;
+    const struct mode *mode;        /* the present one */
+    const double *constants;        /* of its expansion */
+    double *samples;                /* (sample_count, 1 + n + 1): times at which samples are wanted; states, mode */
+    int64_t sample_count;
+};
+
+/* Doubles from one row of coefficients to the next: whole vectors. */
+HENON_EXPORT int64_t row_length(int64_t order)
+{
+    return order ? (order + LANES) / LANES * LANES : 1;
+}
+
+/* Where the parts of a block stand: see struct places. */
+HENON_EXPORT struct places places_of(int64_t states, int64_t guards, int64_t order)
+{
+    struct places p;
+    p.last_steps = sizeof(struct run) / sizeof(double);
+    p.state = p.last_steps + REMEMBERED_STEPS;
+    p.known_zeros = p.state + 3 * states;
+    p.since = p.known_zeros + 3 * guards;
+    p.end_of_state = p.since + guards;
+    p.width = row_length(order);
+    p.band = (p.end_of_state + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
+    p.room = p.band + (2 * (states + guards + 1) + ROOT_ROWS) * p.width;
+    p.remembered = p.room + 3 * states + 5 * guards;
+    p.records = p.remembered + REMEMBERED_STEPS;
+    p.record_width = TRANSITION_PLACES + states;
+    p.size = p.records + CHUNK * p.record_width;
+    return p;
+}
+
+/* Record of the mode in a row of the tables. */
+static inline const struct mode *mode_in(const struct tables *tables, int64_t row, int64_t guards)
+{
+    int64_t size = (int64_t)(sizeof(struct mode) + (size_t)guards * sizeof(struct guard));
+    return (const struct mode *)(tables->modes + row * size);
+}
+
+/* Constants of a mode: tape 0 is its expansion's, 1 that of normal velocities, 2 that of the maps of resets. */
+static inline const double *constants_of(const struct tables *tables, int64_t row, int64_t tape)
+{
+    return tables->numbers + (row * tables->tapes + tape) * tables->length;
+}
+
+static inline const struct mode *mode_at(const struct work *w, int64_t row)
+{
+    return mode_in(w->tables, row, w->run->guards);
+}
+
+/* Make the run's mode the present one. */
+static inline void enter(struct work *w)
+{
+    w->mode = mode_at(w, w->run->mode);
+    w->constants = constants_of(w->tables, w->run->mode, 0);
+}
+
+/* A run's block as the loop works on it. */
+static inline struct work work_of(struct run *run, const struct tables *tables)
+{
+    int64_t n = run->states, most = run->guards;
+    const struct places p = places_of(n, most, run->order);
+    double *block = (double *)run;
+    struct work w = {.run = run, .tables = tables, .width = p.width};
+    w.last_steps = block + p.last_steps;
+    w.x = block + p.state, w.x_low = w.x + n, w.x_before = w.x + 2 * n;
+    w.known_zeros = (int64_t *)(block + p.known_zeros), w.hits = w.known_zeros + most, w.faint = w.hits + most;
+    w.since = block + p.since;
+    w.c = block + p.band, w.ahead = w.c + (n + most + 1) * p.width;
+    w.powers = w.ahead + (n + most + 1) * p.width, w.scaled = w.powers + p.width, w.stack = w.scaled + p.width;
+    w.room = w.change = block + p.room, w.lower = w.change + n, w.point = w.lower + most;
+    w.speeds = w.change + 2 * n + most;
+    w.remembered = (int64_t *)(block + p.remembered);
+    w.records = block + p.records;
+    enter(&w);
+    return w;
+}
+
+/* A row of coefficients of the step's expansion: of state r, or of guard r - n. */
+static inline const double *row_of(const struct work *w, int64_t r)
+{
+    return w->c + r * w->width;
+}
+
+/* The same of the expansion ahead. */
+static inline double *row_ahead(const struct work *w, int64_t r)
+{
+    return w->ahead + r * w->width;
+}
+
+/* Row of a guard of the present mode. */
+static inline const double *guard_row(const struct work *w, int64_t guard)
+{
+    return row_of(w, w->run->states + guard);
+}
+
+/* The present mode's expansion where the run stands, of a state, into rows. */
+static inline void expand(const struct work *w, const double *x, double *rows)
+{
+    const struct run *run = w->run;
+    w->mode->expansion(run->time, run->time_low, run->unit, x, w->constants, rows);
+}
+
+/* Whether a bit of a set is there: of one of all ones every bit is. */
+static inline bool has_bit(int64_t set, int64_t index)
+{
+    return set >> (index < 63 ? index : 63) & 1;
+}
+
+#endif
