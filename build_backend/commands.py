@@ -29,11 +29,9 @@ class Build(build):
     sub_commands: ClassVar = [*build.sub_commands, ("build_libraries", None)]
 
     def run(self) -> None:
-        """Build into an empty folder, with the same permissions whatever the builder's umask."""
+        """Build into an empty folder: an earlier build leaves nothing to a wheel."""
         shutil.rmtree(self.build_lib, ignore_errors=True)
         super().run()
-        for file in Path(self.build_lib).rglob("*"):
-            file.chmod(0o755 if file.is_dir() else 0o644)
 
 
 class BuildLibraries(Command):
@@ -81,3 +79,9 @@ class PlatformWheel(bdist_wheel):
         """``py3-none-PLATFORM``."""
         _, _, platform = super().get_tag()
         return "py3", "none", compiler().wheel_platform or platform
+
+    def write_wheelfile(self, wheelfile_base: str, *args: str) -> None:
+        """Write the last file before all is packed; permissions are those of no builder's umask."""
+        super().write_wheelfile(wheelfile_base, *args)
+        for file in Path(wheelfile_base).parent.rglob("*"):
+            file.chmod(0o755 if file.is_dir() else 0o644)

@@ -40,10 +40,11 @@ class Compiler(NamedTuple):
 
     def line(self, flags: tuple[str, ...], architecture: str | None, source: str, library: str) -> list[str]:
         """The command line that compiles a source to a library for a processor's architecture."""
-        linker = ["-Wl,--build-id=none"] if sys.platform == "linux" else []
-        if architecture is not None:  # ziglang spells x86-64-v3 with underscores
-            linker.append(f"-march={architecture.replace('-', '_') if self.is_ziglang else architecture}")
-        return [*self.command, *flags, *linker, source, "-o", library, "-lm"]
+        further = ["-Wl,--build-id=none"] if sys.platform == "linux" else []
+        if architecture is not None:
+            spelt = architecture.replace("-", "_") if self.is_ziglang else architecture
+            further.append(f"-march={spelt}")
+        return [*self.command, *flags, *further, source, "-o", library, "-lm"]
 
 
 def choose(flags: tuple[str, ...], architectures: list[str | None]) -> Compiler:
@@ -63,10 +64,8 @@ def choose(flags: tuple[str, ...], architectures: list[str | None]) -> Compiler:
             if all(_works(found, flags, own) for own in architectures):
                 return found
         if asked:
-            raise CompilerError(
-                f"CC is {asked!r}, which compiles no small C file with {shlex.join(flags)} and each of "
-                f"-march={{{','.join(map(str, architectures))}}}"
-            )
+            processors = " and ".join(own or "this processor" for own in architectures)
+            raise CompilerError(f"CC is {asked!r}, which does not compile for {processors} with {shlex.join(flags)}")
     if find_spec("ziglang") is not None:
         return _ziglang()
     raise CompilerError(

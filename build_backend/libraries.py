@@ -7,6 +7,7 @@ import runpy
 import shlex
 import subprocess
 import tempfile
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from itertools import product
@@ -19,38 +20,34 @@ ROOT = Path(__file__).parents[1]
 SOURCES = ("henon_ref/kernel/kernel.c", "baselines/paper/paper.c")
 """One translation unit each, that includes all it is made of."""
 _RECIPE: dict[str, Any] = runpy.run_path(str(ROOT / "henon_ref/kernel/compilation.py"))
+"""Flags, processors and hash, which the loader needs, too; by path: the package itself cannot be imported yet."""
 FLAGS: tuple[str, ...] = _RECIPE["FLAGS"]
-_VARIANTS: tuple[Any, ...] = _RECIPE["variants"]()
-_JOBS = list(product(SOURCES, _VARIANTS))
+VARIANTS: tuple[Any, ...] = _RECIPE["variants"]()
+_LIBRARIES = list(product(SOURCES, VARIANTS))
 
 
 @cache
 def compiler() -> Compiler:
     """The compiler that builds here."""
-    return choose(FLAGS, [variant.architecture for variant in _VARIANTS])
+    return choose(FLAGS, [variant.architecture for variant in VARIANTS])
 
 
 def library_files() -> list[Path]:
     """The libraries, relative to the tree's root."""
-    return [_RECIPE["library_file"](Path(source), variant) for source, variant in _JOBS]
+    return [_RECIPE["library_file"](Path(source), variant) for source, variant in _LIBRARIES]
 
 
-def compile_all(into: Path = ROOT, *, root: Path = ROOT, extra: tuple[str, ...] = ()) -> list[Path]:
+def compile_all(into: Path = ROOT, *, root: Path = ROOT, extra: tuple[str, ...] = ()) -> None:
     """Compile every source for every kind of processor.
 
     Parameters
     ----------
     into : Path
-        Folder that stands for the tree's root: a library lies in it as its source in the tree.
+        Folder that stands for the tree's root: each library lies in it as its source in the tree.
     root : Path
-        The tree.
+        The tree's root.
     extra : tuple of str
-        Further flags of the compiler, behind those of every library.
-
-    Returns
-    -------
-    list of Path
-        The libraries.
+        Further flags of the compiler.
 
     Raises
     ------
@@ -59,24 +56,33 @@ def compile_all(into: Path = ROOT, *, root: Path = ROOT, extra: tuple[str, ...] 
     """
     chosen = compiler()
     with tempfile.TemporaryDirectory() as caches, ThreadPoolExecutor(os.cpu_count()) as pool:
-        environment = os.environ | {"ZIG_LOCAL_CACHE_DIR": caches, "ZIG_GLOBAL_CACHE_DIR": caches}
-        return list(pool.map(lambda job: _library(chosen, *job, into, root, extra, environment), _JOBS))
+        environment = {"ZIG_LOCAL_CACHE_DIR": caches, "ZIG_GLOBAL_CACHE_DIR": caches} | os.environ
+
+        def compile_one(library: tuple[str, Any]) -> None:
+            source, variant = library
+            given = f'-DHENON_SOURCES="{_RECIPE["sources_hash"](root / source)}"'
+            file = _RECIPE["library_file"](into / source, variant)
+            _compile(chosen, (*FLAGS, given, *extra), variant.architecture, root, source, file, environment)
+
+        list(pool.map(compile_one, _LIBRARIES))
 
 
-def _library(
-    chosen: Compiler, source: str, variant: Any, into: Path, root: Path, extra: tuple[str, ...], environment: Any
-) -> Path:
-    """Compile a source for a kind of processor; what was there is replaced at once, for programs that run it."""
-    file: Path = _RECIPE["library_file"](into / source, variant)
+def _compile(
+    chosen: Compiler,
+    flags: tuple[str, ...],
+    architecture: str | None,
+    root: Path,
+    source: str,
+    file: Path,
+    environment: Mapping[str, str],
+) -> None:
+    """Compile one library; a process that runs the one that was there goes on with it."""
     file.parent.mkdir(parents=True, exist_ok=True)
     new = file.with_name(f"{file.name}.{os.getpid()}")
-    sources_hash = _RECIPE["sources_hash"](root / source)
-    flags = (*FLAGS, f'-DHENON_SOURCES="{sources_hash}"', *extra)
-    line = chosen.line(flags, variant.architecture, source, str(new))
+    line = chosen.line(flags, architecture, source, str(new.absolute()))
     done = subprocess.run(line, cwd=root, env=environment, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         new.unlink(missing_ok=True)
         raise CompilerError(f"{source} does not compile:\n{shlex.join(line)}\n{done.stderr}")
     new.chmod(0o644)
     new.replace(file)
-    return file

@@ -68,7 +68,7 @@ class Start:
 
     @cached_property
     def state(self) -> NDArray[np.float64]:
-        """What a run begins with (``struct run`` of ``kernel.h``, then vectors). Each run copies it to its workspace."""
+        """What a run begins with (``struct run`` of ``kernel.h``, then vectors); each run copies it to its memory."""
         n, guards = len(self.x), len(self.zeros)
         limits = self.stop_falling, self.stop_rising, self.most_steps
         state = _template(n, guards, self.order, self.landing, self.tolerance, *limits).copy()

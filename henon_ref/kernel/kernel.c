@@ -26,6 +26,7 @@
 #include "loop.c"
 #include "surface_start.c"
 #include "points.c"
+#include "parts.c"
 
 /* Bounds and levels that Python reads, too. */
 HENON_EXPORT struct levels levels(void)
@@ -35,8 +36,8 @@ HENON_EXPORT struct levels levels(void)
         .blown_up = BLOWN_UP,
         .state_rounding = STATE_ROUNDING,
         .known_zero_level = KNOWN_ZERO_LEVEL,
-        .tangent = TANGENT,
         .operation_error = OPERATION_ERROR,
         .accurate = ACCURATE,
+        .clearance = CLEARANCE,
     };
 }

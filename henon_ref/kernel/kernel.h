@@ -262,15 +262,27 @@ struct points {
     double *states;          /* (count, n): filled with the states there */
 };
 
+/* The first falling root: an enum roots_outcome, and the interval that it lies in (equal ends where it was hit). */
+struct first_root {
+    int64_t outcome;
+    double low, high;
+};
+
+/* A root, the way of landing that was used, and evaluations of the polynomial (its derivatives counted as one). */
+struct landed {
+    double tau;
+    int64_t used, evaluations;
+};
+
 /* Bounds and levels that Python reads, too. */
 struct levels {
     double eps;              /* distance from 1 to the next double */
     double blown_up;         /* a state beyond this has blown up */
     double state_rounding;   /* part of its size by which a state may be off */
     double known_zero_level; /* coefficients before those of known zeros are divided out up to this part of what follows */
-    double tangent;          /* relative normal velocity below which a contact is left to Python's mode selection */
     double operation_error;  /* bound of the relative error of one operation in double-double */
     double accurate;         /* bound of the relative error that a constant may have */
+    double clearance;        /* a touch is no larger than so many times noise */
 };
 
 HENON_EXPORT struct levels levels(void);
@@ -293,5 +305,12 @@ HENON_EXPORT int64_t scatter(const double *registers, int64_t width, int64_t poi
                              const int64_t *highs, const int64_t *lows, int64_t count, double *out, int64_t places);
 HENON_EXPORT void signs_of(const double *registers, int64_t width, int64_t points, const int64_t *sources,
                            int64_t count, int64_t *signs);
+
+/* Parts that tests call by themselves: the functions of these names, without "test_". */
+HENON_EXPORT int64_t test_positive_by_bound(const double *q, const double *powers, int64_t degree);
+HENON_EXPORT struct first_root test_first_falling_root(const double *a, int64_t degree, double *stack, int64_t width);
+HENON_EXPORT struct landed test_land(const double *q, int64_t degree, double low, double high, int64_t method);
+HENON_EXPORT struct landed test_brent(const double *q, int64_t degree, double low, double high);
+HENON_EXPORT int64_t test_select_mode(struct run *run, const struct tables *tables);
 
 #endif

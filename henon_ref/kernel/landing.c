@@ -7,12 +7,6 @@
 /* How many times less steep than the chord an end may be for an inverse cubic: it is monotone then. */
 #define CUBIC_STEEPNESS 3.0
 
-/* A root, the way of landing that was used, and evaluations of the polynomial (its derivatives counted as one). */
-struct landed {
-    double tau;
-    int64_t used, evaluations;
-};
-
 /* Root by the cubic in h that has the guard's values and slopes at both ends of [0, 1] (Hermite's interpolation).
  *
  * "part" of its fall lies before the root; first, last: slopes of the inverse, in units of the chord's.

@@ -28,12 +28,6 @@ struct piece {
     double low, high;
 };
 
-/* The first falling root: an enum roots_outcome, and the interval that it lies in (equal ends where it was hit). */
-struct first_root {
-    int64_t outcome;
-    double low, high;
-};
-
 /* theta^0 ... theta^order, four at a time; "powers" has room for whole fours. */
 static inline void powers_of(double theta, double *powers, int64_t order)
 {

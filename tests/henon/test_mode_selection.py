@@ -17,12 +17,11 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_changes import ModeChanges
-from henon_ref.henon.mode_selection import select_mode
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
 from henon_ref.henon.solver import HENON_SOLVER
-from henon_ref.jit.njit import njit
-from henon_ref.jit.views import rows_in
+from henon_ref.henon.start import Start
+from henon_ref.kernel.shared import kernel
 from henon_ref.trajectory import Trajectory
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -52,7 +51,8 @@ def runs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[Trajectory,
 def slow_integrator(problem: Problem) -> Integrator:
     """An integrator whose every event of several surfaces is decided in Python."""
     integrator = Integrator(problem.system, 18)
-    integrator.several = False
+    table = integrator.mode_table
+    table.compiled = replace(table.compiled, rows=table.compiled.rows[:0])
     return integrator
 
 
@@ -217,11 +217,6 @@ def test_surfaces_just_left_are_known_to_be_at_zero(name: str, monkeypatch: pyte
     assert after_first_event(integrator, problem, count) == expected
 
 
-@njit()
-def decide(t, x, mode, tables, hits, selection):  # type: ignore[no-untyped-def]
-    return select_mode(t, 0.0, x, mode, rows_in(tables, mode), hits, selection)
-
-
 class Corner:
     """A point on the surfaces x_i = 0, with x' = a + B s for any numbers a and B: they are states that rest.
 
@@ -259,8 +254,13 @@ class Corner:
         at_zero = [g.kind == "surface" and g.index in hit for g in guards]
         hits = np.zeros(compiled.most_guards, dtype=np.int64)
         hits[: len(guards)] = at_zero
-        selection = (*self.constants.update().normals, *self.integrator.workspaces.new().selection)
-        found = decide(0.0, np.array(x), row, compiled.compiled.tables, hits, selection)
+        start = Start(
+            time=(0.0, 0.0), until=(1.0, 0.0), x=tuple((v, 0.0) for v in x), refused=None, row=row,
+            zeros=self.integrator.no_zeros, order=8, tolerance=1e-6, landing=HENON, constants=self.constants,
+        )  # fmt: skip
+        run = Run(self.integrator, start)
+        run.hits[: len(hits)] = hits
+        found = kernel.test_select_mode(run.workspace.run, self.constants.update().tables)
         asked = [g for g, zero in zip(guards, at_zero, strict=True) if zero]
         switching = self.constants.switching
         return compiled.modes[found] if found >= 0 else None, switching.after_event(0.0, x, mode, asked)

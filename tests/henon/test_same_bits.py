@@ -7,9 +7,7 @@ import os
 import re
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
@@ -17,9 +15,7 @@ import pytest
 import sympy as sp
 from bits import Likeness, compare, compared, record, report
 from llvmlite.binding import get_host_cpu_features
-from numba.core.dispatcher import Dispatcher
 
-from henon_ref import henon
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.target import target
 from henon_ref.roots.bernstein import bernstein_ir
@@ -72,13 +68,6 @@ def test_so_have_the_paper_s_methods(elsewhere: Path, solver: str) -> None:
     there = _there(elsewhere, solver)
     found = compare(record(only={key.split(".")[0] for key in there}, name=solver), there)
     assert all(each.likeness is Likeness.BITS for each in found.values()), f"{target()}: {report(found)}"
-
-
-def test_nothing_is_compiled_with_licence_to_fuse_or_reorder() -> None:
-    modules = [import_module(f"henon_ref.henon.{each.name}") for each in iter_modules(henon.__path__)]
-    compiled = {made for module in modules for made in vars(module).values() if isinstance(made, Dispatcher)}
-    assert len(compiled) > 50
-    assert not {made for made in compiled if made.targetoptions.get("fastmath")}
 
 
 def test_nothing_is_written_with_licence_to_fuse_or_reorder() -> None:

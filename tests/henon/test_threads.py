@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from threading import Barrier
+from threading import Barrier, Event, Thread
 
 import pytest
 import sympy as sp
@@ -17,12 +17,10 @@ from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.loop import advance
-from henon_ref.henon.points_kernel import run_points
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
 from henon_ref.henon.start import Start
-from henon_ref.henon.state import REMEMBERED_STEPS
+from henon_ref.kernel.shared import ffi, kernel
 from henon_ref.trajectory import Trajectory
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -84,8 +82,25 @@ def test_runs_at_once_are_those_one_after_the_other(path: str, reading: str | No
             assert [found for _, found in done] == [expected[at] for at, _ in done]
 
 
-def test_compiled_calls_let_go_of_the_interpreter_lock() -> None:
-    assert all(call.targetoptions["nogil"] for call in (advance, run_points))
+def test_a_compiled_call_lets_go_of_the_interpreter_lock() -> None:
+    """Else this thread would get no turn between two lines of the other one."""
+    problem = make_problem("x y", ["y", "-x"], {"s": "x - 2"}, [0, 1], 10**6)
+    integrator = Integrator(problem.system, 18)
+    run = Run(integrator, integrator.start(problem, tolerance=1e-12, landing=HENON))
+    begun, ended, turns = Event(), Event(), 0
+
+    def one_call() -> None:
+        begun.set()
+        kernel.advance(run.workspace.run, run.start.constants.latest.tables, ffi.NULL, 0)  # 50,000 steps
+        ended.set()
+
+    thread = Thread(target=one_call)
+    thread.start()
+    begun.wait()
+    while not ended.is_set():
+        turns += 1
+    thread.join()
+    assert turns > 1000
 
 
 def test_runs_that_take_turns_in_one_thread_keep_their_own_memory() -> None:
@@ -155,7 +170,7 @@ def test_what_was_compiled_before_changes_no_bit_of_a_run_through_more_modes_tha
 
     first, integrator = run(())
     modes = integrator.mode_table.modes
-    assert len(modes) > REMEMBERED_STEPS
+    assert len(modes) > kernel.REMEMBERED_STEPS
     again, other = run(modes[::-1])
     assert other.mode_table.modes == modes[::-1]
     assert text(again) == text(first)

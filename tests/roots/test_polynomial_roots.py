@@ -5,53 +5,59 @@ from __future__ import annotations
 import itertools
 from math import comb, factorial
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
-from henon_ref.henon import landing as landings
 from henon_ref.henon import records as k
-from henon_ref.jit.calls import call_bernstein
 from henon_ref.jit.ir_writer import row_length
-from henon_ref.jit.primitives import EPS
-from henon_ref.roots import double as p
+from henon_ref.kernel.shared import EPS, LEVELS, doubles, ffi
+from henon_ref.kernel.shared import kernel as p
 from henon_ref.roots.bernstein import bernstein_code
 
 ORDER = 12
-ADDRESS = bernstein_code(ORDER).address("bernstein")
 
 
-@numba.njit
-def isolate(coefficients, powers, scaled, stack, bounds):
-    outcome = call_bernstein(ADDRESS, coefficients, powers, ORDER, scaled, stack[0])
-    return outcome, p.first_falling_root(scaled, ORDER, stack, bounds)
+def bernstein(
+    order: int, q: np.ndarray, powers: np.ndarray, degree: int, scaled: np.ndarray, coefficients: np.ndarray
+) -> int:
+    """What the signs of the Bernstein coefficients tell, which are filled in."""
+    call = ffi.cast("bernstein_code", bernstein_code(order).address("bernstein"))
+    outcome: int = call(doubles(q), doubles(powers), degree, doubles(scaled), doubles(coefficients))
+    return outcome
+
+
+def isolate(q: np.ndarray) -> tuple[int, tuple[int, float, float]]:
+    """What the signs tell, and what the subdivision finds."""
+    width = row_length(ORDER)
+    stack, scaled = np.zeros((p.DEPTH + 2, width)), np.zeros(width)
+    outcome = bernstein(ORDER, q, np.ones(width), ORDER, scaled, stack)
+    found = p.test_first_falling_root(doubles(scaled), ORDER, doubles(stack), width)
+    return outcome, (found.outcome, found.low, found.high)
 
 
 def isolated(coefficients: np.ndarray) -> tuple[int, float, float]:
     """What the subdivision finds on [0, 1]; where the signs alone tell, they tell the same."""
-    width = row_length(ORDER)
-    q = np.zeros(width)
+    q = np.zeros(row_length(ORDER))
     q[: ORDER + 1] = coefficients
-    stack, bounds = np.zeros((p.DEPTH + 2, width)), np.zeros((p.DEPTH + 2, 2))
-    outcome, found = isolate(q, np.ones(width), np.zeros(width), stack, bounds)
+    outcome, found = isolate(q)
     assert outcome in (p.SUBDIVIDE, found[0])
     return found
 
 
-@numba.njit
-def land(coefficients, low, high, method):
+def land(coefficients: np.ndarray, low: float, high: float, method: int) -> tuple[float, int, int]:
+    """Root, landing used, evaluations."""
     if method == k.BRENT:
-        tau, evaluations = landings.brent(coefficients, ORDER, low, high)
-        return tau, k.BRENT, evaluations
-    return landings.land(coefficients, ORDER, low, high, method)
+        found = p.test_brent(doubles(coefficients), ORDER, low, high)
+    else:
+        found = p.test_land(doubles(coefficients), ORDER, low, high, method)
+    return found.tau, found.used, found.evaluations
 
 
-@numba.njit
-def positive_by_bound(q, powers):
-    return p.positive_by_bound(q, powers, ORDER)
+def positive_by_bound(q: np.ndarray, powers: np.ndarray) -> bool:
+    return bool(p.test_positive_by_bound(doubles(q), doubles(powers), ORDER))
 
 
 def first_root(roots: list[float], lead: float, landing: int = k.HENON) -> tuple[int, float, int]:
@@ -117,7 +123,7 @@ def test_a_double_root_is_a_touch_and_a_near_miss_is_nothing() -> None:
     assert first_root([0.5, 0.5], 1.0)[0] in (p.TANGENTIAL, p.ROOT)
     coefficients = np.zeros(ORDER + 1)
     coefficients[:3] = [0.25 + 1e-9, -1.0, 1.0]
-    assert isolated(coefficients)[0] == p.NONE
+    assert isolated(coefficients)[0] == p.NO_ROOT
 
 
 @pytest.mark.parametrize("depth", [-0.5, 0.0, 0.5])
@@ -130,7 +136,7 @@ def test_what_is_left_of_a_touch_ends_where_the_polynomial_is_clear_of_noise(pla
     outcome, low, high = isolated(coefficients)
     assert (outcome, low < place < high) == (p.TANGENTIAL, True)
     for end in (low, high):
-        assert 1.2 * noise < (end - place) ** 2 + depth * noise < p.CLEARANCE * noise
+        assert 1.2 * noise < (end - place) ** 2 + depth * noise < LEVELS.clearance * noise
 
 
 def test_a_rising_root_is_no_event_but_the_falling_one_after_it_is() -> None:
@@ -164,29 +170,24 @@ def test_a_pair_whose_first_root_is_a_bisection_point_is_no_touch() -> None:
 @pytest.mark.parametrize("order", [4, 7, 12, 24])
 @pytest.mark.parametrize("short", [0, 1, 2])
 def test_the_machine_code_makes_bernstein_coefficients_and_reads_their_signs(order: int, short: int) -> None:
-    address, width = bernstein_code(order).address("bernstein"), row_length(order)
-
-    @numba.njit
-    def run(q, powers, a, b):
-        return call_bernstein(address, q, powers, order - short, a, b)
-
+    width = row_length(order)
     rng = np.random.default_rng(order)
     theta, seen = 0.7, set()
     for _ in range(200):
         q = rng.normal(size=width) * 3.0 ** -(rng.uniform(0, 2) ** np.arange(width))
         q[order - short + 1 :] = np.nan  # the next row: not its own
         powers, a, b = theta ** np.arange(width), np.zeros(width), np.zeros(width)
-        outcome = run(q, powers, a, b)
+        outcome = bernstein(order, q, powers, order - short, a, b)
         kept = np.array([q[i] * theta**i if i <= order - short else 0.0 for i in range(width)])
         exact = [sum(comb(i, j) / comb(order, j) * kept[j] for j in range(i + 1)) for i in range(order + 1)]
         np.testing.assert_allclose(a, kept, rtol=1e-15)
         np.testing.assert_allclose(b[: order + 1], exact, atol=1e-14 * abs(kept).sum())
         changes = sum(x * y < 0 for x, y in itertools.pairwise(exact))
         assert outcome == (
-            p.NONE if changes == 0 or (changes == 1 and exact[0] < 0) else p.ROOT if changes == 1 else p.SUBDIVIDE
+            p.NO_ROOT if changes == 0 or (changes == 1 and exact[0] < 0) else p.ROOT if changes == 1 else p.SUBDIVIDE
         )
         seen.add(outcome)
-    assert seen == {p.NONE, p.ROOT, p.SUBDIVIDE}
+    assert seen == {p.NO_ROOT, p.ROOT, p.SUBDIVIDE}
 
 
 def test_a_zero_or_no_number_among_them_is_looked_at() -> None:
@@ -194,5 +195,4 @@ def test_a_zero_or_no_number_among_them_is_looked_at() -> None:
     for first in (0.0, np.nan):
         q = np.ones(width)
         q[0] = first
-        stack, bounds = np.zeros((p.DEPTH + 2, width)), np.zeros((p.DEPTH + 2, 2))
-        assert isolate(q, np.ones(width), np.zeros(width), stack, bounds)[0] == p.SUBDIVIDE
+        assert isolate(q)[0] == p.SUBDIVIDE

@@ -1,0 +1,28 @@
+/* Parts that tests call by themselves. */
+
+HENON_EXPORT int64_t test_positive_by_bound(const double *q, const double *powers, int64_t degree)
+{
+    return positive_by_bound(q, powers, degree);
+}
+
+HENON_EXPORT struct first_root test_first_falling_root(const double *a, int64_t degree, double *stack, int64_t width)
+{
+    return first_falling_root(a, degree, stack, width);
+}
+
+HENON_EXPORT struct landed test_land(const double *q, int64_t degree, double low, double high, int64_t method)
+{
+    return land(q, degree, low, high, method);
+}
+
+HENON_EXPORT struct landed test_brent(const double *q, int64_t degree, double low, double high)
+{
+    return brent(q, degree, low, high);
+}
+
+/* run: its time, mode, state, and the guards at zero (hits) are read. */
+HENON_EXPORT int64_t test_select_mode(struct run *run, const struct tables *tables)
+{
+    struct work work = work_of(run, tables);
+    return select_mode(&work);
+}
