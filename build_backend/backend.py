@@ -30,6 +30,8 @@ __all__ = [
 Settings = dict[str, Any] | None
 EARLIEST = "315532800"
 """1980, in seconds since 1970: the earliest time that a wheel can hold."""
+WHY = "no-c-compiler-works-here"
+"""Stands as an extra, which the package does not have, in what pip says where it cannot fetch the package."""
 
 
 def get_requires_for_build_wheel(config_settings: Settings = None) -> list[str]:
@@ -62,7 +64,7 @@ def compiler_package() -> list[str]:
     try:
         return [ZIGLANG] if compiler().is_ziglang else []
     except CompilerError:
-        return [] if os.environ.get("CC") not in (None, "", "ziglang") else [ZIGLANG]
+        return [] if os.environ.get("CC") not in (None, "", "ziglang") else [ZIGLANG.replace("==", f"[{WHY}]==")]
 
 
 def require_compiler() -> None:

@@ -52,17 +52,17 @@ def load(header: Path, name: str) -> tuple[FFI, Any]:
     source = header.with_name(f"{name}.c")
     file = library_file(source, best(processor_features()))
     if not file.exists():
-        raise KernelError(f"{file} is missing: {_remedy(source)}")
+        raise KernelError(f"{file} is missing: {_remedy()}")
     ffi = FFI()
     ffi.cdef(EXPORTED + declarations(header))
     lib = ffi.dlopen(str(file))
     if ffi.string(lib.henon_sources).decode() != sources_hash(source):
-        raise KernelError(f"{file} was compiled from other sources than those beside it: {_remedy(source)}")
+        raise KernelError(f"{file} was compiled from other sources than those beside it: {_remedy()}")
     found = lib.henon_self_test()
     if found != SELF_TEST:
         raise KernelError(
             f"{file} was compiled with other arithmetic than its sources say (operations fused, reordered or "
-            f"approximated: its self-test gives {found.hex()} in place of {SELF_TEST.hex()}): {_remedy(source)}"
+            f"approximated: its self-test gives {found.hex()} in place of {SELF_TEST.hex()}): {_remedy()}"
         )
     return ffi, lib
 
@@ -80,15 +80,15 @@ def declarations(header: Path) -> str:
 
     Of the preprocessor's lines only ``#define NAME INTEGER`` is kept; ``HENON_EXPORT`` is dropped.
     """
-    text = "\n".join(file.read_text(encoding="utf-8") for file in source_files(header))
+    text = b"\n".join(source_files(header).values()).decode()
     text = re.sub(r"/\*.*?\*/", " ", text, flags=re.DOTALL).replace("\\\n", " ")
     directive = re.compile(r"^[ \t]*#(?![ \t]*define[ \t]+\w+[ \t]+(?:0[xX][0-9a-fA-F]+|\d+)[ \t]*$).*$", re.MULTILINE)
     return re.sub(r"\bHENON_EXPORT\b", "", directive.sub("", text))
 
 
-def _remedy(source: Path) -> str:
-    """The line that makes a source's library anew."""
-    for folder in source.resolve().parents:
-        if (folder / "build_backend").is_dir():
-            return f"cd {folder} && {sys.executable} -m build_backend"
+def _remedy() -> str:
+    """The line that makes the libraries anew: in a clone, or where a wheel was installed."""
+    root = Path(__file__).resolve().parents[2]
+    if (root / "build_backend").is_dir():
+        return f"cd {root} && {sys.executable} -m build_backend"
     return "pip install --force-reinstall --no-deps henon-ref"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import shutil
+import sys
 from fractions import Fraction
 from pathlib import Path
 
@@ -15,6 +17,8 @@ from henon_ref.errors import KernelError
 from henon_ref.kernel import compilation
 from henon_ref.kernel.library import CPU_VARIABLE, SELF_TEST, declarations, load, processor_features
 
+BUILD = re.escape(f"cd {Path(__file__).parents[2]} && {sys.executable} -m build_backend")
+"""The line that builds the libraries anew."""
 FUSED = pytest.mark.skipif("fma" not in processor_features(), reason="a processor that fuses nothing")
 
 
@@ -53,23 +57,19 @@ def test_the_library_of_a_processor_without_fused_operations_can_be_asked_for(
     monkeypatch.setenv(CPU_VARIABLE, "x86-64")
     assert processor_features() == frozenset()
     load(header, "kernel")
-    monkeypatch.delenv(CPU_VARIABLE)
-    own = processor_features()
-    monkeypatch.setenv(CPU_VARIABLE, "haswell")  # what modes are compiled for
-    assert processor_features() == own
 
 
 @pytest.mark.parametrize(("file", "text"), [("part.c", PART), ("kernel.h", HEADER)])
 def test_a_library_of_other_sources_is_refused(header: Path, file: str, text: str) -> None:
     header.with_name(file).write_text(text + "/* later */\n", encoding="utf-8")
-    with pytest.raises(KernelError, match=r"was compiled from other sources.*: cd .*tree && .* -m build_backend$"):
+    with pytest.raises(KernelError, match=f"was compiled from other sources .*: {BUILD}$"):
         load(header, "kernel")
 
 
 def test_a_missing_library_is_named_with_the_line_that_builds_it(header: Path, tmp_path: Path) -> None:
     alone = tmp_path / header.name
     alone.write_text(HEADER, encoding="utf-8")
-    with pytest.raises(KernelError, match=r"_kernel\..*so is missing: pip install --force-reinstall"):
+    with pytest.raises(KernelError, match=rf"_kernel\..*so is missing: {BUILD}$"):
         load(alone, "kernel")
 
 
@@ -77,7 +77,7 @@ def test_a_missing_library_is_named_with_the_line_that_builds_it(header: Path, t
 @pytest.mark.parametrize("flags", ["-ffp-contract=fast", "-fassociative-math -fno-signed-zeros -fno-trapping-math"])
 def test_a_library_with_other_arithmetic_is_refused(tree: Path, header: Path, flags: str) -> None:
     compile_all(tree, root=tree, extra=tuple(flags.split()))
-    with pytest.raises(KernelError, match=r"was compiled with other arithmetic .* -m build_backend$"):
+    with pytest.raises(KernelError, match=f"was compiled with other arithmetic .*: {BUILD}$"):
         load(header, "kernel")
 
 
@@ -106,7 +106,7 @@ def test_included_files_count_once_even_in_a_circle(tmp_path: Path) -> None:
     a.write_text('#include "deep/b.h"\n #  include "c.h"\n#include <c.h>\n// #include "none.h"\n', encoding="utf-8")
     b.write_text('#include "../c.h"\n', encoding="utf-8")
     c.write_text('#include "deep/b.h"\n', encoding="utf-8")
-    assert compilation.source_files(a) == [c, b, a]
+    assert list(compilation.source_files(a)) == [c, b, a]
 
 
 def test_each_kind_of_processor_gets_its_library(monkeypatch: pytest.MonkeyPatch) -> None:
