@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from baselines.flow import LIMIT
 from baselines.mode_functions import EPSILON, ModeFunctions
+from baselines.numba_callbacks import Callbacks
 from baselines.work import Stalled, Work
-from henon_ref.filippov.callables import ARITHMETIC, Callbacks
+from henon_ref.filippov.callables import ARITHMETIC
 
 STALL = 2000
 """Evaluations in a row, at accepted steps and while a root is sought, within four roundings of one time."""

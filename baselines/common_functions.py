@@ -6,13 +6,13 @@ compiled there (:mod:`henon_ref.filippov.decoupled_contacts`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property, lru_cache
 from typing import Any
 
 import sympy as sp
 
-from henon_ref.filippov.callables import Callbacks, Jacobian, Scalar, compiled, scalar
+from baselines.numba_callbacks import Callbacks, Fill, compiled, jacobian
+from henon_ref.filippov.callables import Jacobian, Scalar, scalar
 from henon_ref.filippov.equations import along
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
@@ -49,7 +49,7 @@ class CommonFunctions:
         return scalar((*self._states, *self.symbols), self.field_expressions)
 
     @cached_property
-    def compiled_field(self) -> Callable[[float, Any, Any], None]:
+    def compiled_field(self) -> Fill:
         """``fill(t, y, out)`` of the states and the switches in one array."""
         return compiled((*self._states, *self.symbols), self.field_expressions)
 
@@ -62,7 +62,7 @@ class CommonFunctions:
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
         """Of the field in the states."""
         if callbacks not in self._jacobians:
-            self._jacobians[callbacks] = Jacobian(self._states, self.field_expressions, callbacks, self.symbols)
+            self._jacobians[callbacks] = jacobian(self._states, self.field_expressions, callbacks, self.symbols)
         return self._jacobians[callbacks]
 
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
 from baselines.common_functions import CommonFunctions, common_functions
-from henon_ref.filippov.callables import ARITHMETIC, Callbacks, Jacobian, Scalar, compiled, scalar
+from baselines.numba_callbacks import Callbacks, Fill, compiled, jacobian
+from henon_ref.filippov.callables import ARITHMETIC, Jacobian, Scalar, scalar
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.mode_evaluation import ModeEvaluation
 from henon_ref.filippov.modes import Mode, replaced
@@ -134,7 +134,7 @@ class ModeFunctions:
         """:attr:`right` as a function of the unknowns."""
         return self.field if self.common is not None else scalar(self.unknowns, self.right)
 
-    def compiled_derivatives(self) -> tuple[Callable[[float, Any, Any], None], bool]:
+    def compiled_derivatives(self) -> tuple[Fill, bool]:
         """``fill(t, x, out)`` of the same, compiled; and whether it is machine code all through."""
         if self.common is None:
             return compiled(self.unknowns, self.right), True
@@ -196,7 +196,7 @@ class ModeFunctions:
         """Of :attr:`right` in :attr:`unknowns`."""
         if self.common is not None:
             return self.common.jacobian(callbacks).at(self.switches)
-        return Jacobian(self.unknowns, self.right, callbacks)
+        return jacobian(self.unknowns, self.right, callbacks)
 
     def landing(self, index: int) -> Landing:
         """What is needed of one surface when this mode begins or ends on it."""

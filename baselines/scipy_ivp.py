@@ -27,9 +27,9 @@ from baselines.base import SmoothMode
 from baselines.callbacks import counted_field
 from baselines.flow import Stop
 from baselines.mode_functions import EPSILON, ModeFunctions
+from baselines.numba_callbacks import Callbacks
 from baselines.restart import Restart
 from baselines.work import Work
-from henon_ref.filippov.callables import Callbacks
 
 Method = Literal["RK45", "DOP853", "Radau", "BDF", "LSODA"]
 

@@ -139,7 +139,7 @@ class _Naive:
         self.valid = [scalar(system.states, [system.numeric(e)]) for e in system.valid]
         self.field = scalar(system.states, field, functions={"sgn": _sgn})
         if smooth:
-            self.options["jac"] = Jacobian(system.states, field, "python")
+            self.options["jac"] = Jacobian(system.states, field)
 
     def _rhs(self, t: float, x: NDArray[np.float64]) -> tuple[float, ...]:
         self.work.count_rhs()

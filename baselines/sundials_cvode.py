@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 from baselines.adapter import ConfiguredLibrary
 from baselines.callbacks import filling_field
 from baselines.mode_functions import ModeFunctions
+from baselines.numba_callbacks import Callbacks
 from baselines.restart import Restart
 from baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function
 from baselines.work import Work
-from henon_ref.filippov.callables import Callbacks
 
 
 @dataclass(frozen=True)

@@ -29,10 +29,11 @@ from numpy.typing import NDArray
 
 from baselines.adapter import ConfiguredLibrary
 from baselines.mode_functions import ModeFunctions
+from baselines.numba_callbacks import Callbacks, compiled, jacobian, njit
 from baselines.restart import Restart, Watcher
 from baselines.sundials import STEPS_BETWEEN_OUTPUTS, SundialsAdapter, SundialsFlow, event_function_of_dae
 from baselines.work import Work
-from henon_ref.filippov.callables import ARITHMETIC, Callbacks, Jacobian, compiled, scalar
+from henon_ref.filippov.callables import ARITHMETIC, scalar
 from henon_ref.filippov.equations import Guard
 
 
@@ -120,16 +121,16 @@ class _Flow(SundialsFlow):
     ) -> None:
         super().__init__(library, model, work, horizon)
         self._equations = equations = _Equations(model)
-        jacobian = (
+        slopes = (
             model.jacobian(adapter.callbacks)
             if equations.alike
-            else Jacobian(equations.unknowns, equations.right, adapter.callbacks)
+            else jacobian(equations.unknowns, equations.right, adapter.callbacks)
         )
         self.function = _residual(equations, adapter.callbacks, work)
         moving = np.arange(equations.differential)
 
         def jacfn(t: float, y: Any, yp: Any, res: Any, cj: float, out: NDArray[np.float64]) -> None:
-            jacobian.fill(t, y, out)
+            slopes.fill(t, y, out)
             np.negative(out, out=out)
             out[moving, moving] += cj
 
@@ -184,8 +185,6 @@ def _residual(equations: _Equations, callbacks: Callbacks, work: Work) -> Callab
 
 def _compiled_residual(equations: _Equations) -> Callable[..., None]:
     """The same, compiled: the library counts its calls, the deadline is looked at in the event function."""
-    import numba
-
     fill, n = compiled(equations.unknowns, equations.right), equations.differential
 
     def resfn(t: float, y: Any, yp: Any, res: Any) -> None:
@@ -193,7 +192,7 @@ def _compiled_residual(equations: _Equations) -> Callable[..., None]:
         for k in range(res.size):
             res[k] = yp[k] - res[k] if k < n else -res[k]
 
-    made = numba.njit(resfn, error_model="numpy")
+    made: Callable[..., None] = njit(resfn)
     point = np.ones(len(equations.unknowns))
     point.flags.writeable = False  # as the library hands it in: a type of its own to numba
     made(0.0, point, point, np.empty(point.size))

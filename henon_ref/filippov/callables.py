@@ -2,7 +2,7 @@
 
 Every number in an expression is exact; :func:`rounded` folds each constant once, in one rounding.
 Scalar callables (``math``, one float an argument) are the cheapest plain Python there is for a handful
-of states; the compiled ones are numba's, for libraries that take a callback on arrays.
+of states.
 """
 
 from __future__ import annotations
@@ -11,18 +11,15 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 from sympy.printing.pycode import PythonCodePrinter
 
-from henon_ref.errors import ModelError, UnavailableError
+from henon_ref.errors import ModelError
 from henon_ref.taylor.tape import TIME
-
-Callbacks = Literal["python", "numba"]
-"""How right-hand sides, Jacobians and guards are called back: plain Python, or compiled by numba."""
 
 Scalar = Callable[..., tuple[float, ...]]
 """``f(t, *x)`` -> one float an expression."""
@@ -62,8 +59,13 @@ def rounded(expression: sp.Expr) -> sp.Expr:
     return expression.func(*(rounded(a) for a in expression.args)) if expression.args else expression
 
 
+def with_rounded_constants(expressions: Iterable[sp.Expr]) -> tuple[sp.Expr, ...]:
+    """Expressions with :func:`rounded` constants; one that is a constant is a double, so that all values are."""
+    return tuple(_float(e) if e.is_number else rounded(e) for e in expressions)
+
+
 def _constant(number: sp.Expr) -> sp.Expr:
-    """An integer as it is unless it is too long (numba knows none of more than 64 bits); else the nearest double."""
+    """An integer as it is where a double holds it; else the nearest double."""
     return number if number.is_Integer and abs(number) <= LONGEST else _float(number)
 
 
@@ -75,7 +77,7 @@ def _float(number: sp.Expr) -> sp.Float:
     return sp.Float(float(value), 17)
 
 
-class _ScalarPrinter(PythonCodePrinter):
+class ScalarPrinter(PythonCodePrinter):
     """``math`` names, and a non-integer power that raises on a negative base instead of turning complex."""
 
     def __init__(self) -> None:
@@ -105,8 +107,7 @@ def scalar(
     functions : mapping, optional
         Name -> what is called for a function that ``math`` does not have.
     """
-    exprs = tuple(_float(e) if e.is_number else rounded(e) for e in expressions)
-    return _lambdified(tuple(states), exprs, tuple((functions or {}).items()))
+    return _lambdified(tuple(states), with_rounded_constants(expressions), tuple((functions or {}).items()))
 
 
 @lru_cache(maxsize=4096)
@@ -120,39 +121,10 @@ def _lambdified(
         [TIME, *states],
         exprs,
         modules=[{"pow": math.pow, **dict(functions)}, "math"],
-        printer=_ScalarPrinter(),
+        printer=ScalarPrinter(),
         cse=True,
         dummify=True,
     )
-
-
-def compiled(states: Sequence[sp.Symbol], expressions: Iterable[sp.Expr]) -> Callable[[float, Any, Any], None]:
-    """``f(t, x, out)`` compiled by numba: writes one value an expression into the flat array ``out``.
-
-    Where an expression has no value it writes NaN or infinity (numba's ``numpy`` error model).
-
-    Raises
-    ------
-    UnavailableError
-        Where numba is not installed.
-    """
-    try:
-        import numba
-    except ImportError as error:
-        raise UnavailableError("numba is not installed: callbacks='numba' needs it") from error
-    clock, array = sp.Symbol("clock_"), sp.IndexedBase("x_")
-    names = {TIME: clock, **{x: array[k] for k, x in enumerate(states)}}
-    # A constant entry is written as a double, so that all entries have one type and numba can index them.
-    exprs = tuple(_float(e) if e.is_number else rounded(e).xreplace(names) for e in expressions)
-    source = sp.lambdify([clock, array], exprs, modules=[{"pow": math.pow}, "math"], printer=_ScalarPrinter(), cse=True)
-    values = numba.njit(source, error_model="numpy")
-
-    def fill(t: float, x: Any, out: Any) -> None:
-        results = values(t, x)
-        for k in range(len(results)):
-            out[k] = results[k]
-
-    return numba.njit(fill, error_model="numpy")
 
 
 def vector(states: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., NDArray[np.float64]]:
@@ -171,6 +143,12 @@ def vector(states: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Calla
     return values
 
 
+def interpreted(symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[[float, Any], Any]:
+    """``f(t, x)`` of a time and an array -> one value an expression; raises where one of them has none."""
+    function = scalar(symbols, expressions)
+    return lambda t, x: function(t, *x.tolist())
+
+
 class Jacobian:
     """df/dx by SymPy; only the entries that are not identically zero are evaluated.
 
@@ -178,17 +156,18 @@ class Jacobian:
     ----------
     states, field : sequences of Symbol and Expr
         Unknowns, and the functions of them to differentiate.
-    callbacks : {"python", "numba"}
     switches : sequence of Symbol
         Further symbols of the field, which :meth:`at` gives values.
+    function : callable
+        Makes ``f(t, x)`` of symbols and expressions, as :func:`interpreted` does.
     """
 
     def __init__(
         self,
         states: Sequence[sp.Symbol],
         field: Sequence[sp.Expr],
-        callbacks: Callbacks,
         switches: Sequence[sp.Symbol] = (),
+        function: Callable[..., Callable[[float, Any], Any]] = interpreted,
     ) -> None:
         entries = [
             (i, k, slope)
@@ -200,22 +179,8 @@ class Jacobian:
         self._rows = np.array([i for i, _, _ in entries], dtype=np.intp)
         self._columns = np.array([k for _, k, _ in entries], dtype=np.intp)
         self._point = np.empty(len(states) + len(switches))
-        slopes, symbols = [slope for _, _, slope in entries], (*states, *switches)
-        self._values: Callable[[float, NDArray[np.float64]], Any]
-        if not entries:
-            self._values = lambda t, x: ()
-        elif callbacks == "numba":
-            fill = compiled(symbols, slopes)
-            room = np.empty(len(slopes))
-
-            def values(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
-                fill(t, x, room)
-                return room
-
-            self._values = values
-        else:
-            function = scalar(symbols, slopes)
-            self._values = lambda t, x: function(t, *x.tolist())
+        slopes = [slope for _, _, slope in entries]
+        self._values = function((*states, *switches), slopes) if entries else lambda t, x: ()
 
     def at(self, switches: Sequence[float]) -> Jacobian:
         """The same with these values of the switches."""

@@ -135,7 +135,7 @@ class Problem:
                [-1.,  0.]])
         """
         field = [self.system.numeric(f) for f in self.system.equations(mode).field]
-        return Jacobian(self.system.states, field, "python")
+        return Jacobian(self.system.states, field)
 
     def reset(self, surface: int) -> ArrayFunction:
         """The jump of the state where a surface falls through zero (unstable).

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from baselines.paper.compiled import ffi
 from baselines.paper.listing import LISTING
 from baselines.paper.listing_variants import DEFECTS, run_variant
 from henon_ref.studies.paper.audit import (
@@ -35,6 +36,12 @@ def test_all_mistakes_together_are_the_listing_number_for_number():
     assert found.times.tolist() == [t.time for t in printed]
     assert found.modes.tolist() == [t.to_mode[0] for t in printed]
     assert found.states.tolist() == [list(t.state) for t in printed]
+
+
+def test_each_mistake_is_a_switch_of_the_compiled_program() -> None:
+    assert [name for name, _ in ffi.typeof("struct defects").fields] == list(DEFECTS)
+    with pytest.raises(KeyError, match="typing_error"):
+        run("typing_error")
 
 
 def test_without_mistakes_it_has_order_4_and_nothing_sticks_in_the_end():

@@ -53,8 +53,8 @@ NOTES = (
     ),
     (
         "compile",
-        "Compilation, code generation and other one-time work. What is kept on disk (machine code of `henon`, numba's) "
-        "comes from there once it has been made, in some seconds.",
+        "Compilation, code generation and other one-time work. What is kept on disk (machine code of `henon`, C "
+        "programs) comes from there once it has been made.",
     ),
     (
         "right, verdict",

@@ -7,6 +7,7 @@ and Fig. 8 of Olejnik and Awrejcewicz (2013).
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -160,6 +161,16 @@ def test_what_rounding_the_time_loses_does_not_pile_up():
     assert len(run.transitions) > 3000
     assert all(abs(event.time_low) <= math.ulp(event.time) for event in run.transitions)
     assert run.end_time == pytest.approx(100.0, abs=2e-14)
+
+
+def test_one_system_runs_in_several_threads_at_once(forced_coulomb):
+    """The compiled loop lets go of the interpreter lock, and a mode's equations are shared."""
+    runs = [RK4.prepare(forced_coulomb, step=1e-4) for _ in range(4)]
+    alone = runs[0]()
+    with ThreadPoolExecutor(len(runs)) as pool:
+        found = list(pool.map(lambda run: run(), runs))
+    assert [run.transitions for run in found] == [alone.transitions] * len(runs)
+    assert {run.end_state for run in found} == {alone.end_state}
 
 
 def test_finite_escape_is_called_diverged():

@@ -1,0 +1,86 @@
+"""Callbacks compiled by numba, for libraries that call back on arrays (solvers named ``+numba``).
+
+numba is imported here, when the first of them is made, and nowhere else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Literal
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+from henon_ref.errors import UnavailableError
+from henon_ref.filippov.callables import Jacobian, ScalarPrinter, interpreted, with_rounded_constants
+from henon_ref.jit.target import target
+from henon_ref.taylor.tape import TIME
+
+Callbacks = Literal["python", "numba"]
+"""How right-hand sides, Jacobians and guards are called back: plain Python, or compiled by numba."""
+Fill = Callable[[float, Any, Any], None]
+"""``f(t, x, out)``: writes one value an expression into the flat array ``out``."""
+
+
+def njit(function: Callable[..., Any]) -> Any:
+    """A function compiled by numba, for the same processor as the reference's modes (:mod:`henon_ref.jit.target`).
+
+    A division by zero gives infinity or NaN (numba's ``numpy`` error model).
+
+    Raises
+    ------
+    UnavailableError
+        Where numba is not installed.
+    """
+    try:
+        import numba
+    except ImportError as error:
+        raise UnavailableError("numba is not installed: callbacks='numba' needs it") from error
+    numba.core.config.CPU_NAME, numba.core.config.CPU_FEATURES = target()
+    return numba.njit(function, error_model="numpy")
+
+
+def compiled(states: Sequence[sp.Symbol], expressions: Iterable[sp.Expr]) -> Fill:
+    """Expressions in time and states, compiled: NaN or infinity where one has no value.
+
+    Raises
+    ------
+    UnavailableError
+        Where numba is not installed.
+    """
+    clock, array = sp.Symbol("clock_"), sp.IndexedBase("x_")
+    names = {TIME: clock, **{x: array[k] for k, x in enumerate(states)}}
+    exprs = tuple(e.xreplace(names) for e in with_rounded_constants(expressions))
+    values = njit(
+        sp.lambdify([clock, array], exprs, modules=[{"pow": math.pow}, "math"], printer=ScalarPrinter(), cse=True)
+    )
+
+    def fill(t: float, x: Any, out: Any) -> None:
+        results = values(t, x)
+        for k in range(len(results)):
+            out[k] = results[k]
+
+    made: Fill = njit(fill)
+    return made
+
+
+def jacobian(
+    states: Sequence[sp.Symbol],
+    field: Sequence[sp.Expr],
+    callbacks: Callbacks,
+    switches: Sequence[sp.Symbol] = (),
+) -> Jacobian:
+    """df/dx by SymPy, its entries in plain Python or compiled."""
+    return Jacobian(states, field, switches, _filled if callbacks == "numba" else interpreted)
+
+
+def _filled(symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[[float, Any], Any]:
+    fill, room = compiled(symbols, expressions), np.empty(len(expressions))
+
+    def values(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        fill(t, x, room)
+        return room
+
+    return values
