@@ -34,6 +34,19 @@ def test_importing_the_package_loads_nothing_heavy(module: str) -> None:
     assert fresh(f"import sys, {module}; print([m for m in {HEAVY} if m in sys.modules])") == "[]"
 
 
+def test_the_library_runs_without_numba() -> None:
+    """Single runs, sweeps and runs at exact numbers: what is compiled is C, and machine code of modes by llvmlite."""
+    code = (
+        "import sys; sys.modules['numba'] = None; import henon_ref as hr\n"
+        "belt = hr.System(['x', 'v'], {'F': 1}, {'s': 'v - 1/5'}, ['v', '-x - F*s'])\n"
+        "one = hr.simulate(belt, {'x': 2, 'v': 0}, until=9)\n"
+        "seen = [hr.observe.final_state()]\n"
+        "many = hr.sweep(belt, {'x': 2, 'v': 0}, until=9, grid={'F': [1, 2]}, observe=seen, jobs=1)\n"
+        "print(one.status, len(many))"
+    )
+    assert fresh(code) == "ok 2"
+
+
 def test_reading_a_truth_does_not_load_what_proves_it() -> None:
     code = "import sys, henon_ref.truth; print([m for m in sys.modules if m.startswith('henon_ref.truth.validated')])"
     assert fresh(code) == "[]"
