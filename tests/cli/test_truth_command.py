@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import signal
 import stat
-import subprocess
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import pytest
 from problems import LEAVING_SLIDE as TEXT
 
 from henon_ref.casefile.case import load_case
+from henon_ref.cli import compare as compare_command
 from henon_ref.cli.truth import command
 from henon_ref.truth import compute, store
 from henon_ref.truth.reference import Truth
@@ -31,12 +31,12 @@ def file(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
+def run(capfd: pytest.CaptureFixture[str]) -> Run:
     """The command: exit status, and everything that it says."""
 
     def run(*arguments: str | Path) -> tuple[int, str]:
         status = command([str(a) for a in arguments])
-        return status, "".join(capsys.readouterr())
+        return status, "".join(capfd.readouterr())
 
     return run
 
@@ -166,23 +166,26 @@ Compared = tuple[str, dict[str, str], dict[str, Any]]
 
 
 @pytest.fixture
-def compare(file: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], Compared]:
-    """The command of comparisons on the file, in a process of its own."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(file.parent.parent / "cache"))
+def compare(
+    file: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Iterator[Callable[[], Compared]]:
+    """The command of comparisons on the file; the user's cache is beside it."""
+    monkeypatch.setattr(store, "user_folder", lambda: file.parent.parent / "cache" / "henon_ref" / "truth")
+    handler = signal.getsignal(signal.SIGTERM)
 
     def compare() -> Compared:
         """What it says on standard error, its one row, the report's words on the truth."""
-        words = [sys.executable, "-m", "henon_ref.compare", file, "--solvers", "scipy-dop853", "--tolerances", "1e-9"]
         place = file.parent.parent / "out"
-        words += ["--repeats", "1", "--no-figures", "--out", place]
-        done = subprocess.run(words, stderr=subprocess.PIPE, text=True, timeout=600)
-        assert done.returncode == 0
+        words = [str(file), "--solvers", "scipy-dop853", "--tolerances", "1e-9", "--repeats", "1", "--no-figures"]
+        capfd.readouterr()
+        assert compare_command.command([*words, "--out", str(place)]) == 0
         with (place / "leaving_slide" / "runs.csv").open() as csv_file:
             (row,) = csv.DictReader(csv_file)
         manifest = json.loads((place / "leaving_slide" / "manifest.json").read_text())
-        return done.stderr, row, manifest["readings"]["default"]["truth"]
+        return capfd.readouterr().err, row, manifest["readings"]["default"]["truth"]
 
-    return compare
+    yield compare
+    signal.signal(signal.SIGTERM, handler)
 
 
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
