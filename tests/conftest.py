@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from uuid import uuid4
 
+import hypothesis
 import pytest
 from commands import SOLVERS, Drawing
 from fakes import CASE, statement
@@ -25,6 +26,8 @@ LIBRARIES = {"heyoka": "heyoka", "scikit-sundae": "sksundae"}
 """Packages that a machine may be without, and their modules."""
 ABSENT = {f"{package} is not installed" for package, module in LIBRARIES.items() if find_spec(module) is None}
 """What their solvers say then."""
+hypothesis.settings.register_profile("busy", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
+hypothesis.settings.load_profile("busy")  # no example has a time limit: the machine may do other things
 os.environ[VARIABLE] = str(cache_root())  # for processes that tests begin with another cache of truths, too
 
 LONG = (

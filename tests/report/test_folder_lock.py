@@ -27,7 +27,7 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork"),
     pytest.mark.usefixtures("made_up_solvers"),
 ]
-SECONDS = 120
+SECONDS = 600
 """What is waited for at most."""
 
 
