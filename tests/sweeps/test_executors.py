@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -83,13 +84,18 @@ def test_threads_change_no_bit(whole: SweepTable) -> None:
         assert_same(swept(executor=pool, chunk=2), whole)
 
 
-def test_processes_of_somebody_elses_change_no_bit(whole: SweepTable) -> None:
+def test_processes_of_somebody_elses_change_no_bit(whole: SweepTable, another: ProcessPoolExecutor) -> None:
+    assert_same(swept(executor=another, chunk=9), whole)
+
+
+@pytest.fixture(scope="module")
+def another() -> Iterator[ProcessPoolExecutor]:
+    """A process of its own: a cluster leaves threads behind, beside which no worker is forked."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        assert_same(swept(executor=pool, chunk=9), whole)
+        yield pool
 
 
 def on_a_cluster() -> SweepTable:
-    """Run in a process of its own: a cluster leaves threads behind, beside which no worker is forked."""
     import distributed
 
     with (
@@ -99,9 +105,8 @@ def on_a_cluster() -> SweepTable:
         return swept(executor=client, chunk=5)
 
 
-def test_a_dask_cluster_changes_no_bit(whole: SweepTable) -> None:
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        assert_same(pool.submit(on_a_cluster).result(), whole)
+def test_a_dask_cluster_changes_no_bit(whole: SweepTable, another: ProcessPoolExecutor) -> None:
+    assert_same(another.submit(on_a_cluster).result(), whole)
 
 
 def on_a_cluster_that_dies(out: Path) -> str:
@@ -132,11 +137,10 @@ def on_a_cluster_that_dies(out: Path) -> str:
         return "\n".join(said)
 
 
-def test_a_scheduler_that_dies_leaves_word_of_what_is_finished(tmp_path: Path) -> None:
+def test_a_scheduler_that_dies_leaves_word_of_what_is_finished(tmp_path: Path, another: ProcessPoolExecutor) -> None:
     """It was a bare CancelledError."""
     out = tmp_path / "out"
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        said = pool.submit(on_a_cluster_that_dies, out).result().splitlines()
+    said = another.submit(on_a_cluster_that_dies, out).result().splitlines()
     finished = len(list(out.glob("points/*.parquet")))
     assert 3 <= finished < 24
     assert len(said) == 2
