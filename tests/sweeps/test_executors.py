@@ -117,7 +117,7 @@ def on_a_cluster_that_dies(out: Path) -> str:
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
     ) as cluster:
-        client = distributed.Client(cluster.scheduler_address, timeout=600)
+        client = distributed.Client(cluster.scheduler_address, timeout=10)
 
         def close_after_three() -> None:
             while len(list(out.glob("points/*.parquet"))) < 3:
