@@ -67,7 +67,7 @@ def test_reference_passes(case: Case, reading: Reading) -> None:
     _check_truth(case, reading, run)
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # daily: each reading at its tightest tolerance, above
 @pytest.mark.parametrize(("case", "reading"), _readings(".", "classic", "scenes", "hard"))
 def test_every_tolerance_ends_with_the_right_word(case: Case, reading: Reading) -> None:
     """From 1e-3 to less than a double can tell: no run stalls, hangs or ends with another word."""
