@@ -32,7 +32,7 @@ os.environ[VARIABLE] = str(cache_root())  # for processes that tests begin with 
 
 LONG = (
     "analysis/", "filippov/", "henon/", "report/html/", "roots/", "studies/", "taylor/", "truth/", "baselines/cvode_c/",
-    "baselines/octave/", "baselines/test_",
+    "baselines/octave/", "baselines/paper/", "baselines/test_",
     "casefile/test_bounded_work", "casefile/test_hard_stops", "casefile/test_kinks", "cli/test_atlas_command",
     "cli/test_cases_command", "cli/test_ci_outputs", "cli/test_exit_status", "cli/test_new_solver",
     "cli/test_truth_command", "report/test_committed_reports", "score/test_many_transitions",
