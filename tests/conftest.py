@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from uuid import uuid4
 
+import hypothesis
 import pytest
 from commands import SOLVERS, Drawing
 from fakes import CASE, statement
@@ -25,12 +26,17 @@ LIBRARIES = {"heyoka": "heyoka", "scikit-sundae": "sksundae"}
 """Packages that a machine may be without, and their modules."""
 ABSENT = {f"{package} is not installed" for package, module in LIBRARIES.items() if find_spec(module) is None}
 """What their solvers say then."""
+hypothesis.settings.register_profile("busy", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
+hypothesis.settings.load_profile("busy")  # no example has a time limit: the machine may do other things
 os.environ[VARIABLE] = str(cache_root())  # for processes that tests begin with another cache of truths, too
 
 LONG = (
-    "analysis/", "filippov/", "henon/", "roots/", "studies/", "taylor/", "truth/", "baselines/paper/",
-    "baselines/test_b", "casefile/test_kinks", "cli/test_ci_outputs", "cli/test_exit_status", "test_docs_blocks",
-    "test_suite",
+    "analysis/", "filippov/", "henon/", "report/html/", "roots/", "studies/", "taylor/", "truth/", "baselines/cvode_c/",
+    "baselines/octave/", "baselines/paper/", "baselines/test_",
+    "casefile/test_bounded_work", "casefile/test_hard_stops", "casefile/test_kinks", "cli/test_atlas_command",
+    "cli/test_cases_command", "cli/test_ci_outputs", "cli/test_exit_status", "cli/test_new_solver",
+    "cli/test_truth_command", "report/test_committed_reports", "score/test_many_transitions",
+    "simulation/test_clear_signs", "test_docs_blocks", "test_gallery_docs", "test_solver_docs", "test_suite",
 )  # fmt: skip
 """Where tests take long and compute what no version of Python changes: :func:`pytest_collection_modifyitems`."""
 

@@ -96,7 +96,7 @@ def test_workers_that_are_spawned_come_in_by_the_door(tmp_path: Path) -> None:
     paths = os.pathsep.join([str(tmp_path), *sys.path])
     done = subprocess.run(
         [sys.executable, "-m", "henon_ref.sweep", "block.yaml", "--jobs", "2", "--out", "out"],
-        cwd=tmp_path, env={**os.environ, "PYTHONPATH": paths}, capture_output=True, text=True, timeout=300,
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": paths}, capture_output=True, text=True, timeout=600,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "2 points, 2 ok" in done.stdout

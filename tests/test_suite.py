@@ -9,14 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from math import inf, isfinite
-from pathlib import Path
 
 import pytest
 import sympy as sp
+from shipped import CASES, shipped
 
 from henon_ref.campaign.truth_job import stored_statement
 from henon_ref.casefile.case import Case, Reading, load_case
-from henon_ref.casefile.catalogue import case_files, catalogue
+from henon_ref.casefile.catalogue import catalogue
 from henon_ref.filippov.modes import transition_kind
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.solver import HENON_SOLVER
@@ -26,7 +26,6 @@ from henon_ref.trajectory import Trajectory, Transition
 from henon_ref.truth.compute import stored_truth
 from henon_ref.truth.store import folder_of
 
-CASES = Path(__file__).parent.parent / "cases"
 BOUND = 1e-11
 """Largest error of a well-conditioned transition time [s]."""
 DEADLINE = 20.0
@@ -36,12 +35,10 @@ SLOW = ("burridge_knopoff.default",)
 
 def _readings(*folders: str) -> list[pytest.param]:
     found = []
-    for path in case_files(CASES):
-        if path.parent.relative_to(CASES).as_posix() in folders:
-            case = load_case(path)
-            for reading in case.readings:
-                name = f"{case.name}.{reading.name}"
-                found.append(pytest.param(case, reading, id=name, marks=[pytest.mark.slow] if name in SLOW else []))
+    for case in shipped(*folders):
+        for reading in case.readings:
+            name = f"{case.name}.{reading.name}"
+            found.append(pytest.param(case, reading, id=name, marks=[pytest.mark.slow] if name in SLOW else []))
     return found
 
 
@@ -70,7 +67,7 @@ def test_reference_passes(case: Case, reading: Reading) -> None:
     _check_truth(case, reading, run)
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # daily: each reading at its tightest tolerance, above
 @pytest.mark.parametrize(("case", "reading"), _readings(".", "classic", "scenes", "hard"))
 def test_every_tolerance_ends_with_the_right_word(case: Case, reading: Reading) -> None:
     """From 1e-3 to less than a double can tell: no run stalls, hangs or ends with another word."""
@@ -215,13 +212,13 @@ def test_readme_lists_the_cases() -> None:
 
 
 def test_every_case_of_the_suite_is_documented() -> None:
-    names = [path.stem for path in case_files(CASES)]
+    names = [case.name for case in shipped()]
     assert len(names) == len(set(names)), "two cases of one name would share a report"
-    for path in case_files(CASES):
-        case = load_case(path)
-        assert case.name == path.stem
+    for case in shipped():
+        assert case.path is not None
+        assert case.name == case.path.stem
         assert case.source
         for reading in case.readings:
-            assert reading.story, path
-            assert reading.equations, path
-            assert reading.tags, path
+            assert reading.story, case.name
+            assert reading.equations, case.name
+            assert reading.tags, case.name

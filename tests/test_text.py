@@ -29,7 +29,7 @@ def shown(text: str) -> str:
     return "".join(token.content for token in tokens(text) if token.type in ("text", "text_special", "code_inline"))
 
 
-@settings(deadline=None, max_examples=500)
+@settings(max_examples=200)
 @given(MARKS | st.text(max_size=40))
 def test_text_on_a_page_is_only_text(text):
     assert {token.type for token in tokens(markdown(text))} <= HARMLESS
@@ -37,13 +37,13 @@ def test_text_on_a_page_is_only_text(text):
     assert {token.type for token in tokens(paragraphs(text))} <= HARMLESS
 
 
-@settings(deadline=None, max_examples=500)
+@settings(max_examples=200)
 @given(st.text(st.sampled_from(list("ab1 _*[]()<>!&#;:.|~$\\-+=\"'{}^")), max_size=40))
 def test_text_on_a_page_reads_as_it_was_written(text):
     assert shown(markdown(text)) == one_line(text)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=200)
 @given(MARKS)
 def test_a_cell_of_a_table_stays_one_cell(text):
     types = [token.type for token in tokens(Table(("one", "two"), "ll", [(markdown(text), "x")]).markdown)]

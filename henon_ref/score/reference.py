@@ -69,7 +69,7 @@ class NearGrazes:
 
     def __init__(self, grazes: Sequence[NearGraze]) -> None:
         self._grazes = sorted(grazes, key=lambda graze: graze.time)
-        self._times = [graze.time for graze in self._grazes]
+        self._times = np.array([graze.time for graze in self._grazes])
         self._distances = np.array([graze.distance for graze in self._grazes])
         self._lasting = np.array([graze.lasts for graze in self._grazes], dtype=bool)
 
@@ -79,14 +79,14 @@ class NearGrazes:
         Of those that last, the ones that have begun by then.
         """
         begin, end = bisect_left(self._times, time - within), bisect_right(self._times, time + within)
-        later = self._lasting[begin:end] & (np.array(self._times[begin:end]) > time)
+        later = self._lasting[begin:end] & (self._times[begin:end] > time)
         distances = np.where(later, np.inf, self._distances[begin:end])
         return None if later.all() else self._grazes[begin + int(np.argmin(distances))]
 
     def from_nearest(self, time: float) -> float | None:
         """How far the nearest is from a time [s]; None where there is none."""
         at = bisect_left(self._times, time)
-        return min((abs(other - time) for other in self._times[max(at - 1, 0) : at + 1]), default=None)
+        return min((abs(float(other) - time) for other in self._times[max(at - 1, 0) : at + 1]), default=None)
 
 
 @dataclass(frozen=True)

@@ -123,14 +123,14 @@ def test_the_derivative_over_a_limit_of_impacts_is_that_of_runs_side_by_side(e: 
     assert matrix == pytest.approx(differences(system, DROPPED, 2.0), abs=1e-7)
 
 
-@pytest.mark.parametrize("count", [2, 4])
-def test_the_derivative_through_sticks_of_many_blocks_is_that_of_runs_side_by_side(count: int) -> None:
+@pytest.mark.parametrize(("count", "until"), [(2, 3.0), (4, 1.0)])
+def test_the_derivative_through_sticks_of_many_blocks_is_that_of_runs_side_by_side(count: int, until: float) -> None:
     """With more than three contacts one set of equations serves all modes; tangent vectors have none of it."""
     system = blocks(count)
     initial = {name: 0.1 * (k + 1) for k, name in enumerate(system.state)}
-    matrix, rank = derivative(system, initial, 3.0)
+    matrix, rank = derivative(system, initial, until)
     assert rank < len(initial)
-    assert matrix == pytest.approx(differences(system, initial, 3.0), abs=1e-7)
+    assert matrix == pytest.approx(differences(system, initial, until), abs=1e-7)
 
 
 def test_contacts_that_do_not_act_on_each_other_lose_a_direction_each() -> None:

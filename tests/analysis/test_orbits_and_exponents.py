@@ -23,11 +23,9 @@ PERIOD = "3091/1875"
 
 ORBITS = [
     ("classic/nonstop_coulomb", None, "100*pi", "2*pi"),
-    ("classic/relay_feedback", None, 300, None),
     ("classic/rimless_wheel", None, 30, None),
     ("fig8", "equations", f"60*{PERIOD}", PERIOD),
     ("hard/forced_switching", None, "20*pi", "2*pi"),
-    ("hard/near_ties", "coupled", 200, None),
     ("hard/static_entry", "from_below", 100, None),
     ("hard/static_entry", "written_out", 100, None),
     ("hard/stick_zones_merge", "eq13", 100, None),
@@ -41,8 +39,10 @@ ORBITS = [
     ("static_belt", None, 100, None),
     ("stribeck_belt", None, 100, None),
 ]
-LONG_ONES = [
+LONG_ONES = [  # slow; daily: the others
+    ("classic/relay_feedback", None, 300, None),
     ("fig8", "listing_limit", f"60*{PERIOD}", f"2*{PERIOD}"),
+    ("hard/near_ties", "coupled", 200, None),
     ("hard/steep_friction", "falling", 100, None),
     ("hard/slider_with_stops", None, "201/1000", "1/250"),
     ("moving_belt", None, "400*pi", "10*pi"),

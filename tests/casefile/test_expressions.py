@@ -210,7 +210,7 @@ _arithmetic = st.recursive(
 
 
 @given(_arithmetic)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_arithmetic_is_exact(valued: Valued) -> None:
     text, value = valued
     if value is None:
@@ -231,7 +231,7 @@ _tokens = st.lists(
 
 
 @given(_tokens)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=200)
 def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
     offset, symbols = 0, set()
     try:

@@ -6,8 +6,10 @@ Closed forms of the instants at which the cut lets go that is the first to carry
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -120,11 +122,18 @@ def test_the_proof_sees_it_where_a_force_jumps() -> None:
         assert proof.transitions[0].time.overlaps(enclose(sp.Integer(time)))
 
 
+@cache
+def arrival() -> tuple[Problem, Any]:
+    """With its run in multiprecision, which is made once for all solvers."""
+    problem = scene(AB, [*STATIC, RUB], {}, "4", b="3")
+    return problem, simulate(problem, 256)
+
+
 @ALL_LIBRARIES
 def test_a_loop_that_is_closed_by_an_arrival_holds(name, options, bound) -> None:  # type: ignore[no-untyped-def]
     """b slides to rest beside a, which stands: b' = -1 - 1/2. All three hold from there on, at one instant."""
-    problem = scene(AB, [*STATIC, RUB], {}, "4", b="3")
-    run, truth = solver(name).prepare(problem, **options)(), simulate(problem, 256)
+    problem, truth = arrival()
+    run = solver(name).prepare(problem, **options)()
     expected = [("stick", 1, (0, 0, 0)), ("stick", 2, (0, 0, 0))]
     assert [(t.kind, t.surface, t.to_mode) for t in run.transitions] == expected, run.reason
     assert [t.time for t in run.transitions] == pytest.approx([2, 2], abs=bound, rel=0)
@@ -132,9 +141,8 @@ def test_a_loop_that_is_closed_by_an_arrival_holds(name, options, bound) -> None
     assert [(e.before, e.after) for e in truth.events] == [((0, 1, -1), (0, 0, 0))]
 
 
-@ALL_LIBRARIES
-def test_a_loop_on_a_belt_that_is_shaken_closes_and_opens(name, options, bound) -> None:  # type: ignore[no-untyped-def]
-    """Speeds that are no whole numbers, so that nothing is at zero by its digits."""
+@cache
+def shaken() -> tuple[Problem, Any]:
     bodies = {"a": ONE, "b": "{mass: 2}", "c": ONE, "belt": "{velocity: 0.3*cos(t)}"}
     contacts = [
         ("a", "belt", "force: 0.5, static: 0.7"),
@@ -144,7 +152,14 @@ def test_a_loop_on_a_belt_that_is_shaken_closes_and_opens(name, options, bound) 
         ("c", "a", "force: 0.2"),
     ]
     problem = scene(bodies, contacts, {"a": "1.5*sin(t)", "b": "cos(1.7*t)", "c": "0.4*cos(2*t)"}, "11", c="1")
-    run, truth = solver(name).prepare(problem, **options)(), simulate(problem, 256)
+    return problem, simulate(problem, 256)
+
+
+@ALL_LIBRARIES
+def test_a_loop_on_a_belt_that_is_shaken_closes_and_opens(name, options, bound) -> None:  # type: ignore[no-untyped-def]
+    """Speeds that are no whole numbers, so that nothing is at zero by its digits."""
+    problem, truth = shaken()
+    run = solver(name).prepare(problem, **options)()
     assert run.status == truth.status == "ok", (run.reason, truth.reason)
     assert list(dict.fromkeys(t.to_mode for t in run.transitions)) == list(dict.fromkeys(e.after for e in truth.events))
     times = sorted({t.time for t in run.transitions})
@@ -152,13 +167,19 @@ def test_a_loop_on_a_belt_that_is_shaken_closes_and_opens(name, options, bound) 
     assert {(0, 0, 0, 1, 1), (-1, -1, 0, 0, 0)} <= {e.after for e in truth.events}
 
 
-@ALL_LIBRARIES
-def test_what_a_full_cut_parts_slips_and_the_rest_holds(name, options, bound) -> None:  # type: ignore[no-untyped-def]
-    """Around a: t = 1 + 1.9. The contact of b with the floor, which holds 2, then carries 1."""
+@cache
+def full_cut() -> tuple[Problem, Any]:
     contacts = [("a", "floor", "force: 0.2, static: 1"), ("b", "floor", "force: 1, static: 2"),
                 ("a", "b", "force: 1, static: 1.9")]  # fmt: skip
     problem = scene(AB, contacts, {"a": "t"}, "5")
-    run, truth = solver(name).prepare(problem, **options)(), simulate(problem, 256)
+    return problem, simulate(problem, 256)
+
+
+@ALL_LIBRARIES
+def test_what_a_full_cut_parts_slips_and_the_rest_holds(name, options, bound) -> None:  # type: ignore[no-untyped-def]
+    """Around a: t = 1 + 1.9. The contact of b with the floor, which holds 2, then carries 1."""
+    problem, truth = full_cut()
+    run = solver(name).prepare(problem, **options)()
     assert [(t.surface, t.to_mode) for t in run.transitions] == [(0, (1, 0, 1)), (2, (1, 0, 1))], run.reason
     assert [t.time for t in run.transitions] == pytest.approx([2.9, 2.9], abs=bound, rel=0)
     assert [e.after for e in truth.events] == [(1, 0, 1)]
@@ -191,7 +212,7 @@ def carried(count: int, contacts: list[tuple[int, int]], static: np.ndarray, for
 
 def test_the_cuts_say_what_a_linear_program_says() -> None:
     generator, seen, looped = np.random.default_rng(35), set(), 0
-    for _ in range(60):
+    for _ in range(24):
         count, contacts = random_contacts(generator)
         static = generator.integers(2, 12, len(contacts)) / 8
         forces = generator.integers(-12, 13, count) / 8 + 1 / 64
@@ -215,7 +236,7 @@ def test_the_cuts_say_what_a_linear_program_says() -> None:
         seen.add(expected)
         looped += bool(problem.system.has_loops)
     assert seen == {True, False}
-    assert looped > 20
+    assert looped > 8
 
 
 @pytest.mark.parametrize(

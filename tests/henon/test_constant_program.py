@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import sympy as sp
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from henon_ref.errors import ModelError
@@ -33,7 +33,6 @@ def exact(expression: sp.Expr, values: tuple[float, ...]) -> sp.Expr:
     return expression.xreplace({s: sp.Rational(v) for s, v in zip((A, B, C), values, strict=True)})
 
 
-@settings(deadline=None)
 @given(st.tuples(doubles, doubles, doubles))
 def test_each_number_is_within_its_error_bound_of_the_exact_one(values: tuple[float, float, float]) -> None:
     found = PROGRAM.registers(np.array([values]))[0, list(PROGRAM.outputs)]

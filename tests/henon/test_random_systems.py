@@ -11,15 +11,15 @@ from random_systems import compared
 
 
 def test_reference_agrees_with_scipy_on_random_systems() -> None:
-    assert compared(3, 20130216, "scipy-dop853", close=1e-7) == []
+    assert compared(2, 20130216, "scipy-dop853", close=1e-7) == []
 
 
 def test_reference_agrees_with_heyoka_on_some_random_systems() -> None:
     pytest.importorskip("heyoka")
-    assert compared(2, 3) == []
+    assert compared(1, 3) == []
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # daily: the first of other seeds, above
 def test_reference_agrees_with_heyoka_on_random_systems() -> None:
     pytest.importorskip("heyoka")
     assert compared(500, 20130216) == []

@@ -55,14 +55,14 @@ def _there(folder: Path, solver: str) -> dict[str, Any]:
     return made["runs"]
 
 
-@pytest.mark.slow  # daily: .ci/run, all readings at two tolerances
+@pytest.mark.slow  # daily: .ci/run runs this file's, .ci/slow all readings at two tolerances
 def test_every_case_has_the_same_bits_on_another_processor(elsewhere: Path) -> None:
-    """Transitions, what rounding lost of their times, states, ends, counts; all readings: ``.ci/run``."""
+    """Transitions, what rounding lost of their times, states, ends, counts; all readings: ``.ci/slow``."""
     found = compare(record(["1e-9"], first=True), _there(elsewhere, "henon"))
     assert all(each.likeness is Likeness.BITS for each in found.values()), f"{target()}: {report(found)}"
 
 
-@pytest.mark.slow  # daily: .ci/run
+@pytest.mark.slow  # daily: as above
 @pytest.mark.parametrize("solver", ["henon-rk4", "henon-listing"])
 def test_so_have_the_paper_s_methods(elsewhere: Path, solver: str) -> None:
     there = _there(elsewhere, solver)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
 from problems import make_problem
+from shipped import CASES, shipped
 
-from henon_ref.casefile.case import load_case
-from henon_ref.casefile.catalogue import case_files
+from henon_ref.casefile.case import Case, load_case
 from henon_ref.errors import ModelError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
@@ -20,8 +19,6 @@ from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
 from henon_ref.henon.start import Start
-
-CASES = Path(__file__).parents[2] / "cases"
 
 
 def both(problem: Problem) -> tuple[Start, Start, Integrator]:
@@ -42,16 +39,10 @@ def both(problem: Problem) -> tuple[Start, Start, Integrator]:
     return fast, integrator.start(exact, **settings), integrator
 
 
-def _case(path: Path) -> object:
-    """The long chain's code takes half a minute to compile: it is slow; daily, the cases with shorter chains."""
-    return pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem == "burridge_knopoff" else [])
-
-
-@pytest.mark.parametrize("path", [_case(path) for path in case_files(CASES)])
-def test_every_case_starts_as_from_exact_numbers(path: Path) -> None:
+@pytest.mark.parametrize("case", shipped(), ids=lambda case: case.name)
+def test_every_case_starts_as_from_exact_numbers(case: Case) -> None:
     """In the same mode, with the same known zeros and, but for the last bits of what rounding lost, constants."""
-    problem = load_case(path).readings[0].problem
-    fast, exact, integrator = both(problem)
+    fast, exact, _ = both(case.readings[0].problem)
     assert (fast.row, fast.zeros, fast.x, fast.time, fast.until) == (
         exact.row, exact.zeros, exact.x, exact.time, exact.until,
     )  # fmt: skip
@@ -61,6 +52,15 @@ def test_every_case_starts_as_from_exact_numbers(path: Path) -> None:
         return
     one, other = fast.constants.update().numbers, exact.constants.update().numbers
     assert one == pytest.approx(other, rel=2e-16, abs=1e-29 * np.nanmax(np.abs(other)), nan_ok=True)
+
+
+GOES_ON = [case for case in shipped(".") if case.name != "rig_printed"]  # whose start is nonunique
+
+
+@pytest.mark.parametrize("case", GOES_ON, ids=lambda case: case.name)
+def test_a_run_goes_on_from_there_as_from_exact_numbers(case: Case) -> None:
+    fast, exact, integrator = both(case.readings[0].problem)
+    assert (fast.refused, exact.refused) == (None, None)
     found, expected = Run(integrator, fast).to_horizon(), Run(integrator, exact).to_horizon()
     assert found.status == expected.status
     assert [(t.kind, t.to_mode) for t in found.transitions][:50] == [(t.kind, t.to_mode) for t in expected.transitions][

@@ -108,7 +108,7 @@ def test_all_folders_of_the_package_and_the_cases_are_in_a_wheel() -> None:
     """setup.py, asked for its packages: every folder with a file that git keeps is one, the cases inside henon_ref."""
     pytest.importorskip("setuptools.command.bdist_wheel")
     done = subprocess.run(
-        [sys.executable, "-c", ASK], cwd=ROOT, capture_output=True, text=True, check=True, timeout=120
+        [sys.executable, "-c", ASK], cwd=ROOT, capture_output=True, text=True, check=True, timeout=600
     )
     packages = set(done.stdout.split())
     files = [file for top in ("henon_ref", "baselines", "cases") for file in (ROOT / top).rglob("*.*")]

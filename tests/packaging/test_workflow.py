@@ -59,4 +59,4 @@ def test_a_job_calls_scripts_of_the_repository_and_ends(job: dict[str, Any]) -> 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
 def test_a_script_can_be_run_and_is_read_by_its_shell(script: Path) -> None:
     assert os.access(script, os.X_OK)
-    subprocess.run(["bash", "-n", str(script)], check=True, timeout=60)
+    subprocess.run(["bash", "-n", str(script)], check=True, timeout=600)

@@ -27,7 +27,7 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork"),
     pytest.mark.usefixtures("made_up_solvers"),
 ]
-SECONDS = 120
+SECONDS = 600
 """What is waited for at most."""
 
 
@@ -90,7 +90,7 @@ def test_the_second_run_on_a_case_names_the_first_and_changes_nothing(made_up, t
 
 
 def test_different_cases_side_by_side_end_with_a_right_index(tmp_path):
-    names = ("first", "second", "third")
+    names = ("first", "second")
     for name in names:
         (tmp_path / f"{name}.yaml").write_text(CASE.format(name=name))
     processes = [begun(tmp_path, name, "right") for name in names]

@@ -180,7 +180,7 @@ def test_nothing_found_and_nothing_to_find():
     assert run([], belt(3)).spurious == (0, 1, 2)
 
 
-@settings(deadline=None, max_examples=5)
+@settings(max_examples=5)
 @given(st.integers(0, 2**32 - 1))
 def test_long_sequences_with_many_edits_are_aligned_in_bounded_memory(seed):
     rng = np.random.default_rng(seed)

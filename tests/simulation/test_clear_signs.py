@@ -18,7 +18,7 @@ def test_what_it_tells_is_the_exact_sign() -> None:
     signs = sign_function([X, V, B], [expression, X - B])
     draw = random.Random(3)
     told = 0
-    for _ in range(2000):
+    for _ in range(400):
         point = [round(draw.uniform(-1, 1), draw.choice([1, 3, 16])) for _ in range(3)]
         exact = [
             e.subs(dict(zip((X, V, B), map(sp.Rational, map(Fraction, point)), strict=True)))
@@ -28,7 +28,7 @@ def test_what_it_tells_is_the_exact_sign() -> None:
         if found is not None:
             told += 1
             assert found == tuple(int(sp.sign(e)) for e in exact)
-    assert told > 1500
+    assert told > 300
 
 
 def test_it_does_not_tell_what_rounding_may_have_made() -> None:

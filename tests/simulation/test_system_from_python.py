@@ -216,7 +216,11 @@ def test_messages_say_what_can_be_written(rate: object, says: str) -> None:
 
 
 def test_the_advice_on_two_conditions_works() -> None:
-    hr.System(["x"], {}, {}, ["piecewise(piecewise(1, x < 1, 0), x > 0, 0)"])
+    """A rate of 1 between 0 and 1, and of 2 outside."""
+    both = hr.System(["x"], {}, {}, ["piecewise(piecewise(1, x < 1, 2), x > 0, 2)"])
+    run = hr.simulate(both, {"x": -1}, until=2)
+    assert run.transitions.time_s.tolist() == pytest.approx([0.5, 1.5], abs=1e-12)
+    assert run.y[0, -1] == pytest.approx(2, abs=1e-12)
 
 
 def test_names_may_be_greek() -> None:

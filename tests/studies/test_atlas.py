@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from matplotlib.colors import to_rgba
+from shipped import CASES, shipped
 
-from henon_ref.campaign.case_files import load_cases
 from henon_ref.campaign.options import Options, Silent
 from henon_ref.casefile.case import load_case
 from henon_ref.columns import RUN_COLUMNS, Row
@@ -16,8 +16,6 @@ from henon_ref.report.files.manifest import provenance
 from henon_ref.studies.atlas.family import TOLERANCES, defects, family_of, outcome_of
 from henon_ref.studies.atlas.figure import COLOURS, draw_atlas
 from henon_ref.studies.atlas.run import families, run_atlas
-
-CASES = Path(__file__).parents[2] / "cases"
 
 
 def row(**values: object) -> Row:
@@ -49,7 +47,7 @@ def test_defects_are_counted_a_solver() -> None:
 
 
 def test_the_shipped_families_span_both_sides() -> None:
-    found = {family.case.name: family for family in families(load_cases([CASES]))}
+    found = {family.case.name: family for family in families(shipped())}
     assert {"grazing", "two_roots_ballistic"} <= set(found)
     distances = [found["grazing"].distances[reading] for reading in found["grazing"].order]
     assert distances == sorted(distances)

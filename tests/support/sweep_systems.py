@@ -28,7 +28,7 @@ def oscillator() -> System:
     return System(["x", "v"], {"w": 1}, {"s": "x - 100"}, ["v", "-w**2*x"])
 
 
-def same(one: SweepTable, other: SweepTable) -> None:
+def assert_same(one: SweepTable, other: SweepTable) -> None:
     """Assert that two results are the same to the last bit."""
     pd.testing.assert_frame_equal(one, other, check_exact=True)
     assert set(one.frames) == set(other.frames)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sweep_systems import oscillator, same, sliding_block
+from sweep_systems import assert_same, oscillator, sliding_block
 
 import henon_ref as hr
 from henon_ref.errors import HenonRefError
@@ -28,7 +28,7 @@ def statuses(system: System, initial: Any, grid: Any, **how: Any) -> list[list[s
         observed = [hr.observe.status(), hr.observe.final_state(), *how.get("observe", ())]
         given = {"until": 1, "jobs": 1, "chunk": chunk, "grid": grid, **how, "observe": observed}
         tables.append(hr.sweep(system, initial, **given))
-        same(tables[-1], tables[0])
+        assert_same(tables[-1], tables[0])
     return tables[0][["status", "message"]].to_numpy().tolist()
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from sweep_systems import SWEEP, same, sliding_block
+from sweep_systems import SWEEP, assert_same, sliding_block
 
 import henon_ref as hr
 from henon_ref.cli.sweep import program
@@ -191,7 +191,7 @@ def test_two_processes_do_not_mix_their_results(tmp_path: Path) -> None:
         subprocess.Popen([sys.executable, "-c", code, rtol], cwd=tmp_path, stdout=subprocess.PIPE, text=True)
         for rtol in ("1e-4", "1e-12")
     ]
-    said = [process.communicate(timeout=300)[0] for process in two]
+    said = [process.communicate(timeout=600)[0] for process in two]
     assert all(process.returncode == 0 for process in two)
     told = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert told["points"] == 60
@@ -291,6 +291,6 @@ def test_whatever_becomes_of_a_file_it_is_read_as_it_was_or_run_again(tmp_path: 
             (tmp_path / name).write_bytes(found)
             again = dict(SweepFolder(tmp_path, plan).finished())
             if len(again) == 3:
-                same(assembled(plan.points, [again[number] for number in range(3)]), table)
+                assert_same(assembled(plan.points, [again[number] for number in range(3)]), table)
         (tmp_path / name).write_bytes(before)
     assert len(dict(SweepFolder(tmp_path, plan).finished())) == 3

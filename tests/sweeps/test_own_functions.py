@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from sweep_systems import same, sliding_block
+from sweep_systems import assert_same, sliding_block
 
 import henon_ref as hr
 from henon_ref.errors import HenonRefError
@@ -53,8 +53,8 @@ def test_the_table_is_the_same_however_it_is_cut(values: list[Any], columns: dic
         pd.DataFrame(whole[list(columns)]), pd.DataFrame(columns, index=whole.index), check_dtype=False
     )
     for chunk in (1, 3):
-        same(swept(by_point(values), chunk=chunk, out=tmp_path / str(chunk)), whole)
-        same(swept(by_point(values), chunk=chunk, out=tmp_path / str(chunk), resume=True), whole)
+        assert_same(swept(by_point(values), chunk=chunk, out=tmp_path / str(chunk)), whole)
+        assert_same(swept(by_point(values), chunk=chunk, out=tmp_path / str(chunk), resume=True), whole)
         read = pd.read_parquet(tmp_path / str(chunk) / "points")
         assert read[list(columns)].equals(pd.DataFrame(whole)[list(columns)].reset_index(drop=True))
 
@@ -141,4 +141,4 @@ def test_another_function_of_that_name_is_another_sweep(tmp_path: Path) -> None:
 
 def test_workers_give_the_same_table() -> None:
     values = [None, {"a": 1}, {"a": 2}, {}]
-    same(swept(by_point(values), chunk=1, jobs=2), swept(by_point(values)))
+    assert_same(swept(by_point(values), chunk=1, jobs=2), swept(by_point(values)))

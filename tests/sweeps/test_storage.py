@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from sweep_systems import belt, parquet_files, same
+from sweep_systems import assert_same, belt, parquet_files
 
 from henon_ref.errors import CaseError
 from henon_ref.sweeps import observe, storage
@@ -54,7 +54,7 @@ def test_resuming_writes_no_finished_chunk_again(tmp_path: Path) -> None:
     broken = tmp_path / "out" / "points" / "000003.parquet"
     broken.write_bytes(b"PAR1")
     kept = {p: p.stat().st_mtime_ns for p in (tmp_path / "out").rglob("*.parquet") if p.stem in ("000000", "000002")}
-    same(swept(tmp_path / "out", resume=True), whole)
+    assert_same(swept(tmp_path / "out", resume=True), whole)
     assert parquet_files(tmp_path / "out") == before
     assert kept == {p: p.stat().st_mtime_ns for p in kept}
 
@@ -92,7 +92,7 @@ def test_a_full_disk_is_one_error_and_the_rest_can_be_resumed(tmp_path: Path, mo
         pd.read_parquet(file)
     assert not list((tmp_path / "out").rglob("*.part"))
     monkeypatch.setattr(storage.os, "fsync", real)
-    same(swept(tmp_path / "out", resume=True), whole)
+    assert_same(swept(tmp_path / "out", resume=True), whole)
     assert parquet_files(tmp_path / "out") == parquet_files(tmp_path / "whole")
 
 
@@ -109,7 +109,7 @@ def test_a_chunk_counts_once_its_points_are_there(tmp_path: Path) -> None:
 def test_what_stands_beside_the_results_runs_the_sweep_again(tmp_path: Path) -> None:
     table = swept(tmp_path / "out")
     again = collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan, jobs=1)
-    same(again, table)
+    assert_same(again, table)
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["rerun"] == "python -m henon_ref.sweep sweep.yaml --out again"
     assert manifest["points"] == 11
@@ -121,4 +121,4 @@ def test_a_table_of_points_stands_beside_them(tmp_path: Path, many: bool) -> Non
     arguments = {"until": 1, "observe": [observe.final_state()], "jobs": 1}
     table = sweep(belt(), {"x": 1.5, "v": 0}, grid=grid, out=tmp_path / "out", **arguments)
     assert (tmp_path / "out" / "points.csv").exists()
-    same(collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan, jobs=1), table)
+    assert_same(collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan, jobs=1), table)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from sweep_systems import SWEEP, belt, same
+from sweep_systems import SWEEP, assert_same, belt
 
 from henon_ref.errors import CaseError
 from henon_ref.sweeps import observe
@@ -33,7 +33,7 @@ def test_a_file_says_what_arguments_say(tmp_path: Path) -> None:
         rtol=1e-9,
         jobs=1,
     )
-    same(collected(read.plan, jobs=1), table)
+    assert_same(collected(read.plan, jobs=1), table)
 
 
 POINTS = SWEEP[SWEEP.index("points:") : SWEEP.index("observe:")]

@@ -82,7 +82,7 @@ def test_a_minimum_far_from_zero_is_no_near_miss() -> None:
     assert found.near_misses == []
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.integers(-2000, 2000), min_size=1, max_size=6, unique=True))
 def test_every_root_of_a_product_of_factors_is_found(places: list[int]) -> None:
     with ctx.workprec(288):

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from json_schema import faults
 from programs import FINE, request
@@ -145,7 +145,7 @@ PLACES = (
 )
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=100)
 @given(st.sampled_from(PLACES), ANY)
 def test_any_value_at_any_place_is_read_as_it_is_or_refused(place: str, value: object) -> None:
     found = refused_or_read(json.dumps(changed(place, value)).encode())
