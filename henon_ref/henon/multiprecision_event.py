@@ -159,8 +159,9 @@ def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent | Non
         events = _events(guards, outputs, step, unit, whole=whole)
         events = _beyond_rounding(modes, step, start, unit, outputs, events)
         if not events:
-            time, state = start + arb(step.suspect), tuple(_split(series(arb(step.suspect) / unit)) for series in states)
-            return LocatedEvent(_split(time), state, (), (), None, (0,) * len(guards))
+            end = arb(step.suspect)
+            state = tuple(_split(series(end / unit)) for series in states)
+            return LocatedEvent(_split(start + end), state, (), (), None, (0,) * len(guards))
         first = events[0]
         met = [event for event in events if event is first or event.meets(first)]
         reported = [event for event in met if event.what != "miss"] or met

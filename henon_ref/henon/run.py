@@ -237,8 +237,8 @@ class Run(ModeChanges):
         self.scalars.steps += 1
         self.known_zeros[:] = 0
         until, until_low = self.until
-        left, rounding = (until - found.time[0]) + (until_low - found.time[1]), 2e-17 * abs(until)  # of a sum
-        if left < -rounding or (left < rounding and not (found.falling or found.touching)):
+        left, resolution = (until - found.time[0]) + (until_low - found.time[1]), 2e-17 * abs(until)  # a sum's rounding
+        if left < -resolution or (left < resolution and not (found.falling or found.touching)):
             scalars.time, scalars.time_low = until, until_low
             return None
         guards = integrator.system.equations(mode).guards

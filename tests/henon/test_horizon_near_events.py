@@ -56,11 +56,13 @@ def test_samples_and_dense_output_reach_such_a_horizon() -> None:
     whole = HENON_SOLVER.prepare(problem, rtol=1e-12)()
     until = [t for t in whole.transitions if t.kind == "release"][2].time
     found = run(problem, until, 1e-12, [until - 1e-3, until - 1e-14, until])
-    assert found.samples is not None and np.isfinite(found.samples).all()
+    assert found.samples is not None
+    assert np.isfinite(found.samples).all()
     assert found.samples[-1] == pytest.approx(found.end_state, abs=1e-15)
     system = hr.System.from_case("hard/steep_friction")
     dense = hr.simulate(system, {"x": 1, "v": 0.2}, until=until, rtol=1e-12, dense_output=True)
-    assert dense.status == "ok" and dense.sol is not None
+    assert dense.status == "ok"
+    assert dense.sol is not None
     assert dense.sol(until) == pytest.approx(dense.y[:, -1], abs=1e-15)
 
 
