@@ -14,8 +14,9 @@ import pytest
 import sympy as sp
 
 from henon_ref.errors import UnsupportedError
+from henon_ref.filippov.overrides import Release, SlidingOverride
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.listing import LISTING
 from henon_ref.henon.rk4 import RK4
 from henon_ref.solver import Solver
