@@ -11,8 +11,9 @@ import sympy as sp
 from henon_ref.casefile.bodies import Body
 from henon_ref.casefile.connection import Hold, Impact, Surface
 from henon_ref.casefile.impact_law import thrown_back
+from henon_ref.filippov.overrides import Release, Reset, SlidingOverride
 from henon_ref.filippov.resting import with_resting
-from henon_ref.filippov.system import FilippovSystem, Release, Reset, SlidingOverride
+from henon_ref.filippov.system import FilippovSystem
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,10 @@ from henon_ref.filippov.bounds import put
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.exponents import with_rational_exponents
 from henon_ref.filippov.held_loops import with_held_loops
+from henon_ref.filippov.overrides import SlidingOverride
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resting import impact_of, into_surface, with_resting
-from henon_ref.filippov.system import FilippovSystem, SlidingOverride
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
@@ -147,8 +148,18 @@ def _check_start(source: Source, problem: Problem) -> None:
             value = put(problem.system.numeric(expression), _start(problem))
         except ModelError as error:
             raise source.error(("initial",), f"{what} has no value at the start: {error}", key=True) from error
-        if value.has(*NO_VALUE) or value.is_real is False:
+        if (value.has(*NO_VALUE) or value.is_real is False) and not unused_at_start(problem, expression):
             raise source.error(("initial",), f"{what} has no finite real value at the start", key=True)
+
+
+def unused_at_start(problem: Problem, surface: sp.Expr) -> bool:
+    """Whether an expression is a kink of a branch that is not in use at the start, and has no value beside it."""
+    system = problem.system
+    if surface not in system.surfaces:
+        return False
+    index = system.surfaces.index(surface)
+    mode = tuple(_side_at_start(problem, h) if i != index else 1 for i, h in enumerate(system.surfaces))
+    return index in system.unused_kinks(mode)
 
 
 def _check_stops(source: Source, problem: Problem) -> None:

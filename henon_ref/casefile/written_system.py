@@ -9,7 +9,8 @@ from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.schema import MAX_STATES, CaseForm, SlidingForm, SystemForm
 from henon_ref.casefile.source import Names, Path, Source, resolved
 from henon_ref.columns import JUDGED_COLUMNS, TRANSITION_COLUMNS
-from henon_ref.filippov.system import FilippovSystem, Release, Reset, SlidingOverride
+from henon_ref.filippov.overrides import Release, Reset, SlidingOverride
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 

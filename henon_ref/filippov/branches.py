@@ -7,9 +7,14 @@ root of a negative number, or times what has overflowed, is no number.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import sympy as sp
+
+from henon_ref.filippov.bounds import terms
+
+MAX_TERMS = 1_000
+"""Terms, multiplied out, of an argument that is looked at whether it is negative."""
 
 
 def leaves_out(
@@ -59,3 +64,25 @@ def _core(expression: sp.Expr, moving: Collection[sp.Symbol]) -> sp.Expr:
     if not expression.is_Mul:
         return expression
     return sp.Mul(*(f for f in expression.args if not f.free_symbols.isdisjoint(moving)))
+
+
+def has_no_value(expression: sp.Expr, positive: Iterable[sp.Expr]) -> bool:
+    """Whether an expression has no real value wherever some others are positive.
+
+    So it is where the argument of a logarithm, or of a power that is not whole, is at most a negative multiple of one
+    of them: ``sqrt(-2*x - 1)`` where x is positive.
+    """
+    arguments = [p.base for p in expression.atoms(sp.Pow) if p.exp.is_integer is not True and p.base.free_symbols]
+    arguments += [logarithm.args[0] for logarithm in expression.atoms(sp.log)]
+    known = list(positive) if arguments else []
+    return any(_below_multiple(argument, other) for argument in arguments for other in known)
+
+
+def _below_multiple(argument: sp.Expr, positive: sp.Expr) -> bool:
+    """Whether an expression is a negative multiple of another one, or is below one by a number."""
+    if max(terms(argument, MAX_TERMS), terms(positive, MAX_TERMS)) > MAX_TERMS:
+        return False
+    coefficients, own = (sp.expand(e).as_coefficients_dict() for e in (positive, argument))
+    factor = next((-own[term] / c for term, c in coefficients.items() if term.free_symbols), sp.S.Zero)
+    rest = sp.expand(argument + factor * positive)
+    return bool(factor.is_positive and rest.is_number and not rest.is_positive)

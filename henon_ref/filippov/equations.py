@@ -57,5 +57,34 @@ class ModeEquations:
 def along(expression: sp.Expr, states: tuple[sp.Symbol, ...], rhs: tuple[sp.Expr, ...]) -> sp.Expr:
     """Time derivative of an expression along a field."""
     moving = expression.free_symbols
-    slopes = (sp.diff(expression, x) * f for x, f in zip(states, rhs, strict=True) if x in moving)
-    return sp.diff(expression, TIME) + sp.Add(*slopes)
+    slopes = (derivative(expression, x) * f for x, f in zip(states, rhs, strict=True) if x in moving)
+    return derivative(expression, TIME) + sp.Add(*slopes)
+
+
+def derivative(expression: sp.Expr, x: sp.Symbol) -> sp.Expr:
+    """The derivative that ``sp.diff`` makes, in the same form.
+
+    What an expression holds again and again is differentiated once: SymPy looks through each part of it, at every
+    level, for its symbols.
+    """
+    known: dict[sp.Basic, sp.Expr] = {x: sp.S.One}
+
+    def of(e: sp.Basic) -> sp.Expr:
+        if e not in known:
+            known[e] = made(e, [of(a) for a in e.args])
+        return known[e]
+
+    def made(e: sp.Basic, slopes: list[sp.Expr]) -> sp.Expr:
+        if not any(slopes):
+            return sp.S.Zero
+        if e.is_Add:
+            return sp.Add(*slopes)
+        if e.is_Mul:
+            return sp.Add(*(sp.Mul(*e.args[:i], s, *e.args[i + 1 :]) for i, s in enumerate(slopes) if s))
+        if e.is_Pow and e.base != sp.E:
+            return e * (slopes[1] * sp.log(e.base) + slopes[0] * e.exp / e.base)
+        if e.is_Function and len(e.args) == 1:
+            return e.fdiff(1) * slopes[0]
+        return sp.diff(e, x)
+
+    return of(expression)

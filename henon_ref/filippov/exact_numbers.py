@@ -8,10 +8,16 @@ from henon_ref.errors import ModelError
 
 
 def exact_sign(number: sp.Expr) -> int:
-    """Sign of an exact number: of one that is not rational by its digits, 0 where 60 of them show nothing."""
+    """Sign of an exact number: of one that is not rational by its digits, 0 where 60 of them show nothing.
+
+    +1 of what has no real value, as a kink of a branch that is not used has (all else is refused before).
+    """
     if number.is_Rational:
         return int(sp.sign(number))
-    value = sp.re(sp.N(number, 60, maxn=400, chop=False))
+    digits = sp.N(number, 60, maxn=400, chop=False)
+    if digits.has(sp.nan, sp.zoo) or abs(sp.im(digits)) > sp.Float("1e-55", 60):
+        return 1
+    value = sp.re(digits)
     if abs(value) < sp.Float("1e-55", 60):
         return 0
     return 1 if value > 0 else -1

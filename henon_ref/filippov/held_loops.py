@@ -12,8 +12,9 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.contact_loops import circuits, loops, relations
+from henon_ref.filippov.overrides import Release, SlidingOverride
 from henon_ref.filippov.sliding import filippov_sliding
-from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
+from henon_ref.filippov.system import FilippovSystem
 
 
 def with_held_loops(system: FilippovSystem) -> FilippovSystem:

@@ -10,7 +10,6 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.errors import ModelError
 from henon_ref.filippov.affine import constant_slope
 from henon_ref.filippov.algebra import MAX_DERIVED
 from henon_ref.filippov.bounds import put
@@ -47,7 +46,7 @@ class HiddenKinks:
         """Whether a surface is a kink that is hidden in a mode."""
         mode = mode[: len(self.system.signs)]  # sections that a sweep adds stand behind the system's own surfaces
         if (index, mode) not in self._hidden:
-            self._hidden[index, mode] = index in self.system.kinks and is_hidden(self.system, index, mode)
+            self._hidden[index, mode] = index in self.system.kinks and self.system.hides(index, mode)
         return self._hidden[index, mode]
 
     def shown(self, mode: Mode) -> Mode:
@@ -85,19 +84,6 @@ def visible(system: FilippovSystem, transitions: Sequence[TransitionT]) -> Seque
         for t in transitions
         if kinks.is_transition(t.surface, t.from_mode, t.to_mode)
     )
-
-
-def is_hidden(system: FilippovSystem, index: int, mode: Mode) -> bool:
-    """Whether nothing in a mode depends on the sign of a surface but the surface itself; what is slid on counts."""
-    if not mode[index]:
-        return False
-    try:
-        shared = system.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
-    except ModelError:
-        return False
-    slip = {system.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s and i != index}
-    guards = [guard.expression for guard in shared.guards if guard.index != index or guard.kind != "surface"]
-    return not any(put(e, slip).has(system.signs[index]) for e in (*shared.field, *guards, *system.sections))
 
 
 def continuous(system: FilippovSystem) -> frozenset[int]:

@@ -157,7 +157,7 @@ class Problem:
 
         Examples
         --------
-        >>> from henon_ref.filippov.system import Reset
+        >>> from henon_ref.filippov.overrides import Reset
         >>> x, v, s = sp.symbols("x v s", real=True)
         >>> gravity = (v, sp.Integer(-10))
         >>> ball = FilippovSystem((x, v), (s,), (x,), gravity, resets={0: Reset({v: -v / 2})})

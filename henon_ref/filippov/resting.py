@@ -22,8 +22,9 @@ import sympy as sp
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.decision import Decision
 from henon_ref.filippov.equations import along
+from henon_ref.filippov.overrides import Release, SlidingOverride
 from henon_ref.filippov.resets import jump_of
-from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
 

@@ -12,69 +12,22 @@ from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from functools import cached_property
 from itertools import chain
-from typing import Literal
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.bounds import put
-from henon_ref.filippov.branches import leaves_out
+from henon_ref.filippov.branches import has_no_value, leaves_out
 from henon_ref.filippov.contact_loops import closed, relations
 from henon_ref.filippov.decoupled_contacts import FEW, SwitchedEquations, switched_equations
-from henon_ref.filippov.equations import Guard, ModeEquations, along
+from henon_ref.filippov.equations import Guard, ModeEquations, Refusal, along
 from henon_ref.filippov.held_contacts import held_field
-from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.modes import Mode, replaced
+from henon_ref.filippov.overrides import Reset, SlidingOverride
 from henon_ref.filippov.sliding import filippov_sliding
 from henon_ref.filippov.switched_field import SwitchedField
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME
-
-EntryRule = Literal["attracting", "inside", "resting"]
-
-
-@dataclass(frozen=True)
-class Release:
-    """One way out of an overridden sliding mode: where ``when`` crosses zero in ``direction``."""
-
-    when: sp.Expr
-    direction: Literal["rising", "falling"]
-    to: int
-
-
-@dataclass(frozen=True)
-class SlidingOverride:
-    """Sliding that a source does in its own way, in place of Filippov's convex combination."""
-
-    field: tuple[sp.Expr, ...]
-    release: tuple[Release, ...]
-    entry: EntryRule = "attracting"
-    """When a trajectory that reaches the surface (or starts on it) sticks.
-
-    ``attracting``: where both slip fields point at the surface, as in Filippov's sliding. ``inside``: where
-    every release guard is positive, or zero and about to rise or to stay, whatever the slip fields do; this is
-    static friction, which holds a load that kinetic friction could not (between Fk and Fs both slip fields
-    point the same way, and a block that comes to rest on the belt sticks all the same). ``resting``: where h' is
-    zero, too, and the first derivative of h that is not, the slip field being in force, is negative; a one-sided
-    constraint on a surface that resets the state (:mod:`henon_ref.filippov.resting`).
-    """
-    inertia: sp.Expr | None = None
-    """How much the load, in the unit of the ends of the hold zone, grows with the acceleration of the surface by
-    forces that these ends do not know: of a body on a wall its mass. None where that is not known."""
-    push: tuple[sp.Expr, ...] = ()
-    """Change of x' by the force of the contact, shape (n,): of a body at rest by a reaction of the surface that changes
-    h'' by 1, of a contact that is held by a load of 1. Empty where that is not known."""
-
-
-@dataclass(frozen=True)
-class Reset:
-    """A jump of the state where a surface is reached."""
-
-    map: Mapping[sp.Symbol, sp.Expr]
-    """State -> its value after the jump, in time, the states before it, and parameters; the other states stay."""
-    when: Literal["falling"] = "falling"
-    """The way in which the surface goes through zero there; the other way it is crossed."""
-    priority: float = 0.0
-    """Of several that are due at one instant the lowest goes first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,14 +76,7 @@ class FilippovSystem(SwitchedField):
             slip = self.slip_signs(mode)
             made = ModeEquations(
                 field=tuple(put(e, slip) for e in shared.field),
-                guards=tuple(
-                    replace(
-                        g,
-                        to_sign=-mode[g.index] if g.kind == "surface" else g.to_sign,
-                        expression=put(g.expression, slip),
-                    )
-                    for g in shared.guards
-                ),
+                guards=tuple(self._in_mode(guard, mode, slip) for guard in shared.guards),
                 equivalent_signs={i: put(e, slip) for i, e in shared.equivalent_signs.items()},
             )
             if any(e.has(sp.zoo, sp.nan) for e in (*made.field, *(g.expression for g in made.guards))):
@@ -142,24 +88,61 @@ class FilippovSystem(SwitchedField):
         """What a mode puts for the signs of its surfaces in slip."""
         return {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
 
+    def hides(self, index: int, mode: Mode) -> bool:
+        """Whether nothing in a mode depends on the sign of a surface but the surface itself; what is slid on counts."""
+        if not mode[index]:
+            return False
+        try:
+            shared = self.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
+        except ModelError:
+            return False
+        slip = {s: side for s, side in self.slip_signs(mode).items() if s != self.signs[index]}
+        guards = [guard.expression for guard in shared.guards if guard.index != index or guard.kind != "surface"]
+        return not any(put(e, slip).has(self.signs[index]) for e in (*shared.field, *guards, *self.sections))
+
+    def unused_kinks(self, mode: Mode) -> frozenset[int]:
+        """Kinks of branches that a mode does not use, which have no real value anywhere in the mode."""
+        if mode not in self._unused_kinks:
+            positive = [s * self.numeric(h) for h, s in zip(self.surfaces, mode, strict=True) if s and self.kinks]
+            self._unused_kinks[mode] = frozenset(
+                i for i in self.kinks if has_no_value(self.numeric(self.surfaces[i]), positive) and self.hides(i, mode)
+            )
+        return self._unused_kinks[mode]
+
+    @cached_property
+    def _unused_kinks(self) -> dict[Mode, frozenset[int]]:
+        return {}
+
+    def _in_mode(self, guard: Guard, mode: Mode, slip: Mapping[sp.Symbol, sp.Expr]) -> Guard:
+        """A guard of shared equations in one mode. A run ends where kinks get a value, since their signs are open."""
+        if guard.kind != "surface":
+            return replace(guard, expression=put(guard.expression, slip))
+        unused, beyond = self.unused_kinks(mode), replaced(mode, guard.index, -mode[guard.index])
+        if guard.index in unused:
+            return replace(guard, to_sign=beyond[guard.index], expression=sp.S.One)
+        ends: Refusal | None = None if unused <= self.unused_kinks(beyond) else "none"
+        return replace(guard, to_sign=beyond[guard.index], expression=put(guard.expression, slip), ends=ends)
+
     def common_equations(self, mode: Mode) -> tuple[Mode | frozenset[int], ModeEquations]:
         """Equations that a mode may have in common with others, and what they go by.
 
-        These are the shared ones of its sliding surfaces, with symbols for the signs in slip. Where they, or normal
-        velocities beside its surfaces, hold operations of branches that the mode does not use, they are its own.
+        These are the shared ones of its sliding surfaces, with symbols for the signs in slip. Where they, normal
+        velocities beside its surfaces, or kinks, hold operations of branches that the mode does not use, they are its
+        own.
         """
         sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
         shared = self.shared_equations(sliding)
-        if mode not in self._apart:
+        if mode not in self._has_own:
             slip, own = self.slip_signs(mode), self.equations(mode)
             beside = [(normal, s) for normal, s, entry in zip(self._normal, self.signs, mode, strict=True) if entry]
             speeds = [speed for normal, s in beside for speed in (normal, normal.xreplace({s: -s}))]
             pairs = zip((*shared.of_signs, *speeds), (*own.of_signs, *(e.xreplace(slip) for e in speeds)), strict=True)
-            self._apart[mode] = any(leaves_out(*pair, slip, {TIME, *self.states}) for pair in pairs)
-        return (mode, self.equations(mode)) if self._apart[mode] else (sliding, shared)
+            alone = bool(self.unused_kinks(mode))
+            self._has_own[mode] = alone or any(leaves_out(*pair, slip, {TIME, *self.states}) for pair in pairs)
+        return (mode, self.equations(mode)) if self._has_own[mode] else (sliding, shared)
 
     @cached_property
-    def _apart(self) -> dict[Mode, bool]:
+    def _has_own(self) -> dict[Mode, bool]:
         return {}
 
     @cached_property
@@ -329,7 +312,8 @@ class FilippovSystem(SwitchedField):
         everything = frozenset(range(len(self.surfaces)))
         found = []
         unslid = self.with_reactions(self.reacting - self.resting)
-        for i, normal in enumerate(along(h, unslid.states, unslid.field) for h in unslid.surfaces):
+        normals = self._normal if unslid is self else [along(h, self.states, unslid.field) for h in unslid.surfaces]
+        for i, normal in enumerate(normals):
             loads = [g.expression for g in self.hold_guards(i)] if i in self.overrides else []
             acting = frozenset(j for j, s in enumerate(self.signs) if any(e.has(s) for e in (normal, *loads)))
             own = i not in self.overrides or self.held_inside(i) or self.rests(i)

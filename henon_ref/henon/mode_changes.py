@@ -26,6 +26,8 @@ from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status
 
+CLOSE_PART = 2.0**-40
+"""Part of the horizon's time below which what is left of a run is next to nothing."""
 Pair = tuple[float, float]
 """A number as its double and what that leaves."""
 
@@ -240,6 +242,19 @@ class ModeChanges(State):
         scalars.steps += 1
         scalars.unit, scalars.longest_step, scalars.stalled = behind.length, 1e3 * behind.length, 0
         self._passed_at = int(scalars.steps)
+        return True
+
+    def _close_to_horizon(self) -> bool:
+        """Ask for a step to the horizon in multiprecision, where so little is left that double precision cannot tell.
+
+        Over a time that moves guards by less than the states' rounding nothing confirms a step there.
+        """
+        scalars, (until, until_low) = self.scalars, self.until
+        left = (until - float(scalars.time)) + (until_low - float(scalars.time_low))
+        if not (self.guards and left <= CLOSE_PART * abs(until)):
+            return False
+        scalars.suspect = scalars.step_length = left
+        scalars.guard, scalars.stalled = NOWHERE, 0
         return True
 
     def _record(

@@ -186,7 +186,8 @@ class ModeTable:
         records["branches"][: len(code.guards_branch)] = code.guards_branch
         for record, guard in zip(records, guards, strict=False):
             surface = guard.kind == "surface"
-            record["kind"], record["index"], record["rising_only"] = _KIND[guard.kind], guard.index, guard.rising_only
+            record["kind"] = VALID if guard.ends else _KIND[guard.kind]
+            record["index"], record["rising_only"] = guard.index, guard.rising_only
             record["hold_zone"] = surface and system.held_inside(guard.index)
             record["side"] = mode[guard.index] if surface else 0
             resets = surface and guard.index in system.resets and mode[guard.index] > 0

@@ -25,7 +25,7 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import resetting
 from henon_ref.filippov.switching import Switching
-from henon_ref.henon.precise_modes import ENDING_ORDERS, PreciseModes
+from henon_ref.henon.precise_modes import ENDING_ORDERS, MOST_ORDER, PreciseModes
 from henon_ref.kernel.shared import EPS, LEVELS
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import (
@@ -90,8 +90,9 @@ class UndecidedStep(NamedTuple):
     length: float
     """How far the step is valid [s]."""
     suspect: float
-    """Where the guard was seen near zero, from the start [s]."""
-    guard: int
+    """Where the guard was seen near zero, or how far the step is to go, from the start [s]."""
+    guard: int | None
+    """None: none was seen near zero."""
     known_zeros: tuple[int, ...]
     """For each guard, zeros at the start that are divided out."""
 
@@ -142,15 +143,24 @@ class _Event:
         return away <= max(self.radius + other.radius, self.rounding, other.rounding)
 
 
-def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent:
-    """Go to the first event of a step, or past the place where one was suspected."""
+def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent | None:
+    """Go to the first event of a step, or past the place where one was suspected.
+
+    None where no guard was seen near zero and the series do not converge as far as the step is to go.
+    """
     with working_precision(BITS):
         start = arb(step.time[0]) + arb(step.time[1])
         unit = arb(min(step.length, EXPANDED_PART * step.suspect)) * _STEP_MARGIN
         states, outputs, whole = modes.expand(step.mode, start, step.state, unit)
+        if step.guard is None and not whole and len(outputs[0]) > MOST_ORDER:
+            return None
         guards = modes.guards(step.mode)
         events = _events(guards, outputs, step, unit, whole=whole)
         events = _beyond_rounding(modes, step, start, unit, outputs, events)
+        if not events:
+            end = arb(step.suspect)
+            state = tuple(_split(series(end / unit)) for series in states)
+            return LocatedEvent(_split(start + end), state, (), (), None, (0,) * len(guards))
         first = events[0]
         met = [event for event in events if event is first or event.meets(first)]
         reported = [event for event in met if event.what != "miss"] or met
@@ -177,23 +187,21 @@ def _events(
     guards: Sequence[Guard], outputs: Sequence[Sequence[arb]], step: UndecidedStep, unit: arb, *, whole: bool
 ) -> list[_Event]:
     """What the guards do up to the first event of any of them; that one comes first. ``whole``: no term is left out."""
-    own, longer = step.known_zeros[step.guard], step.length / float(unit)
-    suspected = fixed_point(arb(step.suspect) / unit)
-    found = [_first_event(step.guard, _Series(outputs[step.guard], own, whole), suspected)]
+    longer, place = step.length / float(unit), fixed_point(arb(step.suspect) / unit)
+    found: list[_Event] = []
+    if step.guard is not None:
+        found.append(_first_event(step.guard, _Series(outputs[step.guard], step.known_zeros[step.guard], whole), place))
+        place = found[0].place
     for g, guard in enumerate(guards):
-        first = found[0]
-        if (
-            g == step.guard
-            or _load_equals_friction(guards, outputs, g, longer)
-            or _clear(outputs[g], guard, first.place)
-        ):
+        if g == step.guard or _load_equals_friction(guards, outputs, g, longer) or _clear(outputs[g], guard, place):
             continue
         series = _Series(outputs[g], step.known_zeros[g], whole)
-        if series.positive(first.place):
+        if series.positive(place):
             continue
-        event = _first_event(g, series, first.place)
-        if event.what != "miss" and event.place < first.place and not event.meets(first):
+        event = _first_event(g, series, place)
+        if not found or (event.what != "miss" and event.place < place and not event.meets(found[0])):
             found.insert(0, event)
+            place = event.place
         else:
             found.append(event)
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -144,7 +145,7 @@ def _number(constant: sp.Expr) -> arb:
 def _negligible_tail(rows: Sequence[Sequence[arb]]) -> bool:
     """True if the last terms of some series count for nothing where their variable is 1."""
     sizes = (list(map(abs, map(float, row))) for row in rows)
-    return all(max(terms[-ENDING_ORDERS:]) <= NEGLIGIBLE * sum(terms) for terms in sizes)
+    return all(max(terms[-ENDING_ORDERS:]) <= NEGLIGIBLE * sum(terms) < math.inf for terms in sizes)
 
 
 class BallSwitching(Switching):

@@ -184,6 +184,9 @@ class Run(ModeChanges):
             return None if why is None else self._end(*why)
         elif code == kernel.STALLED and self._pass_branch_point():
             return None
+        elif code == kernel.STALLED and self._close_to_horizon():
+            why = self._locate()
+            return None if why is None else self._end(*why)
         elif code == kernel.STEPS_FULL:
             self._close_steps()
         elif code == kernel.BUDGET_SPENT and self.scalars.steps >= self.start.most_steps:
@@ -193,7 +196,7 @@ class Run(ModeChanges):
         return None
 
     def _locate(self) -> tuple[Status, str] | None:
-        """Go to an event that double precision leaves undecided, in multiprecision; None if the run goes on."""
+        """Take a step that double precision leaves undecided in multiprecision; None if the run goes on."""
         integrator, scalars, mode, row = self.integrator, self.scalars, self.mode, int(self.scalars.mode)
         places = integrator.mode_table.places(mode)
         zeros = dict(zip(places, self.known_zeros.tolist(), strict=False))
@@ -208,17 +211,23 @@ class Run(ModeChanges):
                 rounding=rounding,
                 length=float(scalars.step_length),
                 suspect=float(scalars.suspect),
-                guard=places[int(self.scalars.guard)],
+                guard=None if self.scalars.guard == NOWHERE else places[int(self.scalars.guard)],
                 known_zeros=tuple(zeros.get(g, 0) for g in range(len(integrator.system.equations(mode).guards))),
             ),
         )
+        if found is None:
+            return ending_of(self, ReturnCode.STALLED)
+        length = (found.time[0] - time) + (found.time[1] - low)
         if self._steps is not None:
-            self._keep_step((found.time[0] - time) + (found.time[1] - low))
+            self._keep_step(length)
+        if scalars.guard == NOWHERE:
+            self._fill_samples_on_line(length, [high for high, _ in found.state])
         self._put(found.time, found.state)
         self.scalars.steps += 1
         self.known_zeros[:] = 0
         until, until_low = self.until
-        if (until - found.time[0]) + (until_low - found.time[1]) < -2e-17 * abs(until):  # more than a sum's rounding
+        left, resolution = (until - found.time[0]) + (until_low - found.time[1]), 2e-17 * abs(until)  # a sum's rounding
+        if left < -resolution or (left < resolution and not (found.falling or found.touching)):
             scalars.time, scalars.time_low = until, until_low
             return None
         guards = integrator.system.equations(mode).guards

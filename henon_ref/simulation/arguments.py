@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from henon_ref.casefile.problem import build_problem
+from henon_ref.casefile.problem import build_problem, unused_at_start
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node
 from henon_ref.casefile.validation import validated
@@ -105,7 +105,8 @@ def _check_surfaces(problem: Problem) -> None:
     named = [(f"the surface of '{name}'", h) for name, h in zip(system.sign_names, system.surfaces, strict=True)]
     for what, expression in [*named, *(("an expression of 'valid'", v) for v in system.valid)]:
         value = put(system.numeric(expression), at)
-        if not (value.is_Rational or (value.is_finite and value.is_extended_real)):
+        finite = value.is_Rational or (value.is_finite and value.is_extended_real)
+        if not (finite or unused_at_start(problem, expression)):
             raise ArgumentError(f"{what} has no finite real value at the start")
 
 

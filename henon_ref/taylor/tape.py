@@ -121,6 +121,7 @@ class _Builder:
         self._constant_index: dict[sp.Expr, int] = {}
         self._memo: dict[sp.Expr, int] = {x: self._add("state", (i,)) for i, x in enumerate(states)}
         self._interned: dict[tuple[object, ...], int] = {}
+        self._moves: dict[sp.Basic, bool] = dict.fromkeys(self.moving, True)
 
     def node(self, expression: sp.Expr) -> int:
         """The node of an expression (made on first sight)."""
@@ -130,7 +131,10 @@ class _Builder:
         return self._memo[expression]
 
     def _is_constant(self, expression: sp.Expr) -> bool:
-        return not (expression.free_symbols & self.moving)
+        """Whether it holds neither time nor states (SymPy would look through it for its symbols again each time)."""
+        if expression not in self._moves:
+            self._moves[expression] = not all(map(self._is_constant, expression.args))
+        return not self._moves[expression]
 
     def _constant(self, value: sp.Expr) -> int:
         if value not in self._constant_index:

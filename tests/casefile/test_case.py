@@ -13,7 +13,7 @@ from random_scenes import deadline
 
 from henon_ref.casefile.case import Case, load_case, parse_case
 from henon_ref.errors import CaseError
-from henon_ref.filippov.system import Release
+from henon_ref.filippov.overrides import Release
 
 SLIDE = """\
 schema: 1

@@ -7,8 +7,9 @@ import pytest
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.filippov.overrides import SlidingOverride
 from henon_ref.filippov.problem import Problem
-from henon_ref.filippov.system import FilippovSystem, SlidingOverride
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 X, V, S, F, B = sp.symbols("x v s F b", real=True)

@@ -19,9 +19,10 @@ from multiprecision import simulate
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.errors import CaseError
 from henon_ref.filippov.modes import Mode
+from henon_ref.filippov.overrides import Release, SlidingOverride
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
-from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.registry import solver
 from henon_ref.truth.balls import enclose
 from henon_ref.truth.multiprecision.mode_selection import ModeSelection

@@ -7,7 +7,8 @@ import sympy as sp
 from problems import make_problem
 
 from henon_ref.errors import ModelError
-from henon_ref.filippov.system import FilippovSystem, Release, SlidingOverride
+from henon_ref.filippov.overrides import Release, SlidingOverride
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 x1, x2, s = sp.symbols("x1 x2 s", real=True)

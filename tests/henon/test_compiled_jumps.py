@@ -12,9 +12,10 @@ import sympy as sp
 
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
+from henon_ref.filippov.overrides import Reset
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resting import with_resting
-from henon_ref.filippov.system import FilippovSystem, Reset
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon import mode_table
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.jump_code import jump_code

@@ -7,9 +7,10 @@ from math import pi
 import pytest
 import sympy as sp
 
+from henon_ref.filippov.overrides import Reset
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resting import with_resting
-from henon_ref.filippov.system import FilippovSystem, Reset
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.registry import solver
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory

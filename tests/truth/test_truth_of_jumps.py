@@ -7,9 +7,10 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.casefile.case import parse_case
+from henon_ref.filippov.overrides import Reset
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resting import with_resting
-from henon_ref.filippov.system import FilippovSystem, Reset
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.precision import working_precision
 from henon_ref.registry import solver
 from henon_ref.truth.conditioning import conditioning

@@ -44,8 +44,10 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
             raise EndedError(f"the model does not hold at the start: {expression} < 0", "invalid")
     mode: list[int] = []
     on: list[int] = []
+    without_value: list[int] = []
     for i, h in enumerate(model.surfaces):
-        sign = sign_of(enclose(h, dict(zip(model.symbols, box, strict=True))))
+        value = enclose(h, dict(zip(model.symbols, box, strict=True)))
+        sign = 1 if i in system.kinks and not value.is_finite() else sign_of(value)
         if sign == 0:
             if not at.vanishes(h):
                 raise UndecidedError(f"the start's side of {system.sign_names[i]} cannot be told", "start")
@@ -56,6 +58,11 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
                 f"the start is off the surface of {system.sign_names[i]}: its mode is {sign:+d}", "invalid"
             )
         mode.append(sign)
+        if not value.is_finite():
+            without_value.append(i)
+    if not set(without_value) <= system.unused_kinks(tuple(mode)):
+        name = system.sign_names[without_value[0]]
+        raise UndecidedError(f"the surface of {name} has no value at the start", "start")
     open_ones = tuple(i for i in on if i not in problem.initial_mode)
     for i in open_ones:
         impact = impact_of(system, i) if system.rests(i) else None

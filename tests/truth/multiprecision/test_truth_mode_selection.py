@@ -9,7 +9,8 @@ import sympy as sp
 from flint import arb, ctx
 
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.system import FilippovSystem, SlidingOverride
+from henon_ref.filippov.overrides import SlidingOverride
+from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.multiprecision.mode_selection import ModeSelection, Point
 
