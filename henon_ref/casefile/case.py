@@ -218,7 +218,7 @@ def _reading(
     form = validated(source.tree, file=source.file, within=source.within)
     check_model(source, form)
     expected.check_runs(source, form, solvers)
-    problem, names = build_problem(source, form)
+    problem, names = build_problem(source)
     check_surfaces(source, form, problem)
     after = source.number(("measure", "after"), names.values) if "after" in form.measure.model_fields_set else 0
     if after != 0 and exact_sign(problem.until - after) <= 0:

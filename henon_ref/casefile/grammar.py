@@ -23,6 +23,8 @@ MAX_DEPTH = 60
 """How deep parentheses, calls, signs and powers may nest."""
 MAX_NESTING = 16
 """How deep functions and powers may stand in each other: every solver's derivatives grow with it."""
+MAX_STATES = 256
+"""States, and surfaces, a system may have; work grows with a power of their number."""
 MAX_DIGITS = 400
 """Digits a number may have, and the largest absolute decimal exponent."""
 
@@ -36,7 +38,9 @@ KINK_FUNCTIONS = {"abs": 1, "sign": 1, "min": MANY, "max": MANY, "piecewise": MA
 """Functions allowed in fields, whose kinks and jumps become surfaces, with their arity."""
 EULER = "e"
 CONSTANTS = ("pi", EULER)
-RESERVED = frozenset((*FUNCTIONS, *CONSTANT_FUNCTIONS, *KINK_FUNCTIONS, *CONSTANTS, "π", "t", "mode"))
+NOT_STATES = ("t", "mode")
+"""Keys of ``initial`` that are no state."""
+RESERVED = frozenset((*FUNCTIONS, *CONSTANT_FUNCTIONS, *KINK_FUNCTIONS, *CONSTANTS, "π", *NOT_STATES))
 """Names that a state, parameter or sign symbol may not have."""
 
 _LETTER = "A-Za-zΑ-ΡΣ-Ωα-ω"

@@ -6,15 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from henon_ref.casefile.grammar import may_have_kinks
+from henon_ref.casefile.grammar import NOT_STATES, may_have_kinks
 from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode, child, merged
 from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import CaseError
 
 SURFACES_OF = {"friction": 1, "stop": 1}
 """Kind of connection -> the surfaces that it makes."""
-NO_STATES = ("t", "mode")
-"""Keys of ``initial`` that are no state."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +78,7 @@ def _sizes(reading: MappingNode, path: Path) -> tuple[int, int]:
         if isinstance(states, SequenceNode) and isinstance(surfaces, MappingNode):
             return len(states.items), len(surfaces.entries)
     elif isinstance(initial, MappingNode):  # a scene's states stand in its start
-        return sum(key not in NO_STATES for key in initial.entries), _contacts(reading)
+        return sum(key not in NOT_STATES for key in initial.entries), _contacts(reading)
     raise CaseError("there is no model: give 'system' or 'scene', and 'initial'", file=str(path))
 
 

@@ -1,15 +1,13 @@
-"""A checked case form to an initial-value problem in exact numbers, and the text that identifies it."""
+"""A case file's tree to an initial-value problem in exact numbers, and the text that identifies it."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
-from henon_ref.casefile.assembly import Scene
-from henon_ref.casefile.scene import build_scene
-from henon_ref.casefile.schema import CaseForm
+from henon_ref.casefile.grammar import NOT_STATES
 from henon_ref.casefile.source import Names, Source
 from henon_ref.casefile.written_system import build_overrides, build_resets, build_system
 from henon_ref.errors import ModelError
@@ -26,10 +24,13 @@ from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
+if TYPE_CHECKING:
+    from henon_ref.casefile.assembly import Scene
+
 NO_VALUE = (sp.nan, sp.zoo, sp.oo, -sp.oo)
 
 
-def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
+def build_problem(source: Source) -> tuple[Problem, Names]:
     """The problem that one reading of a case states.
 
     Raises
@@ -38,39 +39,38 @@ def build_problem(source: Source, form: CaseForm) -> tuple[Problem, Names]:
         At the place of the first thing that does not fit.
     """
     keys = ("system", "scene", "sliding", "resets")
-    system, names = source.once("system", keys, lambda: build_model(source, form))
-    start = source.number(("initial", "t"), names.values) if "t" in form.initial.model_fields_set else sp.Integer(0)
+    system, names = source.once("system", keys, lambda: build_model(source))
+    start = source.number(("initial", "t"), names.values) if "t" in source.keys(("initial",)) else sp.Integer(0)
     until = source.number(("until",), names.values)
     if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
         raise source.error(("until",), f"'until' must be later than the start, t = {start}")
-    problem = Problem(system, start, _initial(source, form, names), until)
+    problem = Problem(system, start, _initial(source, names), until)
     _check_start(source, problem)
-    if form.scene is not None:
+    if source.has_scene:
         _check_stops(source, problem)
-    return replace(problem, initial_mode=_initial_mode(source, form, problem)), names
+    return replace(problem, initial_mode=_initial_mode(source, problem)), names
 
 
-def build_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
+def build_model(source: Source) -> tuple[FilippovSystem, Names]:
     """The system that one reading of a case is about, and what its names stand for."""
-    system, names = written_model(source, form)
+    system, names = written_model(source)
     return with_rational_exponents(system), names
 
 
-def written_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names]:
+def written_model(source: Source) -> tuple[FilippovSystem, Names]:
     """The same with exponents as they are written."""
-    if form.scene is not None:
+    if source.has_scene:
         scene, names = read_scene(source)
         system = scene.system()
     else:
-        assert form.system is not None
-        system, names = build_system(source, form.system)
-    overrides = build_overrides(source, form, names)
+        system, names = build_system(source)
+    overrides = build_overrides(source, names)
     for i in overrides.keys() & system.resets.keys():
         message = f"'{system.sign_names[i]}' is a hard stop, on which a body rests in its own way"
         raise source.error(("sliding", system.sign_names[i]), message, key=True)
     if overrides:
         system = replace(system, overrides={**system.overrides, **overrides})
-    resets = build_resets(source, form, names, system)
+    resets = build_resets(source, names, system)
     if resets:
         system = with_resting(replace(system, resets={**system.resets, **resets}))
     return with_held_loops(system), names
@@ -78,6 +78,8 @@ def written_model(source: Source, form: CaseForm) -> tuple[FilippovSystem, Names
 
 def read_scene(source: Source) -> tuple[Scene, Names]:
     """The scene of a case that has one, read once for all readings that share it."""
+    from henon_ref.casefile.scene import build_scene  # few systems are scenes, and the kinds of connections are many
+
     return source.once("scene", ("scene",), lambda: build_scene(source))
 
 
@@ -126,8 +128,8 @@ def _override_text(override: SlidingOverride) -> dict[str, Any]:
     return text
 
 
-def _initial(source: Source, form: CaseForm, names: Names) -> tuple[sp.Expr, ...]:
-    given = form.initial.__pydantic_extra__ or {}
+def _initial(source: Source, names: Names) -> tuple[sp.Expr, ...]:
+    given = [name for name in source.keys(("initial",)) if name not in NOT_STATES]
     for name in given:
         if name not in names.states:
             message = f"'{name}' is no state{did_you_mean(name, names.states)}; states: {listed(names.states)}"
@@ -191,11 +193,12 @@ def _start(problem: Problem) -> dict[sp.Symbol, sp.Expr]:
     return {TIME: problem.start, **dict(zip(problem.system.states, problem.initial, strict=True))}
 
 
-def _initial_mode(source: Source, form: CaseForm, problem: Problem) -> dict[int, int]:
+def _initial_mode(source: Source, problem: Problem) -> dict[int, int]:
     order = list(problem.system.sign_names)
     modes = {}
-    for name, entry in form.initial.mode.items():
+    for name in source.keys(("initial", "mode")):
         path = ("initial", "mode", name)
+        entry = int(source.text(path))
         if name not in order:
             message = f"'{name}' is no surface{did_you_mean(name, order)}; surfaces: {listed(order)}"
             raise source.error(path, message, key=True)

@@ -1,7 +1,8 @@
 """The case file's form: which keys there are, what they hold, and what is said where they do not.
 
 The models only check form; what the expressions in them mean is checked where they are read
-(:mod:`henon_ref.casefile.problem`, :mod:`henon_ref.casefile.expected`).
+(:mod:`henon_ref.casefile.problem`, :mod:`henon_ref.casefile.expected`). A system is built of the tree, not of them:
+what comes from Python does without them where it plainly fits (:mod:`henon_ref.casefile.model_form`).
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
+from henon_ref.casefile.grammar import MAX_STATES
+from henon_ref.casefile.model_form import DATE
 from henon_ref.casefile.scene_schema import bodies_schema, connections_schema
 from henon_ref.text import shortened
 
@@ -22,15 +25,10 @@ DEFAULT_TOLERANCES = (1e-6, 1e-9, 1e-12)
 DEFAULT_STEPS = (1e-3,)
 MAX_NAME = 64
 """Characters the name of a case or of a reading may have: files are called after both."""
-MAX_STATES = 256
-"""States, and surfaces, a system may have; work grows with a power of their number."""
 
 ExpectedVerdict = Literal["ill-conditioned"]
 ExpectedStatus = Literal["ok", "diverged", "nonunique", "invalid", "failed"]
 GateStatus = Literal["ok", "wrong", "diverged", "nonunique", "invalid", "unsupported"]
-
-
-_DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}")
 
 
 def _expression(value: Any) -> str:
@@ -38,7 +36,7 @@ def _expression(value: Any) -> str:
         raise ValueError("must be a number or an expression (text)")
     if isinstance(value, Decimal) and not value.is_finite():
         raise ValueError("must be a finite number or an expression")
-    if isinstance(value, str) and _DATE.fullmatch(value.strip()):
+    if isinstance(value, str) and DATE.fullmatch(value.strip()):
         raise ValueError(f"{value.strip()} is a date; a difference is written with blanks, as in 3 - 2 - 1")
     return str(value)
 

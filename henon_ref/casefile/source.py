@@ -12,7 +12,7 @@ import sympy as sp
 from henon_ref.casefile.expressions import check_sides, parse_expression, parse_field, parse_number
 from henon_ref.casefile.grammar import name_problem, scan
 from henon_ref.casefile.kinks import MAX_INNER, Kinks, at_signs, without_signs
-from henon_ref.casefile.tree import MappingNode, ScalarNode, child, locate
+from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child, locate
 from henon_ref.errors import CaseError, ExpressionError
 from henon_ref.filippov.work import Work
 from henon_ref.taylor.tape import TIME
@@ -50,6 +50,21 @@ class Source:
         """The keys of a mapping, none where there is no mapping."""
         node = child(self.tree, path)
         return list(node.entries) if isinstance(node, MappingNode) else []
+
+    @property
+    def has_scene(self) -> bool:
+        """Whether the model is a scene, not a system that is written out."""
+        return isinstance(self.tree.entries.get("scene"), MappingNode)
+
+    def length(self, path: Path) -> int:
+        """How many entries a list has, 0 where there is no list."""
+        node = child(self.tree, path)
+        return len(node.items) if isinstance(node, SequenceNode) else 0
+
+    def word(self, path: Path, default: str) -> str:
+        """A word of the file, or what stands for it where it is left out."""
+        node = child(self.tree, path)
+        return default if node is None else self.text(path)
 
     def expression(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> sp.Expr:
         """A smooth expression (see :func:`henon_ref.casefile.expressions.parse_expression`)."""

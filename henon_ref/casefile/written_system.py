@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import sympy as sp
 
-from henon_ref.casefile.grammar import may_have_kinks, name_problem
+from henon_ref.casefile.grammar import MAX_STATES, may_have_kinks, name_problem
 from henon_ref.casefile.kinks import Kinks
-from henon_ref.casefile.schema import MAX_STATES, CaseForm, SlidingForm, SystemForm
 from henon_ref.casefile.source import Names, Path, Source, resolved
 from henon_ref.columns import JUDGED_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.filippov.overrides import Release, Reset, SlidingOverride
@@ -22,7 +23,7 @@ TAKEN = frozenset((*TRANSITION_COLUMNS, *JUDGED_COLUMNS))
 """Columns of ``transitions.csv``, where a state's column has the name of the state."""
 
 
-def build_system(source: Source, form: SystemForm) -> tuple[FilippovSystem, Names]:
+def build_system(source: Source) -> tuple[FilippovSystem, Names]:
     """The system that a case file writes out.
 
     Raises
@@ -31,15 +32,13 @@ def build_system(source: Source, form: SystemForm) -> tuple[FilippovSystem, Name
         At the place of a name that is taken or not known, an expression that is not allowed, or a field
         whose length is not that of the state.
     """
-    states, signs = list(form.state), list(form.surfaces)
+    states = [source.text(("system", "state", i)) for i in range(source.length(("system", "state")))]
+    signs, rates = source.keys(("system", "surfaces")), source.length(("system", "field"))
     values = source.parameters(("system", "parameters"))
     _check_names(source, states, signs, set(values))
     names = Names.of(states, signs, values)
-    if len(form.field) != len(states):
-        raise source.error(
-            ("system", "field"),
-            f"'field' has {len(form.field)} entries; it needs one for each state ({len(states)}): {listed(states)}",
-        )
+    if rates != len(states):
+        raise source.error(("system", "field"), _wrong_length(rates, states))
     kinks = Kinks(names.exact_parameters())
     surfaces, values_of = _guards(source, names, signs, kinks)
     field = []
@@ -52,7 +51,7 @@ def build_system(source: Source, form: SystemForm) -> tuple[FilippovSystem, Name
     made = {**surfaces, **kinks.surfaces}
     branches = {sign for sign in surfaces if sign.name not in signs or values_of[sign] != sign}
     names = Names.of(states, [sign.name for sign in made], values)
-    valid = [names.smooth(source, ("system", "valid", i)) for i in range(len(form.valid))]
+    valid = [names.smooth(source, ("system", "valid", i)) for i in range(source.length(("system", "valid")))]
     system = FilippovSystem(
         states=tuple(names.states.values()),
         signs=tuple(names.signs.values()),
@@ -124,27 +123,28 @@ def _check_names(source: Source, states: list[str], signs: list[str], parameters
             seen[name] = kind
 
 
-def build_overrides(source: Source, form: CaseForm, names: Names) -> dict[int, SlidingOverride]:
+def build_overrides(source: Source, names: Names) -> dict[int, SlidingOverride]:
     """The sliding modes that the case does in its own way, by the index of their surface."""
     overrides = {}
-    for sign, sliding in form.sliding.items():
-        index = _surface(source, form, names, ("sliding", sign), "sliding of one's own")
-        overrides[index] = _override(source, sign, sliding, names)
+    for sign in source.keys(("sliding",)):
+        index = _surface(source, names, ("sliding", sign), "sliding of one's own")
+        overrides[index] = _override(source, sign, names)
     return overrides
 
 
-def _surface(source: Source, form: CaseForm, names: Names, path: tuple[str, str], what: str) -> int:
+def _surface(source: Source, names: Names, path: tuple[str, str], what: str) -> int:
     """Index of the surface that a key names, which has no kinks."""
     order, sign = list(names.signs), path[1]
     if sign not in order:
         message = f"'{sign}' is no surface{did_you_mean(sign, order)}; surfaces: {listed(order)}"
         raise source.error(path, message, key=True)
-    if form.system is not None and f"{sign}_2" in order and f"{sign}_2" not in form.system.surfaces:
+    own = source.keys(("system", "surfaces"))
+    if sign in own and f"{sign}_2" in order and f"{sign}_2" not in own:
         raise source.error(path, f"{what} on '{sign}', whose surface has kinks, is not there yet", key=True)
     return order.index(sign)
 
 
-def build_resets(source: Source, form: CaseForm, names: Names, system: FilippovSystem) -> dict[int, Reset]:
+def build_resets(source: Source, names: Names, system: FilippovSystem) -> dict[int, Reset]:
     """The jumps of the state, by the index of their surface.
 
     Raises
@@ -154,9 +154,9 @@ def build_resets(source: Source, form: CaseForm, names: Names, system: FilippovS
         leaves every state as it is.
     """
     resets = {}
-    for sign, reset in form.resets.items():
+    for sign in source.keys(("resets",)):
         path = ("resets", sign)
-        index = _surface(source, form, names, path, "a reset")
+        index = _surface(source, names, path, "a reset")
         if index in system.resets:
             raise source.error(path, f"'{sign}' is a hard stop of the scene, which has its own reset", key=True)
         if index in system.overrides:
@@ -165,7 +165,7 @@ def build_resets(source: Source, form: CaseForm, names: Names, system: FilippovS
         if index in system.kinks:
             raise source.error(path, f"'{sign}' is a kink of the field; a reset is on a surface", key=True)
         values = {}
-        for name in reset.map:
+        for name in source.keys((*path, "map")):
             place = (*path, "map", name)
             if name not in names.states:
                 message = f"'{name}' is no state{did_you_mean(name, names.states)}; states: {listed(names.states)}"
@@ -175,23 +175,25 @@ def build_resets(source: Source, form: CaseForm, names: Names, system: FilippovS
             values[names.states[name]] = names.smooth(source, place)
         if all(x == value for x, value in values.items()):
             raise source.error((*path, "map"), "the map leaves every state as it is; leave the reset out", key=True)
-        resets[index] = Reset(values, reset.when, float(reset.priority))
+        resets[index] = Reset(values, priority=float(source.word((*path, "priority"), "0")))
     return resets
 
 
-def _override(source: Source, sign: str, form: SlidingForm, names: Names) -> SlidingOverride:
+def _override(source: Source, sign: str, names: Names) -> SlidingOverride:
     others = [name for name in names.signs if name != sign]
-    if len(form.field) != len(names.states):
-        raise source.error(
-            ("sliding", sign, "field"),
-            f"'field' has {len(form.field)} entries; it needs one for each state ({len(names.states)}): "
-            f"{listed(names.states)}",
-        )
-    field = [names.smooth(source, ("sliding", sign, "field", i), signs=others) for i in range(len(form.field))]
-    releases = [
-        Release(
-            names.smooth(source, ("sliding", sign, "release", i, "when"), signs=others), release.direction, release.to
-        )
-        for i, release in enumerate(form.release)
-    ]
-    return SlidingOverride(tuple(field), tuple(releases), form.entry)
+    path = ("sliding", sign)
+    rates = source.length((*path, "field"))
+    if rates != len(names.states):
+        raise source.error((*path, "field"), _wrong_length(rates, names.states))
+    field = [names.smooth(source, (*path, "field", i), signs=others) for i in range(rates)]
+    releases = []
+    for i in range(source.length((*path, "release"))):
+        when = names.smooth(source, (*path, "release", i, "when"), signs=others)
+        rising = source.text((*path, "release", i, "direction")) == "rising"
+        releases.append(Release(when, "rising" if rising else "falling", int(source.text((*path, "release", i, "to")))))
+    inside = source.word((*path, "entry"), "attracting") == "inside"
+    return SlidingOverride(tuple(field), tuple(releases), "inside" if inside else "attracting")
+
+
+def _wrong_length(rates: int, states: Collection[str]) -> str:
+    return f"'field' has {rates} entries; it needs one for each state ({len(states)}): {listed(states)}"

@@ -12,12 +12,11 @@ import numpy as np
 from henon_ref.casefile.problem import build_problem, unused_at_start
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, Node
-from henon_ref.casefile.validation import validated
 from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.filippov.bounds import put
 from henon_ref.filippov.problem import Problem
 from henon_ref.precision import one_at_a_time
-from henon_ref.simulation.system import System, argument_error
+from henon_ref.simulation.system import System, argument_error, check_form
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed, shortened
@@ -91,7 +90,8 @@ def problem_of(
     source = Source(mapping({**system.tree.entries, **read}), work=system.work())
     try:
         with one_at_a_time():
-            problem, _ = build_problem(source, validated(source.tree, file=None))
+            check_form(source.tree)
+            problem, _ = build_problem(source)
             _check_surfaces(problem)
             return system, problem
     except HenonRefError as error:

@@ -10,20 +10,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.errors import ArgumentError
-from henon_ref.figures.motion import Motion
 from henon_ref.filippov.modes import Mode
 from henon_ref.henon.records import RESET, transition_dtype
 from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.simulation.dense_output import DenseOutput, checked_times
 from henon_ref.simulation.launch import Launch
 from henon_ref.simulation.outcome import Outcome
-from henon_ref.simulation.plot import plotted
 from henon_ref.simulation.tables import stick_table, transition_table
 from henon_ref.trajectory import Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+
+    from henon_ref.figures.motion import Motion
 
 PLOTTED = 4000
 """Times at which a plotted solution is looked at, besides the ends of its steps."""
@@ -162,6 +162,8 @@ class Solution(Outcome):
         """
         if self.sol is None or self.sol.end <= self.sol.start:
             raise ArgumentError("nothing to plot: it takes dense output, and a run that has left its start")
+        from henon_ref.simulation.plot import plotted
+
         return plotted(self.system.model, self.motion(PLOTTED, self.t), x, y, ax)
 
     def motion(self, count: int, more: ArrayLike = ()) -> Motion:
@@ -174,6 +176,8 @@ class Solution(Outcome):
         """
         if self.sol is None:
             raise ArgumentError("without dense output there is nothing to draw: simulate with dense_output=True")
+        from henon_ref.figures.motion import Motion
+
         changes = self._changes["time"]
         jumps = np.nextafter(changes[self._changes["kind"] == RESET], -np.inf)
         times = np.unique(np.concatenate([np.linspace(self.sol.start, self.sol.end, count), changes, jumps, more]))

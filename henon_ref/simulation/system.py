@@ -11,17 +11,13 @@ from typing import Any, NamedTuple
 
 import sympy as sp
 
-from henon_ref.casefile.case import load_case, reading_sources
 from henon_ref.casefile.expressions import parse_expression, parse_number
+from henon_ref.casefile.model_form import plainly_fits
 from henon_ref.casefile.problem import written_model
-from henon_ref.casefile.scene import conditions
 from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
-from henon_ref.casefile.validation import validated
-from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
 from henon_ref.filippov.exponents import parameters_in_exponents, with_rational_exponents
-from henon_ref.filippov.latex import latex
 from henon_ref.filippov.work import Work, names_in
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
@@ -141,6 +137,9 @@ class System:
         """
         if not (reading is None or isinstance(reading, str)):
             raise ArgumentError(f"reading is {str(reading)[:60]!r}; wanted the name of a reading, or None")
+        from henon_ref.casefile.case import load_case, reading_sources  # what only files need
+        from henon_ref.casefile.yaml_file import read_yaml
+
         case = load_case(path)
         chosen = case.readings[0] if reading is None else case.reading(reading)
         self = cls.__new__(cls)
@@ -167,12 +166,11 @@ class System:
         return self
 
     def _read(self, tree: MappingNode) -> None:
-        kept = {key: tree.entries[key] for key in MODEL_KEYS if key in tree.entries}
-        self.tree = mapping({**kept, **{key: tree_of(value, key) for key, value in _REST.items()}})
+        self.tree = mapping({key: tree.entries[key] for key in MODEL_KEYS if key in tree.entries})
         try:
-            self._form = validated(self.tree, file=None)
+            check_form(self.tree)
             with one_at_a_time():
-                self._written, self._names = written_model(Source(self.tree), self._form)
+                self._written, self._names = written_model(Source(self.tree))
                 self.model = with_rational_exponents(self._written)
         except HenonRefError as error:
             raise argument_error(error) from None
@@ -261,12 +259,16 @@ class System:
     @cached_property
     def conditions(self) -> list[sp.Expr]:
         """What a scene wants of its parameters (see :func:`henon_ref.casefile.scene.conditions`)."""
-        return conditions(Source(self.tree)) if self._form.scene else []
+        if not Source(self.tree).has_scene:
+            return []
+        from henon_ref.casefile.scene import conditions
+
+        return conditions(Source(self.tree))
 
     @cached_property
     def independent_parameters(self) -> frozenset[str]:
         """Parameters that stand in no other one's expression, and in no exponent: other values change nothing else."""
-        tree = child(self.tree, ["system" if self._form.system else "scene", "parameters"])
+        tree = child(self.tree, ["system" if "system" in self.tree.entries else "scene", "parameters"])
         nodes = tree.entries.values() if isinstance(tree, MappingNode) else ()
         used = {name for node in nodes if isinstance(node, ScalarNode) for name in names_in(node.text)}
         return frozenset(self._names.values) - used - self.exponent_parameters
@@ -316,6 +318,8 @@ class System:
         return f"System({'; '.join(part for part in (listed(self.state, 8), surfaces + more, values) if part)})"
 
     def _repr_html_(self) -> str:
+        from henon_ref.filippov.latex import latex
+
         model = self.model
         rows = [(rf"\dot{{{latex(x)}}}", _formula(f)) for x, f in zip(model.states, model.field, strict=True)]
         rows += [
@@ -355,6 +359,21 @@ def argument_error(error: HenonRefError) -> ArgumentError:
     return ArgumentError(str(getattr(error, "message", error)))
 
 
+def check_form(tree: MappingNode) -> None:
+    """Check the form of a model, and of the start and horizon that may stand beside it.
+
+    Raises
+    ------
+    CaseError
+        For the first key or value that does not fit.
+    """
+    if not plainly_fits(tree):
+        from henon_ref.casefile.validation import validated
+
+        rest = {key: tree_of(value, key) for key, value in _REST.items()}
+        validated(mapping({**rest, **tree.entries}), file=None)
+
+
 def _short(expression: sp.Expr) -> str:
     text = str(expression) if size(expression, LONGEST_SHOWN) <= LONGEST_SHOWN else "..."
     return text if len(text) <= 40 else text[:37] + "..."
@@ -362,5 +381,7 @@ def _short(expression: sp.Expr) -> str:
 
 def _formula(expression: sp.Expr) -> str:
     if size(expression, LONGEST_SHOWN) <= LONGEST_SHOWN:
+        from henon_ref.filippov.latex import latex
+
         return f"${html.escape(latex(expression))}$"
     return "<code>...</code>"

@@ -28,7 +28,8 @@ _named_tuple: Any = namedtuple
 def columns_of(system: FilippovSystem, transitions: Sequence[Transition]) -> dict[str, NDArray[Any]]:
     """By name, the columns of a table of transitions: COLUMNS, then the states."""
     if not isinstance(transitions, TransitionArray):  # there are none
-        return {name: np.zeros(0, dtype=object) for name in COLUMNS} | dict.fromkeys(system.state_names, np.zeros(0))
+        words = dict.fromkeys(COLUMNS, np.zeros(0, dtype=object))
+        return {**words, "time_s": np.zeros(0), **dict.fromkeys(system.state_names, np.zeros(0))}
     records = transitions.records
     texts = np.array([mode_text(mode, system.sign_names) for mode in transitions.modes], dtype=object)
     return {
@@ -58,14 +59,17 @@ def transition_table(system: FilippovSystem, transitions: Sequence[Transition]) 
     """A row a transition: COLUMNS, then the states by name."""
     import pandas as pd
 
-    return pd.DataFrame(columns_of(system, transitions)).astype({"time_s": float})
+    return pd.DataFrame(columns_of(system, transitions))
 
 
 def stick_table(system: FilippovSystem, transitions: Sequence[Transition], start: float) -> pd.DataFrame:
     """A row a whole stick, in order of their ends: one that the end of the run cuts off is left out."""
     import pandas as pd
 
-    names = system.sign_names
-    rows = [(s.start, s.duration, names[s.surface]) for s in sticks(transitions, start=start, after=start)]
-    table = pd.DataFrame(rows, columns=list(STICK_COLUMNS))
-    return table if rows else table.astype({"start_s": float, "duration_s": float})
+    found = sticks(transitions, start=start, after=start)
+    columns = (
+        np.array([s.start for s in found], dtype=np.float64),
+        np.array([s.duration for s in found], dtype=np.float64),
+        np.array([system.sign_names[s.surface] for s in found], dtype=object),
+    )
+    return pd.DataFrame(dict(zip(STICK_COLUMNS, columns, strict=True)))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,11 @@ from numpy.typing import NDArray
 from henon_ref.errors import HenonRefError
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.pairs import decimal_pairs
+from henon_ref.henon.points import Keep
 from henon_ref.simulation.compiled import integrator_of, local_error
 from henon_ref.sweeps.kernel import Ended, joined, refused_runs, run_points, together
 from henon_ref.sweeps.observations import Observation
-from henon_ref.sweeps.parameter_values import following, number_values, parameter_values
+from henon_ref.sweeps.parameter_values import PointNumbers
 from henon_ref.sweeps.points import Vector
 from henon_ref.sweeps.refusals import refusals
 from henon_ref.sweeps.runs import Columns, Runs, Settings
@@ -26,6 +28,10 @@ from henon_ref.sweeps.sections import Section, with_sections
 
 POINTS = "points"
 """The table with a row a point."""
+START, UNTIL = "initial time", "horizon"
+"""What these two numbers go by beside states, whose names have no blank."""
+KEPT_SYSTEMS = 64
+"""Systems of one sweep that are kept: another one for each set of exponents."""
 KEPT_SWEEPS = 8
 """Sweeps of which a worker keeps what it has read."""
 
@@ -52,23 +58,43 @@ class Work:
     """Of the points' values."""
     chain: int
 
+    @cached_property
+    def numbers(self) -> PointNumbers:
+        """What gives the points' numbers: initial values by their states, then ``start`` and ``until``."""
+        settings = self.settings
+        swept = frozenset(self.names) - frozenset(settings.system.state)
+        return PointNumbers(settings.system, swept, {**settings.initial, START: settings.start, UNTIL: settings.until})
+
+    @cached_property
+    def keep(self) -> Keep:
+        """Transitions that some observation is computed from."""
+        return together([o.kept(self.settings.system) for o in self.observations])
+
+    @cached_property
+    def prepared(self) -> Callable[..., tuple[Integrator, dict[sp.Expr, Section]]]:
+        """See :meth:`_prepared`; what it returns is kept."""
+        return lru_cache(maxsize=KEPT_SYSTEMS)(self._prepared)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
     def pickled(self) -> bytes:
         """As bytes; functions of one's own go along by value, wherever they are defined."""
         import cloudpickle
 
         return bytes(cloudpickle.dumps(self))
 
-    def prepared(self, exponents: Mapping[str, float] | None = None) -> tuple[Integrator, dict[sp.Expr, Section]]:
-        """The compiled system, sections included, and where each section stands; compiled at the first call.
+    def _prepared(self, *exponents: tuple[str, float]) -> tuple[Integrator, dict[sp.Expr, Section]]:
+        """The compiled system, sections included, and where each section stands.
 
         Parameters
         ----------
-        exponents : mapping, optional
-            Values of parameters that stand in exponents: with others it is another system.
+        *exponents : tuple of str and float
+            Parameters that stand in exponents, and their values: with others it is another system.
         """
         system = self.settings.system
         wanted = [e for o in self.observations for e in o.sections(system)]
-        whole, sections = with_sections(system.with_parameters(exponents) if exponents else system, wanted)
+        whole, sections = with_sections(system.with_parameters(dict(exponents)) if exponents else system, wanted)
         return integrator_of(whole, local_error(self.settings.rtol)), sections
 
 
@@ -78,19 +104,21 @@ def _unpickled(work: bytes) -> Work:
     return made
 
 
-def execute(work: bytes, first: int, values: Vector) -> Tables:
-    """Do a chunk.
+def execute(work: bytes, first: int, values: Vector, size: int) -> tuple[list[Tables], float]:
+    """Do some chunks that follow each other, their points in one go: their tables, and the time that it took [s].
 
     Parameters
     ----------
     work : bytes
         :meth:`Work.pickled`.
     first : int
-        Number of the chunk's first point in the sweep.
+        Number of their first point in the sweep.
     values : ndarray, shape (K, k)
-        The chunk's points.
+        Their points.
+    size : int
+        Points a chunk; the last one may have fewer.
     """
-    made = _unpickled(work)
+    began, made = perf_counter(), _unpickled(work)
     columns = {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(made.names)}
     runs = run_chunk(made, columns, len(values), first)
     points: Columns = {"status": runs.status}
@@ -99,8 +127,22 @@ def execute(work: bytes, first: int, values: Vector) -> Tables:
         points |= observation.columns(runs)
         for name, table in observation.tables(runs).items():
             ragged[name] = {**table, "point": table["point"] + first}
-    refused = tuple(f"{runs.told(k)}: {runs.message[k]}" for k in np.flatnonzero(runs.refused).tolist())
-    return Tables(points, ragged, refused)
+    refused = {k: f"{runs.told(k)}: {runs.message[k]}" for k in np.flatnonzero(runs.refused).tolist()}
+    found = [
+        Tables(
+            {name: column[k : k + size] for name, column in points.items()},
+            {name: _rows(table, first + k, first + k + size) for name, table in ragged.items()},
+            tuple(words for point, words in refused.items() if k <= point < k + size),
+        )
+        for k in range(0, len(values), size)
+    ]
+    return found, perf_counter() - began
+
+
+def _rows(table: Columns, first: int, end: int) -> Columns:
+    """Those of some points."""
+    rows = np.flatnonzero((table["point"] >= first) & (table["point"] < end))
+    return {name: column[rows] for name, column in table.items()}
 
 
 def run_chunk(work: Work, columns: Mapping[str, Vector], count: int, first: int = 0) -> Runs:
@@ -110,18 +152,14 @@ def run_chunk(work: Work, columns: Mapping[str, Vector], count: int, first: int 
     that ends ``failed`` where it starts.
     """
     settings = work.settings
-    names, system = settings.system.state, settings.system
+    names = settings.system.state
     swept = {name: values for name, values in columns.items() if name not in names}
-    parameters = parameter_values(system, swept, count)
-    moved = frozenset(swept) | set(following(system, frozenset(swept)))
-
-    def numbers(value: Any) -> Vector:
-        return np.broadcast_to(number_values(system, value, swept), (count, 2))
-
+    numbers = work.numbers
+    parameters = numbers.parameters(swept, count)
     initial = np.stack(
-        [decimal_pairs(columns[n]) if n in columns else numbers(settings.initial[n]) for n in names], axis=1
+        [decimal_pairs(columns[n]) if n in columns else numbers.number(n, swept, count) for n in names], axis=1
     )
-    start, until = numbers(settings.start), numbers(settings.until)
+    start, until = (numbers.number(name, swept, count) for name in (START, UNTIL))
     highs = {name: pairs[:, 0] for name, pairs in parameters.items()}
     wrong = refusals(settings, columns, highs, initial[:, :, 0], np.column_stack([start[:, 0], until[:, 0]]))
     parts: list[tuple[Any, Ended]] = []
@@ -133,7 +171,7 @@ def run_chunk(work: Work, columns: Mapping[str, Vector], count: int, first: int 
             initial[own[carried]] = decimal_pairs(ended.end_state[carried])
         at_step = {name: v[own] for name, v in parameters.items()}
         times = np.stack([start[own], until[own]], axis=1)
-        parts.append((own, _run_step(work, moved, at_step, initial[own], times, wrong[own])))
+        parts.append((own, _run_step(work, at_step, initial[own], times, wrong[own])))
     return Runs(
         settings=settings,
         sections=work.prepared()[1],
@@ -148,7 +186,6 @@ def run_chunk(work: Work, columns: Mapping[str, Vector], count: int, first: int 
 
 def _run_step(
     work: Work,
-    moved: frozenset[str],
     parameters: Mapping[str, Vector],
     initial: Vector,
     times: Vector,
@@ -156,15 +193,14 @@ def _run_step(
 ) -> Ended:
     """Runs that do not wait for each other; one compiled system for each set of exponents."""
     settings = work.settings
-    keep = together([o.kept(settings.system) for o in work.observations])
-    names = sorted(settings.system.exponent_parameters & moved)
+    names = sorted(settings.system.exponent_parameters & work.numbers.moved)
     refused = wrong != None  # noqa: E711 - entry by entry
     parts = [(np.flatnonzero(refused), refused_runs(wrong[refused], initial[refused], times[refused]))]
 
     def run(integrator: Integrator, own: NDArray[np.int64]) -> None:
         at_own = {name: v[own] for name, v in parameters.items()}
         try:
-            parts.append((own, run_points(integrator, settings, at_own, initial[own], times[own], keep)))
+            parts.append((own, run_points(integrator, settings, at_own, initial[own], times[own], work.keep)))
         except HenonRefError as error:
             if len(own) == 1:
                 parts.append((own, refused_runs([str(error)], initial[own], times[own])))
@@ -181,7 +217,7 @@ def _run_step(
     for k, exponents in enumerate(values.tolist()):
         own = there[which.ravel() == k]
         try:
-            integrator, _ = work.prepared(dict(zip(names, exponents, strict=False)))
+            integrator, _ = work.prepared(*zip(names, exponents, strict=False))
         except HenonRefError as error:
             parts.append((own, refused_runs([str(error)] * len(own), initial[own], times[own])))
         else:

@@ -11,7 +11,6 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.modes import Mode
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.pairs import pair_of
@@ -143,7 +142,7 @@ def refused_runs(messages: Sequence[Any], initial: Vector, times: Vector) -> End
 
 def _exact_points(settings: Settings, values: Vector, initial: Vector, times: Vector) -> Callable[[int], ExactPoint]:
     """What gives the exact numbers of a point that are pairs here: what :func:`simulate` takes in their place."""
-    own = {double_double(value): value for value in settings.system.model.parameters.values()}
+    own = settings.exact_parameters
 
     def number(pair: list[float]) -> Any:
         high, low = pair

@@ -19,26 +19,68 @@ from henon_ref.simulation.written import written
 from henon_ref.sweeps.runs import Vector
 
 
-def parameter_values(system: System, swept: Mapping[str, Vector], count: int) -> dict[str, Vector]:
-    """Every parameter -> its values as pairs of doubles (:mod:`henon_ref.henon.pairs`), shape (count, 2).
+class PointNumbers:
+    """The numbers of points: what is written of them is read once, and evaluated wherever parameters are swept.
 
     Parameters
     ----------
     system : System
-    swept : mapping
-        Parameter -> values, shape (count,).
-    count : int
+    swept : frozenset of str
+        Parameters whose values the points have.
+    numbers : mapping
+        Further numbers by name; one that is text follows swept parameters.
     """
-    exact = {symbol.name: value for symbol, value in system.model.parameters.items()}
-    found = {name: np.tile(double_double(value), (count, 1)) for name, value in exact.items() if name not in swept}
-    found |= {name: decimal_pairs(values) for name, values in swept.items()}
-    for name, expression in _without_others(following(system, frozenset(swept)), swept, exact).items():
-        found[name] = _evaluated(expression, swept, count)
-    return found
+
+    def __init__(self, system: System, swept: frozenset[str], numbers: Mapping[str, object]) -> None:
+        exact = {symbol.name: value for symbol, value in system.model.parameters.items()}
+        names = {name: sp.Symbol(name, real=True) for name in system.parameters}
+        read = following(system, swept)
+        self.moved = swept | read.keys()
+        """Parameters that differ from point to point."""
+        own = _without_others(read, swept, exact)
+        known = {names[name]: value for name, value in {**exact, **own}.items() if name not in swept}
+        self._parameters = {name: _Number(own.get(name, exact[name])) for name in exact if name not in swept}
+        self._numbers = {
+            name: _Number(parse_expression(written(value, "a number"), names).xreplace(known))
+            for name, value in numbers.items()
+        }
+
+    def parameters(self, swept: Mapping[str, Vector], count: int) -> dict[str, Vector]:
+        """Every parameter -> its values as pairs of doubles (:mod:`henon_ref.henon.pairs`), shape (count, 2).
+
+        Parameters
+        ----------
+        swept : mapping
+            Parameter -> values, shape (count,).
+        count : int
+        """
+        found = {name: number.pairs(swept, count) for name, number in self._parameters.items()}
+        return found | {name: decimal_pairs(values) for name, values in swept.items()}
+
+    def number(self, name: str, swept: Mapping[str, Vector], count: int) -> Vector:
+        """Another number likewise, shape (count, 2)."""
+        return self._numbers[name].pairs(swept, count)
+
+
+class _Number:
+    """An expression in swept parameters, at the decimal numbers that these are printed as, to the last bit."""
+
+    def __init__(self, expression: sp.Expr) -> None:
+        symbols = sorted(expression.free_symbols, key=lambda s: s.name)
+        self._names = [symbol.name for symbol in symbols]
+        self._constant = np.zeros(2) if symbols else np.array(double_double(expression))
+        self._program = constant_program(tuple(symbols), (expression,)) if symbols else None
+
+    def pairs(self, swept: Mapping[str, Vector], count: int) -> Vector:
+        if self._program is None:
+            return np.broadcast_to(self._constant, (count, 2))
+        points, places = np.unique(np.column_stack([swept[n] for n in self._names]), axis=0, return_inverse=True)
+        pairs = [_pair_at(self._program, point) for point in points.tolist()]
+        return np.array(pairs).reshape(-1, 2)[places.ravel()]
 
 
 def _without_others(
-    expressions: Mapping[str, sp.Expr], swept: Mapping[str, Vector], exact: Mapping[str, sp.Expr]
+    expressions: Mapping[str, sp.Expr], swept: frozenset[str], exact: Mapping[str, sp.Expr]
 ) -> dict[str, sp.Expr]:
     """Expressions in swept parameters alone: others' own expressions and values put in."""
     known = {sp.Symbol(name, real=True): value for name, value in exact.items() if name not in swept}
@@ -48,17 +90,6 @@ def _without_others(
     return found
 
 
-def _evaluated(expression: sp.Expr, swept: Mapping[str, Vector], count: int) -> Vector:
-    """An expression at the decimal numbers that swept parameters are printed as, to the last bit; shape (count, 2)."""
-    symbols = sorted(expression.free_symbols, key=lambda s: s.name)
-    if not symbols:
-        return np.tile(double_double(expression), (count, 1))
-    points, places = np.unique(np.column_stack([swept[s.name] for s in symbols]), axis=0, return_inverse=True)
-    program = constant_program(tuple(symbols), (expression,))
-    pairs = [_pair_at(program, point) for point in points.tolist()]
-    return np.array(pairs).reshape(-1, 2)[places.ravel()]
-
-
 def _pair_at(program: ConstantProgram, point: Sequence[float]) -> tuple[float, float]:
     """The one expression of a program at a point; NaN where it has no finite value."""
     if not all(map(math.isfinite, point)):
@@ -66,23 +97,6 @@ def _pair_at(program: ConstantProgram, point: Sequence[float]) -> tuple[float, f
     (value,) = program.exact_values([exact_expression(v) for v in point])
     high = float(value)
     return (high, float(value - high)) if math.isfinite(high) else (math.nan, 0.0)
-
-
-def number_values(system: System, value: object, swept: Mapping[str, Vector]) -> Vector:
-    """A number at each point as a pair of doubles, shape (K, 2) or (1, 2): one that is text follows swept parameters.
-
-    Parameters
-    ----------
-    system : System
-    value : number or str
-    swept : mapping
-        Parameter -> values, shape (K,).
-    """
-    names = {name: sp.Symbol(name, real=True) for name in system.parameters}
-    exact = {symbol.name: own for symbol, own in system.model.parameters.items()}
-    read = {**following(system, frozenset(swept)), "": parse_expression(written(value, "a number"), names)}
-    count = len(next(iter(swept.values()))) if swept else 1
-    return _evaluated(_without_others(read, swept, exact)[""], swept, count)
 
 
 def following(system: System, swept: frozenset[str]) -> dict[str, sp.Expr]:

@@ -56,10 +56,10 @@ class Plan:
         """Numbers of the chunks that are still to be done."""
         return [number for number in range(len(self.chunks)) if number not in but]
 
-    def task(self, number: int, pickled: bytes) -> Task:
-        """What a worker is given for a chunk."""
-        chunk = self.chunks[number]
-        return Task(number, (pickled, chunk.start, self.points.values[chunk.start : chunk.stop]))
+    def task(self, numbers: Sequence[int], pickled: bytes) -> Task:
+        """What a worker is given for some chunks that follow each other."""
+        start, stop = self.chunks[numbers[0]].start, self.chunks[numbers[-1]].stop
+        return Task(numbers[0], (pickled, start, self.points.values[start:stop], self.chunk))
 
     @cached_property
     def tables(self) -> dict[str, tuple[str, ...]]:

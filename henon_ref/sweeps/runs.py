@@ -8,12 +8,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.filippov.kinks import HiddenKinks
 from henon_ref.filippov.modes import Mode, mode_text
 from henon_ref.henon.start import MOST_STEPS
-from henon_ref.simulation.system import System
+from henon_ref.simulation.system import System, python_number
 from henon_ref.sweeps.sections import Section
 from henon_ref.text import listed
 
@@ -35,6 +37,11 @@ class Settings:
     rtol: float
     mode: Mapping[str, int] | None = None
     max_steps: int = MOST_STEPS
+
+    @cached_property
+    def exact_parameters(self) -> dict[tuple[float, float], sp.Expr]:
+        """The system's own values by their pairs of doubles."""
+        return {double_double(value): value for value in self.system.model.parameters.values()}
 
 
 def told(point: int, values: Mapping[str, Any]) -> str:
@@ -145,14 +152,22 @@ class Runs:
     def arguments(self) -> Iterator[dict[str, Any]]:
         """For each run, the arguments of ``simulate`` that repeat it."""
         given, names = self.settings, self.system.state
+        start, until = (self._fixed(value) for value in (given.start, given.until))
         for k in range(len(self)):
             point = {name: float(values[k]) for name, values in self.values.items() if name not in names}
             yield {
                 "initial": dict(zip(names, self.start_state[k].tolist(), strict=True)),
                 "parameters": point,
-                "start": given.start,
-                "until": given.until,
+                "start": start,
+                "until": until,
                 "rtol": given.rtol,
                 "mode": given.mode,
                 "max_steps": given.max_steps,
             }
+
+    def _fixed(self, value: Any) -> Any:
+        """A number; text that holds no parameter as one that needs no reading for each run."""
+        if not isinstance(value, str):
+            return value
+        number = self.system.expression(value)
+        return python_number(number) if number.is_Rational else value

@@ -15,7 +15,7 @@ from henon_ref.sweeps.chunk import Tables, execute
 from henon_ref.sweeps.executors import EndedError, check_executor, finished, processors
 from henon_ref.sweeps.manifest import files_of, manifest_of
 from henon_ref.sweeps.observations import Observation
-from henon_ref.sweeps.plan import RTOL, Plan, planned
+from henon_ref.sweeps.plan import MOST_CHUNK, RTOL, Plan, planned
 from henon_ref.sweeps.progress import shown
 from henon_ref.sweeps.storage import SweepFolder
 
@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 _LOG = logging.getLogger(__name__)
 MOST_TOLD = 5
 """Points without a run, of which a warning says why."""
+TASK_SECONDS = 0.05
+"""What a task is to take at least, where it can: short chunks go together, since each task has a price of its own."""
+FASTER = 8
+"""How many times as many chunks as the last one a task has at most."""
 KEPT_NOWHERE = "and lost: nothing is kept without a folder (out=)"
 
 
@@ -159,19 +163,50 @@ def done(
     pickled = plan.work.pickled()
     refused: list[str] = []
     done = len(before)
-    tasks = (plan.task(number, pickled) for number in ahead)
+    groups = _Groups(ahead, max(MOST_CHUNK // plan.chunk, 1))
+    tasks = (plan.task(numbers, pickled) for numbers in groups)
     try:
         with closing(finished(execute, tasks, executor=executor, jobs=min(jobs, len(ahead)))) as results:
-            for number, tables in results:
-                if folder is not None:
-                    folder.write(number, tables)
-                done += 1
-                refused += tables.refused[: MOST_TOLD - len(refused)]
-                progress(len(plan.chunks[number]), False)
-                yield number, tables
+            for first, (chunks, seconds) in results:
+                groups.took(len(chunks), seconds)
+                for number, tables in enumerate(chunks, start=first):
+                    if folder is not None:
+                        folder.write(number, tables)
+                    done += 1
+                    refused += tables.refused[: MOST_TOLD - len(refused)]
+                    progress(len(plan.chunks[number]), False)
+                    yield number, tables
     except EndedError as error:
         there = f"{done} of {len(plan.chunks)} chunks are finished"
         where = f"and lie in {folder.path}; --resume (resume=True) goes on from them" if folder else KEPT_NOWHERE
         raise EndedError(f"{error}; {there} {where}") from error
     for words in refused:
         _LOG.warning("%s", words)
+
+
+class _Groups(Iterator[list[int]]):
+    """Numbers of chunks, those that go together in one task at a time: more of them, the less time they take.
+
+    Parameters
+    ----------
+    numbers : sequence of int
+        In order; a task has such as follow each other.
+    most : int
+        In one task.
+    """
+
+    def __init__(self, numbers: Sequence[int], most: int) -> None:
+        self._numbers, self._most, self._size, self._next = numbers, most, 1, 0
+
+    def took(self, count: int, seconds: float) -> None:
+        """Note how long so many chunks took."""
+        wanted = int(count * min(TASK_SECONDS / max(seconds, 1e-9), FASTER))
+        self._size = min(max(wanted, 1), self._most)
+
+    def __next__(self) -> list[int]:
+        group = list(self._numbers[self._next : self._next + self._size])
+        if not group:
+            raise StopIteration
+        group = [number for k, number in enumerate(group) if number == group[0] + k]
+        self._next += len(group)
+        return group

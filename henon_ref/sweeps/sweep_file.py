@@ -57,7 +57,7 @@ def load_sweep(path: str | Path) -> SweepFile:
     source = Source(MappingNode(tree.place, common, tree.keys, tree.size), str(path))
     case = validated(source.tree, file=str(path))
     check_model(source, case)
-    problem, _ = build_problem(source, case)
+    problem, _ = build_problem(source)
     check_surfaces(source, case, problem)
     whole = Source(tree, str(path))
     system = System.from_tree(source.tree)

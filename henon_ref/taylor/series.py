@@ -69,13 +69,7 @@ def expand(
     outputs : list of ``len(tape.outputs)`` such lists
     """
     solution = [[value] for value in state]
-    series = [solution[node.args[0]] if node.op == "state" else [] for node in tape.nodes]
-    numbers = [[constants[i] for i in node.constants] for node in tape.nodes]
-    steps = [
-        _step(node.op, own, [series[i] for i in node.args], c, time, 1 if unit is None else unit, ring)
-        for node, own, c in zip(tape.nodes, series, numbers, strict=True)
-        if node.op != "state"
-    ]
+    series, steps = _recurrences(tape, constants, time, solution, ring, unit)
     links = [(target, series[source]) for target, source in zip(solution, tape.field, strict=False)]
     outputs = [series[i] for i in tape.outputs]
     for k in range(order + 1):
@@ -87,6 +81,39 @@ def expand(
         for target, rate in links:
             target.append(rate[k] / (k + 1) if part is None else rate[k] * part)
     return solution, outputs
+
+
+def along(
+    tape: Tape, constants: Sequence[Any], time: Any, states: Sequence[Series], order: int, ring: Ring, unit: Any
+) -> tuple[list[Series], list[Any]]:
+    """Taylor coefficients of a tape's outputs along a motion that is known, and the first coefficient of every node.
+
+    Parameters
+    ----------
+    tape, constants, time, order, ring, unit
+        As in :func:`expand`.
+    states : sequence of n lists of ``order + 1`` coefficients
+        In the unit of time.
+    """
+    series, steps = _recurrences(tape, constants, time, states, ring, unit)
+    for k in range(order + 1):
+        for step in steps:
+            step(k)
+    return [series[i] for i in tape.outputs], [own[0] for own in series]
+
+
+def _recurrences(
+    tape: Tape, constants: Sequence[Any], time: Any, states: Sequence[Series], ring: Ring, unit: Any
+) -> tuple[list[Series], list[Step]]:
+    """The series of each node, and what appends a coefficient to each that is no state's."""
+    series = [states[node.args[0]] if node.op == "state" else [] for node in tape.nodes]
+    numbers = [[constants[i] for i in node.constants] for node in tape.nodes]
+    steps = [
+        _step(node.op, own, [series[i] for i in node.args], c, time, 1 if unit is None else unit, ring)
+        for node, own, c in zip(tape.nodes, series, numbers, strict=True)
+        if node.op != "state"
+    ]
+    return series, steps
 
 
 Series = list[Any]

@@ -1,6 +1,7 @@
 """A program: the rates of sweeps, as docs/sweep.md has them.
 
-``python -m tests.support.sweep_rates [friction] [belt] [bifurcation] [workers] [tasks]``; without a name all of them.
+``python -m tests.support.sweep_rates [NAME ...]``: friction, belt, bifurcation, workers, tasks, chunks, extremes;
+without a name all of them.
 """
 
 from __future__ import annotations
@@ -113,10 +114,10 @@ def tasks() -> None:
         stribeck_belt(), {"x": 1, "v": 0}, until=1e-3, grid={"x": np.linspace(-1, 1, 4000)}, observe=[], chunk=1
     )
     pickled = plan.work.pickled()
-    execute(pickled, 0, plan.points.values[:1])
-    alone, _ = timed(lambda: [execute(pickled, k, plan.points.values[k : k + 1]) for k in range(500)])
+    execute(pickled, 0, plan.points.values[:1], 1)
+    alone, _ = timed(lambda: [execute(pickled, k, plan.points.values[k : k + 1], 1) for k in range(500)])
     began = time.perf_counter()
-    given = (Task(k, (pickled, k, plan.points.values[k : k + 1])) for k in range(4000))
+    given = (Task(k, (pickled, k, plan.points.values[k : k + 1], 1)) for k in range(4000))
     results = finished(execute, given, jobs=2)
     for _ in range(100):
         next(results)
@@ -129,6 +130,36 @@ def tasks() -> None:
     print(f"estimate: {each * 1000 * 20:.1f} s a chunk keep 1,000 workers busy with 5 % of it spent on handing out")
 
 
+def chunks() -> None:
+    """2,000 points in default chunks over one chunk, in turn, in one process."""
+    system = stribeck_belt()
+    grid = {"vb": np.linspace(0.1, 1, 2000)}
+    for until in (5, 20):
+        took: dict[int | None, list[float]] = {None: [], 2000: []}
+        for chunk in (None, 2000) * 12:
+            act = lambda chunk=chunk, until=until: hr.sweep(  # noqa: E731
+                system, {"x": 1, "v": 0}, until=until, grid=grid, observe=[hr.observe.final_state()], rtol=1e-9,
+                jobs=1, chunk=chunk,
+            )  # fmt: skip
+            took[chunk].append(timed(act, 1)[0])
+        default, one = (median(times[1:]) for times in took.values())
+        print(f"until {until}: {default * 1e3:.1f} ms over {one * 1e3:.1f} ms, {default / one:.2f}")
+
+
+def extremes() -> None:
+    """Extremes of the velocity of the friction oscillator, 500 runs of 20 s, over the same without them."""
+    system, start = friction_oscillator(), {"x": 0, "v": 0}
+    grid = hr.points.random({"x": {"uniform": [-2, 2]}, "v": {"uniform": [0, 2]}}, count=500, seed=1)
+    took = {}
+    for name, observed in (("with", [hr.observe.extremes("v", after=10)]), ("without", [])):
+        act = lambda observed=observed: hr.sweep(  # noqa: E731
+            system, start, until=20, grid=grid, observe=observed, rtol=1e-8, jobs=1
+        )
+        act()
+        took[name], _ = timed(act)
+    print(f"{took['with'] * 2:.2f} ms a run, without extremes {took['without'] * 2:.2f} ms")
+
+
 if __name__ == "__main__":
-    for name in sys.argv[1:] or ["friction", "belt", "bifurcation", "workers", "tasks"]:
+    for name in sys.argv[1:] or ["friction", "belt", "bifurcation", "workers", "tasks", "chunks", "extremes"]:
         globals()[name]()

@@ -1,0 +1,46 @@
+"""A run of a system from Python loads what it needs: no harness, no form of case files, no figures, no tables."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+RUN = """
+import sys
+import henon_ref as hr
+system = hr.System({system})
+run = hr.simulate(system, {initial}, until=3, parameters={parameters})
+assert run.success, run
+print(*sorted(sys.modules))
+"""
+BELT = '["x", "v"], {"F": 1, "vb": 0.2}, {"s": "v - vb"}, ["v", "-x - F*s"]'
+BALL = '["h", "v"], {"g": 10}, {"s": "h"}, ["v", "-g"], resets={"s": {"map": {"v": "-v/2"}, "priority": 1}}'
+HOLD = (
+    '{"s": {"field": ["v", "0"], "release": [{"when": "2 - x", "direction": "falling", "to": 1}], "entry": "inside"}}'
+)
+NOT_NEEDED = (
+    "pydantic", "ruamel", "pandas", "pyarrow", "matplotlib", "jinja2", "typer", "rich", "heyoka", "sksundae", "loky",
+    "henon_ref.campaign", "henon_ref.report", "henon_ref.cli", "henon_ref.studies", "henon_ref.truth", "baselines",
+    "henon_ref.registry", "henon_ref.sweeps", "henon_ref.figures", "henon_ref.casefile.schema",
+    "henon_ref.casefile.scene", "henon_ref.casefile.connections", "henon_ref.casefile.case",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("system", "initial", "parameters"),
+    [
+        (BELT, {"x": 1, "v": 0}, None),
+        (BELT, {"x": 1, "v": 0.5}, {"F": 2}),
+        (BALL, {"h": 1, "v": 0}, None),
+        (f"{BELT}, sliding={HOLD}", {"x": 1, "v": 0}, None),
+    ],
+)
+def test_a_run_loads_nothing_that_it_does_not_need(system: str, initial: object, parameters: object) -> None:
+    code = RUN.format(system=system, initial=initial, parameters=parameters)
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
+    loaded = found.stdout.split()
+    assert [m for m in loaded if any(m == name or m.startswith(f"{name}.") for name in NOT_NEEDED)] == []
+    if "numba" not in loaded:
+        assert [m for m in loaded if m.startswith("scipy")] == []

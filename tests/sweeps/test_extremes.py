@@ -1,0 +1,95 @@
+"""Extremes along runs: closed forms, a fine grid of the dense output, and the same bits however a sweep is cut."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+from sweep_rates import friction_oscillator
+
+import henon_ref as hr
+
+BALL = hr.System(["h", "v"], {"g": 10, "r": 0.5}, {"s": "h"}, ["v", "-g"], resets={"s": {"map": {"v": "-r*v"}}})
+CLOCK = hr.System(["x", "v"], {"w": 1}, {"s": "x - 9"}, ["v", "-w^2*x"])
+
+
+def extremes(system: hr.System, initial: Any, until: Any, grid: Any, of: str, **how: Any) -> tuple[Any, Any]:
+    after, chunk = how.pop("after", None), how.pop("chunk", None)
+    observed = [hr.observe.extremes(of, after=after, name="e")]
+    table = hr.sweep(system, initial, until=until, grid=grid, observe=observed, jobs=1, chunk=chunk, **how)
+    assert set(table.status) == {"ok"}
+    return table["min_e"].to_numpy(), table["max_e"].to_numpy()
+
+
+@pytest.mark.parametrize(
+    "of", ["v", "x", "x*v", "v - vd", "exp(-x^2)*cos(5*t)", "sin(3*x*v)/(1 + v^2)", "sqrt(4 - t/10)"]
+)
+def test_extremes_are_those_of_a_fine_grid(of: str) -> None:
+    """The friction oscillator: a stick ends where the velocity's derivative is zero on one side."""
+    system, grid = friction_oscillator(), {"x": [-1.5, 0.3, 2.0], "v": [0.1, 1.9]}
+    least, largest = extremes(system, {"x": 0, "v": 0}, 30, grid, of, after=7.3, rtol=1e-9)
+    names = sp.symbols("t x v vd")
+    expression = sp.lambdify(names, sp.sympify(of.replace("^", "**"), {str(n): n for n in names}), "numpy")
+    for k, (x, v) in enumerate((x, v) for x in grid["x"] for v in grid["v"]):
+        run = hr.simulate(system, {"x": x, "v": v}, until=30, rtol=1e-9)
+        t = np.linspace(7.3, 30, 300_001)
+        values = expression(t, *run.sol(t), 1.5)
+        assert least[k] <= values.min() + 1e-14
+        assert largest[k] >= values.max() - 1e-14
+        assert (least[k], largest[k]) == pytest.approx((values.min(), values.max()), abs=1e-7)
+
+
+def test_extremes_at_a_jump_are_of_both_sides() -> None:
+    """A ball falls from h = g/2 in a second: it meets the ground at -g and leaves it at r g."""
+    least, largest = extremes(BALL, {"h": 5, "v": 0}, 1.3, {"r": [0.5, 0.8]}, "v")
+    assert least == pytest.approx([-10, -10], rel=1e-14)
+    assert largest == pytest.approx([5, 8], rel=1e-14)
+
+
+def test_the_top_of_a_parabola() -> None:
+    """h = v t - g t^2/2 up to v^2/(2 g); energy is the same along a flight."""
+    speeds = [1.0, 2.0, 3.0]
+    _, largest = extremes(BALL, {"h": 0.25, "v": 0}, 0.5, {"v": speeds}, "h")
+    assert largest == pytest.approx([0.25 + v * v / 20 for v in speeds], rel=1e-15)
+    least, largest = extremes(BALL, {"h": 0.25, "v": 0}, 0.1, {"v": speeds}, "v^2/2 + g*h")
+    assert least == pytest.approx(largest, rel=1e-14)
+
+
+def test_from_a_time_on() -> None:
+    """x = cos(w t); a time within a step, the horizon itself, and one that no run reaches are taken as they are."""
+    speeds = [0.5, 1.0, 2.0]
+    least, largest = extremes(CLOCK, {"x": 1, "v": 0}, 3, {"w": speeds}, "x", after=2.75)
+    ends = [sorted((math.cos(2.75 * w), math.cos(3 * w))) for w in speeds]
+    ends[1][0] = min(ends[1][0], math.cos(3.0))
+    assert least == pytest.approx([e[0] for e in ends], abs=1e-10)
+    assert largest == pytest.approx([e[1] for e in ends], abs=1e-10)
+    least, _ = extremes(CLOCK, {"x": 1, "v": 0}, 3.5, {"w": [1.0]}, "x", after=2.0)
+    assert least == pytest.approx([-1], abs=1e-10)
+
+
+def test_an_expression_that_has_a_branch_point_where_it_is_least() -> None:
+    """sqrt(h) of a ball that falls: 0 at the ground."""
+    least, largest = extremes(BALL, {"h": 5, "v": 0}, 1, {"r": [0.5]}, "sqrt(h + 1/4)")
+    assert (least, largest) == (pytest.approx([0.5], rel=1e-9), pytest.approx([math.sqrt(5.25)], rel=1e-14))
+
+
+def test_a_run_that_cannot_begin_has_none() -> None:
+    table = hr.sweep(
+        hr.System(["x"], {"a": 1}, {"s": "x"}, ["-a*s"], valid=["a - x"]),
+        {"x": 1}, until=3, grid={"a": [2.0, 0.5]}, observe=[hr.observe.extremes("x")], jobs=1,
+    )  # fmt: skip
+    assert table["max_x"][0] == 1
+    assert table["status"][1] != "ok"
+
+
+def test_the_same_bits_however_a_sweep_is_cut() -> None:
+    grid = {"x": np.linspace(-2, 2, 23).tolist(), "v": [0.1, 1.1]}
+    cuts = [
+        extremes(friction_oscillator(), {"x": 0, "v": 0}, 25, grid, "x*v - t/50", after=3, chunk=chunk)
+        for chunk in (46, 7, 1)
+    ]
+    for cut in cuts[1:]:
+        assert [column.tobytes() for column in cut] == [column.tobytes() for column in cuts[0]]
