@@ -16,9 +16,10 @@ from henon_ref.errors import HenonRefError
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.pairs import decimal_pairs
 from henon_ref.simulation.compiled import integrator_of, local_error
+from henon_ref.simulation.dependent_parameters import following
 from henon_ref.sweeps.kernel import Ended, joined, refused_runs, run_points, together
 from henon_ref.sweeps.observations import Observation
-from henon_ref.sweeps.parameter_values import following, number_values, parameter_values
+from henon_ref.sweeps.parameter_values import number_values, parameter_values
 from henon_ref.sweeps.points import Vector
 from henon_ref.sweeps.refusals import refusals
 from henon_ref.sweeps.runs import Columns, Runs, Settings
