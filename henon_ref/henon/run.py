@@ -27,7 +27,7 @@ from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.henon.workspace import CHUNK
 from henon_ref.jit.njit import in_python
 from henon_ref.jit.processor_time import Deadline
-from henon_ref.trajectory import Counts, Status, Trajectory, Transition
+from henon_ref.trajectory import Counts, Decisions, Status, Trajectory, Transition
 
 _tuple = tuple.__new__
 _counts: Callable[..., tuple[int, ...]] = Struct("6q").unpack_from
@@ -38,6 +38,7 @@ _STATE = 8 * STATE_PLACE
 _HORIZON = ReturnCode.HORIZON.value
 """The member itself would be looked up in a tenth of a microsecond, as its neighbours are where it matters less."""
 _NO_SAMPLES = np.zeros((0, 2))
+_NO_DECISIONS = Decisions()
 _events_accumulate = in_python(events_accumulate)
 
 
@@ -67,6 +68,8 @@ class Run(ModeChanges):
         Transitions that have left the loop's own memory.
     step_blocks : list of ndarray
         Full blocks of steps: rows of :func:`henon_ref.henon.records.step_dtype`, as doubles.
+    decisions : Decisions
+        How often Python was needed so far, by cause.
     ended : Trajectory or None
         How the run ended, once :meth:`stream` is through.
     """
@@ -97,7 +100,7 @@ class Run(ModeChanges):
             self.samples[:, 0] = sample_times
         self.blocks = []
         self.step_blocks = []
-        self._passed_at, self._motion = -1, None
+        self._passed_at, self._motion, self.decisions = -1, None, _NO_DECISIONS
         self._steps = None
         self.ended: Trajectory | None = None
         if dense:
@@ -205,6 +208,7 @@ class Run(ModeChanges):
 
     def _locate(self) -> tuple[Status, str] | None:
         """Go to an event that double precision leaves undecided, in multiprecision; None if the run goes on."""
+        self._count("event_locations")
         integrator, scalars, mode, row = self.integrator, self.scalars, self.mode, int(self.scalars.mode)
         places = integrator.mode_table.places(mode)
         zeros = dict(zip(places, self.known_zeros.tolist(), strict=False))
@@ -265,6 +269,8 @@ class Run(ModeChanges):
             sample_modes = tuple(modes[int(m)] for m in self.samples[: self.scalars.next_sample, -1])
         # As the tuples they are, past Python's constructors: a tenth of a short run.
         counts = _tuple(Counts, counted)
+        if self.decisions is not _NO_DECISIONS:
+            counts.decisions = self.decisions
         end, x = state.item(0), start.unpacked(state, _STATE)
         since = self._since() if below else ()
         fields = status, transitions, end, x, modes[mode], reason, counts, 0.0, samples, sample_modes, since
