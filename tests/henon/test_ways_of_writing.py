@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+import random
 from typing import Any
 
 import pytest
 import sympy as sp
+from scipy.integrate import solve_ivp
 
 import henon_ref as hr
 from henon_ref.trajectory import Decisions
@@ -70,6 +73,9 @@ WAYS = {
     "a rectified force": belt(f"{LAW} + 0.2*abs(sin(t))"),
     "a square wave": belt(f"{LAW} + 0.2*sign(sin(2*t))"),
     "kinks of all kinds": belt(f"{LAW} - 2*max(0, x - 0.8) - max(0, -0.9 - x) + 0.1*abs(x - 0.1) + abs(sin(2*t))/20"),
+    "more kinks than a table of all modes holds": belt(
+        f"{LAW} + 0.05*({' + '.join(f'abs(x - {k}/10)' for k in range(-7, 8, 2))} + abs(sin(t)))"
+    ),
     "a section": belt(surfaces={"s": "v - vb", "p": "x - 0.3"}),
     "a section of all states": belt(surfaces={"s": "v - vb", "p": "x + v - 0.7"}),
     "a surface with a kink": hr.System(["x", "v"], {"F": 0.3}, {"s": "abs(x) - 0.5"}, ["v", "-x - F*s"]),
@@ -129,6 +135,38 @@ def test_what_it_is_left_for_is_counted() -> None:
     assert rest.counts.decisions.jumps == 1
     assert hr.simulate(belt(), {"x": 0.9, "v": 0.1}, until=1).counts.decisions == Decisions()
     assert hr.simulate(ball, {"x": 1, "v": 0}, until=1).counts.decisions == Decisions()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_kinks_have_the_motion_of_their_formula(seed: int) -> None:
+    """Beside SciPy on the formula, whose kinks are continuous; with a surface at one of them as well."""
+    draw = random.Random(seed)
+
+    def number() -> float:
+        return round(draw.uniform(-1, 1), 2)
+
+    lines = [f"({number()}*x + {number()}*v + {number()})" for _ in range(5)]
+    a, b, c, d, e = lines
+    form = draw.choice([f"abs({a})", f"sqrt({a}^2)", f"max({a}, -{a})", f"sign({a})*{a}"])
+    rate = f"-2*x + {form} + max(0, {b})/2 - min({c}, {d}*{number()}) + piecewise({e}, {e} > 0, {number()}*{e})"
+    functions = {"abs": abs, "max": max, "min": min, "sqrt": math.sqrt, "sign": lambda u: (u > 0) - (u < 0)}
+    before, _, after = rate.partition("piecewise(")
+    value, condition, otherwise = after[:-1].split(", ")
+    plain = compile(f"{before}(({value}) if {condition} else ({otherwise}))".replace("^", "**"), "rate", "eval")
+    with_surface = hr.System(["x", "v"], {}, {"s": f"-3*{a}"}, ["v", rate])
+    alone = hr.System(["x", "v"], {}, {}, ["v", rate])
+    assert len(with_surface.model.signs) == len(alone.model.signs)
+    start = {"x": 0.9, "v": 0.3}
+    runs = [hr.simulate(system, start, until=6, rtol=1e-12) for system in (with_surface, alone)]
+    found = solve_ivp(
+        lambda t, y: [y[1], eval(plain, functions, {"x": y[0], "v": y[1]})],
+        (0, 6), list(start.values()), method="DOP853", rtol=1e-11, atol=1e-12, max_step=0.02,
+    )  # fmt: skip
+    for run in runs:
+        assert run.status == "ok"
+        assert run.y[:, -1] == pytest.approx(found.y[:, -1], abs=2e-7)
+        assert run.counts.decisions._replace(new_modes=0) == Decisions()
+    assert sorted(runs[0].transitions["time_s"]) == pytest.approx(sorted(runs[1].transitions["time_s"]), abs=1e-9)
 
 
 def test_a_model_may_have_more_conditions_than_surfaces() -> None:
