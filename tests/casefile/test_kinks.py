@@ -657,7 +657,7 @@ initial: {{x_a: 1, v_a: 0}}
 until: 10
 """
     model = parse_case(text).readings[0].problem.system
-    assert set(model.sign_names) == {"rub", "grip"}
-    assert not model.kinks
-    speed, rub = model.states[1], model.signs[model.sign_names.index("rub")]
-    assert sp.expand(sp.diff(model.field[1], model.signs[model.sign_names.index("grip")]).subs(rub, 1)).has(speed)
+    speed = model.surfaces[model.sign_names.index("rub")]
+    assert {model.surfaces[i] for i in model.kinks} == {1 + speed, 1 - speed}  # where max(0, load) begins
+    acceleration = model.field[1].xreplace({sign: sp.S.One for sign in model.signs})
+    assert sp.expand(acceleration) == sp.expand(-model.states[0] - sp.Rational(1, 5) - (1 + speed) / 10)
