@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.filippov.kinks import HiddenKinks, visible
+from henon_ref.filippov.kinks import hidden_kinks, visible
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 
@@ -48,12 +48,37 @@ class Transition:
         return replace(self, **changes)
 
 
-class Counts(NamedTuple):
-    """Work done by one run. The solver's docstring says what each counts."""
+class Decisions(NamedTuple):
+    """How often a run of the reference has gone from its compiled loop to Python, by what it needed there."""
 
+    new_modes: int = 0
+    """Modes that were compiled on the way."""
+    mode_selections: int = 0
+    """Modes after an event that normal velocities do not clearly settle."""
+    event_locations: int = 0
+    """Steps with an event that double precision does not decide, located in multiprecision."""
+    jumps: int = 0
+    """Jumps of the state at which something is not clear, several maps at one instant, and limits of impacts."""
+    branch_points: int = 0
+    """Branch points of a guard that were passed."""
+
+
+class _Work(NamedTuple):
     steps: int = 0
     rhs_evaluations: int = 0
     event_evaluations: int = 0
+
+
+class Counts(_Work):
+    """Work done by one run: ``steps``, ``rhs_evaluations``, ``event_evaluations``; the solver's docstring says of what.
+
+    Attributes
+    ----------
+    decisions : Decisions
+        Of the reference. It depends on what was compiled before, and is no part of a comparison.
+    """
+
+    decisions: Decisions = Decisions()
 
 
 class Trajectory(NamedTuple):
@@ -87,7 +112,7 @@ def without_hidden_kinks(found: Trajectory, system: FilippovSystem) -> Trajector
     """A run without transitions on kinks that another branch hides (see :mod:`henon_ref.filippov.kinks`)."""
     if not system.kinks:
         return found
-    end_mode = HiddenKinks(system).shown(found.end_mode)
+    end_mode = hidden_kinks(system).shown(found.end_mode)
     return found._replace(transitions=visible(system, found.transitions), end_mode=end_mode)
 
 

@@ -97,6 +97,8 @@ class Link:
     pushes: list[tuple[str, sp.Expr]] = field(default_factory=list)
     """Body and force [N] or torque [N m] on it, by this connection alone."""
     surfaces: list[Surface] = field(default_factory=list)
+    shared: list[Surface] = field(default_factory=list)
+    """Other connections' surfaces whose signs stand in this one's terms, for a kink that is one of them."""
     holds: list[Hold] = field(default_factory=list)
     impacts: list[Impact] = field(default_factory=list)
 
@@ -146,6 +148,7 @@ class Link:
         name = self.name or "_".join((letter, *(body.name for body in self.ends)))
         symbol = sp.Symbol(name, real=True)
         self.surfaces.append(Surface(symbol, surface))
+        self.kinks.declare(symbol, surface)
         return symbol
 
     def positive_part(self, key: str) -> sp.Expr:
@@ -159,6 +162,9 @@ class Link:
     def kinked(self, expression: sp.Expr) -> sp.Expr:
         """An expression of which the kinks become surfaces of this connection, too."""
         self.surfaces += [Surface(sign, surface, kink=True) for sign, surface in self.kinks.used(expression).items()]
+        for sign, surface in self.kinks.declared.items():
+            if expression.has(sign) and Surface(sign, surface) not in self.surfaces:
+                self.shared.append(Surface(sign, surface))
         return expression
 
     def hold(self, sign: sp.Symbol, limit: sp.Expr) -> None:

@@ -1,8 +1,8 @@
 """Kinks and jumps as people write them: ``abs``, ``sign``, ``min``, ``max`` and ``piecewise`` by signs of surfaces.
 
 ``abs(u)`` is ``u*sgn(u)``, ``max(u, v)`` is u or v by the sign of ``u - v``, and ``piecewise`` chooses by the sign of
-what its comparison compares. Each argument becomes a surface ``kink1``, ``kink2``, ... in order of appearance, an
-equal one (up to a factor that is a number) once.
+what its comparison compares. Each argument becomes a surface ``kink1``, ``kink2``, ... in order of appearance; but one
+that is a surface of the model, or another argument, times a factor that always has the same sign has that one's sign.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from itertools import product
 import sympy as sp
 
 from henon_ref.errors import ExpressionError
+from henon_ref.filippov.algebra import signed_form
 from henon_ref.filippov.bounds import shown, terms
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.switched_field import up_to_a_number
@@ -97,7 +98,14 @@ def chosen(first: sp.Expr, difference: sp.Expr, second: sp.Expr) -> sp.Expr:
     symbol, way = (sign, 1) if isinstance(sign, Sgn) else (-sign, -1)
     if isinstance(symbol, Sgn):  # what one of the two is on the other's side never counts
         first, second = (e.xreplace({symbol: sp.Integer(side)}) for e, side in ((first, way), (second, -way)))
+    if first == -second:
+        return sign * first
     return first if first == second else first * (1 + sign) / 2 + second * (1 - sign) / 2
+
+
+def without_roots_of_squares(value: sp.Expr, offset: int) -> sp.Expr:
+    """What SymPy makes of ``sqrt(u**2)``, as ``abs(u)`` is written here."""
+    return value.replace(sp.Abs, lambda u: call("abs", [u], offset)) if value.has(sp.Abs) else value
 
 
 def compared(name: str, arguments: Sequence[sp.Expr]) -> Sequence[sp.Expr]:
@@ -211,10 +219,23 @@ class Kinks:
         self.parameters = dict(parameters)
         self.surfaces: dict[sp.Symbol, sp.Expr] = {}
         """Sign -> what it is the sign of, as it was written first."""
+        self.declared: dict[sp.Symbol, sp.Expr] = {}
+        """The same of the model's own surfaces."""
         self.conditions: list[sp.Expr] = []
         """What has been taken as positive for the values of the parameters."""
+        self.declared_late = False
+        """Whether a kink has turned out to be a surface that was declared behind it."""
         self._signs: dict[sp.Expr, sp.Expr] = {}
         """Form -> its sign: a symbol, minus one, or a number."""
+        self._known: dict[object, sp.Expr] = {}
+        """Form of :func:`henon_ref.filippov.algebra.signed_form` -> its sign, a symbol or minus one."""
+
+    def declare(self, sign: sp.Symbol, surface: sp.Expr) -> None:
+        """Take in a surface of the model: what is one up to a factor has its sign."""
+        self.declared[sign] = surface
+        form, way = signed_form(surface, self.parameters)
+        own = self._known.setdefault(form, way * sign)
+        self.declared_late |= not own.free_symbols.isdisjoint(self.surfaces)
 
     def resolved(self, expression: sp.Expr, arguments: Sequence[sp.Expr]) -> sp.Expr:
         """An expression with symbols for its signs; ``arguments`` are those of its kinks in order of appearance."""
@@ -252,7 +273,7 @@ class Kinks:
         return self.resolved((sgn(above) * above - sgn(below) * below) / 2, [above, below])
 
     def used(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
-        """The surfaces whose signs an expression holds."""
+        """The kinks whose signs an expression holds."""
         return {sign: surface for sign, surface in self.surfaces.items() if expression.has(sign)}
 
     def _sign(self, argument: sp.Expr) -> sp.Expr:
@@ -260,6 +281,8 @@ class Kinks:
             value = exact_sign(argument.xreplace(self.parameters))
             self.conditions.append(-argument if value < 0 else argument)
             return sp.Integer(value)
-        sign = sp.Symbol(f"kink{len(self.surfaces) + 1}", real=True)
-        self.surfaces[sign] = argument
-        return sign
+        form, way = signed_form(argument, self.parameters)
+        if form not in self._known:
+            sign = sp.Symbol(f"kink{len(self.surfaces) + 1}", real=True)
+            self.surfaces[sign], self._known[form] = argument, way * sign
+        return way * self._known[form]

@@ -36,7 +36,7 @@ def build_scene(source: Source) -> tuple[Scene, Names]:
         At the place of a body, connection or key that is not known, of one that is missing, and of a value out of
         its range.
     """
-    return _Reader(source).scene()
+    return _read(source)[1]
 
 
 def conditions(source: Source) -> list[sp.Expr]:
@@ -44,9 +44,21 @@ def conditions(source: Source) -> list[sp.Expr]:
 
     Values with which they all are larger are allowed.
     """
-    reader = _Reader(source)
-    reader.scene()
+    reader, _ = _read(source)
     return [*reader.requirements.expressions, *reader.kinks.conditions]
+
+
+def _read(source: Source) -> tuple[_Reader, tuple[Scene, Names]]:
+    """A scene and what has read it; anew where a kink is the surface of a connection that stands behind it."""
+    reader = _Reader(source)
+    found = reader.scene()
+    if reader.kinks.declared_late:
+        declared = reader.kinks.declared
+        reader = _Reader(source)
+        for sign, surface in declared.items():
+            reader.kinks.declare(sign, surface)
+        found = reader.scene()
+    return reader, found
 
 
 class _Reader:
@@ -75,14 +87,14 @@ class _Reader:
         for number in range(len(node.items) if isinstance(node, SequenceNode) else 0):
             link = self._link(number)
             self._claim(link, owners)
-            signs += [surface.sign.name for surface in link.surfaces]
+            signs += [surface.sign.name for surface in (*link.surfaces, *link.shared)]
             found.append(
                 Connection(
                     link.kind,
                     tuple(body.name for body in link.ends),
                     link.name,
                     tuple(link.pushes),
-                    tuple(link.surfaces),
+                    (*link.surfaces, *link.shared),
                     tuple(link.holds),
                     tuple(link.impacts),
                 )

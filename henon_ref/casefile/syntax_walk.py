@@ -182,7 +182,7 @@ class SyntaxWalk:
             case ast.BinOp(op=ast.Pow()):
                 base = self._of(node.left, depth + 1)
                 exponent = self._of(node.right, depth + 1)
-                return power(base, exponent, self._operator_offset(node))
+                return self._power(base, exponent, self._operator_offset(node))
             case ast.Call(func=ast.Name(id=name), args=arguments) if self.text.kinks and name in KINK_FUNCTIONS:
                 return self._kinked(name, arguments, node, depth)
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
@@ -213,8 +213,25 @@ class SyntaxWalk:
             inner = [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in KINK_FUNCTIONS:
                 found += kinks.compared(node.func.id, [self._argument(a, 0) for a in node.args])
+            found += self._roots_of_squares(node)
             waiting += reversed(inner)
         return found
+
+    def _roots_of_squares(self, node: ast.expr) -> list[sp.Expr]:
+        """What SymPy takes the absolute value of where a power is written."""
+        match node:
+            case ast.BinOp(op=ast.Pow(), left=base, right=exponent):
+                value = sp.Pow(self._of(base, 0), self._of(exponent, 0))
+            case ast.Call(func=ast.Name(id="sqrt"), args=[base]):
+                value = sp.sqrt(self._of(base, 0))
+            case _:
+                return []
+        return [root.args[0] for root in sorted(value.atoms(sp.Abs), key=sp.default_sort_key)]
+
+    def _power(self, base: sp.Expr, exponent: sp.Expr, offset: int) -> sp.Expr:
+        """A power; where it is a root of a square, with that one's kink."""
+        value = power(base, exponent, offset)
+        return kinks.without_roots_of_squares(value, offset) if self.text.kinks else value
 
     def _number(self, node: ast.Constant) -> sp.Expr:
         text = self.scanned.python[node.col_offset : node.end_col_offset].decode()
@@ -249,7 +266,7 @@ class SyntaxWalk:
         if name not in _SYMPY or len(arguments) != CONSTANT_FUNCTIONS.get(name, 1):
             raise ExpressionError(f"{name!r} is no function with {len(arguments)} arguments", offset)
         if name == "sqrt":
-            return power(arguments[0], sp.Rational(1, 2), offset)
+            return self._power(arguments[0], sp.Rational(1, 2), offset)
         if name == "exp":
             check_exponential(arguments[0], offset)
         if arguments[0].is_number:

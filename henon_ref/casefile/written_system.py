@@ -75,13 +75,17 @@ def _guards(
     """Surfaces by their signs, and what each sign of the file is by them (itself, unless its surface has kinks)."""
     surfaces: dict[sp.Symbol, sp.Expr] = {}
     values: dict[sp.Symbol, sp.Expr] = {}
+    written = {}
     for name in signs:
         path: Path = ("system", "surfaces", name)
-        expression, arguments = names.written(source, path)
+        expression, arguments = written[name] = names.written(source, path)
         if not expression.free_symbols & {TIME, *names.states.values()}:
             raise source.error(path, f"the surface '{name}' never changes: it holds no state and no t")
+        if not arguments:
+            kinks.declare(names.signs[name], expression)
+    for name, found in written.items():
         sign = names.signs[name]
-        own, values[sign] = kinks.guard(sign, expression, arguments)
+        own, values[sign] = kinks.guard(sign, *found)
         surfaces |= own
     return surfaces, values
 

@@ -10,12 +10,14 @@ symbol and is not looked into.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from math import comb, prod
 
 import sympy as sp
 
+from henon_ref.filippov.bounds import terms
 from henon_ref.filippov.exact_numbers import exact_sign
+from henon_ref.filippov.switched_field import up_to_a_number
 
 MAX_TERMS, MAX_MONOMIALS = 50, 2_000
 """Terms that numerator and denominator may have, multiplied out, and products of powers that there are below the
@@ -54,6 +56,52 @@ def known_positive(expression: sp.Expr) -> bool:
     ):
         return False
     return bool(expression.is_positive)
+
+
+def signed_form(expression: sp.Expr, still: Collection[sp.Symbol] = ()) -> tuple[object, int]:
+    """A form that expressions share which are one another times a factor that always has one sign, and this one's sign.
+
+    Parameters
+    ----------
+    expression : Expr
+    still : collection of Symbol
+        Parameters: what holds no other symbol is a coefficient. Factors that hold others count where they are seen to
+        be positive (``exp(x)``).
+
+    Examples
+    --------
+    >>> v, b, m = sp.symbols("v b m", real=True)
+    >>> form, sign = signed_form(v - b, {b, m})
+    >>> [signed_form(e, {b, m}) == (form, sign) for e in (2 * v - 2 * b, sp.exp(v) * (v - b), m * (v - b))]
+    [True, True, False]
+    >>> signed_form(b - v, {b, m}) == (form, -sign)
+    True
+    """
+    rest, way = _without_positive_factors(expression)
+    short = terms(rest, MAX_TERMS) <= MAX_TERMS
+    whole = sp.expand(rest) if short else rest
+    if not short or whole == 0:
+        form, sign = up_to_a_number(rest)
+        return form, way * sign
+    parts: dict[sp.Expr, sp.Expr] = {}
+    for term in sp.Add.make_args(whole):
+        coefficient, held = term.as_independent(*(term.free_symbols - set(still)), as_Add=False)
+        parts[held] = parts.get(held, sp.S.Zero) + coefficient
+    leading = parts[min(parts, key=sp.default_sort_key)]
+    uncertain, other = _without_positive_factors(leading)
+    form, sign = up_to_a_number(uncertain)
+    return (form, frozenset((held, simplified(part / leading)) for held, part in parts.items())), way * other * sign
+
+
+def _without_positive_factors(expression: sp.Expr) -> tuple[sp.Expr, int]:
+    """An expression without the factors that are seen to be positive or negative, and the sign of these."""
+    kept, way = [], 1
+    for factor in sp.Mul.make_args(expression):
+        if known_positive(-factor):
+            way = -way
+        elif not known_positive(factor):
+            kept.append(factor)
+    return sp.Mul(*kept), way
 
 
 def expanded(expression: sp.Expr) -> sp.Expr:

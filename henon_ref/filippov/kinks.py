@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
@@ -16,6 +17,9 @@ from henon_ref.filippov.bounds import put
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.size import size
+
+KEPT = 64
+"""Systems of which it is kept which kinks are hidden."""
 
 
 class _Transition(Protocol):
@@ -41,6 +45,7 @@ class HiddenKinks:
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
         self._hidden: dict[tuple[int, Mode], bool] = {}
+        self._plain: dict[Mode, bool] = {}
 
     def hidden(self, index: int, mode: Mode) -> bool:
         """Whether a surface is a kink that is hidden in a mode."""
@@ -52,6 +57,15 @@ class HiddenKinks:
     def shown(self, mode: Mode) -> Mode:
         """A mode with +1 for what is hidden in it, so that it is one mode however these signs change."""
         return tuple(1 if self.hidden(i, mode) else entry for i, entry in enumerate(mode))
+
+    def hides_none(self, modes: Iterable[Mode]) -> bool:
+        """Whether no kink is hidden in any of some modes: all that is found in these is a transition."""
+        for mode in modes:
+            if mode not in self._plain:
+                self._plain[mode] = not any(self.hidden(i, mode) for i in self.system.kinks)
+            if not self._plain[mode]:
+                return False
+        return True
 
     def is_transition(self, surface: int, before: Mode, after: Mode) -> bool:
         """Whether what has been found on a surface, between two modes, is a transition: it is not on a hidden kink."""
@@ -74,11 +88,15 @@ class HiddenKinks:
         return found
 
 
+hidden_kinks = lru_cache(maxsize=KEPT)(HiddenKinks)
+"""(system) -> its hidden kinks, kept."""
+
+
 def visible(system: FilippovSystem, transitions: Sequence[TransitionT]) -> Sequence[TransitionT]:
     """Transitions without those on hidden kinks, their modes as :meth:`HiddenKinks.shown` has them."""
     if not system.kinks:
         return transitions
-    kinks = HiddenKinks(system)
+    kinks = hidden_kinks(system)
     return tuple(
         replace(t, from_mode=kinks.shown(t.from_mode), to_mode=kinks.shown(t.to_mode))
         for t in transitions
@@ -92,10 +110,26 @@ def continuous(system: FilippovSystem) -> frozenset[int]:
     A jump that does not vanish by its form, with the surface's own expression or with a state that it is linear in
     put in, counts as one.
     """
+    used = set().union(*(rate.free_symbols for rate in system.field))
+    jumping = _jumping(system, system.field)
+    return frozenset(i for i, sign in enumerate(system.signs) if sign in used and i not in jumping)
+
+
+def crossed_alone(system: FilippovSystem) -> frozenset[int]:
+    """Surfaces that no force jumps on, nor what static friction holds: what slides elsewhere goes on as they are
+    crossed."""
+    forces = list(system.field)
+    for override in system.overrides.values():
+        forces += [*override.field, *(release.when for release in override.release)]
+    others = system.overrides.keys() | system.resets.keys() | _jumping(system, forces)
+    return frozenset(range(len(system.surfaces))) - others
+
+
+def _jumping(system: FilippovSystem, forces: Sequence[sp.Expr]) -> frozenset[int]:
+    """Surfaces across which some expressions jump, or are not seen not to."""
     found = set()
     for index, (sign, surface) in enumerate(zip(system.signs, system.surfaces, strict=True)):
-        rates = [rate for rate in system.field if rate.has(sign)]
-        if rates and all(_vanishes(system, _jump(rate, sign), surface) for rate in rates):
+        if not all(_vanishes(system, _jump(force, sign), surface) for force in forces if force.has(sign)):
             found.add(index)
     return frozenset(found)
 

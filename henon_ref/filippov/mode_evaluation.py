@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import isfinite
 from typing import Any
 
@@ -29,6 +29,8 @@ ORDER = 8
 """Derivatives looked at before a contact counts as one that never separates."""
 ZERO = 1e-13
 """Relative size below which a derivative counts as zero (a tangency within it cannot be told in double)."""
+KEPT = 1024
+"""Modes, each of a system, of which it is kept whether their normal velocities are apart."""
 CLEAR = 1e-9
 """Part of its terms from which on a value is clearly no zero."""
 
@@ -58,6 +60,16 @@ def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
     return equations, build_tape(system.states, equations.field, [g.expression for g in equations.guards])
 
 
+@lru_cache(maxsize=KEPT)
+def own_normals(system: FilippovSystem, mode: Mode) -> tuple[sp.Expr, ...] | None:
+    """dh/dt of all surfaces in a mode; None where those of all modes hold no operation that it does not."""
+    entries = dict(zip(system.signs, map(sp.Integer, mode), strict=True))
+    written = [system.normal_velocity(i) for i in range(len(system.surfaces))]
+    own = tuple(normal.xreplace(entries) for normal in written)
+    pairs = zip(written, own, strict=True)
+    return own if any(leaves_out(*pair, entries, {TIME, *system.states}) for pair in pairs) else None
+
+
 class ModeEvaluation:
     """The modes of one system at points, from any thread.
 
@@ -77,8 +89,8 @@ class ModeEvaluation:
         self._numbers: dict[tuple[int, tuple[int, ...]], Any] = {}
         self._functions: dict[tuple[sp.Expr, ...], Callable[..., list[Any]]] = {}
         self.forget()
-        self._written_normals = [system.normal_velocity(i) for i in range(len(system.surfaces))]
-        self._normals = self._function([*system.states, *system.signs], self._written_normals)
+        normals = [system.normal_velocity(i) for i in range(len(system.surfaces))]
+        self._normals = self._function([*system.states, *system.signs], normals)
         self._own_normals: dict[Mode, Callable[..., list[Any]] | None] = {}
 
     def _number(self, expression: sp.Expr) -> Any:
@@ -257,11 +269,8 @@ class ModeEvaluation:
         """(t, *x) -> dh/dt of all surfaces; None where those of all modes hold no operation that a mode does not."""
         if mode not in self._own_normals:
             with one_at_a_time():
-                entries = dict(zip(self.system.signs, map(sp.Integer, mode), strict=True))
-                own = [normal.xreplace(entries) for normal in self._written_normals]
-                pairs, moving = zip(self._written_normals, own, strict=True), {TIME, *self.system.states}
-                apart = any(leaves_out(*pair, entries, moving) for pair in pairs)
-                self._own_normals[mode] = self._function(self.system.states, own) if apart else None
+                own = own_normals(self.system, mode)
+                self._own_normals[mode] = None if own is None else self._function(self.system.states, own)
         return self._own_normals[mode]
 
     def _way(self, t: float, x: Sequence[float], mode: Mode, index: int) -> int:

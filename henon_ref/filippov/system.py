@@ -270,9 +270,12 @@ class FilippovSystem(SwitchedField):
         Where an equivalent sign reaches -1 or +1 no force jumps; where static friction lets go, it does. A body that
         rests on a surface may leave it with that sign.
         """
+        if guard.kind not in ("surface", "release"):
+            return False
         others = self.in_play([guard.index], sliding) - {guard.index}
-        jumps = self.held_inside(guard.index) or any(map(self.rests, others))
-        return bool(others) and (guard.kind == "surface" or (guard.kind == "release" and jumps))
+        return bool(others) and (
+            guard.kind == "surface" or self.held_inside(guard.index) or any(map(self.rests, others))
+        )
 
     def in_play(self, hit: Iterable[int], sliding: Iterable[int]) -> frozenset[int]:
         """Surfaces whose entries of the mode are open where some are hit: these, and what acts on them."""

@@ -24,7 +24,7 @@ from henon_ref.henon.transition_array import KINDS
 from henon_ref.kernel.shared import LEVELS, kernel
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
-from henon_ref.trajectory import Status
+from henon_ref.trajectory import Decisions, Status
 
 CLOSE_PART = 2.0**-40
 """Part of the horizon's time below which what is left of a run is next to nothing."""
@@ -58,10 +58,11 @@ class ModeChanges(State):
         Full blocks of steps: rows of :func:`henon_ref.henon.records.step_dtype`, as doubles.
     """
 
-    __slots__ = ("_motion", "_passed_at", "_steps", "blocks", "samples", "step_blocks")
+    __slots__ = ("_motion", "_passed_at", "_steps", "blocks", "decisions", "samples", "step_blocks")
 
     blocks: list[NDArray[np.float64]]
     step_blocks: list[NDArray[np.float64]]
+    decisions: Decisions
     samples: NDArray[np.float64]
     """Times at which samples are wanted; states and mode there."""
     _motion: PreciseMotion | None
@@ -70,6 +71,10 @@ class ModeChanges(State):
     """Steps taken when a branch point was last passed."""
     _steps: NDArray[np.float64] | None
     """The block of steps that is being filled; None where none is kept."""
+
+    def _count(self, cause: str) -> None:
+        """Note why Python was needed."""
+        self.decisions = self.decisions._replace(**{cause: getattr(self.decisions, cause) + 1})
 
     def _close_block(self) -> None:
         self.blocks.append(self.workspace.transitions[: self.scalars.transitions].copy())
@@ -198,6 +203,7 @@ class ModeChanges(State):
 
     def _jump(self, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> tuple[Status, str] | None:
         """Let the state jump where surfaces reset it, ``hits`` being all guards at zero; None if the run goes on."""
+        self._count("jumps")
         state = list(zip(self.x.tolist(), self.x_low.tolist(), strict=True))
         time = float(self.scalars.time), float(self.scalars.time_low)
         until, until_low = self.until
@@ -234,6 +240,7 @@ class ModeChanges(State):
         )
         if behind is None:
             return False
+        self._count("branch_points")
         end = [high for high, _ in behind.state]
         self._keep_line(behind.length, end)
         self._fill_samples_on_line(behind.length, end)
@@ -254,7 +261,7 @@ class ModeChanges(State):
         if not (self.guards and left <= CLOSE_PART * abs(until)):
             return False
         scalars.suspect = scalars.step_length = left
-        scalars.guard, scalars.stalled = NOWHERE, 0
+        scalars.guard, scalars.stalled = kernel.NOWHERE, 0
         return True
 
     def _record(
@@ -280,6 +287,7 @@ class ModeChanges(State):
 
     def _enter_new_mode(self) -> tuple[Status, str] | None:
         """Complete a transition that is decided, into a mode that has no row yet."""
+        self._count("new_modes")
         mode_table, row, hit = self.integrator.mode_table, int(self.scalars.mode), int(self.scalars.guard)
         guard, what = self.guards[hit], int(self.scalars.pending_kind)
         if what == RESET:  # the loop goes through the event anew
@@ -299,16 +307,34 @@ class ModeChanges(State):
                 self.known_zeros[g] = zeros
         return ending_of(self, kernel.EVENTS_ACCUMULATE) if kernel.events_accumulate(self.workspace.run) else None
 
+    def _stick_compiled(self) -> bool:
+        """Compile the stick on whose hold zone an event turns; False where it has been there, or none is needed."""
+        mode_table, scalars = self.integrator.mode_table, self.scalars
+        hit = int(scalars.guard)
+        guard = mode_table.compiled.records[int(scalars.mode)]["guards"][hit]
+        single = hit != kernel.NOWHERE and self.hits[: len(self.guards)].sum() == 1 and not guard["coupled"]
+        if not (single and guard["hold_zone"] and guard["mode_stuck"] < 0):
+            return False
+        if mode_table.row(replaced(self.mode, int(guard["index"]), 0)) is None:
+            return False
+        scalars.expansions -= 1  # its normal velocities are counted anew
+        scalars.event_pending = 1
+        return True
+
     def _select_mode(self) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
         before = self.mode
         hits: list[Guard] = [g for g, hit in zip(self.guards, self.hits, strict=False) if hit]
         if surfaces := resetting(self.integrator.system, before, hits):
             return self._jump(surfaces, hits)
+        if self._stick_compiled():  # the loop goes through the event anew
+            self._count("new_modes")
+            return None
         x = self.x.tolist()
         switching = self.start.constants.switching
         switching.forget()  # what another run has worked out at the same point is none of this one's work
         decision = switching.after_event(self.time, x, before, hits)
+        self._count("mode_selections" if decision.mode in self.integrator.mode_table.index else "new_modes")
         if decision.mode is None:
             return decision.ending, decision.reason
         early = self.scalars.guard == kernel.NOWHERE

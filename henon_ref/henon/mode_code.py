@@ -9,7 +9,7 @@ from functools import lru_cache
 import sympy as sp
 
 from henon_ref.filippov.decoupled_contacts import SwitchedEquations
-from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.equations import Guard, along
 from henon_ref.filippov.mode_tape import ModeTape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
@@ -77,8 +77,10 @@ class ModeCode:
         }
 
 
-def common_mode_code(system: FilippovSystem, mode: Mode, order: int) -> ModeCode:
+def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: frozenset[int] = frozenset()) -> ModeCode:
     """Code of the modes that have their equations in common with one.
+
+    ``passed``: surfaces whose normal velocity is that of the mode, other surfaces sliding.
 
     Raises
     ------
@@ -87,7 +89,8 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int) -> ModeCode
     """
     key, equations = system.common_equations(mode)
     outputs = [g.expression for g in equations.guards]
-    sides = _speeds(system, equations.guards)
+    normals = {i: along(system.surfaces[i], system.states, equations.field) for i in passed}
+    sides = _speeds(system, equations.guards, normals)
     if key == mode:  # these are its own
         own = dict(zip(system.signs, map(sp.Integer, mode), strict=True))
         sides = [speed.xreplace(own) for speed in sides]
@@ -136,13 +139,18 @@ def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:
     return any(tape.nodes[at].op in BRANCHING for at in tape.needed(rows))
 
 
-def _speeds(system: FilippovSystem, guards: Sequence[Guard]) -> list[sp.Expr]:
-    """For every guard on a surface: speed towards it on this side, speed away from it on the other."""
+def _speeds(
+    system: FilippovSystem, guards: Sequence[Guard], normals: Mapping[int, sp.Expr] | None = None
+) -> list[sp.Expr]:
+    """For every guard on a surface: speed towards it on this side, speed away from it on the other.
+
+    ``normals``: normal velocities of some surfaces where others slide.
+    """
     found: list[sp.Expr] = []
     for guard in guards:
         if guard.kind == "surface":
             sign = system.signs[guard.index]
-            normal = system.normal_velocity(guard.index)
+            normal = (normals or {}).get(guard.index, system.normal_velocity(guard.index))
             found += [-sign * normal, -sign * normal.xreplace({sign: -sign})]
         else:
             found += [sp.Integer(0), sp.Integer(0)]

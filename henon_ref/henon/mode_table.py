@@ -15,6 +15,7 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.attraction import EXHAUSTIVE
 from henon_ref.filippov.contact_loops import guard_count
 from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.kinks import crossed_alone
 from henon_ref.filippov.modes import Mode, mode_number, replaced
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.jump_code import jump_code
@@ -149,10 +150,29 @@ class ModeTable:
             code = (
                 switched_mode_code(self.system, self._switched, self.order)
                 if self._switched
-                else common_mode_code(self.system, mode, self.order)
+                else common_mode_code(self.system, mode, self.order, self._passed(mode))
             )
             self._codes[key] = replace(code, jumps=self._jumps.tape) if self._jumps else code
         return self._codes[key]
+
+    def _passed(self, mode: Mode) -> frozenset[int]:
+        """Surfaces that are crossed while others slide, which act on them or they on these, and change nothing there.
+
+        Where the compiled loop selects modes it decides those as well whose normal velocity holds no sign that slides.
+        """
+        system, sliding = self.system, [i for i, entry in enumerate(mode) if entry == 0]
+        slid = {system.signs[i] for i in sliding}
+        return frozenset(
+            i
+            for i in (self._crossed_alone if sliding else ())
+            if mode[i]
+            and len(system.in_play([i], sliding)) > 1
+            and not (self.compiled.rows.size and slid.isdisjoint(system.normal_velocity(i).free_symbols))
+        )
+
+    @cached_property
+    def _crossed_alone(self) -> frozenset[int]:
+        return crossed_alone(self.system)
 
     def _append(self, mode: Mode, code: ModeCode) -> None:
         before, row = self.compiled, len(self.compiled.modes)
@@ -186,13 +206,14 @@ class ModeTable:
         records["branches"][: len(code.guards_branch)] = code.guards_branch
         for record, guard in zip(records, guards, strict=False):
             surface = guard.kind == "surface"
-            record["kind"] = VALID if guard.ends else _KIND[guard.kind]
+            record["kind"] = kernel.VALID if guard.ends else _KIND[guard.kind]
             record["index"], record["rising_only"] = guard.index, guard.rising_only
             record["hold_zone"] = surface and system.held_inside(guard.index)
             record["side"] = mode[guard.index] if surface else 0
             resets = surface and guard.index in system.resets and mode[guard.index] > 0
             record["jump"] = self._jumps.address(mode, guard.index) if resets and self._jumps else 0
-            coupled = kernel.COUPLED if system.decided_together(guard, sliding) else kernel.UNCOUPLED
+            together = system.decided_together(guard, sliding) and guard.index not in self._passed(mode)
+            coupled = kernel.COUPLED if together else kernel.UNCOUPLED
             record["coupled"] = kernel.RESETTING if resets else coupled
             # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
             tangent = guard.kind == "release" and guard.index not in system.overrides

@@ -20,7 +20,7 @@ from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.henon.workspace import CHUNK, STATE_PLACE
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.kernel.shared import doubles, ffi, kernel
-from henon_ref.trajectory import Counts, Status, Trajectory, Transition
+from henon_ref.trajectory import Counts, Decisions, Status, Trajectory, Transition
 
 _tuple = tuple.__new__
 _counts: Callable[..., tuple[int, ...]] = Struct("6q").unpack_from
@@ -29,6 +29,7 @@ _FIRST_COUNT: int = ffi.offsetof("struct run", "mode")
 are."""
 _STATE = 8 * STATE_PLACE
 _NO_SAMPLES = np.zeros((0, 2))
+_NO_DECISIONS = Decisions()
 
 
 class Run(ModeChanges):
@@ -57,6 +58,8 @@ class Run(ModeChanges):
         Transitions that have left the loop's own memory.
     step_blocks : list of ndarray
         Full blocks of steps: rows of :func:`henon_ref.henon.records.step_dtype`, as doubles.
+    decisions : Decisions
+        How often Python was needed so far, by cause.
     ended : Trajectory or None
         How the run ended, once :meth:`stream` is through.
     """
@@ -87,7 +90,7 @@ class Run(ModeChanges):
             self.samples[:, 0], self._sampled = sample_times, doubles(self.samples)
         self.blocks = []
         self.step_blocks = []
-        self._passed_at, self._motion = -1, None
+        self._passed_at, self._motion, self.decisions = -1, None, _NO_DECISIONS
         self._steps = None
         self.ended: Trajectory | None = None
         if dense:
@@ -197,6 +200,7 @@ class Run(ModeChanges):
 
     def _locate(self) -> tuple[Status, str] | None:
         """Take a step that double precision leaves undecided in multiprecision; None if the run goes on."""
+        self._count("event_locations")
         integrator, scalars, mode, row = self.integrator, self.scalars, self.mode, int(self.scalars.mode)
         places = integrator.mode_table.places(mode)
         zeros = dict(zip(places, self.known_zeros.tolist(), strict=False))
@@ -211,16 +215,16 @@ class Run(ModeChanges):
                 rounding=rounding,
                 length=float(scalars.step_length),
                 suspect=float(scalars.suspect),
-                guard=None if self.scalars.guard == NOWHERE else places[int(self.scalars.guard)],
+                guard=None if self.scalars.guard == kernel.NOWHERE else places[int(self.scalars.guard)],
                 known_zeros=tuple(zeros.get(g, 0) for g in range(len(integrator.system.equations(mode).guards))),
             ),
         )
         if found is None:
-            return ending_of(self, ReturnCode.STALLED)
+            return ending_of(self, kernel.STALLED)
         length = (found.time[0] - time) + (found.time[1] - low)
         if self._steps is not None:
             self._keep_step(length)
-        if scalars.guard == NOWHERE:
+        if scalars.guard == kernel.NOWHERE:
             self._fill_samples_on_line(length, [high for high, _ in found.state])
         self._put(found.time, found.state)
         self.scalars.steps += 1
@@ -263,6 +267,8 @@ class Run(ModeChanges):
             sample_modes = tuple(modes[int(m)] for m in self.samples[: self.scalars.next_sample, -1])
         # As the tuples they are, past Python's constructors: a tenth of a short run.
         counts = _tuple(Counts, counted)
+        if self.decisions is not _NO_DECISIONS:
+            counts.decisions = self.decisions
         end, x = state.item(0), start.unpacked(state, _STATE)
         since = self._since() if below else ()
         fields = status, transitions, end, x, modes[mode], reason, counts, 0.0, samples, sample_modes, since

@@ -45,6 +45,8 @@ class TransitionArray(Sequence[Transition]):
 
     def visible(self, kinks: HiddenKinks) -> TransitionArray:
         """Those that are not on hidden kinks, their modes as :meth:`HiddenKinks.shown` has them."""
+        if kinks.hides_none(self._modes):
+            return self
         rows = self._rows[kinks.are_transitions(self.records, self._modes)]
         return TransitionArray(rows, tuple(map(kinks.shown, self._modes)))
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from henon_ref.errors import ArgumentError
-from henon_ref.filippov.kinks import HiddenKinks
+from henon_ref.filippov.kinks import hidden_kinks
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.start import MOST_STEPS, NO_LIMIT, Start
@@ -57,7 +57,7 @@ class Launch(NamedTuple):
                 name = self.base.model.sign_names[last.surface]
                 trajectory = trajectory._replace(reason=f"the run stopped on the surface of {name}, as it was to")
         if self.base.model.kinks:
-            kinks = HiddenKinks(self.base.model)
+            kinks = hidden_kinks(self.base.model)
             trajectory = trajectory._replace(end_mode=kinks.shown(trajectory.end_mode))
             if isinstance(found, TransitionArray):
                 trajectory = trajectory._replace(transitions=found.visible(kinks))

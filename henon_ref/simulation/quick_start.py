@@ -6,6 +6,7 @@ float, names that are not the system's, a start on a surface, constants that are
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from fractions import Fraction
 from functools import lru_cache
@@ -19,11 +20,12 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
 from henon_ref.henon.double_constants import DoubleConstants
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.pairs import Pair, Three, exact_number, pair_of, three_of
+from henon_ref.henon.pairs import Pair, Three, exact_expression, exact_number, pair_of, three_of
 from henon_ref.henon.records import HENON
 from henon_ref.henon.start import Start
 from henon_ref.kernel.shared import kernel
 from henon_ref.simulation.clear_signs import sign_function
+from henon_ref.simulation.dependent_parameters import DependentParameters
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
@@ -34,6 +36,8 @@ CLEARLY = 1e-9
 """What a condition on the parameters is above where rounding cannot have made it so."""
 Values = tuple[Three, ...]
 """Of the parameters that stand in the equations."""
+Changes = tuple[tuple[str, float], ...]
+"""Parameters, and the values that they have in place of the system's."""
 
 
 class QuickStart:
@@ -53,13 +57,10 @@ class QuickStart:
         programs, self._own = integrator.programs, system.model.parameters
         self._values: Values = tuple(three_of(double_double(self._own[symbol])) for symbol in programs.parameters)
         self._places = {symbol.name: at for at, symbol in enumerate(programs.parameters)}
-        self._movable = system.independent_parameters
+        self._dependents: dict[tuple[str, ...], DependentParameters | None] = {}
         self._conditions = sp.lambdify(list(self._own), system.conditions, "math") if system.conditions else None
         self._floats = {symbol.name: float(value) for symbol, value in self._own.items()}
         self._constants = lru_cache(maxsize=KEPT)(self._made)
-        exact = {symbol.name: self._own[symbol] for symbol in programs.parameters}
-        rational = all(value.is_Rational for value in exact.values())
-        self._rational = {name: Fraction(int(v.p), int(v.q)) for name, v in exact.items()} if rational else None
         model = integrator.system
         inputs = (TIME, *model.states, *programs.parameters)
         self._signs = sign_function(inputs, [*model.surfaces, *model.valid])
@@ -84,6 +85,7 @@ class QuickStart:
         if type(initial) is not dict or not all(given is None or type(given) is dict for given in (parameters, mode)):
             return None
         values = self._values if not parameters else self._changed(parameters)
+        changes = tuple(parameters.items()) if parameters else ()
         time, end = pair_of(start), pair_of(until)
         names = self._system.state
         if values is None or time is None or end is None or len(initial) != len(names):
@@ -94,7 +96,7 @@ class QuickStart:
             if pair is None:
                 return None
             x.append(pair)
-        constants = self._constants(values)
+        constants = self._constants(values, changes)
         if constants is None or not (end[0] - time[0]) + (end[1] - time[1]) > 0.0:
             return None
         integrator, refused, zeros = self._integrator, None, self._integrator.no_zeros
@@ -123,11 +125,12 @@ class QuickStart:
     ) -> tuple[int, ...] | None:
         """Signs of the surfaces, then of the ``valid`` expressions; None where fractions do not give them."""
         program = self._integrator.programs.start
-        if not program.is_rational or self._rational is None:
+        values = self._exact(tuple(parameters.items()))
+        if not program.is_rational or not all(value.is_Rational for value in values):
             return None
-        values = [exact_number(parameters[name]) if name in parameters else own for name, own in self._rational.items()]
-        point = (exact_number(start), *(exact_number(initial[name]) for name in self._system.state), *values)
+        point = (exact_number(start), *(exact_number(initial[name]) for name in self._system.state))
         rational = [fmpq(number.numerator, number.denominator) for number in point]
+        rational += [fmpq(int(value.p), int(value.q)) for value in values]
         try:
             found = program.over_ring(rational, lambda number: fmpq(int(number.p), int(number.q)), arb.sqrt)
         except ZeroDivisionError:
@@ -168,17 +171,40 @@ class QuickStart:
 
         (A fraction could not be told from its pair afterwards, a decimal number can.)
         """
-        values = list(self._values)
+        pairs = {}
         for name, value in parameters.items():
             pair = pair_of(value)
-            if pair is None or name not in self._movable or type(value) is Fraction:
+            if pair is None or name not in self._floats or type(value) is Fraction:
+                return None
+            pairs[name] = pair
+        dependents = self._dependents_of(tuple(parameters))
+        if dependents is None:
+            return None
+        pairs |= dependents.pairs(parameters)
+        values = list(self._values)
+        for name, pair in pairs.items():
+            if not math.isfinite(pair[0]):
                 return None
             place = self._places.get(name)
             if place is not None:  # else nothing depends on it
                 values[place] = three_of(pair)
-        if self._conditions is not None and not self._clearly_allowed(parameters):
+        if self._conditions is not None and not self._clearly_allowed(
+            {name: high for name, (high, _) in pairs.items()}
+        ):
             return None
         return tuple(values)
+
+    def _dependents_of(self, names: tuple[str, ...]) -> DependentParameters | None:
+        """What follows some parameters; None where that is not all that they change."""
+        if names not in self._dependents:
+            try:
+                found: DependentParameters | None = DependentParameters.of(self._system, frozenset(names))
+            except ModelError:
+                found = None
+            if found is not None and not self._system.exponent_parameters.isdisjoint((*names, *found.names)):
+                found = None
+            self._dependents[names] = found
+        return self._dependents[names]
 
     def _clearly_allowed(self, parameters: Mapping[str, float]) -> bool:
         """Whether a scene allows these values beyond what rounding could change."""
@@ -189,16 +215,18 @@ class QuickStart:
             return False
         return all(condition > CLEARLY for condition in found)
 
-    def _made(self, values: Values) -> DoubleConstants | None:
+    def _made(self, values: Values, changes: Changes) -> DoubleConstants | None:
         """Constants at some values; None where some of them are not finite."""
         programs = self._integrator.programs
-        made = DoubleConstants(programs, values, lambda: self._exact(values))
+        made = DoubleConstants(programs, values, lambda: self._exact(changes))
         return made if bool(np.isfinite(made.latest.numbers).all()) else None
 
-    def _exact(self, values: Values) -> list[sp.Expr]:
-        """Exact values: the system's own, or the decimal numbers that others are printed as."""
-        symbols = self._integrator.programs.parameters
-        return [
-            self._own[symbol] if value == own else sp.Rational(repr(value[0]))
-            for symbol, value, own in zip(symbols, values, self._values, strict=True)
-        ]
+    def _exact(self, changes: Changes) -> list[sp.Expr]:
+        """Exact values: the system's own, or the decimal numbers that others are printed as, and what follows these."""
+        given = dict(changes)
+        known = {symbol.name: value for symbol, value in self._own.items()}
+        known |= {name: exact_expression(value) for name, value in given.items()}
+        dependents = self._dependents_of(tuple(given))
+        if dependents is not None:
+            known |= dependents.exact(given)
+        return [known[symbol.name] for symbol in self._integrator.programs.parameters]

@@ -18,7 +18,7 @@ from henon_ref.casefile.source import Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
 from henon_ref.filippov.exponents import parameters_in_exponents, with_rational_exponents
-from henon_ref.filippov.work import Work, names_in
+from henon_ref.filippov.work import Work
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
 from henon_ref.taylor.size import size
@@ -266,12 +266,12 @@ class System:
         return conditions(Source(self.tree))
 
     @cached_property
-    def independent_parameters(self) -> frozenset[str]:
-        """Parameters that stand in no other one's expression, and in no exponent: other values change nothing else."""
+    def parameter_expressions(self) -> dict[str, sp.Expr]:
+        """Parameters that are given as text -> that, in symbols for other parameters."""
         tree = child(self.tree, ["system" if "system" in self.tree.entries else "scene", "parameters"])
-        nodes = tree.entries.values() if isinstance(tree, MappingNode) else ()
-        used = {name for node in nodes if isinstance(node, ScalarNode) for name in names_in(node.text)}
-        return frozenset(self._names.values) - used - self.exponent_parameters
+        nodes = tree.entries if isinstance(tree, MappingNode) else {}
+        texts = {n: x.text for n, x in nodes.items() if isinstance(x, ScalarNode) and isinstance(x.value, str)}
+        return {name: parse_expression(text, self._names.parameters) for name, text in texts.items()}
 
     @cached_property
     def exponent_parameters(self) -> frozenset[str]:

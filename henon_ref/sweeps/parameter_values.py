@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from graphlib import TopologicalSorter
+from collections.abc import Mapping
 
 import numpy as np
 import sympy as sp
 
 from henon_ref.casefile.expressions import parse_expression
-from henon_ref.casefile.tree import ScalarNode, child
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.henon.constant_program import ConstantProgram, constant_program
-from henon_ref.henon.pairs import decimal_pairs, exact_expression
+from henon_ref.henon.constant_program import constant_program
+from henon_ref.henon.pairs import decimal_pairs
+from henon_ref.simulation.dependent_parameters import following, pairs_at, without_others
 from henon_ref.simulation.system import System
 from henon_ref.simulation.written import written
 from henon_ref.sweeps.runs import Vector
@@ -37,7 +35,7 @@ class PointNumbers:
         read = following(system, swept)
         self.moved = swept | read.keys()
         """Parameters that differ from point to point."""
-        own = _without_others(read, swept, exact)
+        own = without_others(read, swept, exact)
         known = {names[name]: value for name, value in {**exact, **own}.items() if name not in swept}
         self._parameters = {name: _Number(own.get(name, exact[name])) for name in exact if name not in swept}
         self._numbers = {
@@ -75,46 +73,5 @@ class _Number:
         if self._program is None:
             return np.broadcast_to(self._constant, (count, 2))
         points, places = np.unique(np.column_stack([swept[n] for n in self._names]), axis=0, return_inverse=True)
-        pairs = [_pair_at(self._program, point) for point in points.tolist()]
+        pairs = [pairs_at(self._program, point) for point in points.tolist()]
         return np.array(pairs).reshape(-1, 2)[places.ravel()]
-
-
-def _without_others(
-    expressions: Mapping[str, sp.Expr], swept: frozenset[str], exact: Mapping[str, sp.Expr]
-) -> dict[str, sp.Expr]:
-    """Expressions in swept parameters alone: others' own expressions and values put in."""
-    known = {sp.Symbol(name, real=True): value for name, value in exact.items() if name not in swept}
-    found: dict[str, sp.Expr] = {}
-    for name, expression in expressions.items():  # each behind those that it uses
-        found[name] = known[sp.Symbol(name, real=True)] = expression.xreplace(known)
-    return found
-
-
-def _pair_at(program: ConstantProgram, point: Sequence[float]) -> tuple[float, float]:
-    """The one expression of a program at a point; NaN where it has no finite value."""
-    if not all(map(math.isfinite, point)):
-        return math.nan, 0.0
-    (value,) = program.exact_values([exact_expression(v) for v in point])
-    high = float(value)
-    return (high, float(value - high)) if math.isfinite(high) else (math.nan, 0.0)
-
-
-def following(system: System, swept: frozenset[str]) -> dict[str, sp.Expr]:
-    """Parameters that are expressions in swept ones, directly or not, each behind those that it uses."""
-    symbols = {name: sp.Symbol(name, real=True) for name in system.parameters}
-    key = "system" if "system" in system.tree.entries else "scene"
-    written = {name: child(system.tree, (key, "parameters", name)) for name in symbols}
-    read = {
-        name: parse_expression(node.text, symbols)
-        for name, node in written.items()
-        if isinstance(node, ScalarNode) and isinstance(node.value, str) and name not in swept
-    }
-    uses = {name: {s.name for s in expression.free_symbols} for name, expression in read.items()}
-    moved = set(swept)
-    order = [name for name in TopologicalSorter(uses).static_order() if name in read]
-    found: dict[str, sp.Expr] = {}
-    for name in order:
-        if uses[name] & moved:
-            moved.add(name)
-            found[name] = read[name]
-    return found

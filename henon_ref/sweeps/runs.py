@@ -12,7 +12,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.filippov.kinks import HiddenKinks
+from henon_ref.filippov.kinks import HiddenKinks, hidden_kinks
 from henon_ref.filippov.modes import Mode, mode_text
 from henon_ref.henon.start import MOST_STEPS
 from henon_ref.simulation.system import System, python_number
@@ -137,7 +137,7 @@ class Runs:
 
     @cached_property
     def _kinks(self) -> HiddenKinks:
-        return HiddenKinks(self.system.model)
+        return hidden_kinks(self.system.model)
 
     def told(self, run: int) -> str:
         """Which point a run is of, in words: ``point 3 (F = 0.5)``."""

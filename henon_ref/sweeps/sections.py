@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from henon_ref.filippov.algebra import simplified
-from henon_ref.filippov.switched_field import up_to_a_number
+from henon_ref.filippov.algebra import signed_form
 from henon_ref.simulation.system import System
 
 DERIVED = ("structure", "content")
@@ -28,8 +27,8 @@ class Section(NamedTuple):
 def with_sections(system: System, expressions: Sequence[sp.Expr]) -> tuple[System, dict[sp.Expr, Section]]:
     """A system that has some expressions among its surfaces, and where each stands.
 
-    An expression that is a number times a surface is that surface. Fields do not depend on the sign of one that is
-    added: its normal velocity is the same on both sides, and it is always crossed.
+    An expression that is a surface times a factor which always has one sign is that surface. Fields do not depend on
+    the sign of one that is added: its normal velocity is the same on both sides, and it is always crossed.
 
     Parameters
     ----------
@@ -39,16 +38,21 @@ def with_sections(system: System, expressions: Sequence[sp.Expr]) -> tuple[Syste
     """
     model = system.model
     surfaces, signs = list(model.surfaces), list(model.signs)
+    known: dict[object, tuple[int, int]] = {}
+    for index, surface in enumerate(surfaces):
+        form, way = signed_form(surface, model.parameters)
+        known.setdefault(form, (index, way))
     found: dict[sp.Expr, Section] = {}
     for expression in expressions:
         if expression in found:
             continue
-        known = next((s for i, h in enumerate(surfaces) if (s := _multiple(expression, h, i))), None)
-        if known is None:
-            known = Section(len(surfaces), 1)
+        form, way = signed_form(expression, model.parameters)
+        if form not in known:
+            known[form] = len(surfaces), way
             surfaces.append(expression)
             signs.append(sp.Symbol(f"section {len(surfaces) - len(model.surfaces)}", real=True))  # no name has a blank
-        found[expression] = known
+        index, own = known[form]
+        found[expression] = Section(index, way * own)
     if len(surfaces) == len(model.surfaces):
         return system, found
     other = copy(system)
@@ -56,13 +60,3 @@ def with_sections(system: System, expressions: Sequence[sp.Expr]) -> tuple[Syste
         vars(other).pop(name, None)
     other.model = replace(model, surfaces=tuple(surfaces), signs=tuple(signs))
     return other, found
-
-
-def _multiple(expression: sp.Expr, surface: sp.Expr, index: int) -> Section | None:
-    if expression.free_symbols != surface.free_symbols:
-        return None
-    (one, way), (other, back) = up_to_a_number(expression), up_to_a_number(surface)
-    if one == other:
-        return Section(index, way * back)
-    ratio = simplified(expression / surface)  # but for long ones
-    return Section(index, 1 if ratio > 0 else -1) if ratio.is_Rational else None

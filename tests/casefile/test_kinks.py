@@ -554,3 +554,117 @@ def test_the_least_of_300_terms_is_read_and_stays_short() -> None:
     assert list(made.values()) == [-X]
     values = [found.xreplace({K1: sp.Integer(side)}) for side in (1, -1)]
     assert [sp.expand(value) for value in values] == [300 * X, X]
+
+
+# -- kinks that are surfaces ----------------------------------------------------------------------------
+
+x, v, vb, F, d, s = sp.symbols("x v vb F d s", real=True)
+SPEEDS = [
+    "abs(v - vb)",
+    "abs(vb - v)",
+    "abs(2*(v - vb))/2",
+    "2*abs(vb/2 - v/2)",
+    "sqrt((v - vb)^2)",
+    "((v - vb)^2)^(1/2)",
+    "sqrt((2*vb - 2*v)^2)/2",
+    "max(v - vb, vb - v)",
+    "-min(v - vb, vb - v)",
+    "sign(v - vb)*(v - vb)",
+    "(v - vb)*sign(4*v - 4*vb)",
+    "piecewise(v - vb, v >= vb, vb - v)",
+    "exp(-x)*abs(exp(x)*(v - vb))",
+    "abs((1 + x^2)*(v - vb))/(1 + x^2)",
+    "abs(exp(d)*v - exp(d)*vb)*exp(-d)",
+    sp.Abs(v - vb),
+    sp.Max(v - vb, vb - v),
+    sp.Piecewise((v - vb, v > vb), (vb - v, True)),
+    sp.sqrt((sp.Symbol("v") - sp.Symbol("vb")) ** 2),
+]
+"""The speed of sliding on a belt beside its surface."""
+
+
+def belt_with(speed: object, sign: str = "s") -> hr.System:
+    rate = f"-x - F*{sign}/(1 + d*({speed}))" if isinstance(speed, str) else -x - F * s / (1 + d * speed)
+    return hr.System(["x", "v"], {"F": 1, "d": 3, "vb": 0.5}, {"s": "v - vb"}, ["v", rate])
+
+
+@pytest.mark.parametrize("speed", SPEEDS, ids=str)
+def test_a_kink_that_is_a_surface_up_to_a_factor_has_its_sign(speed: object) -> None:
+    """Friction laws as people write them, ``abs(v - vb)`` beside the surface ``v - vb``, in the seven forms or more."""
+    hand, system = belt_with("s*(v - vb)"), belt_with(speed)
+    assert system.model.surfaces == hand.model.surfaces
+    assert not system.model.kinks
+    runs = [hr.simulate(each, {"x": 0, "v": 0}, until=20) for each in (hand, system)]
+    exact = str(speed).count("exp") == 0 and "x" not in str(speed)  # else what is written rounds otherwise
+    if exact:
+        assert runs[0].y.tolist() == runs[1].y.tolist()
+        assert runs[0].transitions.equals(runs[1].transitions)
+    assert runs[0].transitions["kind"].tolist() == runs[1].transitions["kind"].tolist()
+    assert runs[1].transitions["time_s"].to_numpy() == pytest.approx(runs[0].transitions["time_s"].to_numpy(), rel=1e-9)
+
+
+def test_so_has_a_load_beside_the_surface_and_a_jump_there() -> None:
+    """max(0, v - vb) of a damper that acts one way, and friction of two sizes: convex combinations slide."""
+    hand = belt_with("s*(v - vb)").model
+    one_way = belt_with("s*(v - vb) + max(0, v - vb)").model
+    assert one_way.surfaces == hand.surfaces
+    assert sp.expand(one_way.field[1] - (-x - F * s / (1 + d * (s * (v - vb) + (v - vb) * (1 + s) / 2)))) == 0
+    sizes = hr.System(["v"], {"vb": 1}, {"s": "v - vb"}, ["2 - s*piecewise(3, v > vb, 1)"])
+    assert sizes.model.surfaces == (v - vb,)
+    run = hr.simulate(sizes, {"v": 0}, until=2)  # dv/dt is 3 below and -1 above
+    assert run.transitions[["time_s", "kind"]].to_numpy().tolist() == [[pytest.approx(1 / 3), "stick"]]
+
+
+@pytest.mark.parametrize(
+    ("argument", "merged"),
+    [
+        ("d*(v - vb)", False),  # d may be made negative
+        ("(d^2 + 1)*(v - vb)", True),
+        ("(1 - sqrt(2))*(v - vb)", True),
+        ("v - vb + 1/1000", False),
+        ("v^2 - vb^2", False),
+        ("x*(v - vb)", False),
+        ("(x - 1)*(v - vb) - x*(v - vb)", True),
+        ("d*v - d*vb", False),
+    ],
+)
+def test_a_factor_counts_where_its_sign_is_certain(argument: str, merged: bool) -> None:
+    system = hr.System(["x", "v"], {"d": 3, "vb": 0.5}, {"s": "v - vb"}, ["v", f"-x - s - abs({argument})"])
+    assert bool(system.model.kinks) is not merged
+
+
+def test_kinks_of_one_form_are_one() -> None:
+    (one, two), made = read("abs(exp(t)*(x - v))", "abs((v - x)/(1 + t^2))")
+    assert list(made) == [K1]
+    assert sp.simplify(one - K1 * sp.exp(T) * (X - V)) == 0
+    assert sp.simplify(two - K1 * (X - V) / (1 + T**2)) == 0
+
+
+@pytest.mark.parametrize("order", [("rub", "grip"), ("grip", "rub")])
+def test_a_load_that_has_the_kink_of_another_contact_s_surface_has_its_sign(order: tuple[str, str]) -> None:
+    """Whichever of the two connections the scene names first."""
+    connections = {
+        "rub": "friction: {between: [a, belt], law: coulomb, force: 0.2, name: rub}",
+        "grip": "friction: {between: [a, wall], law: coulomb, force: 0.1, normal: '1 + abs(v_a - 1/2)', name: grip}",
+    }
+    text = f"""\
+schema: 1
+name: loads
+title: Loads
+scene:
+  bodies:
+    a: {{mass: 1}}
+    wall: fixed
+    belt: {{velocity: 1/2}}
+  connections:
+    - spring: {{between: [a, wall], stiffness: 1}}
+    - {connections[order[0]]}
+    - {connections[order[1]]}
+initial: {{x_a: 1, v_a: 0}}
+until: 10
+"""
+    model = parse_case(text).readings[0].problem.system
+    speed = model.surfaces[model.sign_names.index("rub")]
+    assert {model.surfaces[i] for i in model.kinks} == {1 + speed, 1 - speed}  # where max(0, load) begins
+    acceleration = model.field[1].xreplace(dict.fromkeys(model.signs, sp.S.One))
+    assert sp.expand(acceleration) == sp.expand(-model.states[0] - sp.Rational(1, 5) - (1 + speed) / 10)

@@ -1,0 +1,175 @@
+"""However a system is written, a run does not leave the compiled loop where signs and normal velocities decide."""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Any
+
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+
+import henon_ref as hr
+from henon_ref.trajectory import Decisions
+
+LAW = "-x - F*s/(1 + d*s*(v - vb))"
+X, V, S, B = sp.symbols("x v s vb", real=True)
+
+
+def belt(rate: object = LAW, **changed: Any) -> hr.System:
+    """A block on a belt, which sticks and slips."""
+    return hr.System(
+        **{
+            "state": ["x", "v"],
+            "parameters": {"F": 1, "d": 3, "vb": 0.5},
+            "surfaces": {"s": "v - vb"},
+            "field": ["v", rate],
+            **changed,
+        }
+    )
+
+
+def static(rate: str, load: str = "x", **changed: Any) -> hr.System:
+    """The same with static friction."""
+    ends = [
+        {"when": f"-({load}) - Fs", "direction": "rising", "to": 1},
+        {"when": f"-({load}) + Fs", "direction": "falling", "to": -1},
+    ]
+    own = {"field": ["vb", "0"], "release": ends, "entry": "inside"}
+    return belt(rate, parameters={"F": 0.6, "Fs": 1, "vb": 0.5}, sliding={"s": own}, **changed)
+
+
+def bouncing(rate: str, **changed: Any) -> hr.System:
+    """A ball on a floor."""
+    given = {"parameters": {"r": 0.9, "F": 0.1}, "surfaces": {"w": "x"}, "resets": {"w": {"map": {"v": "-r*v"}}}}
+    return hr.System(**{"state": ["x", "v"], "field": ["v", rate], **given, **changed})
+
+
+TWO = {
+    "state": ["x1", "v1", "x2", "v2"],
+    "parameters": {"F": 1, "vb": 0.5, "k": 0.7},
+    "surfaces": {"s1": "v1 - vb", "s2": "v2 - vb"},
+}
+
+
+def two(first: str = "s1*(v1 - vb)", second: str = "s2*(v2 - vb)", more: str = "0") -> hr.System:
+    """Two blocks on a belt, with a spring between them."""
+    rates = [f"-x1 - k*(x1 - x2) - F*s1/(1 + 3*{first}) - {more}", f"-x2 - k*(x2 - x1) - 0.8*F*s2/(1 + 3*{second})"]
+    return hr.System(**TWO, field=["v1", rates[0], "v2", rates[1]])
+
+
+WAYS = {
+    "the belt": belt(),
+    "abs of the surface": belt("-x - F*s/(1 + d*abs(v - vb))"),
+    "sign and abs of the surface": belt("-x - F*sign(v - vb)/(1 + d*abs(vb - v))"),
+    "no surface": belt("-x - F*sign(v - vb)/(1 + d*abs(v - vb))", surfaces={}),
+    "SymPy": belt(-X - S / (1 + 3 * sp.Abs(V - B))),
+    "a root of a square": belt("-x - F*s/(1 + d*sqrt((v - vb)^2))"),
+    "a one-sided spring": belt(f"{LAW} - 2*max(0, x - 0.8)"),
+    "a one-sided damper": belt(f"{LAW} - 0.3*max(0, v - 0.8)"),
+    "a spring in pieces": belt("piecewise(-x, x < 0.2, 0.2 - 2*x) - F*s/(1 + d*s*(v - vb))"),
+    "a limited spring": belt("-max(-0.9, min(0.9, x)) - F*s/(2 + d*s*(v - vb))"),
+    "a rectified force": belt(f"{LAW} + 0.2*abs(sin(t))"),
+    "a square wave": belt(f"{LAW} + 0.2*sign(sin(2*t))"),
+    "kinks of all kinds": belt(f"{LAW} - 2*max(0, x - 0.8) - max(0, -0.9 - x) + 0.1*abs(x - 0.1) + abs(sin(2*t))/20"),
+    "more kinks than a table of all modes holds": belt(
+        f"{LAW} + 0.05*({' + '.join(f'abs(x - {k}/10)' for k in range(-7, 8, 2))} + abs(sin(t)))"
+    ),
+    "a section": belt(surfaces={"s": "v - vb", "p": "x - 0.3"}),
+    "a section of all states": belt(surfaces={"s": "v - vb", "p": "x + v - 0.7"}),
+    "a surface with a kink": hr.System(["x", "v"], {"F": 0.3}, {"s": "abs(x) - 0.5"}, ["v", "-x - F*s"]),
+    "where the model holds": belt(valid=["30 - x", "2 + cos(v)", "9 - t/3"]),
+    "expressions in parameters": belt(parameters={"F": "2*vb", "d": "3*F + vb - vb", "vb": 0.5}),
+    "static friction": static("-x - F*s"),
+    "static friction, a kink": static("-x - F*s - 0.1*max(0, x - 0.7)", "x + 0.1*(x - 0.7)"),
+    "static friction, a section": static("-x - F*s", surfaces={"s": "v - vb", "p": "x + v - 0.9"}),
+    "a reset": bouncing("-1"),
+    "a reset and a kink": bouncing("-1 - abs(x - 0.3)"),
+    "a reset and friction": bouncing("-1 - F*f", surfaces={"w": "x", "f": "v"}),
+    "a reset that goes on falling": bouncing("-x", resets={"w": {"map": {"v": "0.95*v"}}}),
+    "a reset to another place": bouncing("-1", resets={"w": {"map": {"x": "x + 1"}}}),
+    "a reset beside a belt": bouncing(
+        "-x - s/(1 + 3*s*(v - 0.5))", surfaces={"w": "1.2 + x", "s": "v - 0.5"}, parameters={"r": 0.8}
+    ),
+    "two blocks": two(),
+    "two blocks, abs and a kink": two("abs(v1 - vb)", "abs(vb - v2)", "max(0, x1 - 0.6)"),
+}
+DECIDED: dict[str, dict[str, int]] = {}
+"""What is left to Python all the same."""
+
+
+def initial_of(system: hr.System) -> dict[str, float]:
+    return dict(zip(system.state, (1.2, 0.1, 0.3, 0.0), strict=False))
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_run_whose_modes_are_compiled_stays_in_the_compiled_loop(way: str) -> None:
+    system = WAYS[way]
+    until = 4 if "reset and" in way else 20  # before impacts come to their limit
+    first, again = (hr.simulate(system, initial_of(system), until=until) for _ in range(2))
+    assert first.status == "ok"
+    assert len(first.trajectory.transitions) > 3
+    assert again.counts.decisions == Decisions(**DECIDED.get(way, {}))
+    assert first.counts == again.counts
+    assert first.transitions.equals(again.transitions)
+    assert first.counts.decisions._replace(new_modes=0) == again.counts.decisions
+
+
+@pytest.mark.parametrize("name", ["stribeck_belt", "two_blocks", "elastic_stop", "bouncing_ball", "bowed_string"])
+def test_so_does_that_of_a_scene(name: str) -> None:
+    system = hr.System.from_case(name)
+    for _ in range(2):
+        run = hr.simulate(system)
+    assert run.counts.decisions == Decisions()
+
+
+def test_what_it_is_left_for_is_counted() -> None:
+    """A parabola that touches its surface; two blocks at one instant; the limit of impacts; a root that branches."""
+    graze = hr.simulate(hr.System(["x"], {}, {"s": "x"}, ["2*(t - 1)"]), {"x": 1}, until=2)
+    assert graze.transitions["kind"].tolist() == ["graze"]
+    assert graze.counts.decisions == Decisions(event_locations=1)
+    ball = bouncing("-1", parameters={"r": 0.5})
+    rest = hr.simulate(ball, {"x": 1, "v": 0}, until=20)
+    assert rest.final_mode == "w=0"
+    assert rest.counts.decisions.jumps == 1
+    assert hr.simulate(belt(), {"x": 0.9, "v": 0.1}, until=1).counts.decisions == Decisions()
+    assert hr.simulate(ball, {"x": 1, "v": 0}, until=1).counts.decisions == Decisions()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_kinks_have_the_motion_of_their_formula(seed: int) -> None:
+    """Beside SciPy on the formula, whose kinks are continuous; with a surface at one of them as well."""
+    draw = random.Random(seed)
+
+    def number() -> float:
+        return round(draw.uniform(-1, 1), 2)
+
+    lines = [f"({number()}*x + {number()}*v + {number()})" for _ in range(5)]
+    a, b, c, d, e = lines
+    form = draw.choice([f"abs({a})", f"sqrt({a}^2)", f"max({a}, -{a})", f"sign({a})*{a}"])
+    rate = f"-2*x + {form} + max(0, {b})/2 - min({c}, {d}*{number()}) + piecewise({e}, {e} > 0, {number()}*{e})"
+    functions = {"abs": abs, "max": max, "min": min, "sqrt": math.sqrt, "sign": lambda u: (u > 0) - (u < 0)}
+    before, _, after = rate.partition("piecewise(")
+    value, condition, otherwise = after[:-1].split(", ")
+    plain = compile(f"{before}(({value}) if {condition} else ({otherwise}))".replace("^", "**"), "rate", "eval")
+    with_surface = hr.System(["x", "v"], {}, {"s": f"-3*{a}"}, ["v", rate])
+    alone = hr.System(["x", "v"], {}, {}, ["v", rate])
+    assert len(with_surface.model.signs) == len(alone.model.signs)
+    start = {"x": 0.9, "v": 0.3}
+    runs = [hr.simulate(system, start, until=6, rtol=1e-12) for system in (with_surface, alone)]
+    found = solve_ivp(
+        lambda t, y: [y[1], eval(plain, functions, {"x": y[0], "v": y[1]})],
+        (0, 6), list(start.values()), method="DOP853", rtol=1e-11, atol=1e-12, max_step=0.02,
+    )  # fmt: skip
+    for run in runs:
+        assert run.status == "ok"
+        assert run.y[:, -1] == pytest.approx(found.y[:, -1], abs=2e-7)
+        assert run.counts.decisions._replace(new_modes=0) == Decisions()
+    assert sorted(runs[0].transitions["time_s"]) == pytest.approx(sorted(runs[1].transitions["time_s"]), abs=1e-9)
+
+
+def test_a_model_may_have_more_conditions_than_surfaces() -> None:
+    run = hr.simulate(belt(valid=["3 - x", "3 + x", "10 - t"]), {"x": 0, "v": 0}, until=20)
+    assert run.status == "invalid"
+    assert run.trajectory.end_time == pytest.approx(10)
