@@ -19,7 +19,7 @@ def test_frames_are_those_of_rows(until: float) -> None:
         for t in run.trajectory.transitions
     ]
     rows = [tuple(cell.replace("s=+0", "s=0") if isinstance(cell, str) else cell for cell in row) for row in found]
-    numbers = {name: float for name in ("time_s", "x", "v")}
+    numbers = dict.fromkeys(("time_s", "x", "v"), float)
     wanted = pd.DataFrame(rows, columns=[*COLUMNS, "x", "v"]).astype(numbers)
     pd.testing.assert_frame_equal(run.transitions, wanted, check_exact=True, check_column_type=False)
     sticks = [(s[0], s[1], "s") for s in zip(run.sticks["start_s"], run.sticks["duration_s"], strict=True)]
