@@ -22,6 +22,7 @@ from henon_ref.simulation.arguments import (
     whole_number,
 )
 from henon_ref.simulation.compiled import integrator_of, local_error
+from henon_ref.simulation.notice import told_if_slow
 from henon_ref.simulation.quick_start import QuickStart
 from henon_ref.simulation.system import System
 from henon_ref.trajectory import Trajectory
@@ -100,13 +101,14 @@ def launch(
     else:  # what is wrong is said before anything is compiled
         error = local_error(tolerance_of(tolerance))
         own, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
-        integrator = integrator_of(own, error)
-        with one_at_a_time():
-            begin = integrator.start(problem, tolerance=error, landing=HENON)
-        if ready is None:
-            quick = _prepared(system, tolerance).quick
-            if quick is not None:  # its compiled functions are loaded now, not by the second run
-                quick(initial, until, start, parameters, mode)
+        with told_if_slow("compiling the system"):
+            integrator = integrator_of(own, error)
+            with one_at_a_time():
+                begin = integrator.start(problem, tolerance=error, landing=HENON)
+            if ready is None:
+                quick = _prepared(system, tolerance).quick
+                if quick is not None:  # its compiled functions are loaded now, not by the second run
+                    quick(initial, until, start, parameters, mode)
     if falling or rising or max_steps != MOST_STEPS:
         steps = whole_number(max_steps, "max_steps")
         begin = replace(begin, stop_falling=falling, stop_rising=rising, most_steps=min(steps, NO_LIMIT))

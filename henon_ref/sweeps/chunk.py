@@ -6,7 +6,7 @@ import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
-from time import perf_counter
+from time import thread_time
 from typing import Any
 
 import numpy as np
@@ -105,7 +105,7 @@ def _unpickled(work: bytes) -> Work:
 
 
 def execute(work: bytes, first: int, values: Vector, size: int) -> tuple[list[Tables], float]:
-    """Do some chunks that follow each other, their points in one go: their tables, and the time that it took [s].
+    """Do some chunks that follow each other, their points in one go: their tables, and how long it took [s].
 
     Parameters
     ----------
@@ -117,8 +117,14 @@ def execute(work: bytes, first: int, values: Vector, size: int) -> tuple[list[Ta
         Their points.
     size : int
         Points a chunk; the last one may have fewer.
+
+    Returns
+    -------
+    list of Tables
+    float
+        Processor time [s].
     """
-    began, made = perf_counter(), _unpickled(work)
+    began, made = thread_time(), _unpickled(work)
     columns = {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(made.names)}
     runs = run_chunk(made, columns, len(values), first)
     points: Columns = {"status": runs.status}
@@ -136,7 +142,7 @@ def execute(work: bytes, first: int, values: Vector, size: int) -> tuple[list[Ta
         )
         for k in range(0, len(values), size)
     ]
-    return found, perf_counter() - began
+    return found, thread_time() - began
 
 
 def _rows(table: Columns, first: int, end: int) -> Columns:

@@ -13,7 +13,7 @@ from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.runs import Columns, Runs
-from henon_ref.sweeps.step_extremes import AlongSteps, Pieces, joined_pieces, pieces_of
+from henon_ref.sweeps.step_extremes import Pieces, along_steps, joined_pieces, pieces_of
 from henon_ref.taylor.tape import TIME
 
 MOST_NUMBERS = 1 << 22
@@ -43,7 +43,7 @@ class Extremes(Observation):
         return system.expression(self.of, f"the expression {self.of[:60]!r}")
 
     def columns(self, runs: Runs) -> Columns:
-        steps = AlongSteps(runs.system.model.states, self._expression(runs.system))
+        steps = along_steps(runs.system.model.states, self._expression(runs.system))
         after = -np.inf if self.after is None else self.after
         least, largest = np.full(len(runs), np.nan), np.full(len(runs), np.nan)
         parts: list[Pieces] = []

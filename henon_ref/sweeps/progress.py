@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+from henon_ref.simulation.notice import is_watched
 
 PERIOD = 0.2
 """Seconds between two pictures."""
@@ -24,7 +25,7 @@ def shown(total: int, *, quiet: bool = False) -> Iterator[Advance]:
     quiet : bool
         Show nothing there, either.
     """
-    if quiet or not (in_notebook() or (sys.stderr is not None and sys.stderr.isatty())):
+    if quiet or not is_watched():
         yield lambda points, kept: None
         return
     from rich.console import Console
@@ -61,10 +62,3 @@ def shown(total: int, *, quiet: bool = False) -> Iterator[Advance]:
                 bar.refresh()
 
         yield advance
-
-
-def in_notebook() -> bool:
-    """Whether this is a notebook's kernel."""
-    shell = sys.modules.get("IPython")
-    instance = shell.get_ipython() if shell is not None and hasattr(shell, "get_ipython") else None
-    return type(instance).__name__ == "ZMQInteractiveShell"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,9 @@ from henon_ref.simulation.arguments import problem_of
 from henon_ref.simulation.quick_start import CLEARLY
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.runs import Settings, Vector
+
+KEPT = 256
+"""Conditions that are kept as functions."""
 
 
 def refusals(
@@ -40,14 +44,20 @@ def refusals(
         for column in parameters.values():
             clear &= np.isfinite(column)
         for condition in system.conditions:
-            symbols = sorted(condition.free_symbols, key=lambda s: s.name)
-            value = sp.lambdify(symbols, condition, "numpy")(*(parameters[s.name] for s in symbols))
-            clear &= np.asarray(value) > CLEARLY
+            names, function = _function(condition)
+            clear &= np.asarray(function(*(parameters[name] for name in names))) > CLEARLY
     found = np.full(len(initial), None, dtype=object)
     for k in np.flatnonzero(~clear).tolist():
         values = {name: float(column[k]) for name, column in columns.items()}
         found[k] = exact_refusal(settings, values) or _unclear(system, parameters, initial, times, k)
     return found
+
+
+@lru_cache(maxsize=KEPT)
+def _function(condition: sp.Expr) -> tuple[list[str], Callable[..., Any]]:
+    """A condition as a function of arrays, and the parameters that it takes."""
+    symbols = sorted(condition.free_symbols, key=lambda s: s.name)
+    return [s.name for s in symbols], sp.lambdify(symbols, condition, "numpy")
 
 
 def exact_refusal(settings: Settings, values: Mapping[str, float]) -> str | None:

@@ -27,6 +27,8 @@ from henon_ref.taylor.tape import build_tape
 
 ROUNDING = 2.0**-49
 """What values, and bounds, are off by, beside the largest number on the way to them."""
+KEPT = 64
+"""Expressions that are kept as tapes."""
 MOST_HALVINGS = 50
 NEWTON = 8
 """Steps of Newton's method, from the middle of a piece."""
@@ -138,6 +140,12 @@ class AlongSteps:
         return self.series(there, numbers, 0)[0][0]
 
 
+@lru_cache(maxsize=KEPT)
+def along_steps(states: tuple[sp.Symbol, ...], expression: sp.Expr) -> AlongSteps:
+    """The same for the same expression: chunks of a sweep ask for it again."""
+    return AlongSteps(states, expression)
+
+
 class _Bounds(NamedTuple):
     """Bernstein coefficients of an expression on pieces, shape (order + 1, S), and what they may be off by, (S,)."""
 
@@ -174,8 +182,8 @@ class _Bounds(NamedTuple):
         for _ in range(NEWTON):
             three = rows
             while len(three) > 3:
-                three = three[:-1] + at * np.diff(three, axis=0)
-            two = three[:-1] + at * np.diff(three, axis=0)
+                three = three[:-1] + at * (three[1:] - three[:-1])
+            two = three[:-1] + at * (three[1:] - three[:-1])
             slope, curvature = order * (two[1] - two[0]), order * (order - 1) * (three[2] - 2 * three[1] + three[0])
             step = np.clip(at - slope / curvature, 0.0, 1.0) - at
             at = at + step

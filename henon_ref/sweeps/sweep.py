@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from henon_ref.henon.start import MOST_STEPS
 from henon_ref.simulation.arguments import whole_number
+from henon_ref.simulation.notice import told_if_slow
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import Tables, execute
 from henon_ref.sweeps.executors import EndedError, check_executor, finished, processors
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 _LOG = logging.getLogger(__name__)
 MOST_TOLD = 5
 """Points without a run, of which a warning says why."""
-TASK_SECONDS = 0.05
-"""What a task is to take at least, where it can: short chunks go together, since each task has a price of its own."""
+TASK_SECONDS = 0.1
+"""Processor time that a task takes at least [s], where it can: short chunks go together, for a task has its price."""
 FASTER = 8
 """How many times as many chunks as the last one a task has at most."""
 KEPT_NOWHERE = "and lost: nothing is kept without a folder (out=)"
@@ -159,7 +160,8 @@ def done(
     ahead = plan.tasks(before)
     if not ahead:
         return
-    plan.work.prepared()  # compiled here and now: workers find it in the cache
+    with told_if_slow("compiling the system"):
+        plan.work.prepared()  # compiled here and now: workers find it in the cache
     pickled = plan.work.pickled()
     refused: list[str] = []
     done = len(before)
@@ -199,7 +201,7 @@ class _Groups(Iterator[list[int]]):
         self._numbers, self._most, self._size, self._next = numbers, most, 1, 0
 
     def took(self, count: int, seconds: float) -> None:
-        """Note how long so many chunks took."""
+        """Note how much processor time so many chunks took [s]."""
         wanted = int(count * min(TASK_SECONDS / max(seconds, 1e-9), FASTER))
         self._size = min(max(wanted, 1), self._most)
 
