@@ -659,5 +659,5 @@ until: 10
     model = parse_case(text).readings[0].problem.system
     speed = model.surfaces[model.sign_names.index("rub")]
     assert {model.surfaces[i] for i in model.kinks} == {1 + speed, 1 - speed}  # where max(0, load) begins
-    acceleration = model.field[1].xreplace({sign: sp.S.One for sign in model.signs})
+    acceleration = model.field[1].xreplace(dict.fromkeys(model.signs, sp.S.One))
     assert sp.expand(acceleration) == sp.expand(-model.states[0] - sp.Rational(1, 5) - (1 + speed) / 10)
