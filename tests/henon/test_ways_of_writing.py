@@ -169,6 +169,27 @@ def test_random_kinks_have_the_motion_of_their_formula(seed: int) -> None:
     assert sorted(runs[0].transitions["time_s"]) == pytest.approx(sorted(runs[1].transitions["time_s"]), abs=1e-9)
 
 
+@pytest.mark.parametrize("force", ["abs(x)", "max(0, x)", "sign(x)*v", "-min(0, -2*x)/2"])
+def test_a_ball_rests_on_a_floor_at_which_a_force_has_its_kink(force: str) -> None:
+    """As with the force above the floor written by hand; a kink of its own kept the rest from being derived."""
+    hand = {"abs(x)": "x", "max(0, x)": "x", "sign(x)*v": "v", "-min(0, -2*x)/2": "x"}[force]
+    runs = [
+        hr.simulate(bouncing(f"-1 - F*({each})", parameters={"r": 0.5, "F": 0.1}), {"x": 1, "v": 0}, until=9)
+        for each in (force, hand)
+    ]
+    assert [run.final_mode for run in runs] == ["w=0", "w=0"]
+    assert runs[0].transitions["kind"].tolist() == runs[1].transitions["kind"].tolist()
+    times = [run.transitions["time_s"].to_numpy() for run in runs]
+    assert times[0] == pytest.approx(times[1], abs=1e-9)
+
+
+def test_static_friction_whose_law_is_written_by_kinks_is_that_of_its_surface() -> None:
+    hand, kinks = static("-x - F*s - s*(v - vb)/5"), static("-x - F*sign(v - vb) - max(v - vb, vb - v)/5")
+    runs = [hr.simulate(system, {"x": 1.5, "v": 0}, until=20) for system in (hand, kinks)]
+    assert runs[0].transitions.equals(runs[1].transitions)
+    assert len(runs[0].transitions) == 5
+
+
 def test_a_model_may_have_more_conditions_than_surfaces() -> None:
     run = hr.simulate(belt(valid=["3 - x", "3 + x", "10 - t"]), {"x": 0, "v": 0}, until=20)
     assert run.status == "invalid"
