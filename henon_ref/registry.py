@@ -150,7 +150,7 @@ def check(name: str) -> str:
     CaseError
         With the nearest name, where there is none, or no such restart.
     """
-    base, restart = _parted(name)
+    base, restart = _base_and_restart(name)
     if base not in names():
         raise CaseError(f"unknown solver '{base}'{did_you_mean(base, names())}; solvers: {listed(names())}")
     if base != name:
@@ -176,10 +176,10 @@ def check_restart(restart: str) -> str:
 
 def base_name(name: str) -> str:
     """The solver's name without its restart."""
-    return _parted(name)[0]
+    return _base_and_restart(name)[0]
 
 
-def _parted(name: str) -> tuple[str, str]:
+def _base_and_restart(name: str) -> tuple[str, str]:
     """The solver's name and its restart; a third party's name may hold an ``@`` of its own."""
     if name in _third_party():
         return name, ""
@@ -189,7 +189,7 @@ def _parted(name: str) -> tuple[str, str]:
 
 def restart_of(name: str) -> str:
     """How a built-in solver restarts its library; empty where there is nothing to restart."""
-    base, restart = _parted(name)
+    base, restart = _base_and_restart(name)
     return restart or (_BUILT_IN[base].restart if base in _BUILT_IN else "")
 
 
@@ -262,7 +262,7 @@ def solver(name: str) -> Solver:
         Where its library is not installed, or its entry point holds no solver.
     """
     check(name)
-    base, restart = _parted(name)
+    base, restart = _base_and_restart(name)
     if base not in _BUILT_IN:
         return loaded(_third_party()[base])
     try:

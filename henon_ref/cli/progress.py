@@ -38,7 +38,7 @@ class Shown(Silent, AbstractContextManager["Shown"]):
 
     def __init__(self, *, quiet: bool = False) -> None:
         self.on_terminal = status_line.is_terminal() and not quiet
-        self._told = self.on_terminal or quiet
+        self._wait_is_said = self.on_terminal or quiet
         """Whether it need not be said any more that a truth takes its time."""
         self._progress: Progress | None = None
         self._task: TaskID | None = None
@@ -83,7 +83,7 @@ class Shown(Silent, AbstractContextManager["Shown"]):
 
     def tick(self) -> None:
         """Some time has passed."""
-        if not self._told:
+        if not self._wait_is_said:
             self._tell_of_truths()
         if self._progress is not None and time.monotonic() - self._drawn > PERIOD:
             self._drawn = time.monotonic()
@@ -94,7 +94,7 @@ class Shown(Silent, AbstractContextManager["Shown"]):
         now = time.monotonic()
         late = [what for what, since in self._at_work.items() if what.endswith(f" {TRUTH}") and now - since > PATIENCE]
         if late:
-            self._told = True
+            self._wait_is_said = True
             say(f"computing what is not stored: {late[0]} (at most some minutes; `truth` computes it without a limit)")
 
     def at_work(self) -> list[RenderableType]:

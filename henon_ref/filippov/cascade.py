@@ -221,7 +221,7 @@ class Cascade:
         else:
             (before,) = self._numbers.values((speed,), self._t, now.state)
         then, size = self._with_size(speed, made)
-        sign = self._told(then, size)
+        sign = self._clear_sign(then, size)
         fired = any(i == index for i, _ in now.applied)
         self._endless |= sign == 0 and fired and bool(abs(before) <= SHRUNK * size)
         return Rate(before, then, sign)
@@ -231,7 +231,7 @@ class Cascade:
 
     def _sign(self, expression: sp.Expr, now: Instant) -> int:
         """Sign of an expression in time and states; 0 where it is what rounding may have left of zero."""
-        return self._told(*self._with_size(expression, now))
+        return self._clear_sign(*self._with_size(expression, now))
 
     def _with_size(self, expression: sp.Expr, now: Instant) -> tuple[Any, Any]:
         """An expression in time and states, and the size of its terms."""
@@ -239,7 +239,7 @@ class Cascade:
         value, *own = self._numbers.values((expression, *slopes), self._t, now.state)
         return value, sum((abs(slope) * part for slope, part in zip(own, now.sizes, strict=True)), 0 * value)
 
-    def _told(self, value: Any, size: Any) -> int:
+    def _clear_sign(self, value: Any, size: Any) -> int:
         return 0 if abs(value) <= self._numbers.rounding * size else self._numbers.sign(value)
 
     def _grown(self, now: Instant, index: int, after: Sequence[Any]) -> Sequence[Any]:

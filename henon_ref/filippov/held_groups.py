@@ -47,9 +47,9 @@ ROUNDS = 8
 """Modes a contact that are expanded before it counts as undecided."""
 MOST_LOOSE = 8
 """Surfaces that are no contacts and are met without a speed, whose sides are tried."""
-NEVER = 1000
+IDENTICALLY_ZERO = 1000
 """Order that stands for a guard that stays at zero."""
-APART = 1e-5
+SMALL_ACCELERATION = 1e-5
 """Part of a relative acceleration's terms that stands for one that grows from zero."""
 
 Broken = Sequence[tuple[Guard, int]]
@@ -202,7 +202,7 @@ class _Group:
         self.system, self.mode, self.contacts, self.active = system, mode, tuple(contacts), tuple(active)
         self.numbers = numbers
         self.static = frozenset(i for i in contacts if system.held_inside(i))
-        self.apart: dict[int, int] = {}
+        self.separating: dict[int, int] = {}
         """Contacts that others at rest keep from holding, and the way in which these part from them."""
         self.stays: frozenset[int] = frozenset()
         """Surfaces, no contacts, that the mode found does not leave."""
@@ -236,8 +236,10 @@ class _Group:
             mode = self._closed(mode)
             broken = self.numbers.broken(mode, self.active)
             if broken is None:
-                return self._parted(mode, slipped)
-            self.stays = frozenset(g.index for g, order in broken if order == NEVER and g.index not in self.contacts)
+                return self._separated(mode, slipped)
+            self.stays = frozenset(
+                g.index for g, order in broken if order == IDENTICALLY_ZERO and g.index not in self.contacts
+            )
             if all(guard.index in self.stays for guard, _ in broken):
                 return mode
             own = [(guard, order) for guard, order in broken if guard.index in self.contacts]
@@ -262,23 +264,25 @@ class _Group:
         more = closed(self.system.velocities, held, tuple(i for i in self.contacts if i in self.system.overrides))
         return with_entries(mode, sorted(more), [0] * len(more))
 
-    def _parted(self, mode: Mode, slipped: frozenset[int]) -> Mode | None:
+    def _separated(self, mode: Mode, slipped: frozenset[int]) -> Mode | None:
         """What follows where contacts are held that cannot hold together: their drives part from each other later on.
 
         Which way, the first derivative tells that is not zero; an acceleration as small as can be stands for it.
         """
         balance = self._balance()
-        if balance is None or self.apart:
+        if balance is None or self.separating:
             return None
         held = [k for k, i in enumerate(self.contacts) if mode[i] == 0]
         chosen = {self.contacts[k] for k in independent_of(balance.problem, held)}
         kept = closed(self.system.velocities, frozenset(chosen), self.contacts)
-        parted = [self.contacts[k] for k in held if self.contacts[k] not in kept]
-        broken = self.numbers.broken(with_entries(mode, parted, [1] * len(parted)), self.active) if parted else None
+        separated = [self.contacts[k] for k in held if self.contacts[k] not in kept]
+        if not separated:
+            return None
+        broken = self.numbers.broken(with_entries(mode, separated, [1] * len(separated)), self.active)
         if broken is None:
             return None
         back = {guard.index for guard, _ in broken if guard.kind == "surface"}
-        self.apart = {i: -1 if i in back else 1 for i in parted}
+        self.separating = {i: -1 if i in back else 1 for i in separated}
         return self.settled(slipped)
 
     def _limited(self, balance: _Balance, slipped: frozenset[int]) -> ContactProblem:
@@ -287,9 +291,9 @@ class _Group:
         for k, (least, most) in balance.static.items():
             if self.contacts[k] not in slipped:
                 lower[k], upper[k] = least, most
-        for i, way in self.apart.items():
+        for i, way in self.separating.items():
             k = self.contacts.index(i)
-            free[k] += way * APART * (abs(free[k]) + sum(map(abs, matrix[k])))
+            free[k] += way * SMALL_ACCELERATION * (abs(free[k]) + sum(map(abs, matrix[k])))
         return ContactProblem(free, matrix, lower, upper)
 
     def _balance(self) -> _Balance | None:
@@ -357,7 +361,7 @@ class _Group:
             own = frozenset(self.contacts[j] for j in chosen)
             return self.contacts[k] in closed(self.system.velocities, own, self.contacts)
 
-        if self.numbers.proven and (self.apart or not is_clear(problem, found, settled, self.numbers.negative)):
+        if self.numbers.proven and (self.separating or not is_clear(problem, found, settled, self.numbers.negative)):
             raise ModelError(f"{what} cannot be told at t = {self.numbers.time}")
 
     def _names(self, contacts: Collection[int]) -> str:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.held_groups import NEVER, Broken, order_of
+from henon_ref.filippov.held_groups import IDENTICALLY_ZERO, Broken, order_of
 from henon_ref.filippov.mode_evaluation import ZERO, ModeEvaluation
 from henon_ref.filippov.modes import Mode, replaced
 
@@ -87,7 +87,7 @@ class ModeConsistency(ModeEvaluation):
                 size = 0.0 if system.rests(i) else self._size(t, x, mode, i)
                 k = self._leading(series, first, rate, size, zero)
                 if (k is None and first) or (k is not None and series[k] < 0):
-                    broken.append((guard, NEVER if k is None else order_of(system, guard, k)))
+                    broken.append((guard, IDENTICALLY_ZERO if k is None else order_of(system, guard, k)))
         return broken
 
     def _staying(

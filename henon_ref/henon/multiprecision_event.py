@@ -13,9 +13,8 @@ two roots, nothing is decided: the run goes on past it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 from flint import arb, arb_poly
@@ -25,48 +24,21 @@ from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import resetting
 from henon_ref.filippov.switching import Switching
-from henon_ref.henon.precise_modes import ENDING_ORDERS, MOST_ORDER, PreciseModes
-from henon_ref.kernel.shared import EPS, LEVELS
+from henon_ref.henon.guard_events import GuardEvent, GuardSeries, first_guard_event, is_clear, load_equals_friction
+from henon_ref.henon.precise_modes import MOST_ORDER, PreciseModes
 from henon_ref.precision import working_precision
-from henon_ref.roots.multiprecision import (
-    BITS,
-    CLEARANCE,
-    FLAT_STEPS,
-    ONE,
-    RELATIVE_ZERO,
-    ZERO,
-    What,
-    bernstein_on,
-    first_event_of,
-    fixed,
-    fixed_point,
-    leading_term,
-)
+from henon_ref.roots.multiprecision import BITS, ONE, fixed_point
 
-EQUAL_LEVEL = 2.0**-204
-"""Coefficients below this of each other count as equal: a few roundings."""
-LEADING_COEFFICIENTS = 26
-"""Coefficients that tell zeros next to 0 apart from the rest, to all digits."""
 PAIR_ROUNDING = 2.0**-106
 """What two doubles lose of a number; less than that would only make the second one miss round numbers."""
-FINEST = 1e-47
-"""No place on the step is known to less."""
-ROUNDING = 32 * EPS
-"""Part of its size within which double precision takes a guard for zero at the event of another one."""
-DECIDED_STEEPNESS = 1e-5
-"""Relative steepness from which double precision decides a root."""
 FLAT_LEVEL = 1e-6
 """Part of its size above which a minimum is beyond rounding, whatever that makes of it."""
 SMALL_PART = 2.0**-40
 """Part of a rounding that the state is moved by, for what it makes of a minimum to first order."""
 LEAST_MOVE = 1e-40
 """Part of a guard's size below which what moves its minimum is higher order, or multiprecision's own rounding."""
-CLEAR_LEVEL = 1e-9
-"""A guard that stays above this of its size by the sizes of its terms alone has no event."""
 EXPANDED_PART = 1.25
 """So many times as far as the place that is suspected the motion is expanded: what lies behind has to wait."""
-EQUAL = 1e-13
-"""Part of the friction by which a force may be off that counts as equal to it (as in the compiled loop)."""
 SAME_MINIMUM_PART = 1e-12
 """Minima no farther from each other than this part of the step, one of them above zero, are left behind together."""
 TIE_LEVEL = 1e-15
@@ -115,34 +87,6 @@ class LocatedEvent(NamedTuple):
     """Guards of which rounding of the state leaves open whether they reach zero here."""
 
 
-@dataclass(frozen=True)
-class _Event:
-    """What a guard does first, up to its minimum next to a place on the step."""
-
-    guard: int
-    what: What
-    """``miss``: it stays above zero."""
-    lowest: bool
-    """Whether it has a minimum here."""
-    place: int
-    """In fixed point, of the step."""
-    radius: float
-    """To which the place is known, of the step."""
-    order: int
-    """Of the zero, or the minimum."""
-    rounding: float
-    """Where the guard is steep: how far from the place double precision takes it for zero. Else 0."""
-    depth: float
-    """Where it is flat: how far from zero its minimum is, on either side, of its size on the step. Else infinite."""
-    below_rounding: bool = False
-    """Whether rounding of the state leaves open what it does here; it then counts as a ``miss``."""
-
-    def meets(self, other: _Event) -> bool:
-        """Whether two events are at one instant: their radii overlap, or rounding of a steep guard is all between."""
-        away = abs(self.place - other.place) / ONE
-        return away <= max(self.radius + other.radius, self.rounding, other.rounding)
-
-
 def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent | None:
     """Go to the first event of a step, or past the place where one was suspected.
 
@@ -185,20 +129,22 @@ def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent | Non
 
 def _events(
     guards: Sequence[Guard], outputs: Sequence[Sequence[arb]], step: UndecidedStep, unit: arb, *, whole: bool
-) -> list[_Event]:
+) -> list[GuardEvent]:
     """What the guards do up to the first event of any of them; that one comes first. ``whole``: no term is left out."""
     longer, place = step.length / float(unit), fixed_point(arb(step.suspect) / unit)
-    found: list[_Event] = []
+    found: list[GuardEvent] = []
     if step.guard is not None:
-        found.append(_first_event(step.guard, _Series(outputs[step.guard], step.known_zeros[step.guard], whole), place))
+        found.append(
+            first_guard_event(step.guard, GuardSeries(outputs[step.guard], step.known_zeros[step.guard], whole), place)
+        )
         place = found[0].place
     for g, guard in enumerate(guards):
-        if g == step.guard or _load_equals_friction(guards, outputs, g, longer) or _clear(outputs[g], guard, place):
+        if g == step.guard or load_equals_friction(guards, outputs, g, longer) or is_clear(outputs[g], guard, place):
             continue
-        series = _Series(outputs[g], step.known_zeros[g], whole)
+        series = GuardSeries(outputs[g], step.known_zeros[g], whole)
         if series.positive(place):
             continue
-        event = _first_event(g, series, place)
+        event = first_guard_event(g, series, place)
         if not found or (event.what != "miss" and event.place < place and not event.meets(found[0])):
             found.insert(0, event)
             place = event.place
@@ -213,8 +159,8 @@ def _beyond_rounding(
     start: arb,
     unit: arb,
     outputs: Sequence[Sequence[arb]],
-    events: Sequence[_Event],
-) -> list[_Event]:
+    events: Sequence[GuardEvent],
+) -> list[GuardEvent]:
     """The events, those left out (``miss``) of which rounding of the state leaves open whether they are there.
 
     The minimum of a square is zero wherever the state is: differences are taken to both sides.
@@ -243,116 +189,14 @@ def _beyond_rounding(
     return [first, *(e for e in found if e is not first)]
 
 
-class _Series:
-    """A guard over its size on the step, in fixed point, its known zeros put apart.
-
-    Parameters
-    ----------
-    coefficients : sequence of arb
-        In units of the step.
-    zeros : int
-        Known zeros at its start.
-    whole : bool
-        Whether no term is left out.
-    """
-
-    def __init__(self, coefficients: Sequence[arb], zeros: int, whole: bool) -> None:
-        self.zeros, self.q = zeros, fixed(_without_known_zeros(coefficients, zeros)[zeros:])
-        self._order = len(coefficients) - 1
-        last = [] if whole else [abs(float(c)) for c in coefficients[-ENDING_ORDERS:]]
-        self._last = max(last, default=0.0) / (sum(abs(float(c)) for c in coefficients) or 1.0)
-
-    def positive(self, place: int) -> bool:
-        """Whether it is clearly positive up to a little behind a place, by its Bernstein coefficients."""
-        return min(bernstein_on(self.q, 0, min(ONE, place + (place >> 30) + 1))) > CLEARANCE * ZERO
-
-    def around(self, place: int) -> list[float]:
-        """Its Taylor coefficients at a place."""
-        polynomial = arb_poly([0] * self.zeros + [arb(c) / ONE for c in self.q])
-        return [float(c) for c in polynomial(arb_poly([arb(place) / ONE, 1])).coeffs()]
-
-    def size(self, part: float) -> float:
-        """Sum of the sizes of its terms at a place."""
-        return sum(abs(c / ONE) * part ** (self.zeros + k) for k, c in enumerate(self.q))
-
-    def noise(self, part: float) -> float:
-        """What its value at a place may be off: what counts as zero, or what is left out of the series."""
-        return CLEARANCE * max(RELATIVE_ZERO, self._last * part**self._order)
-
-
-def _first_event(guard: int, series: _Series, suspect: int) -> _Event:
-    """What a guard does up to a place on the step."""
-    what, lowest, place = first_event_of(series.q, series.zeros, suspect)
-    part, local = place / ONE, series.around(place)
-    radius, order = leading_term(local, series.noise(part))
-    slope, size = (abs(local[1]) if len(local) > 1 else 0.0), series.size(part)
-    steep = what == "root" and slope * part > DECIDED_STEEPNESS * size
-    rounding = ROUNDING * size / slope if steep else 0.0
-    depth = math.inf
-    if not steep and len(local) > 2 and local[2] > 0.0:
-        depth = abs(local[0] - local[1] ** 2 / (4.0 * local[2]))
-    order = order - order % 2 if lowest else order
-    return _Event(guard, what, lowest, place, max(radius, FINEST), order, rounding, depth)
-
-
-def _without_known_zeros(c: Sequence[arb], zeros: int) -> list[arb]:
-    """A guard with its known zeros put at 0, where rounding has left them beside it; the other roots stay.
-
-    See ``deflated`` of ``henon_ref/kernel/roots.c``.
-    """
-    q = list(c[zeros:])
-    if zeros and len(q) > 1 and all(abs(low) <= LEVELS.known_zero_level * abs(q[0]) for low in c[:zeros]):
-        head, factor = arb_poly(c[: zeros + LEADING_COEFFICIENTS]), [arb(0)] * zeros
-        for _ in range(FLAT_STEPS):
-            before = factor.copy()
-            for i in range(zeros):
-                known = [factor[j] * q[i - j] for j in range(i) if i - j < len(q)]
-                factor[i] = ((c[i] - sum(known, arb(0))) / q[0]).mid()
-            if all(abs(new - old) <= EQUAL_LEVEL * abs(new) for new, old in zip(factor, before, strict=True)):
-                break
-            q = (head // arb_poly([*factor, 1])).coeffs()
-        q = (arb_poly(list(c)) // arb_poly([*factor, 1])).coeffs()
-    return [arb(0)] * zeros + q
-
-
-def _load_equals_friction(guards: Sequence[Guard], outputs: Sequence[Sequence[arb]], own: int, longer: float) -> bool:
-    """Whether a guard is a slide's end at which the force equals the friction all over the step: the slide holds.
-
-    ``longer``: length of the step in units of what is expanded.
-    """
-    guard = guards[own]
-    if guard.kind != "release":
-        return False
-    ends = [g for g, end in enumerate(guards) if end.kind == "release" and end.index == guard.index]
-    friction = sum(float(outputs[end][0]) for end in ends)
-    size, power = 0.0, 1.0
-    for c in outputs[own]:
-        size += abs(float(c)) * power
-        power = min(power * longer, 1e300)
-    return size <= EQUAL * friction
-
-
-def _clear(series: Sequence[arb], guard: Guard, place: int) -> bool:
-    """Whether the sizes of its terms show that a guard has no event up to a place (True where it is not finite)."""
-    part = place / ONE
-    first, *rest = (float(c) for c in series)
-    size, power = 0.0, part
-    for c in rest:
-        size += abs(c) * power
-        power *= part
-    if guard.rising_only and first < 0.0:
-        first = -first
-    return not first - size <= CLEAR_LEVEL * (abs(first) + size)
-
-
-def _ends(modes: PreciseModes, guards: Sequence[Guard], event: _Event) -> bool:
+def _ends(modes: PreciseModes, guards: Sequence[Guard], event: GuardEvent) -> bool:
     """Whether a guard's mode ends where it only touches zero: a model's end, or a surface that is held at."""
     guard = guards[event.guard]
     held = guard.kind == "surface" and modes.system.held_inside(guard.index)
     return event.what == "touch" and (guard.ends is not None or held)
 
 
-def _zeros_behind(events: Sequence[_Event], here: _Event, count: int) -> tuple[int, ...]:
+def _zeros_behind(events: Sequence[GuardEvent], here: GuardEvent, count: int) -> tuple[int, ...]:
     """Zeros of a mode's guards where it goes on from a minimum of one of them."""
     zeros = [0] * count
     for event in events:

@@ -19,7 +19,15 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision, ended, explained, without_indeterminate
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.exact_numbers import exact_sign
-from henon_ref.filippov.held_groups import NEVER, Broken, Numbers, by_groups, decide_groups, order_of, slipped_by
+from henon_ref.filippov.held_groups import (
+    IDENTICALLY_ZERO,
+    Broken,
+    Numbers,
+    by_groups,
+    decide_groups,
+    order_of,
+    slipped_by,
+)
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.resting import unless_into_surface
 from henon_ref.filippov.staying import staying_mode
@@ -218,7 +226,7 @@ class ModeSelection:
                 if not self._attracts(point, mode, i) and (term is None or term[1] <= 0):
                     broken.append((guard, 0))
             elif (term is None and guard.kind == "surface") or (term is not None and term[1] < 0):
-                broken.append((guard, NEVER if term is None else order_of(system, guard, term[0])))
+                broken.append((guard, IDENTICALLY_ZERO if term is None else order_of(system, guard, term[0])))
         return broken
 
     def _at(self, point: Point, expressions: Sequence[sp.Expr]) -> list[arb]:

@@ -30,7 +30,7 @@ from henon_ref.truth.roots import isolate
 
 FINAL = 2.0**-80
 """Part of the run that is left of accumulating impacts where their limit is taken: it is wrong by about its square."""
-NEAR, CLOSER = 1e-3, 0.1
+GRAZE_DISTANCE, GRAZE_FACTOR = 1e-3, 0.1
 """A surface that is approached so closely is noted, and again where it is as much closer."""
 MAX_STEPS = 1_000_000
 """Taylor steps after which a run is given up: the time limit of a truth ends nearly all runs before."""
@@ -220,7 +220,7 @@ class _Simulation:
             self._land(step, hits)
             return self._at_horizon()
         time, state = stepper.end()
-        self._approach(step)
+        self._note_near_grazes(step)
         self.point = self._blurred(time, state, step)
         self.skipped = [0] * len(self.skipped)
         self.result.end_time = time
@@ -229,7 +229,7 @@ class _Simulation:
             self.progress(float(time - self.start) / self.span)
         return self._at_horizon()
 
-    def _approach(self, step: Step) -> None:
+    def _note_near_grazes(self, step: Step) -> None:
         """Note how close surfaces are behind a step, where they come closer for as long as the mode lasts."""
         end = float(step.time) + float(step.length)
         for place, guard in enumerate(self.stepper.guards):
@@ -238,7 +238,7 @@ class _Simulation:
             distance, known = abs(self.stepper.guard_at_end(place)), self.approached.setdefault(guard.index, [])
             while known and known[-1].distance <= distance:
                 known.pop()
-            if distance <= NEAR and (not known or distance <= CLOSER * known[-1].distance):
+            if distance <= GRAZE_DISTANCE and (not known or distance <= GRAZE_FACTOR * known[-1].distance):
                 known.append(NearGraze(end, guard.index, distance, lasts=True))
 
     def _first_hits(self, step: Step) -> list[_Hit]:
