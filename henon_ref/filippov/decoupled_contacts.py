@@ -136,6 +136,10 @@ class SwitchedEquations:
         pairs = (own[entry] for own, entry in zip(self._pairs, mode, strict=True))
         return (*chain.from_iterable(pairs), *self._valid)
 
+    def guards_on(self, index: int, entry: int) -> tuple[Guard, Guard]:
+        """The two guards of one surface where the mode has this entry for it."""
+        return self._pairs[index][entry]
+
     @cached_property
     def _pairs(self) -> tuple[Mapping[int, tuple[Guard, Guard]], ...]:
         """For each surface and entry its two guards."""

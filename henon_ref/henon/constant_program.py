@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.henon.double_double import ACCURATE, ADD, MULTIPLY, POWER, ROUNDING, SQRT, run_operations
+from henon_ref.henon.double_double import ACCURATE, ADD, MULTIPLY, POWER, ROUNDING, SQRT, run_operations, scatter
 from henon_ref.precision import working_precision
 
 FUNCTION = 4
@@ -97,17 +97,28 @@ class ConstantProgram:
                 run_operations(operations, found)
         return found
 
-    def made_accurate(self, registers: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]) -> None:
-        """Evaluate outputs in balls at points where they have lost digits, terms having cancelled.
+    @property
+    def places_a_point(self) -> int:
+        """Doubles that :meth:`pairs` takes for each point."""
+        return self._registers.size + 2 * len(self.outputs)
 
-        ``exact``: the inputs of a point, by its number.
+    def pairs(self, values: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]) -> NDArray[np.float64]:
+        """The expressions at some points, each as its double and what that leaves, shape (points, 2 k).
+
+        ``exact``: the inputs of a point, by its number, with which expressions are evaluated in balls that have lost
+        digits, terms having cancelled.
         """
-        outputs = list(self.outputs)
-        error, size = registers[:, outputs, 2], np.abs(registers[:, outputs, 0])
-        for point in np.flatnonzero((np.isfinite(size) & (error > ACCURATE * size)).any(axis=1)).tolist():
-            with working_precision(BITS):
-                found = [_three(ball) for ball in self.balls(exact(point))]
-            registers[point, outputs] = found
+        registers, highs = self.registers(values), np.arange(0, 2 * len(self.outputs), 2)
+        found = np.empty((len(values), 2 * len(self.outputs)))
+        if not scatter(registers, self.places, highs, highs + 1, found):
+            error, size = registers[:, self.places, 2], np.abs(registers[:, self.places, 0])
+            lost = np.isfinite(size) & (error > ACCURATE * size)
+            for point in np.flatnonzero(lost.any(axis=1)).tolist():
+                with working_precision(BITS):
+                    balls = [_three(ball) for ball in self.balls(exact(point))]
+                registers[point, self.places[lost[point]]] = np.array(balls)[lost[point]]
+            scatter(registers, self.places, highs, highs + 1, found)
+        return found
 
     def over_ring(
         self, values: Sequence[Any], number: Callable[[sp.Expr], Any], root: Callable[[Any], Any]

@@ -223,7 +223,7 @@ class ModeChanges(State):
     def _pass_branch_point(self) -> bool:
         """Go on behind a branch point of a guard; False where there is none, or what happens is not clear."""
         scalars = self.scalars
-        code = self.integrator.mode_table.compiled.codes[int(scalars.mode)]
+        code = self.integrator.mode_table.codes[int(scalars.mode)]
         if not code.guards_branch_alone or self._passed_at == scalars.steps:
             return False
         until, until_low = self.until
@@ -269,25 +269,27 @@ class ModeChanges(State):
         scalars.stopped |= int(ends_here) >> surface & 1
 
     def _enter_new_mode(self) -> tuple[Status, str] | None:
-        """Complete a transition that is decided, into a mode that has no row yet."""
-        mode_table, row, hit = self.integrator.mode_table, int(self.scalars.mode), int(self.scalars.guard)
-        guard, what = self.guards[hit], int(self.scalars.pending_kind)
-        if what == RESET:  # the loop goes through the event anew
+        """Compile the mode that an event leads to; the loop goes through the event anew."""
+        mode_table, hit, what = self.integrator.mode_table, int(self.scalars.guard), int(self.scalars.pending_kind)
+        if what == RESET:
             after = numbered_mode(int(self.scalars.pending_mode), len(self.mode))
             return None if mode_table.row(after) is not None else self._without_equations()
-        after = replaced(self.mode, guard.index, 0 if what == STICK else guard.to_sign)
-        released = int(mode_table.compiled.records[row]["guards"][hit]["zeros_at_release"])
-        zeros = {STICK: 0, CROSSING: 1}.get(what, released)
-        target = mode_table.row(after)
-        if target is None or (what == RELEASED and zeros == 0):  # no such mode, or zeros that have to be measured
-            return self._select_mode()
-        self._record(what, guard.index, row, target, side=self.mode[guard.index])
-        self.scalars.mode = target
-        self.known_zeros[:] = 0
-        for g, own in enumerate(mode_table.guards(after)):
-            if own.kind == "surface" and own.index == guard.index:
-                self.known_zeros[g] = zeros
-        return ending_of(self, ReturnCode.EVENTS_ACCUMULATE) if _events_accumulate(self.scalars) else None
+        guard = self.guards[hit]
+        if not self._compiled_behind(hit, 0 if what == STICK else guard.to_sign):
+            return self._select_mode()  # no such mode, or zeros that have to be measured
+        return None
+
+    def _compiled_behind(self, hit: int, entry: int) -> bool:
+        """Whether the mode behind a guard can be compiled and the loop led to it; it then goes through the event anew."""
+        mode_table, row, guard = self.integrator.mode_table, int(self.scalars.mode), self.guards[hit]
+        if mode_table.row(replaced(self.mode, guard.index, entry)) is None:
+            return False
+        own = mode_table.compiled.records["guards"][row, hit]
+        if own["mode_across" if entry else "mode_stuck"] < 0:
+            return False
+        self.scalars.expansions -= guard.kind == "surface"  # the loop counts its normal velocities anew
+        self.scalars.event_pending = 1
+        return True
 
     def _select_mode(self) -> tuple[Status, str] | None:
         """Settle an event that signs alone do not decide; None if the run goes on."""
@@ -295,6 +297,8 @@ class ModeChanges(State):
         hits: list[Guard] = [g for g, hit in zip(self.guards, self.hits, strict=False) if hit]
         if surfaces := resetting(self.integrator.system, before, hits):
             return self._jump(surfaces, hits)
+        if self._misses_stick(hits):
+            return None
         x = self.x.tolist()
         switching = self.start.constants.switching
         switching.forget()  # what another run has worked out at the same point is none of this one's work
@@ -310,3 +314,12 @@ class ModeChanges(State):
         orders = switching.contact_orders(self.time, x, decision.mode, active)
         tangential = [] if early else sorted({g.index for g in hits if g.kind == "surface"})
         return self._change_mode(decision, orders, tangential)
+
+    def _misses_stick(self, hits: Sequence[Guard]) -> bool:
+        """Whether the loop wants the mode in which a contact is held, to see whether it is, and now goes on with it."""
+        if len(hits) != 1 or self.scalars.guard == NOWHERE or not self.integrator.system.held_inside(hits[0].index):
+            return False
+        hit = int(self.scalars.guard)
+        own = self.integrator.mode_table.compiled.records["guards"][int(self.scalars.mode), hit]
+        missing = own["hold_zone"] and not own["coupled"] and not own["jump"] and own["mode_stuck"] < 0
+        return bool(missing) and self._compiled_behind(hit, 0)

@@ -17,6 +17,8 @@ from henon_ref.filippov.contact_loops import guard_count
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, mode_number, replaced
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.distinct_constants import DistinctConstants
+from henon_ref.henon.growing_rows import GrowingRows
 from henon_ref.henon.jump_code import jump_code
 from henon_ref.henon.mode_code import (
     ModeCode,
@@ -25,7 +27,7 @@ from henon_ref.henon.mode_code import (
     normal_velocities,
     switched_mode_code,
 )
-from henon_ref.henon.records import COUPLED, RECORD_PLACES, RELEASE, RESETTING, SURFACE, VALID, mode_dtype
+from henon_ref.henon.records import COUPLED, GUARD, RECORD_PLACES, RELEASE, RESETTING, SURFACE, VALID, mode_dtype
 from henon_ref.jit.processor_time import compiling
 from henon_ref.precision import one_at_a_time
 from henon_ref.roots.bernstein import bernstein_code
@@ -35,37 +37,57 @@ SURFACES = 8
 ALL: Mode = ()
 """What machine code goes by that all modes have in common."""
 _KIND = {"surface": SURFACE, "release": RELEASE, "valid": VALID, "attracts": VALID}
+_ACROSS, _STUCK = ((GUARD.names or ()).index(name) for name in ("mode_across", "mode_stuck"))
 
 
 @dataclass(frozen=True, eq=False)
 class CompiledModes:
-    """The modes that are compiled at one time. Nothing in it changes: a run that reads it may be in another thread."""
+    """The modes that are compiled at one time: views of tables that grow behind them.
 
-    modes: tuple[Mode, ...]
-    codes: tuple[ModeCode, ...]
-    """Machine code of each."""
-    records: NDArray[Any]
-    """Shape (M,) of :func:`henon_ref.henon.records.mode_dtype`."""
+    While it is the latest, links to the modes that follow are put into it; it then is no longer (see :class:`ModeTable`).
+    """
+
+    tables: NDArray[np.int64]
+    """The records as the compiled loop takes them, shape (M, 1 + G, RECORD_PLACES)."""
     signs: NDArray[np.int64]
     """(M, surfaces): the entries of each row's mode."""
     rows: NDArray[np.int64]
     """Row of every mode, written in base 3; -1 where not compiled yet, empty where modes are not decided by it."""
+    sources: NDArray[np.int64]
+    """(M, tapes, K): where each number of a mode's rows of constants is found among those of all modes."""
+    constants: int
+    """How many constants these are."""
 
     @cached_property
-    def tables(self) -> NDArray[np.int64]:
-        """The records as the compiled loop takes them, shape (M, 1 + G, RECORD_PLACES): a view."""
-        places = self.records.dtype.itemsize // 8
-        return self.records.view(np.int64).reshape(-1, places // RECORD_PLACES, RECORD_PLACES)
+    def records(self) -> NDArray[Any]:
+        """Shape (M,) of :func:`henon_ref.henon.records.mode_dtype`: a view."""
+        count, guards = len(self.tables), self.tables.shape[1] - 1
+        return self.tables.reshape(count, -1).view(mode_dtype(guards))[:, 0]
 
 
 class ModeTable:
-    """Grows a row for each mode that is asked for, from any thread: :attr:`compiled` is replaced, never changed.
+    """Grows a row for each mode that is asked for, from any thread.
+
+    :attr:`compiled` is replaced by one with the new row before any of the others leads to it. Who lets compiled code read
+    a table is among :attr:`readers` meanwhile, and looks, once he is, whether it is the latest: then either he has the
+    new row, or the other rows are linked to it in a copy of theirs.
 
     Parameters
     ----------
     system : FilippovSystem
     order : int
         Order of the Taylor expansion.
+
+    Attributes
+    ----------
+    modes, codes : list
+        Of each row its mode and machine code. They only grow.
+    index : dict
+        Row of each mode that is compiled.
+    constants : DistinctConstants
+        Those of all modes.
+    readers : list
+        An entry for each thread that is in compiled code which reads the table.
 
     Raises
     ------
@@ -75,29 +97,25 @@ class ModeTable:
 
     def __init__(self, system: FilippovSystem, order: int) -> None:
         self.system, self.order = system, order
+        self.modes: list[Mode] = []
+        self.codes: list[ModeCode] = []
         self.index: dict[Mode, int] = {}
-        """Row of each mode that is compiled."""
+        self.constants = DistinctConstants()
+        self.readers: list[None] = []
         surfaces = len(system.surfaces)
         self._switched = system.switched
         self._jumps = jump_code(system)
         several = 1 < surfaces <= SURFACES and not (system.overrides or system.resets)
-        self.compiled = CompiledModes(
-            modes=(),
-            codes=(),
-            records=np.zeros(0, dtype=mode_dtype(self.most_guards)),
-            signs=np.zeros((0, surfaces), dtype=np.int64),
-            rows=np.full(3**surfaces if several else 0, -1, dtype=np.int64),
-        )
+        self._tables = GrowingRows(np.int64, (1 + self.most_guards, RECORD_PLACES))
+        self._signs, self._sources = GrowingRows(np.int64, (surfaces,)), GrowingRows(np.int64, (0, 0))
+        self._rows = np.full(3**surfaces if several else 0, -1, dtype=np.int64)
+        self._numbers: dict[int, int] = {}
+        self.compiled = self._published()
         self._codes: dict[Mode | frozenset[int], ModeCode] = {}
         self._guards: dict[Mode, tuple[Guard, ...]] = {}
         if surfaces == 1:
             for mode in ((-1,), (1,), (0,)):
                 self.row(mode)
-
-    @property
-    def modes(self) -> tuple[Mode, ...]:
-        """Modes by their rows."""
-        return self.compiled.modes
 
     @cached_property
     def most_guards(self) -> int:
@@ -144,7 +162,7 @@ class ModeTable:
     @cached_property
     def normals(self) -> NormalVelocities | None:
         """Normal velocities of all surfaces; None where the compiled loop does not decide by them."""
-        if not self.compiled.rows.size:
+        if not self._rows.size:
             return None
         with one_at_a_time():
             return normal_velocities(self.system)
@@ -162,25 +180,53 @@ class ModeTable:
         return self._codes[key]
 
     def _append(self, mode: Mode, code: ModeCode) -> None:
-        before, row = self.compiled, len(self.compiled.modes)
-        records = np.concatenate([before.records, self._record(mode, code)])
-        rows = before.rows
+        row, number = len(self.modes), mode_number(mode)
+        self._tables.append(self._record(mode, code))
+        self._signs.append(mode)
+        self._sources.append(self.constants.sources(code.tapes, mode))
+        self.modes.append(mode)
+        self.codes.append(code)
+        self.compiled = self._published()
+        if self.readers:  # they do not have the row
+            self._tables.move()
+            self._rows = self._rows.copy()
+        self._numbers[number] = row
+        tables = self._tables.rows
+        for i, other in _neighbours(mode, number):
+            found = self._numbers.get(other)
+            if found is not None:
+                self._link(tables, row, i)
+                self._link(tables, found, i)
         # Where it may not attract, compiled code does not settle on it; nor where normal velocities written for all
         # modes hold operations that it does not.
-        if rows.size and all(g.kind != "attracts" for g in self.guards(mode)) and mode not in self._codes:
-            rows = rows.copy()
-            rows[mode_number(mode)] = row
-        index = {**self.index, mode: row}
-        for other in [mode, *_neighbours(mode)]:
-            if other in index:
-                self._link(records[index[other]], other, index)
-        signs = np.concatenate([before.signs, np.array([mode])])
-        self.compiled = CompiledModes((*before.modes, mode), (*before.codes, code), records, signs, rows)
-        self.index = index
+        if self._rows.size and all(g.kind != "attracts" for g in self.guards(mode)) and mode not in self._codes:
+            self._rows[number] = row
+        self.compiled = self._published()
+        self.index[mode] = row  # whoever finds it there finds the tables that have it
 
-    def _record(self, mode: Mode, code: ModeCode) -> NDArray[Any]:
-        """A mode's row, which leads to no other mode yet."""
-        found = np.zeros(1, dtype=self.compiled.records.dtype)
+    def _published(self) -> CompiledModes:
+        """The tables as they are now."""
+        tables, signs, sources = self._tables.rows, self._signs.rows, self._sources.rows
+        return CompiledModes(tables, signs, self._rows, sources, len(self.constants.expressions))
+
+    def _record(self, mode: Mode, code: ModeCode) -> NDArray[np.int64]:
+        """A mode's row, which leads to no other mode yet, shape (1 + G, RECORD_PLACES)."""
+        if self._switched is None or self._jumps or self.system.resets:
+            return self._written_record(mode, code)
+        # All modes have one code, and the guards of a surface depend on its own entry alone.
+        found, surfaces = self._uniform[0].copy(), len(mode)
+        own = self._uniform[:, 1 : 1 + 2 * surfaces].reshape(3, surfaces, 2, -1)
+        found[1 : 1 + 2 * surfaces] = own[np.array(mode) + 1, np.arange(surfaces)].reshape(2 * surfaces, -1)
+        return found
+
+    @cached_property
+    def _uniform(self) -> NDArray[np.int64]:
+        """Rows of the modes in which all surfaces have one entry: -1, 0, +1."""
+        modes = [(entry,) * len(self.system.surfaces) for entry in (-1, 0, 1)]
+        return np.array([self._written_record(mode, self._code(mode)) for mode in modes])
+
+    def _written_record(self, mode: Mode, code: ModeCode) -> NDArray[np.int64]:
+        found = np.zeros(1, dtype=mode_dtype(self.most_guards))
         system, guards = self.system, self.guards(mode)
         sliding = [i for i, s in enumerate(mode) if s == 0]
         own, records = found[0]["mode"], found[0]["guards"]
@@ -203,20 +249,35 @@ class ModeTable:
             # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
             tangent = guard.kind == "release" and guard.index not in system.overrides
             record["zeros_at_release"] = 2 if tangent else 0
-        return found
+        return found.view(np.int64).reshape(-1, RECORD_PLACES)
 
-    def _link(self, record: Any, mode: Mode, index: dict[Mode, int]) -> None:
-        """Fill in what follows the events of a mode, of the modes there are."""
-        for own, guard in zip(record["guards"], self.guards(mode), strict=False):
+    def _link(self, tables: NDArray[np.int64], row: int, index: int) -> None:
+        """Fill in what follows the events of a mode on one surface, of the modes there are."""
+        mode, number = self.modes[row], mode_number(self.modes[row])
+        for g, guard in self._guards_on(mode, index):
             if guard.kind == "surface":
-                own["mode_stuck"] = index.get(replaced(mode, guard.index, 0), -1)
+                tables[row, 1 + g, _STUCK] = self._numbers.get(_replaced_number(number, mode, index, 0), -1)
             # A body that lifts off leaves its surface with two zeros or more: they have to be measured.
-            lifts_off = guard.kind == "release" and guard.index in self.system.resets
+            lifts_off = guard.kind == "release" and index in self.system.resets
             if guard.ends is None and not lifts_off:
-                own["mode_across"] = index.get(replaced(mode, guard.index, guard.to_sign), -1)
+                across = _replaced_number(number, mode, index, guard.to_sign)
+                tables[row, 1 + g, _ACROSS] = self._numbers.get(across, -1)
+
+    def _guards_on(self, mode: Mode, index: int) -> list[tuple[int, Guard]]:
+        """Guards of a mode on a surface, and their places."""
+        if self._switched:
+            return list(enumerate(self._switched.guards_on(index, mode[index]), start=2 * index))
+        return [(g, guard) for g, guard in enumerate(self.guards(mode)) if guard.index == index and guard.kind != "valid"]
 
 
-def _neighbours(mode: Mode) -> Iterator[Mode]:
-    """Modes that one event leads to, or from: one entry is another."""
+def _replaced_number(number: int, mode: Mode, index: int, entry: int) -> int:
+    """Number of a mode with one surface's entry replaced."""
+    return number + (entry - mode[index]) * 3**index
+
+
+def _neighbours(mode: Mode, number: int) -> Iterator[tuple[int, int]]:
+    """Surfaces and numbers of the modes that one event leads to, or from: the surface's entry is another."""
+    power = 1
     for i, entry in enumerate(mode):
-        yield from (replaced(mode, i, other) for other in (-1, 0, 1) if other != entry)
+        yield from ((i, number + (other - entry) * power) for other in (-1, 0, 1) if other != entry)
+        power *= 3

@@ -248,19 +248,22 @@ class _Part:
         initial = np.ascontiguousarray(runs.initial[self.part].transpose(0, 2, 1)).reshape(len(times), -1)
         template = replace(runs.start(self.first), zeros=runs.integrator.no_zeros).state
         ends, states = runs.ends[self.part].view(np.float64).reshape(-1, END_PLACES), runs.states[self.part]
-        tries, code, constants = TRIES, PAUSE, self._constants(workspace)
+        tries, code, compiled = TRIES, PAUSE, None
         while code != DONE:
-            code = run_points(
-                self.memory.view(np.float64), workspace.block, template, times, initial, rows, surfaces, *constants,
-                NO_SAMPLES, self.kept, self.pending, ends, states,
-            )  # fmt: skip
+            table.readers.append(None)
+            try:
+                if compiled is not table.compiled:
+                    tries, (compiled, *constants) = TRIES, self._constants(workspace)
+                code = run_points(
+                    self.memory.view(np.float64), workspace.block, template, times, initial, rows, surfaces,
+                    *constants, NO_SAMPLES, self.kept, self.pending, ends, states,
+                )  # fmt: skip
+            finally:
+                table.readers.pop()
             if code == ASIDE:
-                compiled = table.compiled
                 yield from self._in_python(int(progress["point"]) - 1)
-                if table.compiled is not compiled:
-                    tries, constants = TRIES, self._constants(workspace)
                 tries -= 1
-                progress["stop_aside"] = tries > 0
+                progress["stop_aside"] = tries > 0 or compiled is not table.compiled
             elif code == BUFFER_FULL:
                 yield from self._handed_out()
         yield from self._handed_out()
@@ -284,7 +287,7 @@ class _Part:
         return rows, surfaces
 
     def _constants(self, workspace: Workspace) -> tuple[Any, ...]:
-        """Tables, constants and what decides events of several surfaces, for the modes that are compiled now."""
+        """The modes that are compiled now: tables, constants, what decides events of several surfaces."""
         table = self.runs.integrator.mode_table
         program = self.runs.integrator.programs.loop()
         compiled = program.compiled
@@ -296,7 +299,7 @@ class _Part:
             assert table.normals is not None
             address = table.normals.address
             selection = address, normals[0], compiled.signs, compiled.rows, table.decoupled, *workspace.selection
-        return compiled.tables, numbers, normals, selection
+        return compiled, compiled.tables, numbers, normals, selection
 
     def _handed_out(self) -> Iterator[NDArray[Any]]:
         """Transitions of the points that are done; those of one that is at work move to the begin of the buffer."""

@@ -173,11 +173,16 @@ class Run(ModeChanges):
         if refused is not None:
             unasked = self.samples is _NO_SAMPLES
             return refused if unasked else refused._replace(samples=self.samples[:, 1:-1], sample_modes=())
-        compiled, tables, numbers, normals = self.start.constants.latest
-        if compiled is not self.integrator.mode_table.compiled:
-            _, tables, numbers, normals = self.start.constants.update()
-        selection = (*normals, *self.workspace.selection) if normals and self.integrator.several else None
-        code = advance(self.state, tables, numbers, selection, self.samples)
+        mode_table = self.integrator.mode_table
+        mode_table.readers.append(None)
+        try:
+            compiled, tables, numbers, normals = self.start.constants.latest
+            if compiled is not mode_table.compiled:
+                _, tables, numbers, normals = self.start.constants.update()
+            selection = (*normals, *self.workspace.selection) if normals and self.integrator.several else None
+            code = advance(self.state, tables, numbers, selection, self.samples)
+        finally:
+            mode_table.readers.pop()
         if code == _HORIZON or code == ReturnCode.STOPPED:
             return self._end("ok", "")
         if code == ReturnCode.BLOCK_FULL and not stop:
