@@ -323,21 +323,25 @@ class _Group:
         return _Balance(ContactProblem(free, matrix, lower, upper), static)
 
     def _rows(self) -> Iterator[Row] | None:
-        """Numbers by which functions are affine in the signs of the contacts: values at no sign, and slopes in each."""
+        """Numbers by which functions are affine in the signs of the contacts: values at no sign, and slopes in each.
+
+        Contacts that are in no function together have their signs put in at once.
+        """
         group, count = self.contacts, len(self.contacts)
-        corners = [(0,) * count, *(tuple(int(j == k) for j in range(count)) for k in range(count)), (1,) * count]
-        written = _written(self.system, group)
+        written, (together, places) = _written(self.system, group), _together(self.system, group)
+        steps = range(max(places, default=-1) + 1)
+        corners = [(0,) * count, *(tuple(int(place == step) for place in places) for step in steps), (1,) * count]
         values = [self.numbers.values(written, with_entries(self.mode, group, corner)) for corner in corners]
         known = [value for value in values if value is not None]
         if len(known) < len(values):
             return None
         rows: list[Row] = []
-        for first, *steps, last in zip(*known, strict=True):
-            row = [first, *(step - first for step in steps)]
-            rest, size = last - sum(row[1:], first), sum(map(abs, row[1:]), abs(first))
+        for own, first, *stepped, last in zip(together, *known, strict=True):
+            slopes = [stepped[places[k]] - first if k in own else 0 * first for k in range(count)]
+            rest, size = last - sum(slopes, first), sum(map(abs, slopes), abs(first))
             if self.numbers.negative(rest, size) or self.numbers.negative(-rest, size):
                 return None
-            rows.append(row)
+            rows.append([first, *slopes])
         return iter(rows)
 
     def _inertia(self, index: int, place: int, own: Row, ends: Iterable[tuple[int, Row]]) -> Any:
@@ -378,3 +382,16 @@ def _written(system: FilippovSystem, group: tuple[int, ...]) -> tuple[sp.Expr, .
             found += [] if own.inertia is None else [own.inertia]
             found += [put(put(speed, {sign: sp.S.Zero}) - put(speed, {sign: sp.S.One}), off)] if own.push else []
     return tuple(found)
+
+
+@lru_cache(maxsize=256)
+def _together(system: FilippovSystem, group: tuple[int, ...]) -> tuple[list[frozenset[int]], list[int]]:
+    """Contacts, by places, that each of these functions may depend on; the place of each among those it is with."""
+    contacts = {system.signs[i]: k for k, i in enumerate(group)}
+    own = [frozenset(contacts[s] for s in e.free_symbols if s in contacts) for e in _written(system, group)]
+    parts: list[frozenset[int]] = []
+    for few in own:
+        joined = [part for part in parts if part & few]
+        parts = [part for part in parts if not part & few] + [few.union(*joined)]
+    places = {k: place for part in parts for place, k in enumerate(sorted(part))}
+    return own, [places.get(k, 0) for k in range(len(group))]

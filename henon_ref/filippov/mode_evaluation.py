@@ -16,7 +16,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.filippov.branches import leaves_out
 from henon_ref.filippov.derivatives import leading, rate_of, scaled
-from henon_ref.filippov.equations import ModeEquations
+from henon_ref.filippov.equations import Guard, ModeEquations
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.mode_tape import ModeTape
 from henon_ref.filippov.modes import Mode, replaced
@@ -39,7 +39,7 @@ class _Point:
     def __init__(self, place: tuple[float, ...]) -> None:
         self.place = place
         self.series: dict[Mode, tuple[list[list[float]], float]] = {}
-        self.normals: dict[Mode, list[float]] = {}
+        self.normals: dict[tuple[int, Mode], float] = {}
 
 
 _NOWHERE = _Point(())
@@ -77,9 +77,8 @@ class ModeEvaluation:
         self._numbers: dict[tuple[int, tuple[int, ...]], Any] = {}
         self._functions: dict[tuple[sp.Expr, ...], Callable[..., list[Any]]] = {}
         self.forget()
-        self._written_normals = [system.normal_velocity(i) for i in range(len(system.surfaces))]
-        self._normals = self._function([*system.states, *system.signs], self._written_normals)
-        self._own_normals: dict[Mode, Callable[..., list[Any]] | None] = {}
+        self._normals: dict[tuple[int, Mode], Callable[..., list[Any]]] = {}
+        self._terms: dict[sp.Expr, tuple[sp.Expr, ...]] = {}
 
     def _number(self, expression: sp.Expr) -> Any:
         """A constant of the equations."""
@@ -152,6 +151,13 @@ class ModeEvaluation:
                 else:
                     self._tapes[mode] = self._shared_equations(mode) if self._shared is not None else None
         return self._tapes[mode]
+
+    def _guards(self, mode: Mode) -> tuple[Guard, ...] | None:
+        """Guards of a mode; None where it has no equations."""
+        if self.system.shared is not None:
+            return self.system.guards(mode)
+        made = self._equations(mode)
+        return None if made is None else made[0].guards
 
     def tape(self, mode: Mode) -> tuple[Tape, list[Any]]:
         """Field and guards of a mode that has equations as a tape, and its constants."""
@@ -243,26 +249,45 @@ class ModeEvaluation:
             return None
         return values if all(isfinite(float(value)) for value in values) else None
 
+    def _clear_sign(self, t: Any, x: Sequence[Any], signs: Mode, expression: sp.Expr) -> int:
+        """Sign of an expression in time, states and signs at a point; 0 where its terms may cancel."""
+        if expression not in self._terms:
+            with one_at_a_time():
+                self._terms[expression] = sp.Add.make_args(sp.expand_mul(expression))
+        values = self._values_at(t, x, self._terms[expression], signs)
+        if values is None:
+            return 0
+        value, size = sum(values[1:], values[0]), sum(map(abs, values[1:]), abs(values[0]))
+        return -1 if self._negative(value, size) else int(self._negative(-value, size))
+
     def _both_sides(self, t: float, x: Sequence[float], mode: Mode, index: int) -> tuple[float, float]:
         """dh/dt of a surface below and above it (signs of the mode elsewhere)."""
         kept = self._at(t, x).normals
-        sides = [replaced(mode, index, -1), replaced(mode, index, 1)]
+        sides = [(index, replaced(mode, index, side)) for side in (-1, 1)]
         for side in sides:
             if side not in kept:
-                own = self._normals_of(side)
-                kept[side] = self._normals(t, *x, *side) if own is None else own(t, *x)
-        return kept[sides[0]][index], kept[sides[1]][index]
+                kept[side] = self._normal(*side)(t, *x, *side[1])[0]
+        return kept[sides[0]], kept[sides[1]]
 
-    def _normals_of(self, mode: Mode) -> Callable[..., list[Any]] | None:
-        """(t, *x) -> dh/dt of all surfaces; None where those of all modes hold no operation that a mode does not."""
-        if mode not in self._own_normals:
+    def _normal(self, index: int, mode: Mode) -> Callable[..., list[Any]]:
+        """(t, *x, *signs) -> dh/dt of a surface, for the signs of a mode.
+
+        That of all modes, unless it holds operations that this one does not.
+        """
+        normal, states, signs = self.system.normal_velocity(index), self.system.states, self.system.signs
+        own = {sign: sp.Integer(s) for sign, s in zip(signs, mode, strict=True) if sign in normal.free_symbols}
+        key = index, tuple(map(int, own.values()))
+        if key not in self._normals:
             with one_at_a_time():
-                entries = dict(zip(self.system.signs, map(sp.Integer, mode), strict=True))
-                own = [normal.xreplace(entries) for normal in self._written_normals]
-                pairs, moving = zip(self._written_normals, own, strict=True), {TIME, *self.system.states}
-                apart = any(leaves_out(*pair, entries, moving) for pair in pairs)
-                self._own_normals[mode] = self._function(self.system.states, own) if apart else None
-        return self._own_normals[mode]
+                alone = normal.xreplace(own)
+                names, all_signs = [*states, *signs], (index, ())
+                if leaves_out(normal, alone, own, {TIME, *states}):
+                    self._normals[key] = self._function(names, [alone])
+                else:
+                    if all_signs not in self._normals:
+                        self._normals[all_signs] = self._function(names, [normal])
+                    self._normals[key] = self._normals[all_signs]
+        return self._normals[key]
 
     def _way(self, t: float, x: Sequence[float], mode: Mode, index: int) -> int:
         """Where a surface is left to by the signs of the mode elsewhere; 0 where it attracts or it cannot be told."""

@@ -138,6 +138,10 @@ class FilippovSystem(SwitchedField):
             self._cache[key] = made
         return self._cache[key]
 
+    def guards(self, mode: Mode) -> tuple[Guard, ...]:
+        """Guards of the equations of a mode."""
+        return self.shared.own_guards(mode) if self.shared is not None else self.equations(mode).guards
+
     def slip_signs(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
         """What a mode puts for the signs of its surfaces in slip."""
         return {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}

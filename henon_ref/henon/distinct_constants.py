@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
@@ -12,8 +10,9 @@ from henon_ref.filippov.mode_tape import ModeTape
 from henon_ref.filippov.modes import Mode
 
 Table = tuple[NDArray[np.int64], NDArray[np.int64]]
-"""Of a tape the surface of each constant, the last one for none; (constants, 3): its number for that surface's entry -1,
-0 and +1, -1 where it has none yet, or belongs to several surfaces."""
+"""Of the places in rows of constants, one after the other, the surface of each, the one behind the last for none; and
+what is put there for that surface's entry -1, 0 and +1, shape (3, places): -1 where it has none yet, or is that of
+several surfaces."""
 
 
 class DistinctConstants:
@@ -30,35 +29,42 @@ class DistinctConstants:
     def __init__(self) -> None:
         self.expressions: list[sp.Expr] = []
         self._numbers: dict[tuple[ModeTape, int, tuple[int, ...]], int] = {}
-        self._tables: dict[ModeTape, Table] = {}
+        self._tables: dict[tuple[ModeTape, ...], Table] = {}
 
-    def sources(self, tapes: Sequence[ModeTape], mode: Mode) -> NDArray[np.int64]:
+    def sources(self, tapes: tuple[ModeTape, ...], mode: Mode) -> NDArray[np.int64]:
         """Places in that row of a mode's constants, shape (tapes, K).
 
         Of each tape the doubles come first, then what the rounding lost of them, then zeros.
         """
-        found = np.zeros((len(tapes), max([1, *(2 * len(tape.tape.constants) for tape in tapes)])), dtype=np.int64)
-        for row, tape in zip(found, tapes, strict=True):
-            numbers = self._of(tape, mode)
-            count = len(numbers)
-            row[:count], row[count : 2 * count] = 1 + 2 * numbers, 2 + 2 * numbers
+        if tapes not in self._tables:
+            self._tables[tapes] = _empty_table(tapes, len(mode))
+        surfaces, table = self._tables[tapes]
+        columns = np.array((*mode, 0))[surfaces] + 1
+        found = table[columns, np.arange(len(surfaces))].reshape(len(tapes), -1)
+        if found.min() < 0:
+            for row, tape in enumerate(tapes):
+                count = len(tape.tape.constants)
+                for at in np.flatnonzero(found[row, :count] < 0).tolist():
+                    number = self._number(tape, at, mode)
+                    found[row, at], found[row, count + at] = 1 + 2 * number, 2 + 2 * number
+                    if len(tape.owners[at]) < 2:
+                        for place in (at, count + at):
+                            flat = row * found.shape[1] + place
+                            table[columns[flat], flat] = found[row, place]
         return found
 
-    def _of(self, tape: ModeTape, mode: Mode) -> NDArray[np.int64]:
-        """Numbers of a tape's constants in a mode."""
-        if tape not in self._tables:
-            first = [surfaces[0] if surfaces else len(mode) for surfaces in tape.owners]
-            self._tables[tape] = np.array(first, dtype=np.int64), np.full((len(first), 3), -1)
-        surfaces, table = self._tables[tape]
-        columns = np.array((*mode, 0))[surfaces] + 1
-        found: NDArray[np.int64] = table[np.arange(len(table)), columns]
-        for at in np.flatnonzero(found < 0).tolist():
-            owners = tape.owners[at]
-            key = tape, at, tuple(mode[i] for i in owners)
-            if key not in self._numbers:
-                self._numbers[key] = len(self.expressions)
-                self.expressions.append(tape.constant(at, mode))
-            found[at] = self._numbers[key]
-            if len(owners) < 2:
-                table[at, columns[at]] = found[at]
-        return found
+    def _number(self, tape: ModeTape, at: int, mode: Mode) -> int:
+        key = tape, at, tuple(mode[i] for i in tape.owners[at])
+        if key not in self._numbers:
+            self._numbers[key] = len(self.expressions)
+            self.expressions.append(tape.constant(at, mode))
+        return self._numbers[key]
+
+
+def _empty_table(tapes: tuple[ModeTape, ...], surfaces: int) -> Table:
+    width = max([1, *(2 * len(tape.tape.constants) for tape in tapes)])
+    owners, places = np.full((len(tapes), width), surfaces), np.zeros((3, len(tapes), width), dtype=np.int64)
+    for row, tape in enumerate(tapes):
+        first = [own[0] if own else surfaces for own in tape.owners]
+        owners[row, : 2 * len(first)], places[:, row, : 2 * len(first)] = 2 * first, -1
+    return owners.ravel(), places.reshape(3, -1)

@@ -20,7 +20,7 @@ from henon_ref.henon.endings import ending_of
 from henon_ref.henon.guard_branch_point import behind_branch_point
 from henon_ref.henon.precise_motion import PreciseMotion
 from henon_ref.henon.recorder import events_accumulate
-from henon_ref.henon.records import CROSSING, RELEASED, RESET, STEP, STEP_PLACES, STICK, TRANSITION, TRANSITION_PLACES
+from henon_ref.henon.records import RESET, STEP, STEP_PLACES, STICK, TRANSITION, TRANSITION_PLACES
 from henon_ref.henon.state import NOWHERE, ReturnCode, rounding_place
 from henon_ref.henon.state_view import State
 from henon_ref.henon.step import BLOWN_UP
@@ -270,24 +270,23 @@ class ModeChanges(State):
 
     def _enter_new_mode(self) -> tuple[Status, str] | None:
         """Compile the mode that an event leads to; the loop goes through the event anew."""
-        mode_table, hit, what = self.integrator.mode_table, int(self.scalars.guard), int(self.scalars.pending_kind)
+        mode, hit, what = self.mode, int(self.scalars.guard), int(self.scalars.pending_kind)
         if what == RESET:
-            after = numbered_mode(int(self.scalars.pending_mode), len(self.mode))
-            return None if mode_table.row(after) is not None else self._without_equations()
-        guard = self.guards[hit]
-        if not self._compiled_behind(hit, 0 if what == STICK else guard.to_sign):
-            return self._select_mode()  # no such mode, or zeros that have to be measured
-        return None
+            after = numbered_mode(int(self.scalars.pending_mode), len(mode))
+            return None if self.integrator.mode_table.row(after) is not None else self._without_equations()
+        entry = 0 if what == STICK else self.integrator.mode_table.guard(mode, hit).to_sign
+        if self._compiled_behind(mode, hit, entry):
+            return None
+        return self._select_mode()  # there is no such mode, or zeros have to be measured
 
-    def _compiled_behind(self, hit: int, entry: int) -> bool:
-        """Whether the mode behind a guard can be compiled and the loop led to it; it then goes through the event anew."""
-        mode_table, row, guard = self.integrator.mode_table, int(self.scalars.mode), self.guards[hit]
-        if mode_table.row(replaced(self.mode, guard.index, entry)) is None:
+    def _compiled_behind(self, mode: Mode, hit: int, entry: int) -> bool:
+        """Whether the loop can now be led to the mode behind a guard: it then goes through the event anew."""
+        mode_table, row = self.integrator.mode_table, int(self.scalars.mode)
+        guard = mode_table.guard(mode, hit)
+        if mode_table.row(replaced(mode, guard.index, entry)) is None or mode_table.leads_to(row, hit, entry) < 0:
             return False
-        own = mode_table.compiled.records["guards"][row, hit]
-        if own["mode_across" if entry else "mode_stuck"] < 0:
-            return False
-        self.scalars.expansions -= guard.kind == "surface"  # the loop counts its normal velocities anew
+        if guard.kind == "surface":
+            self.scalars.expansions -= 1  # its normal velocities are counted anew
         self.scalars.event_pending = 1
         return True
 
@@ -319,7 +318,7 @@ class ModeChanges(State):
         """Whether the loop wants the mode in which a contact is held, to see whether it is, and now goes on with it."""
         if len(hits) != 1 or self.scalars.guard == NOWHERE or not self.integrator.system.held_inside(hits[0].index):
             return False
-        hit = int(self.scalars.guard)
-        own = self.integrator.mode_table.compiled.records["guards"][int(self.scalars.mode), hit]
-        missing = own["hold_zone"] and not own["coupled"] and not own["jump"] and own["mode_stuck"] < 0
-        return bool(missing) and self._compiled_behind(hit, 0)
+        table, mode, row, hit = self.integrator.mode_table, self.mode, int(self.scalars.mode), int(self.scalars.guard)
+        own = table.compiled.records["guards"][row, hit]
+        missing = own["hold_zone"] and not own["coupled"] and not own["jump"] and table.leads_to(row, hit, 0) < 0
+        return bool(missing) and self._compiled_behind(mode, hit, 0)

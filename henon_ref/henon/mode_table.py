@@ -3,7 +3,7 @@ them (:mod:`henon_ref.henon.mode_constants`)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -15,7 +15,7 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.attraction import EXHAUSTIVE
 from henon_ref.filippov.contact_loops import guard_count
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.modes import Mode, mode_number, replaced
+from henon_ref.filippov.modes import Mode, mode_number
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.distinct_constants import DistinctConstants
 from henon_ref.henon.growing_rows import GrowingRows
@@ -37,6 +37,7 @@ SURFACES = 8
 ALL: Mode = ()
 """What machine code goes by that all modes have in common."""
 _KIND = {"surface": SURFACE, "release": RELEASE, "valid": VALID, "attracts": VALID}
+_OTHERS = {entry: tuple(other for other in (-1, 0, 1) if other != entry) for entry in (-1, 0, 1)}
 _ACROSS, _STUCK = ((GUARD.names or ()).index(name) for name in ("mode_across", "mode_stuck"))
 
 
@@ -44,7 +45,7 @@ _ACROSS, _STUCK = ((GUARD.names or ()).index(name) for name in ("mode_across", "
 class CompiledModes:
     """The modes that are compiled at one time: views of tables that grow behind them.
 
-    While it is the latest, links to the modes that follow are put into it; it then is no longer (see :class:`ModeTable`).
+    Links to modes that come later are put into it, unless somebody reads it then (see :class:`ModeTable`).
     """
 
     tables: NDArray[np.int64]
@@ -68,9 +69,9 @@ class CompiledModes:
 class ModeTable:
     """Grows a row for each mode that is asked for, from any thread.
 
-    :attr:`compiled` is replaced by one with the new row before any of the others leads to it. Who lets compiled code read
-    a table is among :attr:`readers` meanwhile, and looks, once he is, whether it is the latest: then either he has the
-    new row, or the other rows are linked to it in a copy of theirs.
+    :attr:`compiled` is replaced by one with the new row before other rows lead to it. A thread that lets compiled code
+    read a table is among :attr:`readers` meanwhile, and looks only then whether it is the latest: either it has the new
+    row, or the others are linked to it in a copy of theirs.
 
     Parameters
     ----------
@@ -109,7 +110,8 @@ class ModeTable:
         self._tables = GrowingRows(np.int64, (1 + self.most_guards, RECORD_PLACES))
         self._signs, self._sources = GrowingRows(np.int64, (surfaces,)), GrowingRows(np.int64, (0, 0))
         self._rows = np.full(3**surfaces if several else 0, -1, dtype=np.int64)
-        self._numbers: dict[int, int] = {}
+        self._powers = [3**i for i in range(surfaces)]
+        self._by_number: dict[int, int] = {}
         self.compiled = self._published()
         self._codes: dict[Mode | frozenset[int], ModeCode] = {}
         self._guards: dict[Mode, tuple[Guard, ...]] = {}
@@ -148,6 +150,14 @@ class ModeTable:
             switched = self._switched
             self._guards[mode] = switched.guards(mode) if switched else self.system.equations(mode).guards
         return self._guards[mode]
+
+    def guard(self, mode: Mode, place: int) -> Guard:
+        """One of them."""
+        return self._switched.guard(mode, place) if self._switched else self.guards(mode)[place]
+
+    def leads_to(self, row: int, place: int, entry: int) -> int:
+        """Row of the mode behind a guard, in which its surface has this entry; -1 where the loop is not to go there."""
+        return int(self.compiled.tables[row, 1 + place, _ACROSS if entry else _STUCK])
 
     def places(self, mode: Mode) -> Sequence[int]:
         """Where each of them stands in :meth:`FilippovSystem.equations`; -1 where it has no counterpart there."""
@@ -190,16 +200,19 @@ class ModeTable:
         if self.readers:  # they do not have the row
             self._tables.move()
             self._rows = self._rows.copy()
-        self._numbers[number] = row
-        tables = self._tables.rows
-        for i, other in _neighbours(mode, number):
-            found = self._numbers.get(other)
-            if found is not None:
-                self._link(tables, row, i)
-                self._link(tables, found, i)
+        self._by_number[number] = row
+        tables, known = self._tables.rows, self._by_number.get
+        for i, (entry, power) in enumerate(
+            zip(mode, self._powers, strict=True)
+        ):  # one event leads to them, or from them
+            for other in _OTHERS[entry]:
+                found = known(number + (other - entry) * power)
+                if found is not None:
+                    self._link(tables, row, i, other, found)
+                    self._link(tables, found, i, entry, row)
         # Where it may not attract, compiled code does not settle on it; nor where normal velocities written for all
         # modes hold operations that it does not.
-        if self._rows.size and all(g.kind != "attracts" for g in self.guards(mode)) and mode not in self._codes:
+        if self._rows.size and mode not in self._codes and all(g.kind != "attracts" for g in self.guards(mode)):
             self._rows[number] = row
         self.compiled = self._published()
         self.index[mode] = row  # whoever finds it there finds the tables that have it
@@ -251,33 +264,18 @@ class ModeTable:
             record["zeros_at_release"] = 2 if tangent else 0
         return found.view(np.int64).reshape(-1, RECORD_PLACES)
 
-    def _link(self, tables: NDArray[np.int64], row: int, index: int) -> None:
-        """Fill in what follows the events of a mode on one surface, of the modes there are."""
-        mode, number = self.modes[row], mode_number(self.modes[row])
-        for g, guard in self._guards_on(mode, index):
-            if guard.kind == "surface":
-                tables[row, 1 + g, _STUCK] = self._numbers.get(_replaced_number(number, mode, index, 0), -1)
-            # A body that lifts off leaves its surface with two zeros or more: they have to be measured.
-            lifts_off = guard.kind == "release" and index in self.system.resets
-            if guard.ends is None and not lifts_off:
-                across = _replaced_number(number, mode, index, guard.to_sign)
-                tables[row, 1 + g, _ACROSS] = self._numbers.get(across, -1)
-
-    def _guards_on(self, mode: Mode, index: int) -> list[tuple[int, Guard]]:
-        """Guards of a mode on a surface, and their places."""
+    def _link(self, tables: NDArray[np.int64], row: int, index: int, entry: int, target: int) -> None:
+        """Lead the events of a mode on one surface to the mode in which that has another entry."""
+        mode, system = self.modes[row], self.system
         if self._switched:
-            return list(enumerate(self._switched.guards_on(index, mode[index]), start=2 * index))
-        return [(g, guard) for g, guard in enumerate(self.guards(mode)) if guard.index == index and guard.kind != "valid"]
-
-
-def _replaced_number(number: int, mode: Mode, index: int, entry: int) -> int:
-    """Number of a mode with one surface's entry replaced."""
-    return number + (entry - mode[index]) * 3**index
-
-
-def _neighbours(mode: Mode, number: int) -> Iterator[tuple[int, int]]:
-    """Surfaces and numbers of the modes that one event leads to, or from: the surface's entry is another."""
-    power = 1
-    for i, entry in enumerate(mode):
-        yield from ((i, number + (other - entry) * power) for other in (-1, 0, 1) if other != entry)
-        power *= 3
+            places: Iterable[int] = (2 * index, 2 * index + 1)
+        else:
+            places = (g for g, guard in enumerate(self.guards(mode)) if guard.index == index)
+        for g in places:
+            guard = self.guard(mode, g)
+            if guard.kind == "surface" and entry == 0:
+                tables[row, 1 + g, _STUCK] = target
+            # A body that lifts off leaves its surface with two zeros or more: they have to be measured.
+            lifts_off = guard.kind == "release" and index in system.resets
+            if guard.ends is None and guard.to_sign == entry and not lifts_off:
+                tables[row, 1 + g, _ACROSS] = target

@@ -20,7 +20,6 @@ from henon_ref.henon.mode_table import CompiledModes, ModeTable
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
-
 KEPT = 64
 """Programs of constants that are kept: those of all modes, and of what later ones have more."""
 
