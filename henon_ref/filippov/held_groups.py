@@ -148,7 +148,7 @@ def _with_sections(
         if not rests and _never_left(system, i):
             mode = replaced(mode, i, 0)
             continue
-        if rests or (i not in system.overrides and not system.normal_velocity(i).has(*system.signs)):
+        if rests or (i not in system.overrides and system.normal_velocity(i).free_symbols.isdisjoint(system.signs)):
             speed = system.velocities.surfaces[i] if rests else system.normal_velocity(i)
             terms = numbers.values(sp.Add.make_args(sp.expand(speed)), mode)
             if terms:
@@ -224,10 +224,22 @@ class _Group:
         entries = [
             0 if i in self.static - slipped else entry for i, entry in zip(self.contacts, found.entries, strict=True)
         ]
-        kept = self._kept(with_entries(self.mode, self.contacts, entries), slipped)
+        mode = with_entries(self.mode, self.contacts, entries)
+        if found.clear and self._tells_all(mode, slipped):
+            return mode
+        kept = self._kept(mode, slipped)
         if kept is not None and any(kept[i] == 0 for i in slipped & self.static):
             self._need_proof(problem, found, f"whether {self._names(slipped)} hold by kinetic friction")
         return kept
+
+    def _tells_all(self, mode: Mode, slipped: frozenset[int]) -> bool:
+        """Whether forces that are clear of their limits say that a mode is kept, without derivatives or a proof."""
+        system = self.system
+        simple = all(i in self.static or i not in system.overrides for i in self.contacts)
+        if self.numbers.proven or system.has_loops or self.contacts != self.active or not simple:
+            return False
+        # What holds by friction in sliding is below static friction where that is larger, as it need not be.
+        return not any(mode[i] == 0 for i in slipped & self.static) and system.has_equations(mode)
 
     def _kept(self, mode: Mode, slipped: frozenset[int]) -> Mode | None:
         """A mode that its own field keeps, from one in which all but what is zero at a limit is decided."""

@@ -39,6 +39,7 @@ class _Point:
     def __init__(self, place: tuple[float, ...]) -> None:
         self.place = place
         self.series: dict[Mode, tuple[list[list[float]], float]] = {}
+        self.first: dict[Mode, list[list[float]]] = {}
         self.normals: dict[tuple[int, Mode], float] = {}
 
 
@@ -78,6 +79,7 @@ class ModeEvaluation:
         self._functions: dict[tuple[sp.Expr, ...], Callable[..., list[Any]]] = {}
         self.forget()
         self._normals: dict[tuple[int, Mode], Callable[..., list[Any]]] = {}
+        self._acting: dict[int, list[int]] = {}
         self._terms: dict[sp.Expr, tuple[sp.Expr, ...]] = {}
 
     def _number(self, expression: sp.Expr) -> Any:
@@ -100,6 +102,10 @@ class ModeEvaluation:
         """
         states, outputs = expand(tape, numbers, t, x, ORDER)
         return outputs, rate_of(states, outputs)
+
+    def _linear(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> list[list[Any]]:
+        """Values and first derivatives of a tape's outputs at a point."""
+        return expand(tape, numbers, t, x, 1)[1]
 
     def _motion(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> list[list[Any]]:
         """Taylor coefficients of a mode's states from a point."""
@@ -205,6 +211,15 @@ class ModeEvaluation:
             kept[mode] = self._series(made[1], made[2], t, x)
         return kept[mode]
 
+    def _first_order(self, mode: Mode, t: float, x: Sequence[float]) -> list[list[float]]:
+        """Values and first derivatives of a mode's guards at a point."""
+        kept = self._at(t, x).first
+        if mode not in kept:
+            made = self._equations(mode)
+            assert made is not None
+            kept[mode] = self._linear(made[1], made[2], t, x)
+        return kept[mode]
+
     def _at(self, t: float, x: Sequence[float]) -> _Point:
         """What is known at a point; that of the last one is kept, for one event asks for it several times."""
         place, point = (t, *x), self._point
@@ -275,10 +290,13 @@ class ModeEvaluation:
         That of all modes, unless it holds operations that this one does not.
         """
         normal, states, signs = self.system.normal_velocity(index), self.system.states, self.system.signs
-        own = {sign: sp.Integer(s) for sign, s in zip(signs, mode, strict=True) if sign in normal.free_symbols}
-        key = index, tuple(map(int, own.values()))
+        if index not in self._acting:
+            self._acting[index] = [i for i, sign in enumerate(signs) if sign in normal.free_symbols]
+        acting = self._acting[index]
+        key = index, tuple(mode[i] for i in acting)
         if key not in self._normals:
             with one_at_a_time():
+                own = {signs[i]: sp.Integer(mode[i]) for i in acting}
                 alone = normal.xreplace(own)
                 names, all_signs = [*states, *signs], (index, ())
                 if leaves_out(normal, alone, own, {TIME, *states}):

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import partial
-from itertools import compress, product
+from itertools import product
 from typing import Any
 
 import sympy as sp
@@ -132,8 +132,13 @@ class Switching(ModeConsistency):
             return []
         active, edges = set(active), set(edges)
         asked = [g.index in active and not (g.ends or g.rising_only) for g in guards]
-        if not edges and all(self._left_at_once(t, x, mode, g) for g in compress(guards, asked)):
-            return [int(own) for own in asked]
+        if not edges:
+            known = [
+                self._zeros_at_once(t, x, mode, k, g) if own else 0
+                for k, (g, own) in enumerate(zip(guards, asked, strict=True))
+            ]
+            if None not in known:
+                return [order for order in known if order is not None]
         outputs, rate = self._expanded(mode, t, x)
         orders = []
         for guard, wanted, series in zip(guards, asked, outputs, strict=True):
@@ -148,17 +153,23 @@ class Switching(ModeConsistency):
                 orders.append(found if found is not None else first)
         return orders
 
-    def _left_at_once(self, t: float, x: Sequence[float], mode: Mode, guard: Guard) -> bool:
-        """Whether a surface is left with a speed that needs no derivatives to be told from zero."""
+    def _zeros_at_once(self, t: float, x: Sequence[float], mode: Mode, place: int, guard: Guard) -> int | None:
+        """Known zeros of a guard, where no further derivatives are needed to tell what it is left with from zero.
+
+        None where they are, or it falls.
+        """
         slides = [i for i, s in enumerate(mode) if s == 0]
-        if guard.kind != "surface" or len(self.system.together(guard.index, slides)) > 1:
-            return False
         try:
             below, above = self._both_sides(t, x, mode, guard.index)
+            if guard.kind == "release":
+                first, number, size = 0, self._first_order(mode, t, x)[place][0], abs(above) + abs(below)
+            else:
+                first, number, size = 1, above if mode[guard.index] > 0 else -below, abs(above - below)
+                if len(self.system.together(guard.index, slides)) > 1:  # the signs of slides are others than 0
+                    number = self._first_order(mode, t, x)[place][1]
         except (ZeroDivisionError, ValueError, OverflowError):
-            return False
-        speed = above if mode[guard.index] > 0 else -below
-        return bool(speed > PLAIN * abs(above - below) > 0)
+            return None
+        return first if number > PLAIN * size > 0 else None
 
     def _decide(
         self,
