@@ -158,12 +158,9 @@ class ModeEvaluation:
                     self._tapes[mode] = self._shared_equations(mode) if self._shared is not None else None
         return self._tapes[mode]
 
-    def _guards(self, mode: Mode) -> tuple[Guard, ...] | None:
-        """Guards of a mode; None where it has no equations."""
-        if self.system.shared is not None:
-            return self.system.guards(mode)
-        made = self._equations(mode)
-        return None if made is None else made[0].guards
+    def _guards(self, mode: Mode) -> tuple[Guard, ...]:
+        """Guards of a mode; none where it has no equations."""
+        return self.system.guards(mode) if self.system.has_equations(mode) else ()
 
     def tape(self, mode: Mode) -> tuple[Tape, list[Any]]:
         """Field and guards of a mode that has equations as a tape, and its constants."""

@@ -128,8 +128,6 @@ class Switching(ModeConsistency):
         which are zero at the start; 0 for one that falls, or stays zero.
         """
         guards = self._guards(mode)
-        if guards is None:
-            return []
         active, edges = set(active), set(edges)
         asked = [g.index in active and not (g.ends or g.rising_only) for g in guards]
         if not edges:
@@ -230,13 +228,13 @@ class Switching(ModeConsistency):
     def _attracting(self, t: float, x: Sequence[float], decision: Decision) -> Decision:
         """A decision for a mode, unless that slides on an intersection which is not sure to attract."""
         mode = decision.mode
-        made = None if mode is None else self._equations(mode)
-        if mode is None or made is None or all(g.kind != "attracts" for g in made[0].guards):
+        guards = () if mode is None else self._guards(mode)
+        if mode is None or all(guard.kind != "attracts" for guard in guards):
             return decision
         outputs, rate = self._expanded(mode, t, x)
         falling = [
             guard
-            for guard, series in zip(made[0].guards, outputs, strict=True)
+            for guard, series in zip(guards, outputs, strict=True)
             if guard.kind == "attracts" and self._sign(series, 0, rate, 0.0, ZERO) <= 0
         ]
         return ended(self.system, mode, falling, _digits(t)) or decision

@@ -141,7 +141,7 @@ class FilippovSystem(SwitchedField):
     def has_equations(self, mode: Mode) -> bool:
         """Whether a mode has equations."""
         try:
-            return bool(self.equations(mode))
+            return self.shared is not None or bool(self.equations(mode))
         except ModelError:
             return False
 
