@@ -63,6 +63,8 @@ class Accelerations(NamedTuple):
     """0: the force is between its bounds; -1, +1: at the lower bound, the upper one."""
     slips: tuple[bool, ...]
     """Whether a contact's relative acceleration is plainly not zero."""
+    clear: bool
+    """Whether all others hold by forces that are plainly between their bounds, and that are the only ones."""
 
 
 def solved(problem: ContactProblem) -> Accelerations:
@@ -97,7 +99,11 @@ def solved(problem: ContactProblem) -> Accelerations:
         wrong = np.flatnonzero(above | below | back)
         if not wrong.size:
             slips = ~held & (np.abs(speeds) > TIE * sizes)
-            return Accelerations(forces / scale, tuple(entries.tolist()), tuple(slips.tolist()))
+            room = np.minimum(upper - forces, forces - lower)
+            inside = slips | (held & (room > TIE * (np.abs(forces) + sizes)))
+            own = np.flatnonzero(held).tolist()
+            clear = bool(inside.all()) and (len(own) < 2 or independent_of(problem, own) == own)
+            return Accelerations(forces / scale, tuple(entries.tolist()), tuple(slips.tolist()), clear)
         patience = PATIENCE if wrong.size < fewest else patience - 1
         fewest = min(fewest, wrong.size)
         turned = wrong if patience > 0 else wrong[-1:]

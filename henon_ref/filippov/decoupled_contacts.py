@@ -136,6 +136,11 @@ class SwitchedEquations:
         pairs = (own[entry] for own, entry in zip(self._pairs, mode, strict=True))
         return (*chain.from_iterable(pairs), *self._valid)
 
+    def guard(self, mode: Mode, place: int) -> Guard:
+        """One of them."""
+        index, which = divmod(place, 2)
+        return self._pairs[index][mode[index]][which] if index < len(mode) else self._valid[place - 2 * len(mode)]
+
     @cached_property
     def _pairs(self) -> tuple[Mapping[int, tuple[Guard, Guard]], ...]:
         """For each surface and entry its two guards."""
@@ -172,15 +177,21 @@ class SwitchedEquations:
     def equations(self, mode: Mode) -> ModeEquations:
         """Equations of one mode, put together from those of its contacts."""
         field = list(self.system.field)
-        slips: list[Guard] = []
-        ends: list[Guard] = []
         for i, (entry, contact) in enumerate(zip(mode, self.contacts, strict=True)):
             field[contact.row] = self._slipping[i][entry] if entry else contact.sliding
-            if entry:
-                slips.append(Guard("surface", i, -entry, entry * self.system.surfaces[i]))
-            else:
-                ends += contact.ends
-        return ModeEquations(tuple(field), (*slips, *ends, *self._valid), {})
+        return ModeEquations(tuple(field), self.own_guards(mode), {})
+
+    def own_guards(self, mode: Mode) -> tuple[Guard, ...]:
+        """Their guards."""
+        slips = (self._leaving[i][entry] for i, entry in enumerate(mode) if entry)
+        ends = (contact.ends for entry, contact in zip(mode, self.contacts, strict=True) if not entry)
+        return (*slips, *chain.from_iterable(ends), *self._valid)
+
+    @cached_property
+    def _leaving(self) -> tuple[Mapping[int, Guard], ...]:
+        """For each surface its guard on either side."""
+        surfaces = enumerate(self.system.surfaces)
+        return tuple({s: Guard("surface", i, -s, s * h) for s in (-1, 1)} for i, h in surfaces)
 
     @cached_property
     def _slipping(self) -> tuple[Mapping[int, sp.Expr], ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import sympy as sp
 
 from henon_ref.errors import ModelError
@@ -23,6 +25,7 @@ def exact_sign(number: sp.Expr) -> int:
     return 1 if value > 0 else -1
 
 
+@lru_cache(maxsize=4096)
 def double_double(number: sp.Expr) -> tuple[float, float]:
     """An exact number as the nearest double and what that leaves, rounded again.
 

@@ -148,7 +148,7 @@ def _with_sections(
         if not rests and _never_left(system, i):
             mode = replaced(mode, i, 0)
             continue
-        if rests or (i not in system.overrides and not system.normal_velocity(i).has(*system.signs)):
+        if rests or (i not in system.overrides and system.normal_velocity(i).free_symbols.isdisjoint(system.signs)):
             speed = system.velocities.surfaces[i] if rests else system.normal_velocity(i)
             terms = numbers.values(sp.Add.make_args(sp.expand(speed)), mode)
             if terms:
@@ -224,10 +224,22 @@ class _Group:
         entries = [
             0 if i in self.static - slipped else entry for i, entry in zip(self.contacts, found.entries, strict=True)
         ]
-        kept = self._kept(with_entries(self.mode, self.contacts, entries), slipped)
+        mode = with_entries(self.mode, self.contacts, entries)
+        if found.clear and self._tells_all(mode, slipped):
+            return mode
+        kept = self._kept(mode, slipped)
         if kept is not None and any(kept[i] == 0 for i in slipped & self.static):
             self._need_proof(problem, found, f"whether {self._names(slipped)} hold by kinetic friction")
         return kept
+
+    def _tells_all(self, mode: Mode, slipped: frozenset[int]) -> bool:
+        """Whether forces that are clear of their limits say that a mode is kept, without derivatives or a proof."""
+        system = self.system
+        simple = all(i in self.static or i not in system.overrides for i in self.contacts)
+        if self.numbers.proven or system.has_loops or self.contacts != self.active or not simple:
+            return False
+        # What holds by friction in sliding is below static friction where that is larger, as it need not be.
+        return not any(mode[i] == 0 for i in slipped & self.static) and system.has_equations(mode)
 
     def _kept(self, mode: Mode, slipped: frozenset[int]) -> Mode | None:
         """A mode that its own field keeps, from one in which all but what is zero at a limit is decided."""
@@ -327,21 +339,25 @@ class _Group:
         return _Balance(ContactProblem(free, matrix, lower, upper), static)
 
     def _rows(self) -> Iterator[Row] | None:
-        """Numbers by which functions are affine in the signs of the contacts: values at no sign, and slopes in each."""
+        """Numbers by which functions are affine in the signs of the contacts: values at no sign, and slopes in each.
+
+        Contacts that are in no function together have their signs put in at once.
+        """
         group, count = self.contacts, len(self.contacts)
-        corners = [(0,) * count, *(tuple(int(j == k) for j in range(count)) for k in range(count)), (1,) * count]
-        written = _written(self.system, group)
+        written, (together, places) = _written(self.system, group), _together(self.system, group)
+        steps = range(max(places, default=-1) + 1)
+        corners = [(0,) * count, *(tuple(int(place == step) for place in places) for step in steps), (1,) * count]
         values = [self.numbers.values(written, with_entries(self.mode, group, corner)) for corner in corners]
         known = [value for value in values if value is not None]
         if len(known) < len(values):
             return None
         rows: list[Row] = []
-        for first, *steps, last in zip(*known, strict=True):
-            row = [first, *(step - first for step in steps)]
-            rest, size = last - sum(row[1:], first), sum(map(abs, row[1:]), abs(first))
+        for own, first, *stepped, last in zip(together, *known, strict=True):
+            slopes = [stepped[places[k]] - first if k in own else 0 * first for k in range(count)]
+            rest, size = last - sum(slopes, first), sum(map(abs, slopes), abs(first))
             if self.numbers.negative(rest, size) or self.numbers.negative(-rest, size):
                 return None
-            rows.append(row)
+            rows.append([first, *slopes])
         return iter(rows)
 
     def _inertia(self, index: int, place: int, own: Row, ends: Iterable[tuple[int, Row]]) -> Any:
@@ -382,3 +398,16 @@ def _written(system: FilippovSystem, group: tuple[int, ...]) -> tuple[sp.Expr, .
             found += [] if own.inertia is None else [own.inertia]
             found += [put(put(speed, {sign: sp.S.Zero}) - put(speed, {sign: sp.S.One}), off)] if own.push else []
     return tuple(found)
+
+
+@lru_cache(maxsize=256)
+def _together(system: FilippovSystem, group: tuple[int, ...]) -> tuple[list[frozenset[int]], list[int]]:
+    """Contacts, by places, that each of these functions may depend on; the place of each among those it is with."""
+    contacts = {system.signs[i]: k for k, i in enumerate(group)}
+    own = [frozenset(contacts[s] for s in e.free_symbols if s in contacts) for e in _written(system, group)]
+    parts: list[frozenset[int]] = []
+    for few in own:
+        joined = [part for part in parts if part & few]
+        parts = [part for part in parts if not part & few] + [few.union(*joined)]
+    places = {k: place for part in parts for place, k in enumerate(sorted(part))}
+    return own, [places.get(k, 0) for k in range(len(group))]

@@ -16,7 +16,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.filippov.branches import leaves_out
 from henon_ref.filippov.derivatives import leading, rate_of, scaled
-from henon_ref.filippov.equations import ModeEquations
+from henon_ref.filippov.equations import Guard, ModeEquations
 from henon_ref.filippov.exact_numbers import exact_sign
 from henon_ref.filippov.mode_tape import ModeTape
 from henon_ref.filippov.modes import Mode, replaced
@@ -30,7 +30,7 @@ ORDER = 8
 ZERO = 1e-13
 """Relative size below which a derivative counts as zero (a tangency within it cannot be told in double)."""
 KEPT = 1024
-"""Modes, each of a system, of which it is kept whether their normal velocities are apart."""
+"""Surfaces, each in a mode of a system, of which it is kept whether their normal velocities are apart."""
 CLEAR = 1e-9
 """Part of its terms from which on a value is clearly no zero."""
 
@@ -41,7 +41,8 @@ class _Point:
     def __init__(self, place: tuple[float, ...]) -> None:
         self.place = place
         self.series: dict[Mode, tuple[list[list[float]], float]] = {}
-        self.normals: dict[Mode, list[float]] = {}
+        self.first: dict[Mode, list[list[float]]] = {}
+        self.normals: dict[tuple[int, Mode], float] = {}
 
 
 _NOWHERE = _Point(())
@@ -61,13 +62,22 @@ def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
 
 
 @lru_cache(maxsize=KEPT)
-def own_normals(system: FilippovSystem, mode: Mode) -> tuple[sp.Expr, ...] | None:
-    """dh/dt of all surfaces in a mode; None where those of all modes hold no operation that it does not."""
-    entries = dict(zip(system.signs, map(sp.Integer, mode), strict=True))
-    written = [system.normal_velocity(i) for i in range(len(system.surfaces))]
-    own = tuple(normal.xreplace(entries) for normal in written)
-    pairs = zip(written, own, strict=True)
-    return own if any(leaves_out(*pair, entries, {TIME, *system.states}) for pair in pairs) else None
+def normal_in(system: FilippovSystem, index: int, entries: Mode) -> sp.Expr:
+    """dh/dt of a surface: that of all modes, unless it holds operations that those with these entries do not.
+
+    ``entries``: of the surfaces of :func:`acting_on`, in their order.
+    """
+    written = system.normal_velocity(index)
+    signs = {system.signs[i]: sp.Integer(entry) for i, entry in zip(acting_on(system, index), entries, strict=True)}
+    own = written.xreplace(signs)
+    return own if leaves_out(written, own, signs, {TIME, *system.states}) else written
+
+
+@lru_cache(maxsize=KEPT)
+def acting_on(system: FilippovSystem, index: int) -> tuple[int, ...]:
+    """Surfaces whose signs are in a surface's normal velocity."""
+    written = system.normal_velocity(index).free_symbols
+    return tuple(i for i, sign in enumerate(system.signs) if sign in written)
 
 
 class ModeEvaluation:
@@ -89,9 +99,8 @@ class ModeEvaluation:
         self._numbers: dict[tuple[int, tuple[int, ...]], Any] = {}
         self._functions: dict[tuple[sp.Expr, ...], Callable[..., list[Any]]] = {}
         self.forget()
-        normals = [system.normal_velocity(i) for i in range(len(system.surfaces))]
-        self._normals = self._function([*system.states, *system.signs], normals)
-        self._own_normals: dict[Mode, Callable[..., list[Any]] | None] = {}
+        self._normals: dict[tuple[int, Mode], Callable[..., list[Any]]] = {}
+        self._terms: dict[sp.Expr, tuple[sp.Expr, ...]] = {}
 
     def _number(self, expression: sp.Expr) -> Any:
         """A constant of the equations."""
@@ -113,6 +122,10 @@ class ModeEvaluation:
         """
         states, outputs = expand(tape, numbers, t, x, ORDER)
         return outputs, rate_of(states, outputs)
+
+    def _linear(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> list[list[Any]]:
+        """Values and first derivatives of a tape's outputs at a point."""
+        return expand(tape, numbers, t, x, 1)[1]
 
     def _motion(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> list[list[Any]]:
         """Taylor coefficients of a mode's states from a point."""
@@ -165,6 +178,10 @@ class ModeEvaluation:
                     self._tapes[mode] = self._shared_equations(mode) if self._shared is not None else None
         return self._tapes[mode]
 
+    def _guards(self, mode: Mode) -> tuple[Guard, ...]:
+        """Guards of a mode; none where it has no equations."""
+        return self.system.guards(mode) if self.system.has_equations(mode) else ()
+
     def tape(self, mode: Mode) -> tuple[Tape, list[Any]]:
         """Field and guards of a mode that has equations as a tape, and its constants."""
         made = self._equations(mode)
@@ -211,6 +228,15 @@ class ModeEvaluation:
             kept[mode] = self._series(made[1], made[2], t, x)
         return kept[mode]
 
+    def _first_order(self, mode: Mode, t: float, x: Sequence[float]) -> list[list[float]]:
+        """Values and first derivatives of a mode's guards at a point."""
+        kept = self._at(t, x).first
+        if mode not in kept:
+            made = self._equations(mode)
+            assert made is not None
+            kept[mode] = self._linear(made[1], made[2], t, x)
+        return kept[mode]
+
     def _at(self, t: float, x: Sequence[float]) -> _Point:
         """What is known at a point; that of the last one is kept, for one event asks for it several times."""
         place, point = (t, *x), self._point
@@ -245,33 +271,47 @@ class ModeEvaluation:
         self, t: Any, x: Sequence[Any], expressions: tuple[sp.Expr, ...], signs: Mode
     ) -> Sequence[Any] | None:
         """Expressions in time, states and signs at a point; None where they are not finite."""
-        if expressions not in self._functions:
-            with one_at_a_time():
-                names = [*self.system.states, *self.system.signs]
-                self._functions[expressions] = self._function(names, expressions)
         try:
-            values = self._functions[expressions](t, *x, *signs)
+            values = self._of_states_and_signs(expressions)(t, *x, *signs)
         except (ZeroDivisionError, ValueError, OverflowError):
             return None
         return values if all(isfinite(float(value)) for value in values) else None
 
+    def _of_states_and_signs(self, expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
+        """(t, *x, *signs) -> values of expressions."""
+        if expressions not in self._functions:
+            with one_at_a_time():
+                names = [*self.system.states, *self.system.signs]
+                self._functions[expressions] = self._function(names, expressions)
+        return self._functions[expressions]
+
+    def _clear_sign(self, t: Any, x: Sequence[Any], signs: Mode, expression: sp.Expr) -> int:
+        """Sign of an expression in time, states and signs at a point; 0 where its terms may cancel."""
+        if expression not in self._terms:
+            with one_at_a_time():
+                self._terms[expression] = sp.Add.make_args(sp.expand_mul(expression))
+        values = self._values_at(t, x, self._terms[expression], signs)
+        if values is None:
+            return 0
+        value, size = sum(values[1:], values[0]), sum(map(abs, values[1:]), abs(values[0]))
+        return -1 if self._negative(value, size) else int(self._negative(-value, size))
+
     def _both_sides(self, t: float, x: Sequence[float], mode: Mode, index: int) -> tuple[float, float]:
         """dh/dt of a surface below and above it (signs of the mode elsewhere)."""
         kept = self._at(t, x).normals
-        sides = [replaced(mode, index, -1), replaced(mode, index, 1)]
+        sides = [(index, replaced(mode, index, side)) for side in (-1, 1)]
         for side in sides:
             if side not in kept:
-                own = self._normals_of(side)
-                kept[side] = self._normals(t, *x, *side) if own is None else own(t, *x)
-        return kept[sides[0]][index], kept[sides[1]][index]
+                kept[side] = self._normal(*side)(t, *x, *side[1])[0]
+        return kept[sides[0]], kept[sides[1]]
 
-    def _normals_of(self, mode: Mode) -> Callable[..., list[Any]] | None:
-        """(t, *x) -> dh/dt of all surfaces; None where those of all modes hold no operation that a mode does not."""
-        if mode not in self._own_normals:
+    def _normal(self, index: int, mode: Mode) -> Callable[..., list[Any]]:
+        """(t, *x, *signs) -> dh/dt of a surface, for the signs of a mode."""
+        key = index, tuple(mode[i] for i in acting_on(self.system, index))
+        if key not in self._normals:
             with one_at_a_time():
-                own = own_normals(self.system, mode)
-                self._own_normals[mode] = None if own is None else self._function(self.system.states, own)
-        return self._own_normals[mode]
+                self._normals[key] = self._of_states_and_signs((normal_in(self.system, *key),))
+        return self._normals[key]
 
     def _way(self, t: float, x: Sequence[float], mode: Mode, index: int) -> int:
         """Where a surface is left to by the signs of the mode elsewhere; 0 where it attracts or it cannot be told."""

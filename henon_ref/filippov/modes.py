@@ -27,7 +27,10 @@ def replaced(mode: Mode, index: int, value: int) -> Mode:
 
 def mode_number(mode: Mode) -> int:
     """A mode as a number of base 3, the first surface being its last digit."""
-    return sum((entry + 1) * 3**i for i, entry in enumerate(mode))
+    number = 0
+    for entry in reversed(mode):
+        number = 3 * number + entry + 1
+    return number
 
 
 def numbered_mode(number: int, surfaces: int) -> Mode:

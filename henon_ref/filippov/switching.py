@@ -12,13 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import partial
-from itertools import compress, product
+from itertools import product
 from typing import Any
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.decision import Decision, ended, explained, with_entries, without_indeterminate
+from henon_ref.filippov.decoupled_contacts import Contact
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.held_groups import Numbers, by_groups, decide_groups, slipped_by
 from henon_ref.filippov.mode_consistency import ModeConsistency
@@ -126,16 +127,19 @@ class Switching(ModeConsistency):
         guards of other surfaces and where nothing is zero. The same for the ``valid`` expressions in ``edges``,
         which are zero at the start; 0 for one that falls, or stays zero.
         """
-        made = self._equations(mode)
-        if made is None:
-            return []
+        guards = self._guards(mode)
         active, edges = set(active), set(edges)
-        asked = [g.index in active and not (g.ends or g.rising_only) for g in made[0].guards]
-        if not edges and all(self._left_at_once(t, x, mode, g) for g in compress(made[0].guards, asked)):
-            return [int(own) for own in asked]
+        asked = [g.index in active and not (g.ends or g.rising_only) for g in guards]
+        if not edges:
+            known = [
+                self._zeros_at_once(t, x, mode, k, g) if own else 0
+                for k, (g, own) in enumerate(zip(guards, asked, strict=True))
+            ]
+            if None not in known:
+                return [order for order in known if order is not None]
         outputs, rate = self._expanded(mode, t, x)
         orders = []
-        for guard, wanted, series in zip(made[0].guards, asked, outputs, strict=True):
+        for guard, wanted, series in zip(guards, asked, outputs, strict=True):
             first = 1 if guard.kind == "surface" else 0
             if guard.kind == "valid" and guard.index in edges:
                 found = self._leading(series, 1, rate, 0.0, zero)
@@ -147,17 +151,23 @@ class Switching(ModeConsistency):
                 orders.append(found if found is not None else first)
         return orders
 
-    def _left_at_once(self, t: float, x: Sequence[float], mode: Mode, guard: Guard) -> bool:
-        """Whether a surface is left with a speed that needs no derivatives to be told from zero."""
+    def _zeros_at_once(self, t: float, x: Sequence[float], mode: Mode, place: int, guard: Guard) -> int | None:
+        """Known zeros of a guard, where no further derivatives are needed to tell what it is left with from zero.
+
+        None where they are, or it falls.
+        """
         slides = [i for i, s in enumerate(mode) if s == 0]
-        if guard.kind != "surface" or len(self.system.together(guard.index, slides)) > 1:
-            return False
         try:
             below, above = self._both_sides(t, x, mode, guard.index)
+            if guard.kind == "release":
+                first, number, size = 0, self._first_order(mode, t, x)[place][0], abs(above) + abs(below)
+            else:
+                first, number, size = 1, above if mode[guard.index] > 0 else -below, abs(above - below)
+                if len(self.system.together(guard.index, slides)) > 1:  # the signs of slides are others than 0
+                    number = self._first_order(mode, t, x)[place][1]
         except (ZeroDivisionError, ValueError, OverflowError):
-            return False
-        speed = above if mode[guard.index] > 0 else -below
-        return bool(speed > PLAIN * abs(above - below) > 0)
+            return None
+        return first if number > PLAIN * size > 0 else None
 
     def _decide(
         self,
@@ -169,6 +179,9 @@ class Switching(ModeConsistency):
         zero: float = ZERO,
     ) -> Decision:
         """Try with what rounding may have made of a zero first; then, where no mode fits, with more and with less."""
+        alone = self._decided_alone(t, x, mode, active, slipped)
+        if alone is not None:
+            return Decision("unique", alone)
         decision = self._decided(t, x, mode, active, slipped, zero)
         for other in OTHERS:
             if decision.status == "none" and (other < zero or zero == ZERO):
@@ -180,16 +193,48 @@ class Switching(ModeConsistency):
             return explained(decision, self.system, mode, active)
         return self._attracting(t, x, decision)
 
+    def _decided_alone(
+        self, t: float, x: list[float], mode: Mode, active: tuple[int, ...], slipped: Collection[int]
+    ) -> Mode | None:
+        """The mode that follows where contacts do not act on each other, and each is clear of its limits; else None."""
+        switched = self.system.switched
+        if switched is None:
+            return None
+        entries = [self._entry_alone(t, x, mode, switched.contacts[i], i, i in slipped) for i in active]
+        found = [entry for entry in entries if entry is not None]
+        return with_entries(mode, active, found) if len(found) == len(entries) else None
+
+    def _entry_alone(
+        self, t: float, x: list[float], mode: Mode, contact: Contact, index: int, slipped: bool
+    ) -> int | None:
+        """What becomes of a surface's entry by numbers that are clearly no zeros; None where some are."""
+        held, normal, sign = (
+            index in self.system.overrides,
+            self.system.normal_velocity(index),
+            self.system.signs[index],
+        )
+        if held and slipped:  # by friction in sliding
+            sides = [self._clear_sign(t, x, mode, normal.xreplace({sign: sp.Integer(side)})) for side in (-1, 1)]
+            return sides[0] if sides[0] == sides[1] != 0 else None
+        inside = [self._clear_sign(t, x, mode, end.expression) for end in contact.ends]
+        if inside == [1, 1]:
+            return 0
+        if sorted(inside) != [-1, 1]:
+            return None
+        side = contact.ends[inside.index(-1)].to_sign
+        leaves = not held or self._clear_sign(t, x, mode, normal.xreplace({sign: sp.Integer(side)})) == side
+        return side if leaves else None
+
     def _attracting(self, t: float, x: Sequence[float], decision: Decision) -> Decision:
         """A decision for a mode, unless that slides on an intersection which is not sure to attract."""
         mode = decision.mode
-        made = None if mode is None else self._equations(mode)
-        if mode is None or made is None or all(g.kind != "attracts" for g in made[0].guards):
+        guards = () if mode is None else self._guards(mode)
+        if mode is None or all(guard.kind != "attracts" for guard in guards):
             return decision
         outputs, rate = self._expanded(mode, t, x)
         falling = [
             guard
-            for guard, series in zip(made[0].guards, outputs, strict=True)
+            for guard, series in zip(guards, outputs, strict=True)
             if guard.kind == "attracts" and self._sign(series, 0, rate, 0.0, ZERO) <= 0
         ]
         return ended(self.system, mode, falling, _digits(t)) or decision

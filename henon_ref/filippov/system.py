@@ -84,6 +84,17 @@ class FilippovSystem(SwitchedField):
             self._cache[key] = made
         return self._cache[key]
 
+    def has_equations(self, mode: Mode) -> bool:
+        """Whether a mode has equations."""
+        try:
+            return self.shared is not None or bool(self.equations(mode))
+        except ModelError:
+            return False
+
+    def guards(self, mode: Mode) -> tuple[Guard, ...]:
+        """Guards of the equations of a mode."""
+        return self.shared.own_guards(mode) if self.shared is not None else self.equations(mode).guards
+
     def slip_signs(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
         """What a mode puts for the signs of its surfaces in slip."""
         return {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
@@ -328,11 +339,19 @@ class FilippovSystem(SwitchedField):
 
         A load may depend on how other surfaces slip: the signs of the mode's slips are put in.
         """
-        slip = {s: side for s, side in self.slip_signs(mode).items() if s != self.signs[index]}
-        return tuple(
-            Guard("release", index, r.to, put(-r.when if r.direction == "rising" else r.when, slip), rising_only=True)
-            for r in self.overrides[index].release
-        )
+        key = index, mode
+        if key not in self._hold_guards:
+            slip = {s: side for s, side in self.slip_signs(mode).items() if s != self.signs[index]}
+            ends = (r.when if r.direction == "falling" else -r.when for r in self.overrides[index].release)
+            pairs = zip(self.overrides[index].release, ends, strict=True)
+            self._hold_guards[key] = tuple(
+                Guard("release", index, r.to, put(end, slip), rising_only=True) for r, end in pairs
+            )
+        return self._hold_guards[key]
+
+    @cached_property
+    def _hold_guards(self) -> dict[tuple[int, Mode], tuple[Guard, ...]]:
+        return {}
 
     def held_inside(self, index: int) -> bool:
         """Whether arrival at a surface is decided by the hold zone of its override, not by the slip fields."""

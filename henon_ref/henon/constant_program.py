@@ -101,17 +101,38 @@ class ConstantProgram:
                 kernel.run_operations(integers(operations), len(operations), doubles(found), found.shape[1], len(found))
         return found
 
-    def made_accurate(self, registers: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]) -> None:
-        """Evaluate outputs in balls at points where they have lost digits, terms having cancelled.
+    @property
+    def places_a_point(self) -> int:
+        """Doubles that :meth:`pairs` takes for each point."""
+        return self._registers.size + 2 * len(self.outputs)
 
-        ``exact``: the inputs of a point, by its number.
+    def pairs(self, values: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]) -> NDArray[np.float64]:
+        """The expressions at some points, each as its double and what that leaves, shape (points, 2 k).
+
+        ``exact``: the inputs of a point, by its number, with which expressions are evaluated in balls that have lost
+        digits, terms having cancelled.
         """
-        outputs = list(self.outputs)
-        error, size = registers[:, outputs, 2], np.abs(registers[:, outputs, 0])
-        for point in np.flatnonzero((np.isfinite(size) & (error > ACCURATE * size)).any(axis=1)).tolist():
-            with working_precision(BITS):
-                found = [_three(ball) for ball in self.balls(exact(point))]
-            registers[point, outputs] = found
+        registers = self.registers(values)
+        found = np.empty((len(values), 2 * len(self.outputs)))
+        if not self._scatter(registers, found):
+            error, size = registers[:, self.places, 2], np.abs(registers[:, self.places, 0])
+            lost = np.isfinite(size) & (error > ACCURATE * size)
+            for point in np.flatnonzero(lost.any(axis=1)).tolist():
+                with working_precision(BITS):
+                    balls = [_three(ball) for ball in self.balls(exact(point))]
+                registers[point, self.places[lost[point]]] = np.array(balls)[lost[point]]
+            self._scatter(registers, found)
+        return found
+
+    def _scatter(self, registers: NDArray[np.float64], out: NDArray[np.float64]) -> bool:
+        """Put the expressions, and what their rounding lost, into rows; False where some have lost their digits."""
+        points, width = registers.shape[:2]
+        highs, lows = map(integers, np.arange(2 * len(self.outputs)).reshape(-1, 2).T.copy())
+        own = integers(self.places)
+        accurate = kernel.scatter(
+            doubles(registers), width, points, own, highs, lows, len(own), doubles(out), out.shape[1]
+        )
+        return bool(accurate)
 
     def over_ring(
         self, values: Sequence[Any], number: Callable[[sp.Expr], Any], root: Callable[[Any], Any]

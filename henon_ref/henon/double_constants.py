@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
 from henon_ref.filippov.mode_evaluation import ModeWithTape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import Switching
-from henon_ref.henon.mode_constants import LoopData, ModeConstants, Pair, loop_data
+from henon_ref.henon.mode_constants import ModeConstants, Pair
 from henon_ref.henon.pairs import Three, three_of
 from henon_ref.henon.parameter_programs import ParameterPrograms
 from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
@@ -36,16 +37,11 @@ class DoubleConstants(ModeConstants):
     ) -> None:
         self._programs, self.values, self._exact = programs, values, exact
         self.doubles = tuple(high for high, _, _ in values)
-        self.latest = self.update()
+        super().__init__(programs.table)
 
-    def update(self) -> LoopData:
-        """See :class:`ModeConstants`."""
-        program = self._programs.loop()
-        compiled = program.compiled
-        values = np.array(self.values).reshape(1, -1, 3)
-        numbers, normals = program.numbers(values, lambda _: self._exact())
-        self.latest = loop_data(self._programs.table, compiled, numbers[0], normals[0])
-        return self.latest
+    def _pairs(self, expressions: Sequence[sp.Expr]) -> NDArray[np.float64]:
+        program = self._programs.program(tuple(expressions))
+        return program.pairs(np.array(self.values).reshape(1, -1, 3), lambda _: self._exact())[0]
 
     def start_signs(self, t: Pair, x: Sequence[Pair]) -> tuple[int, ...]:
         """See :meth:`ParameterPrograms.start_signs`."""

@@ -18,7 +18,7 @@ from henon_ref.filippov.resting import REMAINING
 from henon_ref.henon.endings import ending_of
 from henon_ref.henon.guard_branch_point import behind_branch_point
 from henon_ref.henon.precise_motion import PreciseMotion
-from henon_ref.henon.records import CROSSING, RELEASED, RESET, STEP, STEP_PLACES, STICK, TRANSITION, TRANSITION_PLACES
+from henon_ref.henon.records import RESET, STEP, STEP_PLACES, STICK, TRANSITION, TRANSITION_PLACES
 from henon_ref.henon.state_view import State
 from henon_ref.henon.transition_array import KINDS
 from henon_ref.kernel.shared import LEVELS, kernel
@@ -226,7 +226,7 @@ class ModeChanges(State):
     def _pass_branch_point(self) -> bool:
         """Go on behind a branch point of a guard; False where there is none, or what happens is not clear."""
         scalars = self.scalars
-        code = self.integrator.mode_table.compiled.codes[int(scalars.mode)]
+        code = self.integrator.mode_table.codes[int(scalars.mode)]
         if not code.guards_branch_alone or self._passed_at == scalars.steps:
             return False
         until, until_low = self.until
@@ -286,39 +286,27 @@ class ModeChanges(State):
         scalars.stopped |= int(ends_here) >> surface & 1
 
     def _enter_new_mode(self) -> tuple[Status, str] | None:
-        """Complete a transition that is decided, into a mode that has no row yet."""
-        self._count("new_modes")
-        mode_table, row, hit = self.integrator.mode_table, int(self.scalars.mode), int(self.scalars.guard)
-        guard, what = self.guards[hit], int(self.scalars.pending_kind)
-        if what == RESET:  # the loop goes through the event anew
-            after = numbered_mode(int(self.scalars.pending_mode), len(self.mode))
-            return None if mode_table.row(after) is not None else self._without_equations()
-        after = replaced(self.mode, guard.index, 0 if what == STICK else guard.to_sign)
-        released = int(mode_table.compiled.records[row]["guards"][hit]["zeros_at_release"])
-        zeros = {STICK: 0, CROSSING: 1}.get(what, released)
-        target = mode_table.row(after)
-        if target is None or (what == RELEASED and zeros == 0):  # no such mode, or zeros that have to be measured
-            return self._select_mode()
-        self._record(what, guard.index, row, target, side=self.mode[guard.index])
-        self.scalars.mode = target
-        self.known_zeros[:] = 0
-        for g, own in enumerate(mode_table.guards(after)):
-            if own.kind == "surface" and own.index == guard.index:
-                self.known_zeros[g] = zeros
-        return ending_of(self, kernel.EVENTS_ACCUMULATE) if kernel.events_accumulate(self.workspace.run) else None
+        """Compile the mode that an event leads to; the loop goes through the event anew."""
+        mode, hit, what = self.mode, int(self.scalars.guard), int(self.scalars.pending_kind)
+        if what == RESET:
+            self._count("new_modes")
+            after = numbered_mode(int(self.scalars.pending_mode), len(mode))
+            return None if self.integrator.mode_table.row(after) is not None else self._without_equations()
+        entry = 0 if what == STICK else self.integrator.mode_table.guard(mode, hit).to_sign
+        if self._compiled_behind(mode, hit, entry):
+            return None
+        return self._select_mode()  # there is no such mode, or zeros have to be measured
 
-    def _stick_compiled(self) -> bool:
-        """Compile the stick on whose hold zone an event turns; False where it has been there, or none is needed."""
-        mode_table, scalars = self.integrator.mode_table, self.scalars
-        hit = int(scalars.guard)
-        guard = mode_table.compiled.records[int(scalars.mode)]["guards"][hit]
-        single = hit != kernel.NOWHERE and self.hits[: len(self.guards)].sum() == 1 and not guard["coupled"]
-        if not (single and guard["hold_zone"] and guard["mode_stuck"] < 0):
+    def _compiled_behind(self, mode: Mode, hit: int, entry: int) -> bool:
+        """Whether the loop can now be led to the mode behind a guard: it then goes through the event anew."""
+        mode_table, row = self.integrator.mode_table, int(self.scalars.mode)
+        guard = mode_table.guard(mode, hit)
+        if mode_table.row(replaced(mode, guard.index, entry)) is None or mode_table.leads_to(row, hit, entry) < 0:
             return False
-        if mode_table.row(replaced(self.mode, int(guard["index"]), 0)) is None:
-            return False
-        scalars.expansions -= 1  # its normal velocities are counted anew
-        scalars.event_pending = 1
+        self._count("new_modes")
+        if guard.kind == "surface":
+            self.scalars.expansions -= 1  # its normal velocities are counted anew
+        self.scalars.event_pending = 1
         return True
 
     def _select_mode(self) -> tuple[Status, str] | None:
@@ -327,8 +315,7 @@ class ModeChanges(State):
         hits: list[Guard] = [g for g, hit in zip(self.guards, self.hits, strict=False) if hit]
         if surfaces := resetting(self.integrator.system, before, hits):
             return self._jump(surfaces, hits)
-        if self._stick_compiled():  # the loop goes through the event anew
-            self._count("new_modes")
+        if self._misses_stick(hits):
             return None
         x = self.x.tolist()
         switching = self.start.constants.switching
@@ -346,3 +333,12 @@ class ModeChanges(State):
         orders = switching.contact_orders(self.time, x, decision.mode, active)
         tangential = [] if early else sorted({g.index for g in hits if g.kind == "surface"})
         return self._change_mode(decision, orders, tangential)
+
+    def _misses_stick(self, hits: Sequence[Guard]) -> bool:
+        """Whether the loop wants the mode in which a contact is held, to see whether it is, and now goes on with it."""
+        hit = int(self.scalars.guard)
+        if len(hits) != 1 or hit == kernel.NOWHERE:
+            return False
+        guard = self.integrator.mode_table.compiled.records["guards"][int(self.scalars.mode), hit]
+        missing = guard["hold_zone"] and not guard["coupled"] and guard["mode_stuck"] < 0
+        return bool(missing) and self._compiled_behind(self.mode, hit, 0)

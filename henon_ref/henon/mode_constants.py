@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.filippov.exact_numbers import double_double
-from henon_ref.filippov.mode_tape import ModeTape
-from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.growing_rows import GrowingRows
 from henon_ref.henon.jump import Jumps
 from henon_ref.henon.mode_table import CompiledModes, ModeTable
 from henon_ref.henon.precise_modes import BallSwitching, PreciseModes
@@ -45,7 +46,7 @@ def loop_data(
 ) -> LoopData:
     """Modes that are compiled with their constants; those of the first point where there are several points'."""
     tables = ffi.new("struct tables *")
-    tables.modes, tables.count = ffi.from_buffer(compiled.records), len(compiled.modes)
+    tables.modes, tables.count = ffi.from_buffer(compiled.records), len(compiled.records)
     tables.numbers = doubles(numbers)
     tables.tapes, tables.length = numbers.shape[-2:]
     if compiled.rows.size:
@@ -60,6 +61,10 @@ def loop_data(
 class ModeConstants(ABC):
     """A system's compiled modes at given parameter values.
 
+    Parameters
+    ----------
+    mode_table : ModeTable
+
     Attributes
     ----------
     latest : LoopData
@@ -67,6 +72,13 @@ class ModeConstants(ABC):
     """
 
     latest: LoopData
+
+    def __init__(self, mode_table: ModeTable) -> None:
+        self._table = mode_table
+        self._values = np.zeros(1)
+        """See :class:`henon_ref.henon.distinct_constants.DistinctConstants`."""
+        self._rows = GrowingRows(np.float64, (0, 0))
+        self.latest = self._extended(mode_table.compiled)
 
     @property
     @abstractmethod
@@ -78,14 +90,38 @@ class ModeConstants(ABC):
     def precise(self) -> PreciseModes:
         """The modes in multiprecision."""
 
+    @abstractmethod
+    def _pairs(self, expressions: Sequence[sp.Expr]) -> NDArray[np.float64]:
+        """Constants in parameters, each as its double and what that leaves, shape (2 k,); NaN for one that is none."""
+
     @cached_property
     def jumps(self) -> Jumps:
         """The resets' maps, in multiprecision."""
         return Jumps(self.precise)
 
-    @abstractmethod
     def update(self) -> LoopData:
         """Take in modes that have been compiled since."""
+        with one_at_a_time(), compiling():
+            compiled = self._table.compiled
+            if self.latest.compiled is not compiled:
+                self.latest = self._extended(compiled)
+            return self.latest
+
+    def _extended(self, compiled: CompiledModes) -> LoopData:
+        known = len(self._values) // 2
+        if compiled.constants > known:
+            new = self._pairs(self._table.constants.expressions[known : compiled.constants])
+            self._values = np.concatenate([self._values, new])
+        if len(compiled.sources) > len(self._rows):
+            self._rows.extend(self._values[compiled.sources[len(self._rows) :]])
+        return loop_data(self._table, compiled, self._rows.rows, self._normals)
+
+    @cached_property
+    def _normals(self) -> NDArray[np.float64]:
+        """Constants of the normal velocities of all surfaces, in states and signs."""
+        made = self._table.normals
+        pairs = self._pairs(() if made is None else made.tape.constants).reshape(-1, 2)
+        return np.concatenate([pairs[:, 0], pairs[:, 1], [0.0]])
 
 
 class ExactConstants(ModeConstants):
@@ -100,63 +136,25 @@ class ExactConstants(ModeConstants):
     """
 
     def __init__(self, mode_table: ModeTable, values: FilippovSystem) -> None:
-        self._table, self._values = mode_table, values
-        self._known: dict[tuple[ModeTape, int, tuple[int, ...]], Pair] = {}
-        self._rows = np.zeros((0, 0, 1))
-        self.latest = self._extended(mode_table.compiled, np.zeros((0, 0, 1)))
+        self._system = values
+        super().__init__(mode_table)
 
     @cached_property
     def switching(self) -> Switching:
         """See :class:`ModeConstants`."""
-        return Switching(self._table.system, self._values)
+        return Switching(self._table.system, self._system)
 
     @cached_property
     def precise(self) -> PreciseModes:
         """See :class:`ModeConstants`."""
-        system, values = self._table.system, self._values
+        system, values = self._table.system, self._system
         return PreciseModes(system, self.switching, lambda: BallSwitching(system, values))
 
-    def update(self) -> LoopData:
-        """See :class:`ModeConstants`."""
-        with one_at_a_time(), compiling():
-            if self.latest.compiled is not self._table.compiled:
-                self.latest = self._extended(self._table.compiled, self.latest.numbers)
-            return self.latest
+    def _pairs(self, expressions: Sequence[sp.Expr]) -> NDArray[np.float64]:
+        return np.array([part for each in expressions for part in self._pair(each)])
 
-    def _extended(self, compiled: CompiledModes, numbers: NDArray[np.float64]) -> LoopData:
-        rows = [
-            [self._numbers(tape, mode) for tape in code.tapes]
-            for mode, code in zip(compiled.modes[len(numbers) :], compiled.codes[len(numbers) :], strict=True)
-        ]
-        longest = max([numbers.shape[2], *(len(constants) for row in rows for constants in row)])
-        if len(compiled.modes) > len(self._rows) or longest > self._rows.shape[2]:
-            tapes = max((len(code.tapes) for code in compiled.codes), default=0)
-            self._rows = np.zeros((2 * len(compiled.modes), tapes, longest))
-            self._rows[: len(numbers), : numbers.shape[1], : numbers.shape[2]] = numbers
-        found = self._rows[: len(compiled.modes)]  # whoever has fewer rows of it does not see the new ones
-        for place, row in enumerate(rows, start=len(numbers)):
-            for own, constants in zip(found[place], row, strict=True):
-                own[: len(constants)] = constants
-        return loop_data(self._table, compiled, found, self._normals if compiled.rows.size else np.zeros(0))
-
-    def _numbers(self, tape: ModeTape, mode: Mode) -> list[float]:
-        pairs = [self._number(tape, at, mode) for at in range(len(tape.tape.constants))]
-        return [high for high, _ in pairs] + [low for _, low in pairs]
-
-    def _number(self, tape: ModeTape, at: int, mode: Mode) -> Pair:
-        """A constant, which is the same in all modes with the same entries for its own surfaces."""
-        key = tape, at, tuple(mode[i] for i in tape.owners[at])
-        if key not in self._known:
-            try:
-                self._known[key] = double_double(self._values.numeric(tape.constant(at, mode)))
-            except ModelError:  # a mode that is never entered may have it: who enters it is told that it is not finite
-                self._known[key] = math.nan, math.nan
-        return self._known[key]
-
-    @cached_property
-    def _normals(self) -> NDArray[np.float64]:
-        """Constants of the normal velocities of all surfaces, in states and signs."""
-        made = self._table.normals
-        assert made is not None
-        pairs = [double_double(self._values.numeric(c)) for c in made.tape.constants]
-        return np.array([*(p[0] for p in pairs), *(p[1] for p in pairs), 0.0])
+    def _pair(self, expression: sp.Expr) -> Pair:
+        try:
+            return double_double(self._system.numeric(expression))
+        except ModelError:  # a mode that is never entered may have it: who enters it is told that it is not finite
+            return math.nan, math.nan

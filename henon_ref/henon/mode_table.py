@@ -3,7 +3,7 @@ them (:mod:`henon_ref.henon.mode_constants`)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -16,8 +16,10 @@ from henon_ref.filippov.attraction import EXHAUSTIVE
 from henon_ref.filippov.contact_loops import guard_count
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.kinks import crossed_alone
-from henon_ref.filippov.modes import Mode, mode_number, replaced
+from henon_ref.filippov.modes import Mode, mode_number
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.distinct_constants import DistinctConstants
+from henon_ref.henon.growing_rows import GrowingRows
 from henon_ref.henon.jump_code import jump_code
 from henon_ref.henon.mode_code import (
     ModeCode,
@@ -35,31 +37,61 @@ from henon_ref.roots.bernstein import bernstein_code
 ALL: Mode = ()
 """What machine code goes by that all modes have in common."""
 _KIND = {"surface": kernel.SURFACE, "release": kernel.RELEASE, "valid": kernel.VALID, "attracts": kernel.VALID}
+_OTHERS = {entry: tuple(other for other in (-1, 0, 1) if other != entry) for entry in (-1, 0, 1)}
 
 
 @dataclass(frozen=True, eq=False)
 class CompiledModes:
-    """The modes that are compiled at one time. Nothing in it changes: a run that reads it may be in another thread."""
+    """The modes that are compiled at one time: views of tables that grow behind them.
 
-    modes: tuple[Mode, ...]
-    codes: tuple[ModeCode, ...]
-    """Machine code of each."""
+    Links to modes that come later are put into it, unless somebody reads it then (see :class:`ModeTable`).
+    """
+
     records: NDArray[Any]
     """Shape (M,) of :func:`henon_ref.henon.records.mode_dtype`."""
     signs: NDArray[np.int64]
     """(M, surfaces): the entries of each row's mode."""
     rows: NDArray[np.int64]
     """Row of every mode, written in base 3; -1 where not compiled yet, empty where modes are not decided by it."""
+    sources: NDArray[np.int64]
+    """(M, tapes, K): where each number of a mode's rows of constants is found among those of all modes."""
+    constants: int
+    """How many constants these are."""
+
+
+class Readers(list[None]):
+    """An entry for each thread that is within ``with readers:``."""
+
+    def __enter__(self) -> None:
+        self.append(None)
+
+    def __exit__(self, *_: object) -> None:
+        self.pop()
 
 
 class ModeTable:
-    """Grows a row for each mode that is asked for, from any thread: :attr:`compiled` is replaced, never changed.
+    """Grows a row for each mode that is asked for, from any thread.
+
+    :attr:`compiled` is replaced by one with the new row before other rows lead to it. A thread that lets compiled code
+    read a table is among :attr:`readers` meanwhile, and looks only then whether it is the latest: either it has the new
+    row, or the others are linked to it in a copy of theirs.
 
     Parameters
     ----------
     system : FilippovSystem
     order : int
         Order of the Taylor expansion.
+
+    Attributes
+    ----------
+    modes, codes : list
+        Of each row its mode and machine code. They only grow.
+    index : dict
+        Row of each mode that is compiled.
+    constants : DistinctConstants
+        Those of all modes.
+    readers : Readers
+        Threads that are in compiled code which reads the table.
 
     Raises
     ------
@@ -69,29 +101,26 @@ class ModeTable:
 
     def __init__(self, system: FilippovSystem, order: int) -> None:
         self.system, self.order = system, order
+        self.modes: list[Mode] = []
+        self.codes: list[ModeCode] = []
         self.index: dict[Mode, int] = {}
-        """Row of each mode that is compiled."""
+        self.constants = DistinctConstants()
+        self.readers = Readers()
         surfaces = len(system.surfaces)
         self._switched = system.switched
         self._jumps = jump_code(system)
         several = 1 < surfaces <= kernel.SURFACES_IN_TABLE and not (system.overrides or system.resets)
-        self.compiled = CompiledModes(
-            modes=(),
-            codes=(),
-            records=np.zeros(0, dtype=mode_dtype(self.most_guards)),
-            signs=np.zeros((0, surfaces), dtype=np.int64),
-            rows=np.full(3**surfaces if several else 0, -1, dtype=np.int64),
-        )
+        self._records = GrowingRows(mode_dtype(self.most_guards), ())
+        self._signs, self._sources = GrowingRows(np.int64, (surfaces,)), GrowingRows(np.int64, (0, 0))
+        self._rows = np.full(3**surfaces if several else 0, -1, dtype=np.int64)
+        self._powers = [3**i for i in range(surfaces)]
+        self._by_number: dict[int, int] = {}
+        self.compiled = self._published()
         self._codes: dict[Mode | frozenset[int], ModeCode] = {}
         self._guards: dict[Mode, tuple[Guard, ...]] = {}
         if surfaces == 1:
             for mode in ((-1,), (1,), (0,)):
                 self.row(mode)
-
-    @property
-    def modes(self) -> tuple[Mode, ...]:
-        """Modes by their rows."""
-        return self.compiled.modes
 
     @cached_property
     def most_guards(self) -> int:
@@ -125,6 +154,14 @@ class ModeTable:
             self._guards[mode] = switched.guards(mode) if switched else self.system.equations(mode).guards
         return self._guards[mode]
 
+    def guard(self, mode: Mode, place: int) -> Guard:
+        """One of them."""
+        return self._switched.guard(mode, place) if self._switched else self.guards(mode)[place]
+
+    def leads_to(self, row: int, place: int, entry: int) -> int:
+        """Row of the mode behind a guard, in which its surface has this entry; -1 where the loop is not to go there."""
+        return int(self.compiled.records["guards"]["mode_across" if entry else "mode_stuck"][row, place])
+
     def places(self, mode: Mode) -> Sequence[int]:
         """Where each of them stands in :meth:`FilippovSystem.equations`; -1 where it has no counterpart there."""
         return self._switched.places(mode) if self._switched else range(len(self.guards(mode)))
@@ -138,7 +175,7 @@ class ModeTable:
     @cached_property
     def normals(self) -> NormalVelocities | None:
         """Normal velocities of all surfaces; None where the compiled loop does not decide by them."""
-        if not self.compiled.rows.size:
+        if not self._rows.size:
             return None
         with one_at_a_time():
             return normal_velocities(self.system)
@@ -175,25 +212,54 @@ class ModeTable:
         return crossed_alone(self.system)
 
     def _append(self, mode: Mode, code: ModeCode) -> None:
-        before, row = self.compiled, len(self.compiled.modes)
-        records = np.concatenate([before.records, self._record(mode, code)])
-        rows = before.rows
+        row, number = len(self.modes), mode_number(mode)
+        self._records.extend(self._record(mode, code))
+        self._signs.append(mode)
+        self._sources.append(self.constants.sources(code.tapes, mode))
+        self.modes.append(mode)
+        self.codes.append(code)
+        self.compiled = self._published()
+        if self.readers:  # they do not have the row
+            self._records.move()
+            self._rows = self._rows.copy()
+        self._by_number[number] = row
+        guards, known = self._records.rows["guards"], self._by_number.get
+        for i, (entry, power) in enumerate(zip(mode, self._powers, strict=True)):
+            for other in _OTHERS[entry]:  # one event leads to them, or from them
+                found = known(number + (other - entry) * power)
+                if found is not None:
+                    self._link(guards, row, i, other, found)
+                    self._link(guards, found, i, entry, row)
         # Where it may not attract, compiled code does not settle on it; nor where normal velocities written for all
         # modes hold operations that it does not.
-        if rows.size and all(g.kind != "attracts" for g in self.guards(mode)) and mode not in self._codes:
-            rows = rows.copy()
-            rows[mode_number(mode)] = row
-        index = {**self.index, mode: row}
-        for other in [mode, *_neighbours(mode)]:
-            if other in index:
-                self._link(records[index[other]], other, index)
-        signs = np.concatenate([before.signs, np.array([mode])])
-        self.compiled = CompiledModes((*before.modes, mode), (*before.codes, code), records, signs, rows)
-        self.index = index
+        if self._rows.size and mode not in self._codes and all(g.kind != "attracts" for g in self.guards(mode)):
+            self._rows[number] = row
+        self.compiled = self._published()
+        self.index[mode] = row  # whoever finds it there finds the tables that have it
+
+    def _published(self) -> CompiledModes:
+        """The tables as they are now."""
+        records, signs, sources = self._records.rows, self._signs.rows, self._sources.rows
+        return CompiledModes(records, signs, self._rows, sources, len(self.constants.expressions))
 
     def _record(self, mode: Mode, code: ModeCode) -> NDArray[Any]:
-        """A mode's row, which leads to no other mode yet."""
-        found = np.zeros(1, dtype=self.compiled.records.dtype)
+        """A mode's row, which leads to no other mode yet, shape (1,)."""
+        if self._switched is None or self._jumps or self.system.resets:
+            return self._written_record(mode, code)
+        # All modes have one code, and the guards of a surface depend on its own entry alone.
+        found, surfaces = self._uniform[:1].copy(), len(mode)
+        own = self._uniform["guards"][:, : 2 * surfaces].reshape(3, surfaces, 2)
+        found["guards"][0, : 2 * surfaces] = own[np.array(mode) + 1, np.arange(surfaces)].ravel()
+        return found
+
+    @cached_property
+    def _uniform(self) -> NDArray[Any]:
+        """Rows of the modes in which all surfaces have one entry: -1, 0, +1."""
+        modes = [(entry,) * len(self.system.surfaces) for entry in (-1, 0, 1)]
+        return np.concatenate([self._written_record(mode, self._code(mode)) for mode in modes])
+
+    def _written_record(self, mode: Mode, code: ModeCode) -> NDArray[Any]:
+        found = np.zeros(1, dtype=mode_dtype(self.most_guards))
         system, guards = self.system, self.guards(mode)
         sliding = [i for i, s in enumerate(mode) if s == 0]
         own, records = found[0]["mode"], found[0]["guards"]
@@ -220,18 +286,18 @@ class ModeTable:
             record["zeros_at_release"] = 2 if tangent else 0
         return found
 
-    def _link(self, record: Any, mode: Mode, index: dict[Mode, int]) -> None:
-        """Fill in what follows the events of a mode, of the modes there are."""
-        for own, guard in zip(record["guards"], self.guards(mode), strict=False):
-            if guard.kind == "surface":
-                own["mode_stuck"] = index.get(replaced(mode, guard.index, 0), -1)
+    def _link(self, guards: NDArray[Any], row: int, index: int, entry: int, target: int) -> None:
+        """Lead the events of a mode on one surface to the mode in which that has another entry."""
+        mode, system = self.modes[row], self.system
+        if self._switched:
+            places: Iterable[int] = (2 * index, 2 * index + 1)
+        else:
+            places = (g for g, guard in enumerate(self.guards(mode)) if guard.index == index)
+        for g in places:
+            guard = self.guard(mode, g)
+            if guard.kind == "surface" and entry == 0:
+                guards["mode_stuck"][row, g] = target
             # A body that lifts off leaves its surface with two zeros or more: they have to be measured.
-            lifts_off = guard.kind == "release" and guard.index in self.system.resets
-            if guard.ends is None and not lifts_off:
-                own["mode_across"] = index.get(replaced(mode, guard.index, guard.to_sign), -1)
-
-
-def _neighbours(mode: Mode) -> Iterator[Mode]:
-    """Modes that one event leads to, or from: one entry is another."""
-    for i, entry in enumerate(mode):
-        yield from (replaced(mode, i, other) for other in (-1, 0, 1) if other != entry)
+            lifts_off = guard.kind == "release" and index in system.resets
+            if guard.ends is None and guard.to_sign == entry and not lifts_off:
+                guards["mode_across"][row, g] = target

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -20,30 +20,23 @@ from henon_ref.kernel.shared import doubles, integers, kernel
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
+KEPT = 64
+"""Programs of constants that are kept: those of all modes, and of what later ones have more."""
+
 
 @dataclass(frozen=True, eq=False)
 class LoopProgram:
     """Constants of all compiled modes, as the compiled loop takes them."""
 
     compiled: CompiledModes
-    program: ConstantProgram
-    sources: NDArray[np.int64]
-    """Registers of the constants of the modes' tapes, shape (k,)."""
-    places: NDArray[np.int64]
-    """Where each one's double, and what its rounding lost, is put, shape (2, k)."""
-    tapes: int
-    """Rows of constants that a mode has: of its expansion, its probe, and maps of resets if any."""
-    longest: int
-    """Constants of such a row, with what rounding lost of them: the most there are."""
-    normal_sources: NDArray[np.int64]
-    """Registers of the constants of the normal velocities."""
+    constants: ConstantProgram
+    normals: ConstantProgram
+    """Constants of the normal velocities."""
 
     @property
     def bytes_a_point(self) -> int:
         """Memory that :meth:`numbers` takes for each point."""
-        registers = self.program.inputs + len(self.program.numbers) + len(self.program.operations)
-        constants = self.tapes * self.longest * len(self.compiled.modes) + 2 * len(self.normal_sources) + 1
-        return 8 * (3 * registers + constants)
+        return 8 * (self.constants.places_a_point + self.normals.places_a_point + self.compiled.sources.size)
 
     def numbers(
         self, values: NDArray[np.float64], exact: Callable[[int], Sequence[sp.Expr]]
@@ -52,21 +45,16 @@ class LoopProgram:
 
         Returns
         -------
-        numbers : ndarray, shape (points, M, tapes, longest)
+        numbers : ndarray, shape (points, M, tapes, K)
             See :attr:`henon_ref.henon.mode_constants.LoopData.numbers`.
         normals : ndarray, shape (points, 2 k + 1)
             Constants of the normal velocities.
         """
-        registers, points, modes = self.program.registers(values), len(values), len(self.compiled.modes)
-        numbers = np.zeros((points, modes * self.tapes * self.longest))
-        if not _scatter(registers, self.sources, self.places, numbers):
-            self.program.made_accurate(registers, exact)
-            _scatter(registers, self.sources, self.places, numbers)
-        count = len(self.normal_sources)
-        normals = np.zeros((points, 2 * count + 1))
-        if count:
-            _scatter(registers, self.normal_sources, np.arange(2 * count).reshape(2, -1), normals)
-        return numbers.reshape(points, modes, self.tapes, self.longest), normals
+        nothing = np.zeros((len(values), 1))
+        found = np.concatenate([nothing, self.constants.pairs(values, exact)], axis=1)
+        normals = self.normals.pairs(values, exact)
+        normals = np.concatenate([normals[:, ::2], normals[:, 1::2], nothing], axis=1)
+        return np.take(found, self.compiled.sources, axis=1), normals
 
 
 class ParameterPrograms:
@@ -91,6 +79,7 @@ class ParameterPrograms:
         self._programs: dict[int, tuple[Tape, ConstantProgram]] = {}
         self._functions: dict[tuple[Any, ...], Callable[..., list[Any]]] = {}
         self._function_tapes: dict[tuple[Any, ...], Tape] = {}
+        self.program = lru_cache(maxsize=KEPT)(self._program)
 
     def loop(self) -> LoopProgram:
         """For the modes that are compiled now."""
@@ -133,8 +122,7 @@ class ParameterPrograms:
     def constants(self, tape: Tape) -> ConstantProgram:
         """Constants of one of the tapes from here."""
         if id(tape) not in self._programs:
-            with one_at_a_time():
-                self._programs[id(tape)] = tape, constant_program(self.parameters, tape.constants)
+            self._programs[id(tape)] = tape, self._program(tape.constants)
         return self._programs[id(tape)][1]
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
@@ -154,45 +142,15 @@ class ParameterPrograms:
                 self._function_tapes[key] = build_tape(names, (), expressions)
         return self._function_tapes[key]
 
+    def _program(self, expressions: tuple[sp.Expr, ...]) -> ConstantProgram:
+        """Expressions in the parameters as a program."""
+        with one_at_a_time():
+            return constant_program(self.parameters, expressions)
+
     def _loop_program(self, compiled: CompiledModes) -> LoopProgram:
-        expressions: list[sp.Expr] = []
-        known: dict[tuple[int, int, tuple[int, ...]], int] = {}
-        sources: list[int] = []
-        places: list[tuple[int, int]] = []
-        tapes = [(mode, tape) for mode, code in zip(compiled.modes, compiled.codes, strict=True) for tape in code.tapes]
-        longest = max([1, *(2 * len(tape.tape.constants) for _, tape in tapes)])
-        for row, (mode, tape) in enumerate(tapes):
-            count = len(tape.tape.constants)
-            for at, surfaces in enumerate(tape.owners):  # the same in all modes with the same entries for these
-                key = id(tape), at, tuple(mode[i] for i in surfaces)
-                if key not in known:
-                    known[key] = len(expressions)
-                    expressions.append(tape.constant(at, mode))
-                sources.append(known[key])
-            places += [(row * longest + at, row * longest + count + at) for at in range(count)]
-        normals = self.table.normals
+        constants, normals = self.table.constants.expressions[: compiled.constants], self.table.normals
         velocities = () if normals is None else normals.tape.constants
-        program = constant_program(self.parameters, (*expressions, *velocities))
-        registers, count = np.array(program.outputs, dtype=np.int64), len(expressions)
-        put = np.ascontiguousarray(np.array(places, dtype=np.int64).reshape(-1, 2).T)
-        own = registers[:count][np.array(sources, dtype=np.int64)]
-        rows = max((len(code.tapes) for code in compiled.codes), default=0)
-        return LoopProgram(compiled, program, own, put, rows, longest, registers[count:])
-
-
-def _scatter(
-    registers: NDArray[np.float64],
-    sources: NDArray[np.int64],
-    places: NDArray[np.int64],
-    out: NDArray[np.float64],
-) -> bool:
-    """Put numbers, and what their rounding lost, into the places of rows; False where some have lost their digits."""
-    points, width = registers.shape[:2]
-    highs, lows = map(integers, places)
-    accurate = kernel.scatter(
-        doubles(registers), width, points, integers(sources), highs, lows, len(sources), doubles(out), out.shape[1]
-    )
-    return bool(accurate)
+        return LoopProgram(compiled, self.program(tuple(constants)), self.program(tuple(velocities)))
 
 
 def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:

@@ -241,16 +241,16 @@ class _Part:
         points.rows, points.surfaces = integers(rows), integers(surfaces)
         points.ends = ffi.cast("struct end *", ffi.from_buffer(runs.ends[self.part]))
         points.states = doubles(runs.states[self.part])
-        tries, code, data = TRIES, kernel.PAUSE, self._constants(points)
+        tries, code, data = TRIES, kernel.PAUSE, None
         while code != kernel.DONE:
-            code = kernel.run_points(self._progress, points, data.tables, self._buffer(self.kept))
-            if code == kernel.ASIDE:
-                compiled = table.compiled
-                yield from self._in_python(int(progress["point"]) - 1)
-                if table.compiled is not compiled:
+            with table.readers:
+                if data is None or data.compiled is not table.compiled:
                     tries, data = TRIES, self._constants(points)
+                code = kernel.run_points(self._progress, points, data.tables, self._buffer(self.kept))
+            if code == kernel.ASIDE:
+                yield from self._in_python(int(progress["point"]) - 1)
                 tries -= 1
-                progress["stop_aside"] = tries > 0
+                progress["stop_aside"] = tries > 0 or data.compiled is not table.compiled
             elif code == kernel.BUFFER_FULL:
                 yield from self._handed_out()
         yield from self._handed_out()

@@ -184,6 +184,9 @@ class BallSwitching(Switching):
             raise ValueError("a derivative is not finite")
         return outputs, 1.0
 
+    def _linear(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> list[list[Any]]:
+        return expand(tape, numbers, t, x, 1, _RING)[1]
+
     def _motion(self, tape: Tape, numbers: Sequence[Any], t: Any, x: Sequence[Any]) -> list[list[Any]]:
         return expand(tape, numbers, t, x, DERIVATIVES, _RING)[0]
 

@@ -166,10 +166,11 @@ class Run(ModeChanges):
         if refused is not None:
             unasked = self.samples is _NO_SAMPLES
             return refused if unasked else refused._replace(samples=self.samples[:, 1:-1], sample_modes=())
-        data = self.start.constants.latest
-        if data.compiled is not self.integrator.mode_table.compiled:
-            data = self.start.constants.update()
-        code = kernel.advance(self.workspace.run, data.tables, self._sampled, len(self.samples))
+        with self.integrator.mode_table.readers:
+            data = self.start.constants.latest
+            if data.compiled is not self.integrator.mode_table.compiled:
+                data = self.start.constants.update()
+            code = kernel.advance(self.workspace.run, data.tables, self._sampled, len(self.samples))
         if code == kernel.HORIZON or code == kernel.STOPPED:
             return self._end("ok", "")
         if code == kernel.BLOCK_FULL and not stop:

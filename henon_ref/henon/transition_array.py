@@ -24,17 +24,17 @@ class TransitionArray(Sequence[Transition]):
     ----------
     rows : ndarray, shape (k, TRANSITION_PLACES + n)
         Each a record of :data:`henon_ref.henon.records.TRANSITION` and a state.
-    modes : tuple
+    modes : sequence
         Modes by the numbers that the records hold.
     """
 
     __slots__ = ("_modes", "_rows")
 
-    def __init__(self, rows: NDArray[np.float64], modes: tuple[Mode, ...]) -> None:
+    def __init__(self, rows: NDArray[np.float64], modes: Sequence[Mode]) -> None:
         self._rows, self._modes = rows, modes
 
     @property
-    def modes(self) -> tuple[Mode, ...]:
+    def modes(self) -> Sequence[Mode]:
         """Modes by the numbers that the records hold."""
         return self._modes
 

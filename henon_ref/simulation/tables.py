@@ -31,13 +31,15 @@ def columns_of(system: FilippovSystem, transitions: Sequence[Transition]) -> dic
         words = dict.fromkeys(COLUMNS, np.zeros(0, dtype=object))
         return {**words, "time_s": np.zeros(0), **dict.fromkeys(system.state_names, np.zeros(0))}
     records = transitions.records
-    texts = np.array([mode_text(mode, system.sign_names) for mode in transitions.modes], dtype=object)
+    rows, places = np.unique([records["from_mode"], records["to_mode"]], return_inverse=True)
+    texts = np.array([mode_text(transitions.modes[row], system.sign_names) for row in rows.tolist()], dtype=object)
+    before, after = texts[places.reshape(2, -1)]
     return {
         "time_s": records["time"],
         "kind": np.array(KINDS, dtype=object)[records["kind"]],
         "surface": np.array(system.sign_names, dtype=object)[records["surface"]],
-        "from_mode": texts[records["from_mode"]],
-        "to_mode": texts[records["to_mode"]],
+        "from_mode": before,
+        "to_mode": after,
         **dict(zip(system.state_names, records["state"].T, strict=True)),
     }
 

@@ -110,7 +110,7 @@ def run_points(
         counts=np.column_stack([runs.ends[name] for name in ("steps", "expansions", "guard_evaluations")]),
         run=records["point"][order].astype(np.int64),
         records=records[order],
-        modes=integrator.mode_table.modes,
+        modes=tuple(integrator.mode_table.modes),
         refused=np.zeros(count, dtype=bool),
     )
 
@@ -182,7 +182,7 @@ def _one_by_one(
         counts=np.array([tuple(end.counts) for end in ends]).reshape(-1, 3),
         run=np.repeat(np.arange(len(ends)), [len(r) for r in records[1:]]),
         records=np.concatenate(records),
-        modes=integrator.mode_table.modes,
+        modes=tuple(integrator.mode_table.modes),
         refused=np.zeros(len(ends), dtype=bool),
     )
 

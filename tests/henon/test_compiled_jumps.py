@@ -248,7 +248,7 @@ def test_systems_without_resets_have_no_code_of_jumps() -> None:
     system = FilippovSystem((X,), (S,), (X,), (TIME - S,))
     assert jump_code(system) is None
     table = Integrator(system, 8).mode_table
-    assert {len(code.tapes) for code in table.compiled.codes} == {2}
+    assert {len(code.tapes) for code in table.codes} == {2}
     assert not table.compiled.records["guards"]["jump"].any()
 
 
