@@ -90,7 +90,5 @@ def test_whoever_reads_is_not_led_to_rows_that_he_does_not_have() -> None:
     assert np.array_equal(read, before)
     assert table.leads_to(0, 0, 0) == 1
     table.readers.pop()
-    later = table.compiled.tables
     table.row((1, 0, 1, 1, 1))
     assert table.leads_to(0, 2, 0) == 2
-    assert later[0, 3].tolist() == table.compiled.tables[0, 3].tolist()
