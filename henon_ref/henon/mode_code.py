@@ -26,6 +26,10 @@ Entries = tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
 MOST_WATCHED = 200
 """Operations up to which guards that hold more than the field does (a long expression whose extremes a sweep looks for)
 are compiled to the fastest code: beyond, that takes longer than most runs."""
+LARGE = 700
+"""Operations of field and guards beyond which the fastest code is not worth its compiling, whose time grows with the
+square: for a chain of 40 masses, at 320, it takes 8 times as long as that of plain code, which runs as fast there, and
+takes up to 1.5 times as long for 16 blocks with friction, at 404."""
 SAME_CODE = 64
 """Pieces of machine code that are remembered by their text, for systems that are made anew."""
 
@@ -128,7 +132,7 @@ def _mode_code(
         + step_end_ir(n, len(outputs), order, "closing")
         + expansion_ir(probe, n, 0, "probe")
         + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else ""),
-        optimised=len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED,
+        optimised=len(nodes) <= min(len(expansion.needed(expansion.field)) + MOST_WATCHED, LARGE),
     )
     tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
     return ModeCode(*tapes, code, degree, field_branches, guards_branch)

@@ -261,7 +261,7 @@ class ModeTable:
     def _written_record(self, mode: Mode, code: ModeCode) -> NDArray[Any]:
         found = np.zeros(1, dtype=mode_dtype(self.most_guards))
         system, guards = self.system, self.guards(mode)
-        sliding = [i for i, s in enumerate(mode) if s == 0]
+        sliding, passed = [i for i, s in enumerate(mode) if s == 0], self._passed(mode)
         own, records = found[0]["mode"], found[0]["guards"]
         for name, value in code.fields.items():
             own[name] = value
@@ -278,7 +278,7 @@ class ModeTable:
             record["side"] = mode[guard.index] if surface else 0
             resets = surface and guard.index in system.resets and mode[guard.index] > 0
             record["jump"] = self._jumps.address(mode, guard.index) if resets and self._jumps else 0
-            together = system.decided_together(guard, sliding) and guard.index not in self._passed(mode)
+            together = system.decided_together(guard, sliding) and guard.index not in passed
             coupled = kernel.COUPLED if together else kernel.UNCOUPLED
             record["coupled"] = kernel.RESETTING if resets else coupled
             # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.

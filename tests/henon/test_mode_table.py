@@ -1,0 +1,93 @@
+"""Tables of compiled modes: a mode that is met first costs its own row, and no reader is led past what it has."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import henon_ref as hr
+from henon_ref.henon.mode_changes import ModeChanges
+from henon_ref.henon.mode_constants import ExactConstants
+from henon_ref.henon.mode_table import ModeTable
+from henon_ref.simulation.compiled import integrator_of, local_error
+
+RTOL = 1e-9
+
+
+def chain(blocks: int) -> hr.System:
+    """Blocks on a belt, a spring each to the wall and to the neighbours, friction that falls with the sliding speed."""
+    every = range(blocks)
+    pulls = [f"-x{i}" + "".join(f" - (x{i} - x{j})" for j in (i - 1, i + 1) if j in every) for i in every]
+    return hr.System(
+        state=[*(f"x{i}" for i in every), *(f"v{i}" for i in every)],
+        parameters={"F": 1, "d": 3, "vb": 0.5},
+        surfaces={f"s{i}": f"v{i} - vb" for i in every},
+        field=[*(f"v{i}" for i in every), *(f"{pulls[i]} - F*s{i}/(1 + d*s{i}*(v{i} - vb))" for i in every)],
+    )
+
+
+def start(blocks: int, seed: int) -> dict[str, float]:
+    x, v = np.random.default_rng(seed).uniform(-1, 1, (2, blocks)).round(3)
+    return {**{f"x{i}": 2 * float(x[i]) for i in range(blocks)}, **{f"v{i}": float(v[i]) for i in range(blocks)}}
+
+
+def test_events_of_a_chain_are_decided_by_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    def decided(run: ModeChanges) -> None:
+        raise AssertionError(f"decided in Python at t = {run.time}")
+
+    monkeypatch.setattr(ModeChanges, "_select_mode", decided)
+    system = chain(5)
+    new, again = (hr.simulate(system, start(5, 1), until=20, rtol=RTOL).trajectory for _ in range(2))
+    assert len(new.transitions) > 30
+    assert new.counts == again.counts
+    assert [(t.time, t.time_low, t.state, t.to_mode) for t in new.transitions] == [
+        (t.time, t.time_low, t.state, t.to_mode) for t in again.transitions
+    ]
+
+
+def test_constants_do_not_grow_with_the_modes() -> None:
+    system = chain(5)
+    for seed in range(4):
+        hr.simulate(system, start(5, seed), until=20, rtol=RTOL)
+    table = integrator_of(system, local_error(RTOL)).mode_table
+    (code,) = set(table.codes)
+    assert len(table.modes) > 60
+    assert len(table.constants.expressions) <= 3 * sum(len(tape.tape.constants) for tape in code.tapes)
+
+
+def test_a_row_is_that_of_the_mode_written_out() -> None:
+    model = chain(5).model
+    table = ModeTable(model, 8)
+    modes = [(1, -1, 0, 1, 0), (0, -1, 0, 1, 0), (1, -1, 0, 1, -1), (1, 0, 0, 1, 0)]
+    for mode in modes:
+        table.row(mode)
+    index = {mode: row for row, mode in enumerate(modes)}
+    compiled, constants = table.compiled, ExactConstants(table, model).update()
+    for row, mode in enumerate(modes):
+        own = compiled.records["guards"][row]
+        for g, guard in enumerate(table.guards(mode)):
+            sides = {s: index.get((*mode[: guard.index], s, *mode[guard.index + 1 :]), -1) for s in (-1, 0, 1)}
+            assert (own["index"][g], own["side"][g]) == (
+                guard.index,
+                mode[guard.index] if guard.kind == "surface" else 0,
+            )
+            if guard.kind == "surface":
+                assert (own["mode_across"][g], own["mode_stuck"][g]) == (sides[guard.to_sign], sides[0])
+            elif mode[guard.index] == 0:
+                assert own["mode_across"][g] == sides[guard.to_sign]
+        for tape, found in zip(table.codes[row].tapes, constants.numbers[row], strict=True):
+            exact = [float(model.numeric(tape.constant(at, mode))) for at in range(len(tape.tape.constants))]
+            assert found[: len(exact)].tolist() == exact
+
+
+def test_whoever_reads_is_not_led_to_rows_that_he_does_not_have() -> None:
+    table = ModeTable(chain(5).model, 8)
+    table.row((1, 1, 1, 1, 1))
+    read = table.compiled.records
+    before = read.copy()
+    with table.readers:
+        table.row((0, 1, 1, 1, 1))
+    assert np.array_equal(read, before)
+    assert table.leads_to(0, 0, 0) == 1
+    table.row((1, 0, 1, 1, 1))
+    assert table.leads_to(0, 2, 0) == 2
