@@ -23,8 +23,8 @@ from scipy.spatial import cKDTree
 from henon_ref.errors import ModelError
 
 Matrix = NDArray[np.float64]
-_CHUNK = 512
-"""Reference points looked up at once (bounds the memory that their neighbours' products take)."""
+_CHUNK = 2048
+"""Reference points looked up at once (bounds the memory that their neighbours take)."""
 
 
 @dataclass(frozen=True)
@@ -158,8 +158,8 @@ def _sums(
     samples: Matrix, references: NDArray[np.int64], neighbours: NDArray[np.int64], counts: NDArray[np.int64], delay: int
 ) -> tuple[Matrix, Matrix]:
     """sum y_k y_k^T and sum y_{k+d} y_k^T over the neighbours of each reference point, each (r, n, n)."""
-    at, begins = np.repeat(references, counts), np.cumsum(counts) - counts
-    y = samples[neighbours] - samples[at]
-    z = samples[neighbours + delay] - samples[at + delay]
-    spread, moved = (np.add.reduceat(v[:, :, None] * y[:, None, :], begins) for v in (y, z))
-    return spread, moved
+    which = np.repeat(np.arange(len(references)), counts)
+    at = references[which]
+    y, z = ((samples[neighbours + k] - samples[at + k]).T for k in (0, delay))
+    spread, moved = (np.array([[np.bincount(which, u * v) for v in y] for u in left]) for left in (y, z))
+    return spread.transpose(2, 0, 1), moved.transpose(2, 0, 1)
