@@ -78,7 +78,7 @@ def _compile(
 ) -> None:
     """Compile one library; a process that runs the one that was there goes on with it."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    new = file.with_name(f"{file.name}.{os.getpid()}")
+    new = file.with_name(f"{file.stem}.{os.getpid()}.so")
     line = chosen.line(flags, architecture, source, str(new.absolute()))
     done = subprocess.run(line, cwd=root, env=environment, capture_output=True, text=True, check=False)
     if done.returncode != 0:

@@ -110,26 +110,10 @@ def continuous(system: FilippovSystem) -> frozenset[int]:
     A jump that does not vanish by its form, with the surface's own expression or with a state that it is linear in
     put in, counts as one.
     """
-    used = set().union(*(rate.free_symbols for rate in system.field))
-    jumping = _jumping(system, system.field)
-    return frozenset(i for i, sign in enumerate(system.signs) if sign in used and i not in jumping)
-
-
-def crossed_alone(system: FilippovSystem) -> frozenset[int]:
-    """Surfaces that no force jumps on, nor what static friction holds: what slides elsewhere goes on as they are
-    crossed."""
-    forces = list(system.field)
-    for override in system.overrides.values():
-        forces += [*override.field, *(release.when for release in override.release)]
-    others = system.overrides.keys() | system.resets.keys() | _jumping(system, forces)
-    return frozenset(range(len(system.surfaces))) - others
-
-
-def _jumping(system: FilippovSystem, forces: Sequence[sp.Expr]) -> frozenset[int]:
-    """Surfaces across which some expressions jump, or are not seen not to."""
     found = set()
     for index, (sign, surface) in enumerate(zip(system.signs, system.surfaces, strict=True)):
-        if not all(_vanishes(system, _jump(force, sign), surface) for force in forces if force.has(sign)):
+        rates = [rate for rate in system.field if rate.has(sign)]
+        if rates and all(_vanishes(system, _jump(rate, sign), surface) for rate in rates):
             found.add(index)
     return frozenset(found)
 

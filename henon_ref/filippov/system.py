@@ -326,7 +326,7 @@ class FilippovSystem(SwitchedField):
         everything = frozenset(range(len(self.surfaces)))
         found = []
         unslid = self.with_reactions(self.reacting - self.resting)
-        normals = self._normal if unslid is self else [along(h, self.states, unslid.field) for h in unslid.surfaces]
+        normals = self._normal if unslid is self else [along(h, unslid.states, unslid.field) for h in unslid.surfaces]
         for i, normal in enumerate(normals):
             loads = [g.expression for g in self.hold_guards(i)] if i in self.overrides else []
             acting = frozenset(j for j, s in enumerate(self.signs) if any(e.has(s) for e in (normal, *loads)))

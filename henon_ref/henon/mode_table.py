@@ -15,7 +15,6 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.attraction import EXHAUSTIVE
 from henon_ref.filippov.contact_loops import guard_count
 from henon_ref.filippov.equations import Guard
-from henon_ref.filippov.kinks import crossed_alone
 from henon_ref.filippov.modes import Mode, mode_number
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.distinct_constants import DistinctConstants
@@ -193,23 +192,30 @@ class ModeTable:
         return self._codes[key]
 
     def _passed(self, mode: Mode) -> frozenset[int]:
-        """Surfaces that are crossed while others slide, which act on them or they on these, and change nothing there.
+        """Sections that are crossed while others slide which act on them: what slides goes on.
 
-        Where the compiled loop selects modes it decides those as well whose normal velocity holds no sign that slides.
+        (At a kink of a force it need not: a load that is at its limit may grow from there on.) Where the compiled loop
+        selects modes it decides those as well whose normal velocity holds no sign that slides.
         """
         system, sliding = self.system, [i for i, entry in enumerate(mode) if entry == 0]
         slid = {system.signs[i] for i in sliding}
-        return frozenset(
-            i
-            for i in (self._crossed_alone if sliding else ())
-            if mode[i]
-            and len(system.in_play([i], sliding)) > 1
-            and not (self.compiled.rows.size and slid.isdisjoint(system.normal_velocity(i).free_symbols))
-        )
+        found = set()
+        for i in self._sections if sliding else ():
+            selected = self.compiled.rows.size and slid.isdisjoint(system.normal_velocity(i).free_symbols)
+            if mode[i] and not selected and len(system.in_play([i], sliding)) > 1:
+                found.add(i)
+        return frozenset(found)
 
     @cached_property
-    def _crossed_alone(self) -> frozenset[int]:
-        return crossed_alone(self.system)
+    def _sections(self) -> frozenset[int]:
+        """Surfaces whose signs no force holds, and at which nothing happens."""
+        overrides, resets = self.system.overrides, self.system.resets
+        forces = [*self.system.field]
+        for own in overrides.values():
+            forces += [*own.field, *(end.when for end in own.release)]
+        used = set().union(*(force.free_symbols for force in forces))
+        unused = (i for i, sign in enumerate(self.system.signs) if sign not in used)
+        return frozenset(unused) - overrides.keys() - resets.keys()
 
     def _append(self, mode: Mode, code: ModeCode) -> None:
         row, number = len(self.modes), mode_number(mode)

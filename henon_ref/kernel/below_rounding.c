@@ -2,9 +2,9 @@
  *
  * What rounding leaves of a state moves a guard, directly and through the motion: each state is moved by some units in
  * its last place, and the guard's series on the step looked at again. A root is decided where the guard falls, over as
- * long as a step is, by more than that, or is clearly below zero at the step's end. Else it is passed over on this step,
- * and from there on nothing is told of its surface (record_transition). The run goes on: where the guard is clearly
- * below zero later, the mode changes there.
+ * long as a step is, by more than that, or is clearly below zero at the step's end. Else it is passed over on this
+ * step, and from there on nothing is told of its surface (record_transition). The run goes on: where the guard is
+ * clearly below zero later, the mode changes there.
  */
 
 /* A guard that falls by this part of the largest state is beyond rounding: on a step no motion makes 1e10 of it. */

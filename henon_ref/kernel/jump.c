@@ -1,11 +1,11 @@
 /* The jump of the state at one surface that resets it, and the mode after it, where double precision decides them.
  *
- * What henon_ref/filippov/after_jump.py says of a jump, for the common case: one surface alone is at zero, no other one
- * is slid on after the jump, and the map carries none through zero whose reset would be due. The map is evaluated at the
- * state with what rounding has lost of it, to the rounding of its own terms, as a step is. Then the mode after it is
- * expanded there: every guard must be clearly above zero, and a surface that the map keeps must be left with a speed,
- * with flights to come that last longer than what counts as rest. Or it goes on falling, or the impact takes all of the
- * speed, and the body is clearly pressed on: then the mode below, or at rest, is expanded, too.
+ * What henon_ref/filippov/after_jump.py says of a jump, for the common case: one surface alone is at zero, no other
+ * one is slid on after the jump, and the map carries none through zero whose reset would be due. The map is evaluated
+ * at the state with what rounding has lost of it, to the rounding of its own terms, as a step is. Then the mode after
+ * it is expanded there: every guard must be clearly above zero, and a surface that the map keeps must be left with a
+ * speed, with flights to come that last longer than what counts as rest. Or it goes on falling, or the impact takes
+ * all of the speed, and the body is clearly pressed on: then the mode below, or at rest, is expanded, too.
  *
  * All else is left to Python, before anything is changed.
  */

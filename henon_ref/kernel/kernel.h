@@ -89,7 +89,8 @@ struct guard {
     int64_t index;            /* of the surface, or of the valid expression */
     int64_t rising_only;      /* whether it may begin below zero, and counts once it has risen */
     int64_t hold_zone;        /* whether the mode after it is decided by a hold zone */
-    int64_t coupled;          /* COUPLED where its surface and one that the mode slides on act on each other; RESETTING */
+    int64_t coupled;          /* COUPLED where its surface and one that the mode slides on act on each other; or
+                                 RESETTING */
     int64_t mode_across;      /* row of the mode after a crossing or a release; -1 where not compiled */
     int64_t mode_stuck;       /* row of the mode that slides on its surface; -1 where not compiled */
     int64_t zeros_at_release; /* with which its surface is left; 0: to be measured, or the guard is no release */
@@ -231,15 +232,9 @@ struct end {
     int64_t steps, expansions, guard_evaluations, transitions;
 };
 
-/* A transition that is kept of the runs of many points. */
-struct kept {
-    int64_t point;
-    struct transition transition;
-};
-
 /* Where transitions of many points go. */
 struct buffer {
-    double *kept; /* (capacity, width), each a struct kept: number of the point, then the transition */
+    double *kept; /* (capacity, width): number of the point, an integer, then a struct transition */
     int64_t capacity, width;
     double *pending; /* (surfaces, width): per surface the stick that is open, its first number not 0; those before
                         "after" only */
@@ -256,7 +251,7 @@ struct points {
     const int64_t *rows;     /* row of the mode at the start; -1: the point is set aside */
     const int64_t *surfaces; /* surface on which the point starts, -1 where it is on none; "rows" then has the mode
                                 below it */
-    int64_t numbers_step;    /* doubles from one point's constants of the modes to the next one's; 0: the same for all */
+    int64_t numbers_step;    /* doubles from one point's constants of the modes to the next one's; 0: all the same */
     int64_t normals_step;    /* the same for those of the normal velocities */
     struct end *ends;        /* filled */
     double *states;          /* (count, n): filled with the states there */
@@ -279,7 +274,7 @@ struct levels {
     double eps;              /* distance from 1 to the next double */
     double blown_up;         /* a state beyond this has blown up */
     double state_rounding;   /* part of its size by which a state may be off */
-    double known_zero_level; /* coefficients before those of known zeros are divided out up to this part of what follows */
+    double known_zero_level; /* up to this part of what follows them, coefficients of known zeros are divided out */
     double operation_error;  /* bound of the relative error of one operation in double-double */
     double accurate;         /* bound of the relative error that a constant may have */
     double clearance;        /* a touch is no larger than so many times noise */

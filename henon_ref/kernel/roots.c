@@ -1,9 +1,9 @@
 /* Roots of a guard's Taylor polynomial on one step: none is stepped over.
  *
- * A guard is first bounded (positive_by_bound); where the bound does not decide, the signs of its Bernstein coefficients
- * on the step count the roots (henon_ref/roots/bernstein.py), subdividing until the first falling root stands alone or
- * the polynomial is zero to rounding (a tangential root). A piece that may hold two roots or none is cut on both sides
- * of its minimum, which leaves little undecided; another one is halved.
+ * A guard is first bounded (positive_by_bound); where the bound does not decide, the signs of its Bernstein
+ * coefficients on the step count the roots (henon_ref/roots/bernstein.py), subdividing until the first falling root
+ * stands alone or the polynomial is zero to rounding (a tangential root). A piece that may hold two roots or none is
+ * cut on both sides of its minimum, which leaves little undecided; another one is halved.
  */
 #ifndef HENON_ROOTS_C
 #define HENON_ROOTS_C
@@ -112,7 +112,7 @@ static inline struct piece around_touch(const double *a, int64_t degree, double 
                                         double width, double noise)
 {
     double clear = CLEARANCE * noise;
-    if (bend > 0.0) { /* where a parabola is midway between noise and a touch: a touch is left between, nothing beside */
+    if (bend > 0.0) { /* where a parabola is midway between noise and a touch: a touch is left, and nothing beside */
         double near = sqrt((noise + clear) / bend);
         double left = value(a, degree, tau - near), right = value(a, degree, tau + near);
         if (near < CUT_MOST * width && smaller(left, right) > noise && larger(left, right) < clear)

@@ -140,9 +140,9 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
 
 /* Put the end of a slide on its guard to the last digit, whatever the tolerance of the step that led there.
  *
- * A tangent point is where the field's normal velocity vanishes: left a little beside it, the field would point back at
- * the surface, and the slide would begin anew. Newton's steps on the expansion at the landing. The step was one of theta
- * in a unit, which the run's may be no more.
+ * A tangent point is where the field's normal velocity vanishes: left a little beside it, the field would point back
+ * at the surface, and the slide would begin anew. Newton's steps on the expansion at the landing. The step was one of
+ * theta in a unit, which the run's may be no more.
  */
 static void refine_release(struct work *w, int64_t guard, double unit, double theta)
 {

@@ -55,8 +55,8 @@ static double cancellation_limit(const struct work *w, int64_t rows, double thet
  *
  * NOT_DECREASING: the last two are not much smaller than those before them or halfway to them; what comes after may be
  * larger still (a singularity on the step, a high power whose turn comes later). ENDS_IN_GAP: they are next to nothing
- * all at once; a gap tells nothing of what comes after. Where they are below "least_part" > 0 of the row's size they may
- * do what they like.
+ * all at once; a gap tells nothing of what comes after. Where they are below "least_part" > 0 of the row's size they
+ * may do what they like.
  */
 static enum tail tail_shape(const double *row, int64_t order, double theta, double least_part)
 {

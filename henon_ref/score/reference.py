@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -53,6 +53,8 @@ class NearGraze(Protocol):
     @property
     def time(self) -> float: ...
     @property
+    def surface(self) -> int: ...
+    @property
     def distance(self) -> float: ...
     @property
     def lasts(self) -> bool: ...
@@ -65,9 +67,12 @@ class NearGrazes:
     ----------
     grazes : sequence of NearGraze
         In any order.
+    changes : sequence of float
+        Times [s] at which the mode changes, in order: no surface is approached beyond one.
     """
 
-    def __init__(self, grazes: Sequence[NearGraze]) -> None:
+    def __init__(self, grazes: Sequence[NearGraze], changes: Sequence[float] = ()) -> None:
+        self._changes = changes
         self._grazes = sorted(grazes, key=lambda graze: graze.time)
         self._times = np.array([graze.time for graze in self._grazes])
         self._distances = np.array([graze.distance for graze in self._grazes])
@@ -76,12 +81,34 @@ class NearGrazes:
     def closest(self, time: float, within: float) -> NearGraze | None:
         """The one that comes closest to its surface of those no more than ``within`` from a time [s].
 
-        Of those that last, the ones that have begun by then.
+        Of those that last, the ones that have begun by then; between two of them the surface is as close as where it is
+        approached exponentially.
         """
         begin, end = bisect_left(self._times, time - within), bisect_right(self._times, time + within)
         later = self._lasting[begin:end] & (self._times[begin:end] > time)
         distances = np.where(later, np.inf, self._distances[begin:end])
-        return None if later.all() else self._grazes[begin + int(np.argmin(distances))]
+        found = [] if later.all() else [self._grazes[begin + int(np.argmin(distances))]]
+        return min([*found, *self._approached(time)], key=lambda graze: graze.distance, default=None)
+
+    def _approached(self, time: float) -> Iterator[NearGraze]:
+        """Surfaces that are approached before and after a time, at that time."""
+        last: dict[int, NearGraze] = {}
+        for graze in self._grazes if self._lasting.any() else ():
+            before = last.get(graze.surface)
+            if (
+                graze.lasts
+                and before is not None
+                and before.time <= time < graze.time
+                and self._one_mode(before, graze)
+            ):
+                part = (time - before.time) / (graze.time - before.time)
+                distance = before.distance * (graze.distance / before.distance) ** part if before.distance else 0.0
+                yield replace(before, time=time, distance=distance)  # type: ignore[type-var]
+            if graze.lasts:
+                last[graze.surface] = graze
+
+    def _one_mode(self, before: NearGraze, after: NearGraze) -> bool:
+        return bisect_right(self._changes, before.time) == bisect_right(self._changes, after.time)
 
     def from_nearest(self, time: float) -> float | None:
         """How far the nearest is from a time [s]; None where there is none."""
@@ -169,7 +196,7 @@ class Expected:
     @cached_property
     def grazes_by_time(self) -> NearGrazes:
         """Its near grazes, found by time."""
-        return NearGrazes(self.near_grazes)
+        return NearGrazes(self.near_grazes, [t.time for t in self.transitions])
 
     @property
     def scale(self) -> float:

@@ -56,6 +56,7 @@ class Extremes(Observation):
                 least[own], largest[own] = found[0][own], found[1][own]
                 parts.clear()
 
+        kept = 0
         for k, point in enumerate(runs.arguments()):
             try:
                 solution = simulate(runs.system, **point).sol
@@ -63,8 +64,10 @@ class Extremes(Observation):
                 continue
             assert solution is not None
             parts.append(pieces_of(k, solution, after))
-            if sum(part.states.size for part in parts) > MOST_NUMBERS:
+            kept += parts[-1].states.size
+            if kept > MOST_NUMBERS:
                 search()
+                kept = 0
         search()
         name = self.name or self.of
         return {f"min_{name}": least, f"max_{name}": largest}

@@ -19,6 +19,7 @@ class Approach:
     time: float
     distance: float
     lasts: bool = True
+    surface: int = 0
 
 
 def test_what_a_run_leaves_open_is_neither_missed_nor_right() -> None:
@@ -47,3 +48,12 @@ def test_what_is_invented_on_a_surface_that_is_approached_for_good_is_ill_condit
     truth = expected((), near_grazes=(Approach(begins, 1e-8),), start_size=1.0)
     invented = replace(found()[0], time=2.0)
     assert score(trajectory((invented,)), truth, tolerance=1e-6).verdict.word == word
+
+
+@pytest.mark.parametrize(("tolerance", "word"), [(1e-7, "ill-conditioned"), (1e-9, "solver defect")])
+def test_between_two_instants_a_surface_is_approached_exponentially(tolerance: float, word: str) -> None:
+    """It is 1e-6 away at t = 1, 1e-10 at t = 3, 1e-8 at t = 2."""
+    approached = (Approach(1.0, 1e-6), Approach(3.0, 1e-10))
+    truth = expected((), near_grazes=approached, start_size=1.0)
+    invented = replace(found()[0], time=2.0)
+    assert score(trajectory((invented,)), truth, tolerance=tolerance).verdict.word == word
