@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import sympy as sp
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from henon_ref.errors import ModelError
@@ -34,13 +34,15 @@ def exact(expression: sp.Expr, values: tuple[float, ...]) -> sp.Expr:
 
 
 @given(st.tuples(doubles, doubles, doubles))
+@example((1.0, 2.0, 0.1))
 def test_each_number_is_within_its_error_bound_of_the_exact_one(values: tuple[float, float, float]) -> None:
     found = PROGRAM.registers(np.array([values]))[0, list(PROGRAM.outputs)]
+    pole = min(1.0, abs(values[2] - 0.1) or 2.0**-57)  # of the third expression: the double 0.1 is 5.6e-18 from it
     for (high, low, error), expression in zip(found.tolist(), EXPRESSIONS, strict=True):
         number = exact(expression, values)
         off = abs(sp.N(number - sp.Rational(high) - sp.Rational(low), 60))
         assert off <= error
-        assert error <= 1e-22 * (1 + max(map(abs, values))) ** 8
+        assert error <= 1e-22 * (1 + max(map(abs, values))) ** 8 / pole**2
 
 
 def test_what_needs_no_cancellation_is_the_exact_number_s_double_double() -> None:
