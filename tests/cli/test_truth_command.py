@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from problems import LEAVING_SLIDE as TEXT
 
+from henon_ref.campaign.fork_server import end_server
 from henon_ref.casefile.case import load_case
 from henon_ref.cli import compare as compare_command
 from henon_ref.cli.truth import command
@@ -169,8 +170,11 @@ Compared = tuple[str, dict[str, str], dict[str, Any]]
 def compare(
     file: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> Iterator[Callable[[], Compared]]:
-    """The command of comparisons on the file; the user's cache is beside it."""
-    monkeypatch.setattr(store, "user_folder", lambda: file.parent.parent / "cache" / "henon_ref" / "truth")
+    """The command of comparisons on the file; the user's cache is beside it, for its workers, too."""
+    cache = file.parent.parent / "cache"
+    monkeypatch.setattr(store, "user_folder", lambda: cache / "henon_ref" / "truth")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))  # of workers that are no forks
+    end_server()  # one that another test has begun has another cache
     handler = signal.getsignal(signal.SIGTERM)
 
     def compare() -> Compared:
@@ -186,6 +190,7 @@ def compare(
         return "\n".join(caplog.messages), row, manifest["readings"]["default"]["truth"]
 
     yield compare
+    end_server()
     signal.signal(signal.SIGTERM, handler)
 
 
