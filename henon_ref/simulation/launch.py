@@ -22,7 +22,7 @@ from henon_ref.simulation.arguments import (
     whole_number,
 )
 from henon_ref.simulation.compiled import integrator_of, local_error
-from henon_ref.simulation.notice import told_if_slow
+from henon_ref.simulation.notice import notice_if_slow
 from henon_ref.simulation.quick_start import QuickStart
 from henon_ref.simulation.system import System
 from henon_ref.trajectory import Trajectory
@@ -101,7 +101,7 @@ def launch(
     else:  # what is wrong is said before anything is compiled
         error = local_error(tolerance_of(tolerance))
         own, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
-        with told_if_slow("compiling the system"):
+        with notice_if_slow("compiling the system"):
             integrator = integrator_of(own, error)
             with one_at_a_time():
                 begin = integrator.start(problem, tolerance=error, landing=HENON)

@@ -12,7 +12,7 @@ PATIENCE = 1.0
 
 
 @contextmanager
-def told_if_slow(work: str) -> Iterator[None]:
+def notice_if_slow(work: str) -> Iterator[None]:
     """Say on standard error what is being done, if it is not done within a second.
 
     Parameters

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from henon_ref.henon.start import MOST_STEPS
 from henon_ref.simulation.arguments import whole_number
-from henon_ref.simulation.notice import told_if_slow
+from henon_ref.simulation.notice import notice_if_slow
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import Tables, execute
 from henon_ref.sweeps.executors import EndedError, check_executor, finished, processors
@@ -160,7 +160,7 @@ def done(
     ahead = plan.tasks(before)
     if not ahead:
         return
-    with told_if_slow("compiling the system"):
+    with notice_if_slow("compiling the system"):
         plan.work.prepared()  # compiled here and now: workers find it in the cache
     pickled = plan.work.pickled()
     refused: list[str] = []
