@@ -10,6 +10,7 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.analysis.periodic import measured_period
+from henon_ref.enclosure import Guess, OrbitError, PeriodicOrbit, find_periodic_orbit
 from henon_ref.errors import ArgumentError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
@@ -18,7 +19,6 @@ from henon_ref.simulation.arguments import problem_of, tolerance_of
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition
-from henon_ref.truth.validated import Guess, OrbitError, PeriodicOrbit, find_periodic_orbit
 
 LATE = 0.5
 """Part of the run after which it is taken to be on its orbit."""

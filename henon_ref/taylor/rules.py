@@ -1,7 +1,7 @@
 """The rules that the Taylor recurrences follow from: for every operation of a tape the equation that it satisfies.
 
 Mathematics alone, no arithmetic: machine code (:mod:`henon_ref.taylor.llvm.recurrences`), series over any ring
-(:mod:`henon_ref.taylor.series`) and balls with tail bounds (:mod:`henon_ref.truth.validated.tape`) each write the
+(:mod:`henon_ref.taylor.series`) and balls with tail bounds (:mod:`henon_ref.enclosure.tape`) each write the
 recurrences of these kinds themselves. A differential equation for y gives coefficient k from those of lower order when
 both sides are compared at order k - 1 (Jorba and Zou, *Experimental Mathematics* 14, 2005, Sec. 2; Griewank and
 Walther, *Evaluating Derivatives*, 2nd ed., Sec. 13.2).

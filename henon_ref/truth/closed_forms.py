@@ -8,9 +8,9 @@ from dataclasses import replace
 import sympy as sp
 from flint import arb
 
+from henon_ref.enclosure.balls import enclose
 from henon_ref.filippov.modes import Mode
 from henon_ref.precision import working_precision
-from henon_ref.truth.balls import enclose
 from henon_ref.truth.multiprecision.numbers import ball_text
 from henon_ref.truth.reference import ReferenceTransition, TruthError
 

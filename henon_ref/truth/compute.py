@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING
 
 from flint import arb
 
+from henon_ref.enclosure.balls import enclose
 from henon_ref.filippov.kinks import visible
 from henon_ref.precision import working_precision
 from henon_ref.truth import store
-from henon_ref.truth.balls import enclose
 from henon_ref.truth.reference import OUT_OF_TIME, ReferenceTransition, Route, Truth, TruthError
 
 if TYPE_CHECKING:
@@ -194,7 +194,7 @@ def compute(
     # Libraries of half a second's import are not for those who only read a stored truth.
     from henon_ref.truth.closed_forms import with_closed_forms
     from henon_ref.truth.conditioning import conditioning
-    from henon_ref.truth.validated.route import prove
+    from henon_ref.truth.proofs import prove
 
     problem, seconds, computed = reading.problem, proof_seconds, None
     if heyoka_installed():

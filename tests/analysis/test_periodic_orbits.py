@@ -8,8 +8,8 @@ import pytest
 import sympy as sp
 
 import henon_ref as hr
+from henon_ref.enclosure.balls import enclose
 from henon_ref.precision import working_precision
-from henon_ref.truth.balls import enclose
 
 NEURON = hr.System(["u"], {"I": 1.5}, {"s": "1 - u"}, ["I - u"], resets={"s": {"map": {"u": "0"}}})
 """Integrate and fire (Lapicque, 1907): the period is ln(I/(I - 1))."""

@@ -26,7 +26,7 @@ from henon_ref.filippov.bounds import put
 from henon_ref.report.text.model import as_written, general_form, mode_equations
 from henon_ref.taylor.size import size
 from henon_ref.taylor.tape import build_tape
-from henon_ref.truth.validated.route import prove
+from henon_ref.truth.proofs import prove
 
 X, Y, S, U = (sp.Symbol(name, real=True) for name in "xysu")
 
@@ -243,7 +243,7 @@ def test_a_long_function_of_time_is_not_differentiated_twice(monkeypatch) -> Non
 
 def test_a_proof_whose_variational_equations_are_too_large_is_not_begun(monkeypatch) -> None:
     problem = parse_case(belt("s")).readings[0].problem
-    monkeypatch.setattr("henon_ref.truth.validated.model.MAX_VARIED", 10)
+    monkeypatch.setattr("henon_ref.enclosure.model.MAX_VARIED", 10)
     assert prove(problem).undecided == "with 2 states the variational equations are too large: more than 10 operations"
 
 

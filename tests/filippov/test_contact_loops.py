@@ -19,6 +19,8 @@ from multiprecision import simulate
 from scipy.optimize import linprog
 
 from henon_ref.casefile.case import parse_case
+from henon_ref.enclosure import certify
+from henon_ref.enclosure.balls import enclose
 from henon_ref.filippov.contact_loops import closed, cuts, independent, loops, relations
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switched_field import SwitchedField
@@ -27,9 +29,7 @@ from henon_ref.registry import solver
 from henon_ref.simulation.simulate import simulate as simulate_run
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
-from henon_ref.truth.balls import enclose
 from henon_ref.truth.multiprecision.mode_selection import ModeSelection
-from henon_ref.truth.validated import certify
 
 HEAD = "schema: 1\nname: loop\ntitle: t\nsource: s\nequations: e\n"
 LIBRARIES = [

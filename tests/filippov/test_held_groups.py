@@ -14,15 +14,15 @@ from multiprecision import simulate
 from random_stacks import runs
 
 from henon_ref.casefile.case import parse_case
+from henon_ref.enclosure import certify
+from henon_ref.enclosure.balls import enclose
 from henon_ref.errors import ModelError
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.overrides import Release, SlidingOverride
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.registry import solver
-from henon_ref.truth.balls import enclose
 from henon_ref.truth.multiprecision.mode_selection import ModeSelection
-from henon_ref.truth.validated import certify
 
 HEAD = "schema: 1\nname: stack\ntitle: t\nsource: s\nequations: e\n"
 LIBRARIES = [

@@ -19,13 +19,13 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from henon_ref.casefile.case import parse_case
+from henon_ref.enclosure.enclosure import UndecidedError
+from henon_ref.enclosure.mode_selection import initial_entry
+from henon_ref.enclosure.model import SystemModel
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.multiprecision.mode_selection import ModeSelection
-from henon_ref.truth.validated.enclosure import UndecidedError
-from henon_ref.truth.validated.mode_selection import initial_entry
-from henon_ref.truth.validated.model import SystemModel
 
 NAMES = ("a", "b", "c", "d")
 HEAVY = 1e10

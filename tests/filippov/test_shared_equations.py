@@ -13,6 +13,7 @@ import sympy as sp
 from multiprecision import multiprecision, simulate
 
 from henon_ref.casefile.case import parse_case
+from henon_ref.enclosure import certify
 from henon_ref.filippov import system as systems
 from henon_ref.filippov.decoupled_contacts import switched_equations
 from henon_ref.filippov.problem import Problem
@@ -23,7 +24,6 @@ from henon_ref.henon.run import Run
 from henon_ref.registry import solver
 from henon_ref.taylor.tape import TIME
 from henon_ref.truth.conditioning import conditioning
-from henon_ref.truth.validated import certify
 
 HEAD = "schema: 1\nname: chain\ntitle: t\nsource: s\nequations: e\n"
 LIBRARIES = [

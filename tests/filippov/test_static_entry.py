@@ -17,6 +17,8 @@ from flint import arb, ctx
 from multiprecision import simulate
 
 from henon_ref.casefile.case import load_case, parse_case
+from henon_ref.enclosure import certify
+from henon_ref.enclosure.balls import enclose
 from henon_ref.errors import CaseError
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.overrides import Release, SlidingOverride
@@ -24,10 +26,8 @@ from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.registry import solver
-from henon_ref.truth.balls import enclose
 from henon_ref.truth.multiprecision.mode_selection import ModeSelection
 from henon_ref.truth.multiprecision.numbers import exact_ball
-from henon_ref.truth.validated import certify
 
 FS, FK, VB = sp.Rational(3, 2), sp.Integer(1), sp.Rational(1, 2)
 SOLVERS = [

@@ -19,8 +19,8 @@ from henon_ref.registry import solver
 from henon_ref.trajectory import Trajectory
 from henon_ref.truth.conditioning import conditioning
 from henon_ref.truth.multiprecision.route import multiprecision
+from henon_ref.truth.proofs import prove
 from henon_ref.truth.reference import Route
-from henon_ref.truth.validated.route import prove
 
 SOLVERS = ("henon", "scipy-dop853", "heyoka", "cvode-bdf")
 Told = list[tuple[str, int]]

@@ -192,7 +192,7 @@ def test_a_proof_gets_little_time_where_there_is_no_transition_to_prove(monkeypa
         asked.append(seconds)
         return route(undecided="the deadline passed")
 
-    monkeypatch.setattr("henon_ref.truth.validated.route.prove", proof)
+    monkeypatch.setattr("henon_ref.truth.proofs.prove", proof)
     monkeypatch.setattr("henon_ref.truth.conditioning.conditioning", lambda *_: [])
     text = TEXT.replace('exact: {transition_times: ["1"]}\n', "")
     for found in (route(undecided="singular", status="failed"), route()):
@@ -225,7 +225,7 @@ def test_without_heyoka_a_truth_goes_as_far_as_the_proof_and_is_not_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stopped = route(transition("1", proven=True), status="failed", reason="a graze", undecided="a graze")
-    monkeypatch.setattr("henon_ref.truth.validated.route.prove", lambda *a, **k: stopped)
+    monkeypatch.setattr("henon_ref.truth.proofs.prove", lambda *a, **k: stopped)
     truth = compute.truth_for(case(), reading(), folder=tmp_path)
     assert (truth.status, truth.certified, truth.uncertified_because) == ("failed", False, "a graze")
     assert len(truth.transitions) == 1

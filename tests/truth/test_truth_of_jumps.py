@@ -15,8 +15,8 @@ from henon_ref.precision import working_precision
 from henon_ref.registry import solver
 from henon_ref.truth.conditioning import conditioning
 from henon_ref.truth.multiprecision.route import multiprecision
+from henon_ref.truth.proofs import prove
 from henon_ref.truth.reference import Route
-from henon_ref.truth.validated.route import prove
 from tests.support.resets import S, V, X, ball, impact_oscillator, oscillator_impacts
 
 T = sp.sqrt(sp.Rational(1, 5))

@@ -14,7 +14,7 @@ from henon_ref.truth.multiprecision import route as multiprecision
 from henon_ref.truth.multiprecision.route import multiprecision as route
 from henon_ref.truth.multiprecision.run import Event, Run
 from henon_ref.truth.multiprecision.stepper import _integrator
-from henon_ref.truth.validated.route import prove
+from henon_ref.truth.proofs import prove
 
 
 def event(time: str, after: int = 1) -> Event:

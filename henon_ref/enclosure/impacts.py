@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import sympy as sp
 from flint import arb
 
+from henon_ref.enclosure.balls import enclose, proves_zero
+from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError
+from henon_ref.enclosure.model import SystemModel, solve_for_states
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.resting import Impact, impact_of
-from henon_ref.truth.balls import enclose, proves_zero
-from henon_ref.truth.validated.enclosure import UNIT_BALL, UndecidedError
-from henon_ref.truth.validated.model import SystemModel, solve_for_states
 
 ROOM = 4
 """So many times as far as they would go by the bounds at hand may the states go: the next guess of the box."""

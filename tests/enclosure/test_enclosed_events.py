@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from flint import arb, ctx
 
-from henon_ref.truth.validated.enclosure import Curve, Tail, UndecidedError
-from henon_ref.truth.validated.event import first_root, guard_curve, refine, scan
+from henon_ref.enclosure.enclosure import Curve, Tail, UndecidedError
+from henon_ref.enclosure.event import first_root, guard_curve, refine, scan
 
 
 @pytest.fixture(autouse=True)

@@ -15,8 +15,8 @@ from math import log2
 import numpy as np
 from flint import arb, arb_mat
 
+from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError, log2_size
 from henon_ref.precision import working_precision
-from henon_ref.truth.validated.enclosure import UNIT_BALL, UndecidedError, log2_size
 
 MATRIX_BITS = 64
 """Precision of axes and radii: they multiply what is small already."""

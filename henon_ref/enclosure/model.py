@@ -9,13 +9,13 @@ from functools import cached_property
 import sympy as sp
 from flint import arb
 
+from henon_ref.enclosure.balls import enclose, proves_zero
+from henon_ref.enclosure.enclosure import UndecidedError
+from henon_ref.enclosure.tape import Program
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resting import impact_of
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME, Tape, build_tape
-from henon_ref.truth.balls import enclose, proves_zero
-from henon_ref.truth.validated.enclosure import UndecidedError
-from henon_ref.truth.validated.tape import Program
 
 MAX_VARIED = 15_000
 """Operations that the variational equations of a mode may have; a step of those of 64 states takes minutes."""

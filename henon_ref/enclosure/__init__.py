@@ -1,4 +1,4 @@
-"""Certified truth: validated integration of Filippov systems in ball arithmetic.
+"""Validated integration of Filippov systems in ball arithmetic.
 
 Every step of a run is a proof: the solution exists and its Taylor tail is bounded (``tail_bounds``), no guard falls
 before the one claimed (``event``), that one falls once (interval Newton), the mode that follows is decided by strict
@@ -6,10 +6,9 @@ signs or exact zeros (``mode_selection``), and the set of possible states is car
 (``lohner``). What cannot be proven is said to be so, with the reason.
 """
 
-from henon_ref.truth.validated.periodic_orbit import PeriodicOrbit, find_periodic_orbit, settled_guess
-from henon_ref.truth.validated.return_map import Guess, OrbitError
-from henon_ref.truth.validated.run import CertifiedRun, CertifiedTransition, certify
-from henon_ref.truth.validated.verify import Verdict, hold_against, verify
+from henon_ref.enclosure.periodic_orbit import PeriodicOrbit, find_periodic_orbit, settled_guess
+from henon_ref.enclosure.return_map import Guess, OrbitError
+from henon_ref.enclosure.run import CertifiedRun, CertifiedTransition, certify
 
 __all__ = [
     "CertifiedRun",
@@ -17,10 +16,7 @@ __all__ = [
     "Guess",
     "OrbitError",
     "PeriodicOrbit",
-    "Verdict",
     "certify",
     "find_periodic_orbit",
-    "hold_against",
     "settled_guess",
-    "verify",
 ]

@@ -9,7 +9,7 @@ from typing import Literal
 
 from flint import arb
 
-from henon_ref.truth.validated.enclosure import Curve, Tail, UndecidedError, interval
+from henon_ref.enclosure.enclosure import Curve, Tail, UndecidedError, interval
 
 DEPTH = 90
 """Bisections before a sign counts as not provable."""

@@ -15,6 +15,7 @@ from operator import add, mul, sub
 import sympy as sp
 from flint import arb
 
+from henon_ref.enclosure.balls import enclose
 from henon_ref.taylor.rules import (
     ARGUMENT,
     RULES,
@@ -28,7 +29,6 @@ from henon_ref.taylor.rules import (
     Root,
 )
 from henon_ref.taylor.tape import INFINITE, Tape
-from henon_ref.truth.balls import enclose
 
 Step = Callable[[int], None]
 Series = list[arb]

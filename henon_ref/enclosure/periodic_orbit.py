@@ -15,14 +15,14 @@ from math import ceil, inf, log2
 import sympy as sp
 from flint import acb, arb, arb_mat
 
+from henon_ref.enclosure.consistency import EndedError
+from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError
+from henon_ref.enclosure.return_map import Guess, OrbitError, OrbitEvent, ReturnMap
+from henon_ref.enclosure.run import certify
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.precision import working_precision
-from henon_ref.truth.validated.consistency import EndedError
-from henon_ref.truth.validated.enclosure import UNIT_BALL, UndecidedError
-from henon_ref.truth.validated.return_map import Guess, OrbitError, OrbitEvent, ReturnMap
-from henon_ref.truth.validated.run import certify
 
 NEWTON_STEPS = 12
 """Digits double at a step: from eight digits five steps reach the precision; the rest is for a poor guess."""

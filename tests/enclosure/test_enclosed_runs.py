@@ -10,9 +10,9 @@ import sympy as sp
 import systems
 from flint import arb, ctx
 
+from henon_ref.enclosure import CertifiedRun, certify
+from henon_ref.enclosure.balls import enclose
 from henon_ref.filippov.problem import Problem
-from henon_ref.truth.balls import enclose
-from henon_ref.truth.validated import CertifiedRun, certify
 
 RADIUS = 1e-30
 

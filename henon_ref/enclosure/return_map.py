@@ -16,18 +16,18 @@ from dataclasses import dataclass
 import sympy as sp
 from flint import arb, arb_mat
 
+from henon_ref.enclosure.balls import enclose, proves_zero
+from henon_ref.enclosure.consistency import Entry
+from henon_ref.enclosure.fallen_guard import Hit
+from henon_ref.enclosure.flow import Precision, ValidatedFlow
+from henon_ref.enclosure.lohner import PointSet
+from henon_ref.enclosure.model import SystemModel, solve_for_states
 from henon_ref.errors import HenonRefError
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import resetting
 from henon_ref.filippov.resting import impact_of
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
-from henon_ref.truth.balls import enclose, proves_zero
-from henon_ref.truth.validated.consistency import Entry
-from henon_ref.truth.validated.fallen_guard import Hit
-from henon_ref.truth.validated.flow import Precision, ValidatedFlow
-from henon_ref.truth.validated.lohner import PointSet
-from henon_ref.truth.validated.model import SystemModel, solve_for_states
 
 MAX_STEPS = 20_000
 """Steps of one round: the guess is then taken to be no orbit."""

@@ -13,16 +13,16 @@ from collections.abc import Mapping, Sequence
 import sympy as sp
 from flint import arb
 
+from henon_ref.enclosure.balls import enclose
+from henon_ref.enclosure.consistency import EndedError, Entry, Identities, Judge, sign_of
+from henon_ref.enclosure.enclosure import UndecidedError
+from henon_ref.enclosure.model import SystemModel
 from henon_ref.filippov.decision import ended
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.held_groups import slipped_by
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resting import impact_of, into_surface
-from henon_ref.truth.balls import enclose
-from henon_ref.truth.validated.consistency import EndedError, Entry, Identities, Judge, sign_of
-from henon_ref.truth.validated.enclosure import UndecidedError
-from henon_ref.truth.validated.model import SystemModel
 
 
 def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[int, ...]]:

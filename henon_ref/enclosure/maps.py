@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import sympy as sp
 from flint import arb
 
+from henon_ref.enclosure.balls import enclose
+from henon_ref.enclosure.consistency import EndedError, sign_of
+from henon_ref.enclosure.enclosure import UndecidedError
+from henon_ref.enclosure.impacts import speed_after
+from henon_ref.enclosure.model import SystemModel
 from henon_ref.filippov.cascade import MOST, acting_groups
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.resets import Jump, jump_of
 from henon_ref.filippov.resting import Impact, impact_of
 from henon_ref.text import listed
-from henon_ref.truth.balls import enclose
-from henon_ref.truth.validated.consistency import EndedError, sign_of
-from henon_ref.truth.validated.enclosure import UndecidedError
-from henon_ref.truth.validated.impacts import speed_after
-from henon_ref.truth.validated.model import SystemModel
 
 
 class ProvenMaps:

@@ -24,6 +24,7 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
+from henon_ref.enclosure.tape import Operation, Program, Series
 from henon_ref.taylor.rules import (
     RULES,
     IntegralOfProduct,
@@ -34,7 +35,6 @@ from henon_ref.taylor.rules import (
     Quotient,
     Root,
 )
-from henon_ref.truth.validated.tape import Operation, Program, Series
 
 RAISE = 1 + 2.0**-36
 """More than the relative rounding of a few thousand operations on non-negative doubles."""

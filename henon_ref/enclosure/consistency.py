@@ -9,14 +9,14 @@ from itertools import product
 import sympy as sp
 from flint import arb, ctx
 
+from henon_ref.enclosure.balls import enclose, proves_zero
+from henon_ref.enclosure.enclosure import UndecidedError
+from henon_ref.enclosure.model import ModeModel, SystemModel, solve_for_states
 from henon_ref.errors import ModelError
 from henon_ref.filippov.equations import Guard, Refusal
 from henon_ref.filippov.held_groups import Broken, Numbers, by_groups, decide_groups, order_of
 from henon_ref.filippov.modes import Mode, mode_text, replaced
 from henon_ref.filippov.switched_field import up_to_a_number
-from henon_ref.truth.balls import enclose, proves_zero
-from henon_ref.truth.validated.enclosure import UndecidedError
-from henon_ref.truth.validated.model import ModeModel, SystemModel, solve_for_states
 
 ORDER = 6
 """Derivatives looked at for the sign of a guard."""

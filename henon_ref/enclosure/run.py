@@ -10,19 +10,19 @@ from typing import Literal
 
 from flint import arb
 
+from henon_ref.enclosure.balls import enclose
+from henon_ref.enclosure.consistency import EndedError
+from henon_ref.enclosure.enclosure import UndecidedError
+from henon_ref.enclosure.fallen_guard import Hit
+from henon_ref.enclosure.flow import Precision, ValidatedFlow
+from henon_ref.enclosure.lohner import PointSet
+from henon_ref.enclosure.mode_selection import initial_entry
+from henon_ref.enclosure.model import SystemModel
 from henon_ref.filippov.modes import Mode, transition_kind
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.resets import rows_at
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Kind
-from henon_ref.truth.balls import enclose
-from henon_ref.truth.validated.consistency import EndedError
-from henon_ref.truth.validated.enclosure import UndecidedError
-from henon_ref.truth.validated.fallen_guard import Hit
-from henon_ref.truth.validated.flow import Precision, ValidatedFlow
-from henon_ref.truth.validated.lohner import PointSet
-from henon_ref.truth.validated.mode_selection import initial_entry
-from henon_ref.truth.validated.model import SystemModel
 
 SPARE_BITS = 40
 """Bits beyond the asked radius to begin with: room for the growth of errors along the run."""

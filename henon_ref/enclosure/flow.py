@@ -9,21 +9,21 @@ from math import log2
 import sympy as sp
 from flint import arb, arb_mat
 
+from henon_ref.enclosure.balls import enclose
+from henon_ref.enclosure.consistency import Entry
+from henon_ref.enclosure.enclosure import Curve, Expansion, Tail, UndecidedError, expand
+from henon_ref.enclosure.event import guard_curve
+from henon_ref.enclosure.fallen_guard import Hit, first_fall, guard_text
+from henon_ref.enclosure.impacts import Rest, rest_after
+from henon_ref.enclosure.lohner import PointSet
+from henon_ref.enclosure.maps import ProvenMaps
+from henon_ref.enclosure.mode_selection import entry_after, entry_after_jump, entry_at_rest
+from henon_ref.enclosure.model import ModeModel, SystemModel
 from henon_ref.filippov.equations import Guard
 from henon_ref.filippov.modes import Mode, replaced
 from henon_ref.filippov.resets import Jump, resetting
 from henon_ref.filippov.resting import REMAINING, impact_of, time_to_rest
 from henon_ref.precision import working_precision
-from henon_ref.truth.balls import enclose
-from henon_ref.truth.validated.consistency import Entry
-from henon_ref.truth.validated.enclosure import Curve, Expansion, Tail, UndecidedError, expand
-from henon_ref.truth.validated.event import guard_curve
-from henon_ref.truth.validated.fallen_guard import Hit, first_fall, guard_text
-from henon_ref.truth.validated.impacts import Rest, rest_after
-from henon_ref.truth.validated.lohner import PointSet
-from henon_ref.truth.validated.maps import ProvenMaps
-from henon_ref.truth.validated.mode_selection import entry_after, entry_after_jump, entry_at_rest
-from henon_ref.truth.validated.model import ModeModel, SystemModel
 
 TANGENT_ORDER = 16
 TANGENT_BITS = 64

@@ -6,11 +6,11 @@ import pytest
 import sympy as sp
 from flint import arb, ctx
 
+from henon_ref.enclosure.balls import enclose, proves_zero
+from henon_ref.enclosure.enclosure import Curve, Tail, UndecidedError, expand
+from henon_ref.enclosure.tail_bounds import Tails, magnitudes
+from henon_ref.enclosure.tape import Program
 from henon_ref.taylor.tape import TIME, build_tape
-from henon_ref.truth.balls import enclose, proves_zero
-from henon_ref.truth.validated.enclosure import Curve, Tail, UndecidedError, expand
-from henon_ref.truth.validated.tail_bounds import Tails, magnitudes
-from henon_ref.truth.validated.tape import Program
 
 X, Y = sp.symbols("x y", real=True)
 ORDER, LONG = 10, 120

@@ -8,8 +8,8 @@ from math import inf, log2
 
 from flint import arb, arb_poly, ctx
 
-from henon_ref.truth.validated.tail_bounds import Tails, magnitudes
-from henon_ref.truth.validated.tape import Program, Series
+from henon_ref.enclosure.tail_bounds import Tails, magnitudes
+from henon_ref.enclosure.tape import Program, Series
 
 UNIT_BALL = arb(0, 1)
 TRIES = 40

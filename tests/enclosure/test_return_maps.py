@@ -9,10 +9,10 @@ import sympy as sp
 import systems
 from flint import arb, ctx
 
+from henon_ref.enclosure import Guess, OrbitError, find_periodic_orbit, settled_guess
+from henon_ref.enclosure import periodic_orbit as orbit
+from henon_ref.enclosure.balls import enclose
 from henon_ref.filippov.problem import Problem
-from henon_ref.truth.balls import enclose
-from henon_ref.truth.validated import Guess, OrbitError, find_periodic_orbit, settled_guess
-from henon_ref.truth.validated import periodic_orbit as orbit
 
 PERIOD = 2 * sp.pi / (3 * sp.pi / 2 / sp.Rational(12364, 10000))
 

@@ -1,4 +1,4 @@
-"""The certified route: what :mod:`henon_ref.truth.validated` proves, as a :class:`Route`."""
+"""The certified route: what :mod:`henon_ref.enclosure` proves, as a :class:`Route`."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import flint
 from flint import arb
 
+from henon_ref.enclosure.run import CertifiedRun, CertifiedTransition, Ended, certify
 from henon_ref.filippov.problem import Problem
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
 from henon_ref.truth.multiprecision.numbers import GUARD_BITS, ball_text
 from henon_ref.truth.reference import ReferenceTransition, Route
-from henon_ref.truth.validated.run import CertifiedRun, CertifiedTransition, Ended, certify
 
 if TYPE_CHECKING:
     from henon_ref.truth.multiprecision.run import Progress
