@@ -36,6 +36,7 @@ if TYPE_CHECKING:  # modules, too, under the names by which they go here
     from henon_ref.filippov.problem import Problem
     from henon_ref.filippov.system import FilippovSystem
     from henon_ref.report.sweep import sweep
+    from henon_ref.simulation.scene import Scene
     from henon_ref.simulation.simulate import simulate, stream
     from henon_ref.simulation.solution import Solution
     from henon_ref.simulation.system import System
@@ -61,6 +62,7 @@ _HOME = {
     "load_case": "casefile.case",
     "parse_case": "casefile.case",
     "FilippovSystem": "filippov.system",
+    "Scene": "simulation.scene",
     "Solution": "simulation.solution",
     "System": "simulation.system",
     "simulate": "simulation.simulate",
@@ -92,6 +94,7 @@ __all__ = [
     "Problem",
     "ProgramSolver",
     "Reading",
+    "Scene",
     "SmoothMode",
     "Solution",
     "Solver",

@@ -10,7 +10,8 @@ import numpy as np
 import sympy as sp
 
 from henon_ref.analysis.periodic import measured_period
-from henon_ref.enclosure import Guess, OrbitError, PeriodicOrbit, find_periodic_orbit
+from henon_ref.enclosure.periodic_orbit import PeriodicOrbit, find_periodic_orbit
+from henon_ref.enclosure.return_map import Guess, OrbitError
 from henon_ref.errors import ArgumentError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem

@@ -5,18 +5,3 @@ before the one claimed (``event``), that one falls once (interval Newton), the m
 signs or exact zeros (``mode_selection``), and the set of possible states is carried along without wrapping
 (``lohner``). What cannot be proven is said to be so, with the reason.
 """
-
-from henon_ref.enclosure.periodic_orbit import PeriodicOrbit, find_periodic_orbit, settled_guess
-from henon_ref.enclosure.return_map import Guess, OrbitError
-from henon_ref.enclosure.run import CertifiedRun, CertifiedTransition, certify
-
-__all__ = [
-    "CertifiedRun",
-    "CertifiedTransition",
-    "Guess",
-    "OrbitError",
-    "PeriodicOrbit",
-    "certify",
-    "find_periodic_orbit",
-    "settled_guess",
-]

@@ -153,8 +153,10 @@ class System:
         return self
 
     @classmethod
-    def from_tree(cls, tree: MappingNode) -> System:
+    def from_tree(cls, tree: MappingNode, declared: Sequence[str] = ()) -> System:
         """The system of a case file's tree: its keys ``system`` or ``scene``, ``sliding`` and ``resets``.
+
+        ``declared`` says what the nodes of each line are, for messages; those of line 0 are nothing in particular.
 
         Raises
         ------
@@ -162,10 +164,10 @@ class System:
             For a tree that holds none.
         """
         self = cls.__new__(cls)
-        self._read(tree)
+        self._read(tree, declared)
         return self
 
-    def _read(self, tree: MappingNode) -> None:
+    def _read(self, tree: MappingNode, declared: Sequence[str] = ()) -> None:
         self.tree = mapping({key: tree.entries[key] for key in MODEL_KEYS if key in tree.entries})
         try:
             check_form(self.tree)
@@ -173,7 +175,7 @@ class System:
                 self._written, self._names = written_model(Source(self.tree))
                 self.model = with_rational_exponents(self._written)
         except HenonRefError as error:
-            raise argument_error(error) from None
+            raise argument_error(error, declared) from None
         self.state: tuple[str, ...] = self.model.state_names
         self.initial: dict[str, Number] | None = None
         self.start: Number | None = None
@@ -354,9 +356,10 @@ def python_number(number: sp.Expr) -> Number:
     return Fraction(int(number.p), int(number.q)) if number.is_Rational else number
 
 
-def argument_error(error: HenonRefError) -> ArgumentError:
-    """An error of reading as one of an argument: what comes from Python has no line and column."""
-    return ArgumentError(str(getattr(error, "message", error)))
+def argument_error(error: HenonRefError, declared: Sequence[str] = ()) -> ArgumentError:
+    """An error of reading as one of an argument: what comes from Python has no line and column, but is declared."""
+    message, line = getattr(error, "message", str(error)), getattr(error, "line", None)
+    return ArgumentError(f"{declared[line - 1]}: {message}" if declared and line else message)
 
 
 def check_form(tree: MappingNode) -> None:

@@ -86,7 +86,7 @@ def written(value: object, what: str) -> str:
     raise ArgumentError(f"{what} is {_shown(value)}; {_OTHER}")
 
 
-def tree_of(value: object, what: str, depth: int = 0) -> Node:
+def tree_of(value: object, what: str, depth: int = 0, place: Place = NOWHERE) -> Node:
     """A value as the node of a case file's tree: mapping, list, or scalar.
 
     Parameters
@@ -94,6 +94,10 @@ def tree_of(value: object, what: str, depth: int = 0) -> Node:
     value : mapping, list, tuple, array, matrix, None, or what :func:`written` takes
     what : str
         What it is, for the message.
+    depth : int
+        How many lists and mappings it stands in.
+    place : Place
+        Of all its nodes.
 
     Raises
     ------
@@ -109,21 +113,29 @@ def tree_of(value: object, what: str, depth: int = 0) -> Node:
             names = [written_name(key, what) for key in value]
             return mapping(
                 {
-                    name: tree_of(entry, f"'{name[:60]}' of {what}", depth + 1)
+                    name: tree_of(entry, f"'{name[:60]}' of {what}", depth + 1, place)
                     for name, entry in zip(names, value.values(), strict=True)
-                }
+                },
+                place,
             )
-        items = tuple(tree_of(entry, f"entry {k + 1} of {what}", depth + 1) for k, entry in enumerate(value))
-        return SequenceNode(NOWHERE, items, 1 + sum(item.size for item in items))
+        return sequence(
+            [tree_of(entry, f"entry {k + 1} of {what}", depth + 1, place) for k, entry in enumerate(value)], place
+        )
     if value is None:
-        return ScalarNode(NOWHERE, None, "", None)
+        return ScalarNode(place, None, "", None)
     text = written(value, what)
-    return ScalarNode(NOWHERE, int(value) if isinstance(value, int) else text, text, None)
+    return ScalarNode(place, int(value) if isinstance(value, int) else text, text, None)
 
 
-def mapping(entries: Mapping[str, Node]) -> MappingNode:
-    """A mapping of nodes."""
-    return MappingNode(NOWHERE, entries, dict.fromkeys(entries, NOWHERE), 1 + sum(e.size for e in entries.values()))
+def mapping(entries: Mapping[str, Node], place: Place = NOWHERE) -> MappingNode:
+    """A mapping of nodes, its keys where they stand."""
+    keys = {key: entry.place for key, entry in entries.items()}
+    return MappingNode(place, entries, keys, 1 + sum(entry.size for entry in entries.values()))
+
+
+def sequence(items: Sequence[Node], place: Place = NOWHERE) -> SequenceNode:
+    """A list of nodes."""
+    return SequenceNode(place, tuple(items), 1 + sum(item.size for item in items))
 
 
 def _shown(value: object) -> str:

@@ -13,7 +13,7 @@ import pytest
 
 import henon_ref as hr
 from henon_ref.casefile.case import load_case
-from henon_ref.enclosure import PeriodicOrbit
+from henon_ref.enclosure.periodic_orbit import PeriodicOrbit
 
 BEFORE = 20.37
 """Periods before the averages begin: not at an event, which many starts are."""

@@ -10,8 +10,8 @@ import sympy as sp
 import systems
 from flint import arb, ctx
 
-from henon_ref.enclosure import CertifiedRun, certify
 from henon_ref.enclosure.balls import enclose
+from henon_ref.enclosure.run import CertifiedRun, certify
 from henon_ref.filippov.problem import Problem
 
 RADIUS = 1e-30

@@ -19,8 +19,8 @@ from multiprecision import simulate
 from scipy.optimize import linprog
 
 from henon_ref.casefile.case import parse_case
-from henon_ref.enclosure import certify
 from henon_ref.enclosure.balls import enclose
+from henon_ref.enclosure.run import certify
 from henon_ref.filippov.contact_loops import closed, cuts, independent, loops, relations
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switched_field import SwitchedField

@@ -14,8 +14,8 @@ from flint import arb, ctx
 from multiprecision import simulate
 
 from henon_ref.casefile.case import parse_case
-from henon_ref.enclosure import certify
 from henon_ref.enclosure.balls import enclose
+from henon_ref.enclosure.run import certify
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switching import Switching
 from henon_ref.registry import solver

@@ -14,8 +14,8 @@ from multiprecision import simulate
 from random_stacks import runs
 
 from henon_ref.casefile.case import parse_case
-from henon_ref.enclosure import certify
 from henon_ref.enclosure.balls import enclose
+from henon_ref.enclosure.run import certify
 from henon_ref.errors import ModelError
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.overrides import Release, SlidingOverride

@@ -11,8 +11,8 @@ from flint import ctx
 from multiprecision import simulate
 
 from henon_ref.casefile.case import parse_case
-from henon_ref.enclosure import certify
 from henon_ref.enclosure.balls import enclose
+from henon_ref.enclosure.run import certify
 from henon_ref.filippov.problem import Problem
 from henon_ref.registry import solver
 

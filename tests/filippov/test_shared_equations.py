@@ -13,7 +13,7 @@ import sympy as sp
 from multiprecision import multiprecision, simulate
 
 from henon_ref.casefile.case import parse_case
-from henon_ref.enclosure import certify
+from henon_ref.enclosure.run import certify
 from henon_ref.filippov import system as systems
 from henon_ref.filippov.decoupled_contacts import switched_equations
 from henon_ref.filippov.problem import Problem

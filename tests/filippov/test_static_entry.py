@@ -17,8 +17,8 @@ from flint import arb, ctx
 from multiprecision import simulate
 
 from henon_ref.casefile.case import load_case, parse_case
-from henon_ref.enclosure import certify
 from henon_ref.enclosure.balls import enclose
+from henon_ref.enclosure.run import certify
 from henon_ref.errors import CaseError
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.overrides import Release, SlidingOverride

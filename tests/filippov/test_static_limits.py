@@ -7,7 +7,7 @@ import sympy as sp
 from multiprecision import simulate, transitions
 
 from henon_ref.casefile.case import parse_case
-from henon_ref.enclosure import certify
+from henon_ref.enclosure.run import certify
 from henon_ref.errors import CaseError
 from henon_ref.filippov.problem import Problem
 from henon_ref.registry import solver

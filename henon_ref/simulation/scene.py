@@ -1,0 +1,222 @@
+"""A scene from Python: bodies and what connects them, in the words of a case file's ``scene``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from henon_ref.casefile.bodies import STATE_NAMES
+from henon_ref.casefile.tree import MappingNode, Node, Place
+from henon_ref.errors import ArgumentError
+from henon_ref.simulation.system import System
+from henon_ref.simulation.written import mapping, sequence, tree_of, written_name
+from henon_ref.text import listed
+
+Value = Any
+"""A number, text or SymPy: an expression in the parameters; where it says so in time ``t`` and states, too."""
+
+
+@dataclass(frozen=True)
+class SceneBody:
+    """A body of a :class:`Scene`."""
+
+    name: str
+    states: tuple[str, ...] = ()
+    """Names of its states: position [m] and velocity [m/s], or angle [rad] and angular velocity [rad/s]; none where
+    its motion is given."""
+
+
+class Scene:
+    """Bodies on a line or an axis, and what connects them; :meth:`system` writes out their equations of motion.
+
+    Only what is named is in the equations. The keys, units and laws are those of a case file's ``scene``.
+
+    Parameters
+    ----------
+    parameters : mapping, optional
+        Name -> number, or an expression in other parameters.
+
+    Notes
+    -----
+    Values are text or SymPy in the parameters, or numbers, which are exact (a float is the decimal that it is printed
+    as). Between rotors N stands for N m, and m for rad. v_p and v_q are the velocities of the first and the second
+    body.
+
+    Examples
+    --------
+    >>> scene = Scene(parameters={"k": 1, "vb": 0.2})
+    >>> block = scene.body("block", mass=1)
+    >>> belt = scene.prescribed("belt", velocity="vb")
+    >>> scene.spring(block, scene.wall, stiffness="k")
+    >>> scene.friction(block, belt, law="coulomb", force=1, static=1.4)
+    >>> scene.system()
+    System(x_block, v_block; s_block_belt: v_block - vb; k = 1, vb = 1/5)
+    """
+
+    def __init__(self, parameters: Mapping[Any, Any] | None = None) -> None:
+        self._parameters = tree_of({} if parameters is None else parameters, "'parameters'")
+        if not isinstance(self._parameters, MappingNode):
+            raise ArgumentError("'parameters' must be a mapping, as in {name: value}")
+        self._bodies: dict[str, Node] = {}
+        self._connections: list[Node] = []
+        self._declared: list[str] = []
+        """What each declaration is, for messages; a node's line is the number of its own, counted from 1."""
+
+    # -- bodies -----------------------------------------------------------------------------------------
+
+    def body(self, name: str, mass: Value, states: Sequence[str] | None = None) -> SceneBody:
+        """A mass [kg] that moves along the line; ``states`` names position [m] and velocity [m/s].
+
+        Its states are ``x_NAME`` and ``v_NAME`` if they are not named.
+        """
+        return self._moving(name, {"mass": mass}, states, STATE_NAMES["mass"])
+
+    def rotor(self, name: str, inertia: Value, states: Sequence[str] | None = None) -> SceneBody:
+        """A moment of inertia [kg m^2] that turns; ``states`` names angle [rad] and angular velocity [rad/s].
+
+        Its states are ``phi_NAME`` and ``omega_NAME`` if they are not named.
+        """
+        return self._moving(name, {"inertia": inertia}, states, STATE_NAMES["rotor"])
+
+    def prescribed(self, name: str, position: Value = None, velocity: Value = None) -> SceneBody:
+        """A body whose motion is given in ``t``: its position [m or rad], or its velocity alone [m/s or rad/s]."""
+        given = {"position": position, "velocity": velocity}
+        return self._body(name, {key: value for key, value in given.items() if value is not None})
+
+    def fixed(self, name: str, position: Value = 0) -> SceneBody:
+        """A body that stands still, at a position [m or rad]."""
+        return self._body(name, {"fixed": position})
+
+    @property
+    def wall(self) -> SceneBody:
+        """The fixed body ``wall`` at 0."""
+        return SceneBody("wall") if "wall" in self._bodies else self.fixed("wall")
+
+    # -- connections ------------------------------------------------------------------------------------
+
+    def spring(
+        self, p: SceneBody | str, q: SceneBody | str, *, stiffness: Value = None, cubic: Value = None, name: str = ""
+    ) -> None:
+        """A spring: -(stiffness d + cubic d^3) on the first body, d = x_p - x_q; stiffness [N/m], cubic [N/m^3]."""
+        self._between("spring", p, q, name, stiffness=stiffness, cubic=cubic)
+
+    def damper(self, p: SceneBody | str, q: SceneBody | str, *, coefficient: Value, name: str = "") -> None:
+        """A damper: -coefficient (v_p - v_q) on the first body; coefficient [N s/m]."""
+        self._between("damper", p, q, name, coefficient=coefficient)
+
+    def friction(
+        self,
+        p: SceneBody | str,
+        q: SceneBody | str,
+        *,
+        law: str,
+        force: Value,
+        static: Value = None,
+        slope: Value = None,
+        velocity: Value = None,
+        viscous: Value = None,
+        normal: Value = None,
+        name: str = "",
+    ) -> None:
+        """Dry friction between two bodies, which it holds together while the load is within its limit.
+
+        Parameters
+        ----------
+        p, q : SceneBody or str
+        law : {"coulomb", "stribeck", "stribeck_exp"}
+            ``force``; force/(1 + slope abs(v)), Eq. (2) of Olejnik and Awrejcewicz (2013);
+            force + (static - force) exp(-abs(v)/velocity).
+        force : number, str or Expr
+            Of friction in sliding [N]; with ``normal`` its coefficient [1].
+        static : number, str or Expr, optional
+            What the contact holds [N], or a coefficient [1]; ``force`` if left out.
+        slope, velocity : number, str or Expr, optional
+            Of the laws ``stribeck`` [s/m] and ``stribeck_exp`` [m/s].
+        viscous : number, str or Expr, optional
+            Coefficient of a viscous part besides [N s/m].
+        normal : number, str or Expr, optional
+            Load on the contact in ``t`` and states [N]; it counts as 0 where it is negative.
+        name : str
+            The symbol of the contact's sign; ``s_P_Q`` if left out.
+        """
+        keys = {"law": law, "force": force, "slope": slope, "velocity": velocity}
+        self._between("friction", p, q, name, **keys, viscous=viscous, static=static, normal=normal)
+
+    def stop(
+        self,
+        p: SceneBody | str,
+        q: SceneBody | str,
+        *,
+        gap: Value,
+        stiffness: Value = None,
+        damping: Value = None,
+        restitution: Value = None,
+        name: str = "",
+    ) -> None:
+        """A stop, which keeps x_p - x_q at or above ``gap`` [m].
+
+        It is hard with ``restitution`` (speed after an impact over that before, 0 to 1), else elastic with
+        ``stiffness`` [N/m] and ``damping`` [N s/m].
+        """
+        self._between("stop", p, q, name, gap=gap, stiffness=stiffness, damping=damping, restitution=restitution)
+
+    def force(self, body: SceneBody | str, value: Value, name: str = "") -> None:
+        """A force [N] from outside on a mass, in ``t`` and parameters."""
+        self._on("force", body, value, name)
+
+    def torque(self, body: SceneBody | str, value: Value, name: str = "") -> None:
+        """A torque [N m] from outside on a rotor, in ``t`` and parameters."""
+        self._on("torque", body, value, name)
+
+    # -- equations --------------------------------------------------------------------------------------
+
+    def system(self) -> System:
+        """The equations of motion: positions and velocities as states, contacts and stops as surfaces.
+
+        Raises
+        ------
+        ArgumentError
+            For a declaration that cannot be meant: which one, what is wrong with it and what is allowed.
+        """
+        bodies, connections = mapping(self._bodies), sequence(self._connections)
+        scene = mapping({"parameters": self._parameters, "bodies": bodies, "connections": connections})
+        return System.from_tree(mapping({"scene": scene}), declared=self._declared)
+
+    def _moving(
+        self, name: str, given: dict[str, Value], states: Sequence[str] | None, letters: tuple[str, str]
+    ) -> SceneBody:
+        named = [f"{letter}_{name}" for letter in letters]
+        if states is not None:
+            named = [written_name(state, f"'states' of '{name}'") for state in states]
+            if len(named) != 2:
+                raise ArgumentError(f"'states' of '{name}' must be two names, as in ['{letters[0]}', '{letters[1]}']")
+            given["states"] = named
+        return SceneBody(self._body(name, given).name, (named[0], named[1]))
+
+    def _body(self, name: str, given: Mapping[str, Value]) -> SceneBody:
+        written = written_name(name, "a body's name")
+        if written in self._bodies:
+            raise ArgumentError(f"there is a body '{written}' already; bodies: {listed(self._bodies)}")
+        self._bodies[written] = self._node(f"body '{written}'", given)
+        return SceneBody(written)
+
+    def _between(self, kind: str, p: SceneBody | str, q: SceneBody | str, name: str, **values: Value) -> None:
+        between = [_name_of(p), _name_of(q)]
+        what = f"{kind} between '{between[0]}' and '{between[1]}'"
+        self._connect(what, kind, {"between": between, **values, "name": name or None})
+
+    def _on(self, kind: str, body: SceneBody | str, value: Value, name: str) -> None:
+        on = _name_of(body)
+        self._connect(f"{kind} on '{on}'", kind, {"on": on, "value": value, "name": name or None})
+
+    def _connect(self, what: str, kind: str, given: Mapping[str, Value]) -> None:
+        self._connections.append(self._node(what, {kind: {k: v for k, v in given.items() if v is not None}}))
+
+    def _node(self, what: str, given: Mapping[str, Value]) -> Node:
+        self._declared.append(what)
+        return tree_of(given, what, place=Place(len(self._declared), 0))
+
+
+def _name_of(body: SceneBody | str) -> str:
+    return body.name if isinstance(body, SceneBody) else written_name(body, "a body")
