@@ -21,9 +21,15 @@ from typing import Any, TypeVar, cast
 from henon_ref.errors import CaseError, UnavailableError
 from henon_ref.solver import Solver, fault
 from henon_ref.text import did_you_mean, listed
+from henon_ref.workers.machine import LIBRARIES, library_versions
 
 GROUP = "henon_ref.solvers"
 T = TypeVar("T", bound=str | Solver)
+COMPARED = (
+    "scipy", "numba", "heyoka", "scikit-sundae", "matplotlib", "jinja2",
+    "diffrax", "jax", "jaxlib", "optimistix", "nosnoc", "casadi", "pydiffsol",
+)  # fmt: skip
+"""Packages besides the reference's whose versions the results of a comparison depend on."""
 RESTARTS = ("event-free-step", "offset", "direction", "none")
 """Ways of restarting a library on the surface it has just left; described in :mod:`baselines.restart`."""
 ALL = "all"
@@ -244,6 +250,11 @@ def library_version(name: str) -> str:
 def program_versions() -> dict[str, str]:
     """Versions of what solvers rest on that is no package of Python; empty where it is not installed."""
     return {package: str(_imported(target)()) for package, target in _programs().items()}
+
+
+def all_versions() -> dict[str, str]:
+    """Versions of all that a comparison depends on: the reference's packages, the libraries compared, programs."""
+    return library_versions((*LIBRARIES, *COMPARED)) | program_versions()
 
 
 def _programs() -> dict[str, str]:

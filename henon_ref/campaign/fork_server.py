@@ -30,9 +30,9 @@ from importlib import import_module
 from multiprocessing import spawn, util
 from typing import Any, NoReturn
 
-from henon_ref.campaign.procfs import adopt_orphans, children, family, is_at_work, kill_family, signal_with_parent
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.jit.processor_time import waited_seconds
+from henon_ref.workers.procfs import adopt_orphans, children, family, is_at_work, kill_family, signal_with_parent
 
 WORKERS_NEED = (
     "henon_ref.henon.solver",

@@ -20,11 +20,11 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from henon_ref.campaign.channel import framed, read_message
-from henon_ref.campaign.procfs import KNOWN, adopt_orphans, data_bytes, signal_with_parent
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.jit.processor_time import compile_listener
 from henon_ref.text import short_line
 from henon_ref.trajectory import Status
+from henon_ref.workers.procfs import KNOWN, adopt_orphans, data_bytes, signal_with_parent
 
 REPLY, COMPILING = "reply", "compiling"
 """Kinds of messages: a job's result; and that its run's clock stands still (None) or goes on (seconds it stood)."""

@@ -10,10 +10,10 @@ from contextlib import suppress
 
 from henon_ref.campaign.channel import Channel
 from henon_ref.campaign.fork_server import ForkServer
-from henon_ref.campaign.procfs import KNOWN, family, kill_family, own_bytes, processor_seconds, resident_bytes
 from henon_ref.campaign.worker import Failure, Job
 from henon_ref.jit.processor_time import waited_seconds
 from henon_ref.text import short_line
+from henon_ref.workers.procfs import KNOWN, family, kill_family, own_bytes, processor_seconds, resident_bytes
 
 LOG_TAIL = 4000
 """Bytes of a worker's output that are kept, for its last words."""

@@ -130,9 +130,9 @@ def _print_versions(*, libraries: bool) -> None:
 
     print(f"henon-ref {__version__}")
     if libraries:
-        from henon_ref.campaign.host_info import library_versions
+        from henon_ref.registry import all_versions
 
         print(f"python {platform.python_version()}")
-        for name, version in library_versions().items():
+        for name, version in all_versions().items():
             if name != "henon-ref":
                 print(f"{name} {version or 'is not installed'}")

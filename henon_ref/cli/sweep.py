@@ -53,11 +53,11 @@ def main(
     from henon_ref.report.files.folder_lock import locked
     from henon_ref.report.files.write import check_folder
     from henon_ref.report.html.sweep_page import write_sweep_page
-    from henon_ref.sweeps.executors import processors
     from henon_ref.sweeps.manifest import files_of, manifest_of
     from henon_ref.sweeps.plan import FIGURES
     from henon_ref.sweeps.storage import PAGE, SweepFolder
     from henon_ref.sweeps.sweep_file import load_sweep
+    from henon_ref.workers.executors import processors
 
     if not quiet:
         status_line.show(f"reading {file}")

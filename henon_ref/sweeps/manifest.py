@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from henon_ref.campaign.host_info import commit, library_versions, machine
 from henon_ref.casefile.tree import MappingNode, Node, SequenceNode
 from henon_ref.simulation.system import MODEL_KEYS
 from henon_ref.simulation.written import written
@@ -17,6 +16,7 @@ from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.plan import Plan
 from henon_ref.sweeps.point_files import CSV, PARQUET, csv_rows
 from henon_ref.sweeps.storage import parquet
+from henon_ref.workers.machine import commit, library_versions, machine
 
 SWEEP_FILE = "sweep.yaml"
 

@@ -13,12 +13,12 @@ from henon_ref.simulation.arguments import whole_number
 from henon_ref.simulation.notice import notice_if_slow
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import Tables, execute
-from henon_ref.sweeps.executors import EndedError, check_executor, finished, processors
 from henon_ref.sweeps.manifest import files_of, manifest_of
 from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.plan import MOST_CHUNK, RTOL, Plan, planned
 from henon_ref.sweeps.progress import shown
 from henon_ref.sweeps.storage import SweepFolder
+from henon_ref.workers.executors import EndedError, check_executor, finished, processors
 
 if TYPE_CHECKING:
     from henon_ref.sweeps.table import SweepTable

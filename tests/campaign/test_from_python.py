@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from henon_ref.campaign.procfs import family
+from henon_ref.workers.procfs import family
 
 ROOT = Path(__file__).parents[2]
 CASE = ROOT / "cases" / "leaving_slide.yaml"

@@ -17,8 +17,8 @@ from jobs import Act, Collector, Keep, Kept, Stuck, crowd, memory, noted, run
 
 from henon_ref.campaign import pool
 from henon_ref.campaign.pool import WorkerPool
-from henon_ref.campaign.procfs import children
 from henon_ref.errors import HenonRefError
+from henon_ref.workers.procfs import children
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="what processes hold and use is told by Linux's /proc")
 

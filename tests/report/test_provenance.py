@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-CODE = "from henon_ref.campaign.host_info import machine; print(machine()['linear_algebra'])"
+CODE = "from henon_ref.workers.machine import machine; print(machine()['linear_algebra'])"
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="names kernels of this architecture")

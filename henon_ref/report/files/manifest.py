@@ -9,11 +9,11 @@ from typing import Any
 
 from henon_ref import registry
 from henon_ref.campaign.comparison import Comparison
-from henon_ref.campaign.host_info import commit, library_versions, machine
 from henon_ref.campaign.results import ReadingResult
 from henon_ref.report.files.csv_files import csv_text
 from henon_ref.score.kinds import kind_of
 from henon_ref.text import one_line
+from henon_ref.workers.machine import commit, machine
 
 SCHEMA = 1
 WIDTH = 120
@@ -53,7 +53,7 @@ class Provenance:
 
 def provenance(rerun: str) -> Provenance:
     """The provenance of results made here and now."""
-    return Provenance(one_line(rerun), commit(), machine(), library_versions())
+    return Provenance(one_line(rerun), commit(), machine(), registry.all_versions())
 
 
 def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[str]) -> str:

@@ -15,11 +15,11 @@ from baselines.protocol.problem_text import problem_text
 from baselines.protocol.program import ProgramRun
 from henon_ref import registry
 from henon_ref.campaign.code_version import _modules
-from henon_ref.campaign.host_info import library_versions
 from henon_ref.campaign.truth_job import stored_statement
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.cli.solvers import listed_solvers
 from henon_ref.errors import UnavailableError
+from henon_ref.registry import all_versions
 from henon_ref.score.errors import score
 
 installed = pytest.mark.skipif(
@@ -128,7 +128,7 @@ def test_a_run_past_its_time_says_so_with_what_it_has() -> None:
 @installed
 def test_versions_are_in_the_manifest_and_in_the_list() -> None:
     version = build.library_version()
-    assert library_versions()["sundials"] == version
+    assert all_versions()["sundials"] == version
     assert registry.library_version("cvode-c-adams") == ADAMS.version == version
     (listed,) = [own for own in listed_solvers() if own.name == "cvode-c-bdf"]
     assert (listed.package, listed.version, listed.unavailable) == ("sundials", version, "")

@@ -12,7 +12,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from henon_ref.errors import ArgumentError
-from henon_ref.sweeps.workers import EndedError, Task, finished_by_workers
+from henon_ref.workers.processes import EndedError, Task, finished_by_workers
 
 AHEAD = 3
 """Tasks that are handed in, for each worker."""

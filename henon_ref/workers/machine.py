@@ -10,19 +10,14 @@ import ctypes
 import os
 import platform
 import subprocess
+from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
 
-from henon_ref.registry import program_versions
-
-DISTRIBUTIONS = (
-    "henon-ref", "numpy", "scipy", "sympy", "numba", "llvmlite", "heyoka", "scikit-sundae", "python-flint",
-    "pandas", "matplotlib", "jinja2", "pydantic", "ruamel.yaml",
-    "diffrax", "jax", "jaxlib", "optimistix", "nosnoc", "casadi", "pydiffsol",
-)  # fmt: skip
-"""Packages whose versions a result depends on."""
+LIBRARIES = ("henon-ref", "numpy", "sympy", "llvmlite", "python-flint", "pandas", "pydantic", "ruamel.yaml")
+"""Packages whose versions a run of the reference, or a sweep, depends on."""
 BUILDS = ("numpy", "scipy", "scikit_sundae")
 """Packages whose wheels bring linear algebra."""
 
@@ -40,15 +35,15 @@ def machine() -> dict[str, object]:
     }
 
 
-def library_versions() -> dict[str, str]:
-    """Versions of the libraries, an empty text for one that is not installed."""
+def library_versions(names: Iterable[str] = LIBRARIES) -> dict[str, str]:
+    """Versions of packages, an empty text for one that is not installed."""
     found = {}
-    for name in DISTRIBUTIONS:
+    for name in names:
         try:
             found[name] = version(name)
         except PackageNotFoundError:
             found[name] = ""
-    return found | program_versions()
+    return found
 
 
 def commit() -> str:

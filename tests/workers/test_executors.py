@@ -21,12 +21,13 @@ import pytest
 from sweep_systems import assert_same, belt, parquet_files
 
 from henon_ref.errors import ArgumentError, HenonRefError
-from henon_ref.sweeps import observe, workers
-from henon_ref.sweeps.executors import finished
+from henon_ref.sweeps import observe
 from henon_ref.sweeps.points import continuation
 from henon_ref.sweeps.sweep import sweep
 from henon_ref.sweeps.table import SweepTable
-from henon_ref.sweeps.workers import Task
+from henon_ref.workers import processes as worker_processes
+from henon_ref.workers.executors import finished
+from henon_ref.workers.processes import Task
 
 WANTED = [
     observe.sticks(after=20, each=True),
@@ -54,7 +55,7 @@ def processes(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
     """How worker processes begin: as copies of this one, or afresh."""
     if request.param == "forked" and sys.platform != "linux":
         pytest.skip("only Linux forks")
-    monkeypatch.setattr(workers, "may_fork", lambda: request.param == "forked")
+    monkeypatch.setattr(worker_processes, "may_fork", lambda: request.param == "forked")
     return str(request.param)
 
 
@@ -73,7 +74,7 @@ def test_beside_another_thread_nothing_is_forked() -> None:
     other.start()
     began.wait()
     try:
-        assert not workers.may_fork()
+        assert not worker_processes.may_fork()
     finally:
         ends.set()
         other.join()
@@ -200,7 +201,7 @@ def test_a_task_whose_worker_is_killed_is_done_again(processes: str, tmp_path: P
 
 
 def test_a_task_that_kills_every_worker_is_an_error(processes: str) -> None:
-    with pytest.raises(HenonRefError, match=f"{workers.TRIES} workers have ended"):
+    with pytest.raises(HenonRefError, match=f"{worker_processes.TRIES} workers have ended"):
         dict(finished(_dies, [Task(0, (0,))], jobs=2))
 
 

@@ -199,7 +199,7 @@ def _sendable(error: Exception) -> Exception:
 
 def _begin_worker() -> None:
     """A terminal's interrupt is the parent's, with whom a worker ends."""
-    from henon_ref.campaign.procfs import signal_with_parent
+    from henon_ref.workers.procfs import signal_with_parent
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
