@@ -64,9 +64,9 @@ SUNDIALS = "sundials"
 _SUNDIALS_VERSION = "baselines.cvode_c.build:library_version"
 
 _BUILT_IN = {
-    "henon": Entry("henon_ref.henon.solver:HENON_SOLVER", "henon-ref"),
-    "henon-newton": Entry("henon_ref.henon.solver:HENON_NEWTON", "henon-ref", by_default=False),
-    "henon-brent": Entry("henon_ref.henon.solver:HENON_BRENT", "henon-ref", by_default=False),
+    "henon": Entry("baselines.henon:HENON_SOLVER", "henon-ref"),
+    "henon-newton": Entry("baselines.henon:HENON_NEWTON", "henon-ref", by_default=False),
+    "henon-brent": Entry("baselines.henon:HENON_BRENT", "henon-ref", by_default=False),
     "henon-rk4": Entry("baselines.paper.rk4:RK4", "henon-ref", fixed_step=True),
     "henon-listing": Entry("baselines.paper.listing:LISTING", "henon-ref", fixed_step=True, by_default=False),
     "heyoka": Entry("baselines.heyoka_taylor:HEYOKA", "heyoka", restart="offset"),

@@ -13,8 +13,8 @@ import pytest
 from doc_pages import blocks
 
 import henon_ref
+from baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import parse_case
-from henon_ref.henon.solver import HENON_SOLVER
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"

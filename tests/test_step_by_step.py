@@ -9,10 +9,10 @@ import pytest
 from doc_pages import blocks
 
 from baselines.base import ModeSolver
+from baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import parse_case
 from henon_ref.cli.new_solver import package_files
 from henon_ref.errors import CaseError
-from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.trajectory import Trajectory
 
 DOCS = Path(__file__).parent.parent / "docs"

@@ -14,12 +14,12 @@ import pytest
 import sympy as sp
 from shipped import CASES, shipped
 
+from baselines.henon import HENON_SOLVER
 from henon_ref.campaign.truth_job import stored_statement
 from henon_ref.casefile.case import Case, Reading, load_case
 from henon_ref.casefile.catalogue import catalogue
 from henon_ref.filippov.modes import transition_kind
 from henon_ref.filippov.problem import Problem
-from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.score.errors import score
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition

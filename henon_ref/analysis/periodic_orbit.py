@@ -15,7 +15,7 @@ from henon_ref.enclosure.return_map import Guess, OrbitError
 from henon_ref.errors import ArgumentError
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.solver import HENON_SOLVER
+from henon_ref.henon.prepared_run import prepared_run
 from henon_ref.simulation.arguments import problem_of, tolerance_of
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
@@ -80,7 +80,7 @@ def periodic_orbit(
     if not (isinstance(radius, float | int) and 0 < radius < 1):
         raise ArgumentError(f"radius is {str(radius)[:60]}; wanted a number between 0 and 1")
     tolerance = tolerance_of(rtol)
-    run = HENON_SOLVER.prepare(problem, rtol=tolerance)()
+    run = prepared_run(problem, rtol=tolerance)()
     if run.status != "ok":
         raise OrbitError(f"the run towards the orbit ended {run.status}: {run.reason}")
     late = float(problem.start) + LATE * (run.end_time - float(problem.start))
@@ -125,7 +125,7 @@ def _between_events(problem: Problem, run: Trajectory, period: sp.Expr, toleranc
     k = int(np.argmax(gaps))
     time = times[k] + float(gaps[k]) / 2
     time -= float(period) if time > run.end_time else 0.0
-    there = HENON_SOLVER.prepare(problem, rtol=tolerance, sample_times=np.array([time]))()
+    there = prepared_run(problem, rtol=tolerance, sample_times=np.array([time]))()
     assert there.samples is not None  # asked for
     assert there.sample_modes is not None
     return Guess(sp.Rational(time), tuple(there.samples[0].tolist()), there.sample_modes[0], period=period)

@@ -40,9 +40,9 @@ from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.switched_field import SwitchedField
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.prepared_run import order_for
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
-from henon_ref.henon.solver import order_for
 from henon_ref.trajectory import Trajectory, Transition
 
 

@@ -7,21 +7,14 @@ from dataclasses import replace
 from threading import Lock
 
 from henon_ref.henon.integrator import Integrator
-from henon_ref.henon.solver import order_for
+from henon_ref.henon.prepared_run import order_for
 from henon_ref.simulation.system import System
 
 KEPT = 64
 """Systems and orders that are kept compiled; the one not used for the longest time goes first."""
-ROUNDING = 2e-16
-"""Local errors below this are rounding's."""
 
 _kept: OrderedDict[tuple[object, int], Integrator] = OrderedDict()
 _lock = Lock()
-
-
-def local_error(rtol: float) -> float:
-    """Local error of a step for a tolerance, as ``henon`` takes it."""
-    return max(0.1 * rtol, ROUNDING)
 
 
 def integrator_of(system: System, tolerance: float) -> Integrator:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from henon_ref.errors import ArgumentError
 from henon_ref.filippov.kinks import hidden_kinks
 from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.prepared_run import local_error
 from henon_ref.henon.records import HENON
 from henon_ref.henon.start import MOST_STEPS, NO_LIMIT, Start
 from henon_ref.henon.transition_array import TransitionArray
@@ -21,7 +22,7 @@ from henon_ref.simulation.arguments import (
     tolerance_of,
     whole_number,
 )
-from henon_ref.simulation.compiled import integrator_of, local_error
+from henon_ref.simulation.compiled import integrator_of
 from henon_ref.simulation.notice import notice_if_slow
 from henon_ref.simulation.quick_start import QuickStart
 from henon_ref.simulation.system import System

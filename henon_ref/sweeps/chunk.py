@@ -17,7 +17,8 @@ from henon_ref.errors import HenonRefError
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.pairs import decimal_pairs
 from henon_ref.henon.points import Keep
-from henon_ref.simulation.compiled import integrator_of, local_error
+from henon_ref.henon.prepared_run import local_error
+from henon_ref.simulation.compiled import integrator_of
 from henon_ref.sweeps.kernel import Ended, joined, refused_runs, run_points, together
 from henon_ref.sweeps.observations import Observation
 from henon_ref.sweeps.parameter_values import PointNumbers

@@ -15,11 +15,11 @@ from henon_ref.filippov.modes import Mode
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.pairs import pair_of
 from henon_ref.henon.points import NOTHING, ExactPoint, Keep, PointRuns
+from henon_ref.henon.prepared_run import local_error
 from henon_ref.henon.records import HENON, transition_dtype
 from henon_ref.henon.run import Run
 from henon_ref.henon.transition_array import TransitionArray
 from henon_ref.kernel.shared import kernel
-from henon_ref.simulation.compiled import local_error
 from henon_ref.sweeps.runs import Settings, Vector
 
 OK = "the run reached its horizon"

@@ -9,6 +9,7 @@ import pytest
 import sympy as sp
 from problems import make_problem
 
+from baselines.henon import HENON_SOLVER
 from henon_ref import registry
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.errors import ModelError
@@ -19,7 +20,6 @@ from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
-from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory
 

@@ -11,11 +11,11 @@ import sympy as sp
 from problems import make_problem
 from runs import kinds, run
 
+from baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
 from henon_ref.henon import records as k
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.run import Run
-from henon_ref.henon.solver import HENON_SOLVER
 
 CASES = Path(__file__).parents[2] / "cases"
 X = sp.Symbol("x", real=True)

@@ -12,12 +12,12 @@ from multiprecision import simulate
 from problems import make_problem
 from runs import kinds, run, times
 
+from baselines.henon import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from baselines.scipy_ivp import DOP853
 from henon_ref.casefile.case import load_case
 from henon_ref.henon import records as k
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.run import Run
-from henon_ref.henon.solver import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 
 CASES = Path(__file__).parents[2] / "cases"
 SOLVERS = [HENON_SOLVER, HENON_NEWTON, HENON_BRENT]

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import henon_ref as hr
+from baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
 from henon_ref.filippov.problem import Problem
-from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.trajectory import Trajectory
 
 

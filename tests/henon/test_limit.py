@@ -9,8 +9,8 @@ import pytest
 from problems import make_problem
 from runs import kinds, run
 
+from baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
-from henon_ref.henon.solver import HENON_SOLVER
 
 FINE = pytest.mark.parametrize("rtol", [1e-12, 1e-15])
 """Tolerances at which no step moves a state by 1e-13 of the friction."""

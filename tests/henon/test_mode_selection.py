@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
@@ -19,7 +20,6 @@ from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_changes import ModeChanges
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
-from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.henon.start import Start
 from henon_ref.kernel.shared import kernel
 from henon_ref.trajectory import Trajectory

@@ -9,7 +9,8 @@ import henon_ref as hr
 from henon_ref.henon.mode_changes import ModeChanges
 from henon_ref.henon.mode_constants import ExactConstants
 from henon_ref.henon.mode_table import ModeTable
-from henon_ref.simulation.compiled import integrator_of, local_error
+from henon_ref.henon.prepared_run import local_error
+from henon_ref.simulation.compiled import integrator_of
 
 RTOL = 1e-9
 

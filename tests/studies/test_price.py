@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import pytest
 import sympy as sp
 
+from baselines.henon import HENON_SOLVER
 from henon_ref.campaign import timing
 from henon_ref.campaign.interleaved import MOST, Turns, interleaved
 from henon_ref.campaign.options import Options, Silent
@@ -21,7 +22,6 @@ from henon_ref.casefile.case import load_case
 from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.errors import CaseError
 from henon_ref.filippov.problem import Problem
-from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.studies.price import compiling, effects
 from henon_ref.studies.price.compiling import Ready, paid_after, readiness

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from baselines.henon import HENON_SOLVER
 from henon_ref.filippov.problem import Problem
-from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.trajectory import Trajectory
 
 

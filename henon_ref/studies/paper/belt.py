@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import parse_case
 from henon_ref.filippov.problem import Problem
-from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.registry import solver
 from henon_ref.trajectory import Status
 

@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
+from baselines.henon import HENON_SOLVER
 from henon_ref.analysis.lyapunov import Spectrum, lyapunov_spectrum
 from henon_ref.analysis.periodic import measured_period
 from henon_ref.analysis.rig import SPEEDS, eq27, frictionless_eigenvalues, rig_problem
 from henon_ref.analysis.timeseries import Settings, TimeSeriesSpectrum, time_series_spectrum
 from henon_ref.figures import style
-from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.registry import solver
 from henon_ref.report.files.svg import svg
 from henon_ref.studies.paper.belt import moving_belt

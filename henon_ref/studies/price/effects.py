@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from baselines.henon import HENON_SOLVER
 from henon_ref.campaign.interleaved import interleaved
 from henon_ref.casefile.case import parse_case
 from henon_ref.filippov.problem import Problem
 from henon_ref.filippov.system import FilippovSystem
-from henon_ref.henon.solver import HENON_SOLVER
 from henon_ref.taylor.tape import Tape, build_tape
 
 RTOL = 1e-12

@@ -14,9 +14,9 @@ import sympy as sp
 from henon_ref import registry
 from henon_ref.filippov.problem import Problem
 from henon_ref.henon.integrator import Integrator
+from henon_ref.henon.prepared_run import order_for
 from henon_ref.henon.records import HENON
 from henon_ref.henon.run import Run
-from henon_ref.henon.solver import order_for
 from henon_ref.studies.price.fit import Fit, power
 from henon_ref.studies.price.fresh import in_fresh_process
 

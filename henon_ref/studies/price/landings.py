@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import sympy as sp
 
+from baselines.henon import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.campaign.interleaved import interleaved
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.problem import Problem
-from henon_ref.henon.solver import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.trajectory import Trajectory
 from henon_ref.truth.reference import Truth, split_double
 

@@ -1,0 +1,60 @@
+"""The reference as solvers: ``henon``, and the same integrator with the landings ``newton`` and ``brent``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.errors import UnsupportedError
+from henon_ref.filippov.problem import Problem
+from henon_ref.henon.prepared_run import prepared_run
+from henon_ref.henon.records import BRENT, HENON, LANDINGS, NEWTON
+from henon_ref.solver import Run
+
+
+@dataclass(frozen=True)
+class HenonSolver:
+    """Adaptive Taylor method with Hénon's landing, compiled, mode loop and all.
+
+    ``rtol`` is the local error of a step relative to each state's (and guard's) own size on the step, so
+    the units of a model do not matter; ``atol`` is not used. Order and step follow from ``rtol``.
+
+    ``steps`` counts Taylor steps (a step cut by an event counts once), ``rhs_evaluations`` Taylor
+    expansions, evaluations of the two normal velocities at an event, and of slopes where a step might have led over
+    a branch point; ``event_evaluations`` evaluations of a guard's polynomial by the landing.
+    """
+
+    name: str = "henon"
+    method: int = HENON
+    fixed_step: bool = False
+
+    @property
+    def landing(self) -> str:
+        return LANDINGS[self.method]
+
+    @property
+    def version(self) -> str:
+        return version("henon-ref")
+
+    def prepare(
+        self,
+        problem: Problem,
+        *,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        sample_times: NDArray[np.float64] | None = None,
+        deadline: float | None = None,
+    ) -> Run:
+        """See :class:`henon_ref.solver.Solver`."""
+        if rtol is None:
+            raise UnsupportedError(f"{self.name} chooses its own step: give rtol")
+        return prepared_run(problem, rtol=rtol, landing=self.method, sample_times=sample_times, deadline=deadline)
+
+
+HENON_SOLVER = HenonSolver()
+HENON_NEWTON = HenonSolver("henon-newton", NEWTON)
+HENON_BRENT = HenonSolver("henon-brent", BRENT)
