@@ -9,10 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from math import inf, isfinite
+from pathlib import Path
 
 import pytest
 import sympy as sp
-from shipped import CASES, shipped
+from shipped import CASES, paths, read, readings, shipped
 
 from baselines.henon import HENON_SOLVER
 from henon_ref.campaign.truth_job import stored_statement
@@ -35,10 +36,10 @@ SLOW = ("burridge_knopoff.default",)
 
 def _readings(*folders: str) -> list[pytest.param]:
     found = []
-    for case in shipped(*folders):
-        for reading in case.readings:
-            name = f"{case.name}.{reading.name}"
-            found.append(pytest.param(case, reading, id=name, marks=[pytest.mark.slow] if name in SLOW else []))
+    for path in paths(*folders):
+        for reading in readings(path):
+            name = f"{path.stem}.{reading}"
+            found.append(pytest.param(path, reading, id=name, marks=[pytest.mark.slow] if name in SLOW else []))
     return found
 
 
@@ -46,8 +47,10 @@ def _run(reading: Reading) -> Trajectory:
     return HENON_SOLVER.prepare(reading.problem, rtol=min(reading.tolerances), deadline=DEADLINE)()
 
 
-@pytest.mark.parametrize(("case", "reading"), _readings("classic", "scenes", "hard"))
-def test_reference_passes(case: Case, reading: Reading) -> None:
+@pytest.mark.parametrize(("path", "name"), _readings("classic", "scenes", "hard"))
+def test_reference_passes(path: Path, name: str) -> None:
+    case = read(path)
+    reading = case.reading(name)
     run = _run(reading)
     expected = reading.expect.status if reading.expect else "ok"
     assert run.status == expected, run.reason
@@ -68,9 +71,10 @@ def test_reference_passes(case: Case, reading: Reading) -> None:
 
 
 @pytest.mark.slow  # daily: each reading at its tightest tolerance, above
-@pytest.mark.parametrize(("case", "reading"), _readings(".", "classic", "scenes", "hard"))
-def test_every_tolerance_ends_with_the_right_word(case: Case, reading: Reading) -> None:
+@pytest.mark.parametrize(("path", "name"), _readings(".", "classic", "scenes", "hard"))
+def test_every_tolerance_ends_with_the_right_word(path: Path, name: str) -> None:
     """From 1e-3 to less than a double can tell: no run stalls, hangs or ends with another word."""
+    reading = read(path).reading(name)
     if reading.solvers and HENON_SOLVER.name not in reading.solvers:
         pytest.skip("another solver's reading")
     expected = reading.expect.status if reading.expect else "ok"
@@ -216,7 +220,7 @@ def test_every_case_of_the_suite_is_documented() -> None:
     assert len(names) == len(set(names)), "two cases of one name would share a report"
     for case in shipped():
         assert case.path is not None
-        assert case.name == case.path.stem
+        assert (case.name, tuple(r.name for r in case.readings)) == (case.path.stem, readings(case.path))
         assert case.source
         for reading in case.readings:
             assert reading.story, case.name

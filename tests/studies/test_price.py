@@ -330,14 +330,6 @@ def test_getting_ready_is_timed_in_new_processes() -> None:
     assert min(first.cold_s, first.kept_s, own.cold_s, own.kept_s) > 0
 
 
-def test_importing_the_package_loads_nothing_heavy() -> None:
-    heavy = "{'sympy', 'numba', 'heyoka', 'scipy', 'pandas', 'matplotlib', 'numpy'}"
-    code = f"import sys, henon_ref; print(sorted({heavy} & set(sys.modules)))"
-    assert (
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
-    )
-
-
 def test_an_unknown_case_is_one_clear_error(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "henon_ref.price", str(tmp_path / "no.yaml"), "--out", str(tmp_path / "out")]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-import subprocess
-import sys
 from fractions import Fraction
 from typing import Any
 
@@ -18,18 +15,6 @@ from henon_ref.errors import HenonRefError
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.sweep import sweep
-
-
-def test_sweep_is_a_function_whatever_is_imported() -> None:
-    """``python -m henon_ref.sweep`` is a file that nobody imports: it would take the function's place."""
-    code = (
-        "import henon_ref.cli.sweep, henon_ref.cli.main, henon_ref.sweeps.sweep, henon_ref, inspect; "
-        "from henon_ref.sweeps import pictures; "
-        "print(inspect.isfunction(henon_ref.sweep), inspect.isfunction(henon_ref.simulate), henon_ref.observe.__name__)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["True", "True", "henon_ref.sweeps.observe"]
-    assert inspect.isfunction(hr.sweep)
 
 
 def test_the_table_has_a_row_a_point_in_the_grids_order() -> None:
