@@ -37,7 +37,7 @@ def njit(function: Callable[..., Any]) -> Any:
     try:
         import numba
     except ImportError as error:
-        raise UnavailableError("numba is not installed: callbacks='numba' needs it") from error
+        raise UnavailableError("numba is not installed: pip install 'henon-ref[numba]'") from error
     numba.core.config.CPU_NAME, numba.core.config.CPU_FEATURES = target()
     return numba.njit(function, error_model="numpy")
 

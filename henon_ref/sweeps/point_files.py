@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import stat
 from collections.abc import Callable, Iterator, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.errors import ArgumentError
+from henon_ref.errors import ArgumentError, UnavailableError
 from henon_ref.text import listed
 
 if TYPE_CHECKING:
@@ -46,6 +47,18 @@ def written_table(values: Vector) -> dict[str, str]:
     return {"table": CSV if values.size <= MOST_WRITTEN else PARQUET}
 
 
+def check_arrow(what: str) -> None:
+    """Check that there is pyarrow, which what is named needs.
+
+    Raises
+    ------
+    UnavailableError
+        Where it is not installed.
+    """
+    if find_spec("pyarrow") is None:
+        raise UnavailableError(f"{what} needs pyarrow, which is not installed: pip install 'henon-ref[sweep]'")
+
+
 def read_table(path: Path) -> Mapping[str, Vector]:
     """The columns of a CSV or Parquet file.
 
@@ -53,7 +66,10 @@ def read_table(path: Path) -> Mapping[str, Vector]:
     ------
     ArgumentError
         For what is no regular file, no table, or too large.
+    UnavailableError
+        Where pyarrow is not installed.
     """
+    check_arrow("a table of points")
     import pyarrow as pa
 
     try:

@@ -24,6 +24,7 @@ import numpy as np
 from henon_ref.errors import CaseError
 from henon_ref.sweeps.chunk import POINTS, Tables
 from henon_ref.sweeps.plan import Plan
+from henon_ref.sweeps.point_files import check_arrow
 from henon_ref.sweeps.runs import Columns
 
 _LOG = logging.getLogger(__name__)
@@ -86,9 +87,15 @@ class SweepFolder:
     ----------
     path : Path
     plan : Plan
+
+    Raises
+    ------
+    UnavailableError
+        Where pyarrow is not installed.
     """
 
     def __init__(self, path: Path, plan: Plan) -> None:
+        check_arrow("a sweep with a folder")
         self.path, self.plan = path, plan
 
     def begin(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -16,10 +17,25 @@ from ruamel.yaml import YAML
 import henon_ref
 
 ROOT = Path(__file__).parents[2]
-PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+WRITTEN: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT: dict[str, Any] = WRITTEN["project"]
+
+
+def extra(name: str) -> list[Requirement]:
+    """What an extra asks for, other extras of this package aside."""
+    asked = map(Requirement, PROJECT["optional-dependencies"][name])
+    return [requirement for requirement in asked if requirement.name != PROJECT["name"]]
+
+
 REQUIREMENTS = [Requirement(text) for text in PROJECT["dependencies"]]
-TESTS = [Requirement(text) for text in PROJECT["optional-dependencies"]["test"]]
-PEERS = [Requirement(text) for text in PROJECT["optional-dependencies"]["peers"]]
+EXTRAS = [*extra("sweep"), *extra("numba"), *extra("peers")]
+TESTS = extra("test")
+LIBRARY = [Requirement(text) for text in WRITTEN["dependency-groups"]["library"]]
+ROOMS = ("analysis", "casefile", "enclosure", "figures", "filippov", "henon", "jit", "kernel", "roots", "simulation",
+         "sweeps", "taylor", "workers")  # fmt: skip
+"""Of the library."""
+COMMANDS = {"typer", "jinja2"}
+"""What the commands need besides: their arguments, a sweep's page."""
 MODULES = {
     "scikit-sundae": "sksundae",
     "python-flint": "flint",
@@ -36,13 +52,16 @@ DOI = "10.1007/s11071-013-0826-7"
 def imported(*folders: str) -> set[str]:
     """Top-level modules that the code below some folders imports."""
     found = set()
-    for folder in folders:
-        for file in (ROOT / folder).rglob("*.py"):
-            found |= set(re.findall(r"^\s*(?:import|from) (\w+)", file.read_text(encoding="utf-8"), re.MULTILINE))
+    for file in (file for folder in folders for file in (ROOT / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                found |= {name.name.partition(".")[0] for name in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                found.add(node.module.partition(".")[0])
     return found
 
 
-@pytest.mark.parametrize("requirement", [*REQUIREMENTS, *PEERS], ids=lambda r: r.name)
+@pytest.mark.parametrize("requirement", [*REQUIREMENTS, *EXTRAS], ids=lambda r: r.name)
 def test_every_dependency_is_imported(requirement: Requirement) -> None:
     assert MODULES.get(requirement.name, requirement.name) in imported("henon_ref", "baselines")
 
@@ -51,14 +70,27 @@ def test_every_dependency_is_imported(requirement: Requirement) -> None:
 def test_every_dependency_of_the_tests_is_imported(requirement: Requirement) -> None:
     if requirement.name == PARALLEL:
         assert "pytest -q -n 2\n" in (ROOT / "README.md").read_text(encoding="utf-8")
-    else:
+    elif requirement.name != "setuptools":  # a program imports it that a test below writes
         assert MODULES.get(requirement.name, requirement.name) in imported("tests")
+
+
+@pytest.mark.parametrize("requirement", LIBRARY, ids=lambda r: r.name)
+def test_the_group_lists_what_the_library_imports(requirement: Requirement) -> None:
+    assert requirement in REQUIREMENTS
+    imports = imported(*(f"henon_ref/{room}" for room in ROOMS))
+    assert requirement.name in COMMANDS or MODULES.get(requirement.name, requirement.name) in imports
+
+
+def test_the_library_imports_no_more_than_the_group_lists() -> None:
+    listed = {MODULES.get(requirement.name, requirement.name) for requirement in LIBRARY}
+    needed = imported(*(f"henon_ref/{room}" for room in ROOMS)) - set(sys.stdlib_module_names) - {"henon_ref"}
+    assert needed - listed == {"pyarrow"}  # the extra sweep
 
 
 def test_the_lowest_versions_that_are_tried_are_the_bounds() -> None:
     lines = (ROOT / "constraints-lowest.txt").read_text(encoding="utf-8").splitlines()
     tried = dict(line.lower().split("==") for line in lines if line and not line.startswith("#"))
-    for requirement in [*REQUIREMENTS, *TESTS, *PEERS]:
+    for requirement in [*REQUIREMENTS, *TESTS, *EXTRAS]:
         assert re.fullmatch(r">=[0-9.]+", str(requirement.specifier))
         bound = str(requirement.specifier).removeprefix(">=")
         assert re.fullmatch(re.escape(bound) + r"(\.0)*", tried.pop(requirement.name.lower())), requirement.name
