@@ -11,7 +11,7 @@ from henon_ref import registry
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.host_info import commit, library_versions, machine
 from henon_ref.campaign.results import ReadingResult
-from henon_ref.report.files.csv_files import csv_text
+from henon_ref.rows import csv_text
 from henon_ref.score.kinds import kind_of
 from henon_ref.text import one_line
 
@@ -103,7 +103,7 @@ def json_text(value: object, indent: str = "") -> str:
 def samples_text(comparison: Comparison) -> str:
     """Raw timing samples of one case as CSV."""
     rows = [
-        {**record.run, "samples_ns": " ".join(f"{round(sample * 1e9)}" for sample in record.samples)}
+        (*record.run.key[1:], " ".join(f"{round(sample * 1e9)}" for sample in record.samples))
         for record in comparison.records
         if record.samples
     ]
