@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-from henon_ref.report.files.csv_files import csv_text, read_rows
 from henon_ref.report.text.tables import Table
+from henon_ref.rows import StickRow, TableError, TransitionRow, read_rows, rows_text
 from henon_ref.text import LONGEST_LINE, cell, code, from_cell, link, markdown, message, one_line, paragraphs, printable
 
 HARMLESS = {"text", "text_special", "code_inline", "softbreak", "paragraph_open", "paragraph_close", "inline"}
@@ -112,10 +112,34 @@ def test_a_cell_reads_back_as_it_was_written(text):
 
 
 def test_a_file_reads_back_as_it_was_written(tmp_path):
-    rows = [{"solver": "=cmd()", "error": -1e-9, "mode": "s=-1", "steps": -3}]
-    (tmp_path / "a.csv").write_text(csv_text(tuple(rows[0]), rows))
-    assert "'=cmd(),-1e-09,s=-1,-3" in (tmp_path / "a.csv").read_text()
-    assert read_rows(tmp_path / "a.csv") == rows
+    names = ("a", "b", "=cmd()", 1e-9, None)
+    rows = [TransitionRow(*names, 3, "stick", "s", "s=-1", "s=0", state={"x": -1e-9, "v": None})]
+    (tmp_path / "a.csv").write_text(rows_text(TransitionRow, rows, ["x", "v"]))
+    assert "'=cmd(),1e-09,,3,stick,s,s=-1,s=0,,,,,,-1e-09,,,,,\n" in (tmp_path / "a.csv").read_text()
+    assert read_rows(TransitionRow, tmp_path / "a.csv") == rows
+
+
+@pytest.mark.parametrize(
+    ("line", "words", "place"),
+    [
+        ("a,b,c,,,1.5,,,,,,,", "'1.5' is no number", (2, 9)),
+        ("a,b,c,,,1,small,,,,,,", "'small' is no number", (2, 11)),
+        ("a,b,c,,,1,nan,,,,,,", "'nan' is no number", (2, 11)),
+        ("a,b,c", "3 fields; there are 13 columns", (2, 1)),
+        ('"a,b', "unexpected end of data", (2, 1)),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_told_with_its_place(tmp_path, line, words, place):
+    (tmp_path / "a.csv").write_text(f"{','.join(StickRow.columns())}\n{line}\n")
+    with pytest.raises(TableError, match=words) as raised:
+        read_rows(StickRow, tmp_path / "a.csv")
+    assert (raised.value.line, raised.value.column) == place
+
+
+def test_a_file_of_another_kind_is_told_by_the_column_that_it_lacks(tmp_path):
+    (tmp_path / "a.csv").write_text("case,reading\na,b\n")
+    with pytest.raises(TableError, match="there is no column 'solver'; wanted are case, reading, solver, rtol, "):
+        read_rows(StickRow, tmp_path / "a.csv")
 
 
 def test_long_text_takes_no_time():

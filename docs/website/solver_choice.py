@@ -8,13 +8,12 @@ from functools import cache
 from pathlib import Path
 
 from henon_ref import registry
-from henon_ref.columns import Row
 from henon_ref.report.files.write import MANIFEST
 from henon_ref.report.text.choice import ANY, Reach, by_kind, reaches, readings_for
 from henon_ref.report.text.formats import significant
 from henon_ref.report.text.index import commits
-from henon_ref.report.text.matrix_rows import read_matrix
-from henon_ref.report.text.ranking import LEVELS, name
+from henon_ref.report.text.matrix_rows import MatrixRow, read_matrix
+from henon_ref.report.text.ranking import LEVELS, by_solver
 from henon_ref.report.text.tables import Table
 from henon_ref.text import code
 from website.tolerance_table import loosest
@@ -37,7 +36,7 @@ MEANINGS: Mapping[str, str] = {
 
 
 @cache
-def _rows() -> list[Row]:
+def _rows() -> list[MatrixRow]:
     return read_matrix(REPORTS)
 
 
@@ -46,10 +45,10 @@ def in_short() -> str:
     packages = list(dict.fromkeys(_package(row) for row in _rows()))
     lines = []
     for kind, rows in by_kind(_rows()).items():
-        column = ANY if kind in WITHOUT_TIMES else f"wall_{IN_SHORT}_s"
-        best = _fastest(rows, column)
-        own = [_cell(reaches([row for row in rows if _package(row) == package], column), best) for package in packages]
-        lines.append((f"[{kind}](#{_place(kind)})", f"{len(readings_for(rows, column))}", *own))
+        level = ANY if kind in WITHOUT_TIMES else IN_SHORT
+        best = _fastest(rows, level)
+        own = [_cell(reaches([row for row in rows if _package(row) == package], level), best) for package in packages]
+        lines.append((f"[{kind}](#{_place(kind)})", f"{len(readings_for(rows, level))}", *own))
     headings = ("kind of case", "readings", *(f"best of {package}" for package in packages))
     return Table(headings, "lr" + "l" * len(packages), lines).markdown
 
@@ -58,13 +57,12 @@ def recommendations() -> str:
     """A line a kind with transitions to time: the solver, the tolerance to begin with, and the best one elsewhere."""
     lines = []
     for kind, rows in by_kind(_rows()).items():
-        column = f"wall_{IN_SHORT}_s"
-        best = _fastest(rows, column)
+        best = _fastest(rows, IN_SHORT)
         if best is None or kind in WITHOUT_TIMES:
             continue
-        own = next(_package(row) for row in rows if name(row) == best.solver)
-        other = _fastest([row for row in rows if _package(row) != own], column)
-        counted = len(readings_for(rows, column))
+        own = next(_package(row) for row in rows if row.solver == best.solver)
+        other = _fastest([row for row in rows if _package(row) != own], IN_SHORT)
+        counted = len(readings_for(rows, IN_SHORT))
         words = f"- **[{kind.capitalize()}](#{_place(kind)}), {IN_SHORT} digits:** "
         words += f"take {code(best.solver)}{_tolerance(best.solver)}. "
         words += f"At one of its settings it gets there in {len(best.walls)} of {counted} readings."
@@ -91,32 +89,29 @@ def by_kind_of_case() -> str:
     return "\n\n".join(part for kind, rows in by_kind(_rows()).items() for part in _section(kind, rows))
 
 
-def _section(kind: str, rows: Sequence[Row]) -> Iterator[str]:
-    columns = {"right": ANY}
+def _section(kind: str, rows: Sequence[MatrixRow]) -> Iterator[str]:
+    levels: dict[str, int | None] = {"right": ANY}
     if kind not in WITHOUT_TIMES:
-        columns |= {f"{level} digits": f"wall_{level}_s" for level in LEVELS}
+        levels |= {f"{level} digits": level for level in LEVELS}
     yield f"### {kind.capitalize()}"
-    timed = len(readings_for(rows, columns.get(f"{LEVELS[0]} digits", ANY)))
+    timed = len(readings_for(rows, levels.get(f"{LEVELS[0]} digits", ANY)))
     words = "" if kind in WITHOUT_TIMES else f", {timed} of them with a transition to time"
     yield f"{MEANINGS.get(kind, '')} {len(readings_for(rows, ANY))} readings{words}.".strip()
-    by_solver: dict[str, list[Row]] = {}
-    for row in rows:
-        by_solver.setdefault(name(row), []).append(row)
-    fastest = {column: _fastest(rows, column) for column in columns.values()}
+    fastest = {level: _fastest(rows, level) for level in levels.values()}
     lines = [
         (
             code(solver),
-            *(_cell(reaches(own, column), fastest[column], named=False) for column in columns.values()),
+            *(_cell(reaches(own, level), fastest[level], named=False) for level in levels.values()),
             f"{len(readings_for(own, ANY))}",
         )
-        for solver, own in by_solver.items()
+        for solver, own in by_solver(rows).items()
     ]
-    yield Table(("solver", *columns, "run on"), "l" + "r" * len(columns) + "r", lines).markdown
+    yield Table(("solver", *levels, "run on"), "l" + "r" * len(levels) + "r", lines).markdown
 
 
-def _fastest(rows: Sequence[Row], column: str) -> Reach | None:
+def _fastest(rows: Sequence[MatrixRow], level: int | None) -> Reach | None:
     """The solver to take: the fastest of those that get there in about the most readings."""
-    return next(iter(reaches(rows, column)), None)
+    return next(iter(reaches(rows, level)), None)
 
 
 def _cell(found: Sequence[Reach], best: Reach | None, *, named: bool = True) -> str:
@@ -134,13 +129,13 @@ def origin() -> str:
     rows = _rows()
     machines = {_machine(path) for path in REPORTS.glob(f"*/{MANIFEST}")}
     return (
-        f"{len(readings_for(rows, ANY))} readings of {len({row['case'] for row in rows})} cases, by {commits(rows)}, "
+        f"{len(readings_for(rows, ANY))} readings of {len({row.case for row in rows})} cases, by {commits(rows)}, "
         f"on {' and '.join(sorted(machines))}."
     )
 
 
-def _package(row: Row) -> str:
-    return registry.distribution(name(row)) or name(row)
+def _package(row: MatrixRow) -> str:
+    return registry.distribution(row.solver) or row.solver
 
 
 def _machine(manifest: Path) -> str:

@@ -6,12 +6,10 @@ from functools import cache
 from pathlib import Path
 from statistics import median
 
-from henon_ref.columns import Row
-from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.write import RUNS
 from henon_ref.report.text.formats import digits, exponential
-from henon_ref.report.text.ranking import NOT_RUN, name, number
 from henon_ref.report.text.tables import Table
+from henon_ref.rows import NOT_RUN, RunRow, read_rows
 from henon_ref.text import code
 
 REPORTS = Path(__file__).resolve().parents[2] / "reports"
@@ -35,20 +33,20 @@ def loosest(solver: str, wanted: float) -> str:
 
 
 @cache
-def _cells() -> dict[str, dict[float, list[Row]]]:
+def _cells() -> dict[str, dict[float, list[RunRow]]]:
     """Rows by solver and tolerance."""
-    cells: dict[str, dict[float, list[Row]]] = {}
+    cells: dict[str, dict[float, list[RunRow]]] = {}
     for file in sorted(REPORTS.glob(f"*/{RUNS}")):
-        for row in read_rows(file):
-            if row["rtol"] is not None and row["status"] not in NOT_RUN:
-                cells.setdefault(name(row), {}).setdefault(number(row, "rtol"), []).append(row)
+        for row in read_rows(RunRow, file):
+            if row.rtol is not None and row.status not in NOT_RUN:
+                cells.setdefault(row.solver, {}).setdefault(row.rtol, []).append(row)
     return cells
 
 
-def _digits(rows: list[Row]) -> list[float]:
-    return [number(row, "digits") for row in rows if row["verdict"] == "right" and row["digits"] is not None]
+def _digits(rows: list[RunRow]) -> list[float]:
+    return [row.digits for row in rows if row.verdict == "right" and row.digits is not None]
 
 
-def _cell(rows: list[Row]) -> str:
-    counted = f"({sum(row['verdict'] == 'right' for row in rows)} of {len(rows)})"
+def _cell(rows: list[RunRow]) -> str:
+    counted = f"({sum(row.verdict == 'right' for row in rows)} of {len(rows)})"
     return f"{digits(median(_digits(rows)))} {counted}" if _digits(rows) else counted

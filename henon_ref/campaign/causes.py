@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 from henon_ref.campaign.causes_of_peers import DIFFSOL, NOT_FINITE, PEER_NAMES, PEER_RULES
 from henon_ref.campaign.seen_run import Seen
-from henon_ref.columns import Row
+from henon_ref.rows import RunRow, TransitionRow, number
 
 EXPLAINED = ("solver defect", "not judged")
 """Verdicts on runs that a cause may explain: one that was too slow may be so for a known reason."""
@@ -35,9 +35,9 @@ SMOOTHED_BAND = 2000.0
 """Half-width of the band of ``scipy-smoothed`` in absolute tolerances (:mod:`baselines.scipy_naive`)."""
 
 
-def cause_of(run: Row, transitions: Sequence[Row]) -> str | None:
+def cause_of(run: RunRow, transitions: Sequence[TransitionRow]) -> str | None:
     """Name of the cause of a run that is wrong or too slow; None where none is known for certain."""
-    if run["verdict"] not in EXPLAINED:
+    if run.verdict not in EXPLAINED:
         return None
     seen = Seen(run, transitions)
     return next((name for rule in RULES if (name := rule(seen)) is not None), None)
@@ -67,7 +67,7 @@ def _pair_around_an_event(seen: Seen) -> str | None:
     if not between:
         return None
     if seen.solver == "heyoka":
-        depth = max((float(row["graze_distance"]) for row in between), default=math.inf)  # type: ignore[arg-type]
+        depth = max((number(row.graze_distance) for row in between), default=math.inf)
         return "heyoka-double-root" if depth <= LOST else None
     return PAIR_BY_PACKAGE.get(seen.solver)
 
@@ -78,13 +78,13 @@ def _heyoka_pair(seen: Seen) -> str | None:
         return None
     if seen.depth <= LOST:
         return "heyoka-double-root"
-    slept = all(row["kind"] == "release" for group in seen.missed_pairs for row in group[:1])
+    slept = all(row.kind == "release" for group in seen.missed_pairs for row in group[:1])
     return "heyoka-hidden-drive" if slept else None
 
 
 def _heyoka_polynomial(seen: Seen) -> str | None:
     """The first root of a run is stepped over: there was no restart to lose it."""
-    first = seen.number("matched") == 0 and seen.number("missed") == 1
+    first = number(seen.run.matched) == 0 and number(seen.run.missed) == 1
     return "heyoka-event-polynomial" if seen.solver == "heyoka" and "stepped over" in seen.reason and first else None
 
 
@@ -102,9 +102,9 @@ def _small_step(seen: Seen) -> str | None:
     """SciPy's words for a step below ten roundings of the time: at a late time, at a blow-up, in front of an end."""
     if seen.solver not in SCIPY or TOO_SMALL not in seen.reason or not seen.right_so_far:
         return None
-    if seen.run["expected_status"] == "diverged":
+    if seen.run.expected_status == "diverged":
         return "scipy-blow-up"
-    if abs(seen.number("end_time_s")) >= LATE:
+    if abs(number(seen.run.end_time_s)) >= LATE:
         return "scipy-late"
     return None
 
@@ -114,15 +114,15 @@ def _pole(seen: Seen) -> str | None:
     stuck = "does not advance" in seen.reason if seen.solver in DIFFRAX else TOO_SMALL in seen.reason
     if seen.solver not in (*SCIPY, *DIFFRAX) or not stuck or not seen.right_so_far:
         return None
-    ends = seen.run["expected_status"] == "invalid" and seen.number("missed") == 0
-    there = ends or seen.misses_at(seen.number("end_time_s"))
+    ends = seen.run.expected_status == "invalid" and number(seen.run.missed) == 0
+    there = ends or seen.misses_at(number(seen.run.end_time_s))
     return ("diffrax-pole" if seen.solver in DIFFRAX else "scipy-pole") if there else None
 
 
 def _slow(seen: Seen) -> str | None:
     """Right as far as it came at a tight tolerance, and out of time."""
-    tight = seen.number("rtol") <= 1e-9
-    if seen.run["status"] != "timeout" or not tight or not (seen.right_so_far and seen.number("steps") > 1000):
+    tight = number(seen.run.rtol) <= 1e-9
+    if seen.run.status != "timeout" or not tight or not (seen.right_so_far and number(seen.run.steps) > 1000):
         return None
     return {"scipy-radau": "scipy-radau-order", "scipy-bdf": "scipy-bdf-order"}.get(seen.solver)
 
@@ -137,15 +137,15 @@ def _past_the_end(seen: Seen) -> str | None:
     """The exact run ends because a function has no value any more; heyoka goes on, all before that being right."""
     late = ENDED.search(seen.reason)
     past = "went on past" in seen.reason or (late is not None and float(late[1]) > float(late[2]))
-    ended = seen.run["expected_status"] == "failed" and past
-    right = seen.right_so_far and seen.number("missed") == 0
+    ended = seen.run.expected_status == "failed" and past
+    right = seen.right_so_far and number(seen.run.missed) == 0
     return "heyoka-past-end" if seen.solver == "heyoka" and ended and right else None
 
 
 def _naive(seen: Seen) -> str | None:
-    if seen.solver == "scipy-sign" and "the budget of" in seen.reason and seen.run["status"] == "failed":
+    if seen.solver == "scipy-sign" and "the budget of" in seen.reason and seen.run.status == "failed":
         return "sign-chatter"
-    within = seen.solver == "scipy-smoothed" and seen.depth <= SMOOTHED_BAND * seen.number("atol")
+    within = seen.solver == "scipy-smoothed" and seen.depth <= SMOOTHED_BAND * number(seen.run.atol)
     return "smoothed-creep" if within and seen.missed_pairs else None
 
 

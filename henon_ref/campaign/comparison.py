@@ -17,9 +17,9 @@ from henon_ref.campaign.rows import Record
 from henon_ref.campaign.summary import html_table, text_table
 from henon_ref.casefile.case import Case
 from henon_ref.casefile.notebook import equations_html
-from henon_ref.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, Row
 from henon_ref.errors import CaseError
 from henon_ref.jit.cache_folder import cache_root
+from henon_ref.rows import AnyRow, RunRow, StickRow, TransitionRow
 from henon_ref.score.gate import gate_failures
 from henon_ref.solver import Solver
 from henon_ref.text import html, message
@@ -45,41 +45,41 @@ class Comparison:
     @cached_property
     def runs(self) -> pd.DataFrame:
         """A row a reading, solver and setting (columns of ``runs.csv``)."""
-        return _frame(RUN_COLUMNS, self.run_rows)
+        return _frame(RunRow, self.run_rows)
 
     @cached_property
     def transitions(self) -> pd.DataFrame:
         """A row a transition (columns of ``transitions.csv``)."""
-        return _frame(self.transition_columns, self.transition_rows)
+        return _frame(TransitionRow, self.transition_rows, self.states)
 
     @cached_property
     def sticks(self) -> pd.DataFrame:
         """A row a stick (columns of ``sticks.csv``)."""
-        return _frame(STICK_COLUMNS, self.stick_rows)
+        return _frame(StickRow, self.stick_rows)
 
     @property
-    def run_rows(self) -> list[Row]:
+    def run_rows(self) -> list[RunRow]:
         """The rows of :attr:`runs`, a missing value None."""
         return [record.run for record in self.records]
 
     @property
-    def transition_rows(self) -> list[Row]:
+    def transition_rows(self) -> list[TransitionRow]:
         """The rows of :attr:`transitions`."""
         return [row for record in self.records for row in record.transitions]
 
     @property
-    def stick_rows(self) -> list[Row]:
+    def stick_rows(self) -> list[StickRow]:
         """The rows of :attr:`sticks`."""
         return [row for record in self.records for row in record.sticks]
 
     @property
-    def transition_columns(self) -> tuple[str, ...]:
-        """The contract's columns, then every state by name, then what verdicts rest on."""
-        states = [name for result in self.readings for name in result.reading.problem.system.state_names]
-        return (*TRANSITION_COLUMNS, *dict.fromkeys((*states, *JUDGED_COLUMNS)))
+    def states(self) -> tuple[str, ...]:
+        """Names of the states of all readings: columns of :attr:`transitions`."""
+        names = (name for result in self.readings for name in result.reading.problem.system.state_names)
+        return tuple(dict.fromkeys(names))
 
     def __repr__(self) -> str:
-        wrong = sum(run["verdict"] != "right" for run in self.run_rows)
+        wrong = sum(run.verdict != "right" for run in self.run_rows)
         runs = f"{len(self.records)} runs, {len(self.records) - wrong} of them right"
         readings = f"{len(self.readings)} reading{'s' * (len(self.readings) != 1)}"
         head = message(f"Comparison of {self.case.name}: {readings}, {runs}")
@@ -126,7 +126,7 @@ class Comparison:
 
     def of_reading(self, name: str) -> list[Record]:
         """The runs of one reading."""
-        return [record for record in self.records if record.run["reading"] == name]
+        return [record for record in self.records if record.run.reading == name]
 
     def gate_failures(self) -> list[str]:
         """One sentence for every bound of the case's gate that is not met; bounds on what did not run left out."""
@@ -238,8 +238,9 @@ def compare_all(
     Campaign(cases, options, hand_over, draw=draw, ready=ready, observer=observer).run()
 
 
-def _frame(columns: Sequence[str], rows: Sequence[Row]) -> pd.DataFrame:
+def _frame(kind: type[AnyRow], rows: Sequence[AnyRow], states: Sequence[str] = ()) -> pd.DataFrame:
     """A data frame with these columns; a missing value is NaN in a column of numbers, else None."""
     import pandas as pd
 
-    return pd.DataFrame([[row.get(column) for column in columns] for row in rows], columns=list(columns))
+    columns = kind.columns(states)
+    return pd.DataFrame([row.values(columns) for row in rows], columns=list(columns))

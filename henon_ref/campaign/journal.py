@@ -20,12 +20,12 @@ from henon_ref.campaign.code_version import code_version
 from henon_ref.campaign.rows import Record
 from henon_ref.campaign.settings import Setting
 from henon_ref.casefile.case import Reading
-from henon_ref.columns import RUN_COLUMNS
+from henon_ref.rows import RunRow, StickRow, TransitionRow
 from henon_ref.score.reference import Expected
 
 _LOG = logging.getLogger(__name__)
 
-FORMAT = 3
+FORMAT = 4
 """Raised where what a line holds, or how a run is scored, changes."""
 FILE = ".partial"
 SET_ASIDE = ".partial.damaged"
@@ -92,7 +92,9 @@ class Journal:
 
 def line_of(key: str, record: Record) -> bytes:
     """A row as a line of the journal."""
-    body = json.dumps({"key": key, **vars(record)}, separators=(",", ":")).encode()
+    rows = {"transitions": list(map(vars, record.transitions)), "sticks": list(map(vars, record.sticks))}
+    parts = {"key": key, "run": vars(record.run), **rows, "samples": record.samples}
+    body = json.dumps(parts, separators=(",", ":")).encode()
     return body[:-1] + f',"checksum":"{hashlib.sha256(body).hexdigest()}"}}\n'.encode()
 
 
@@ -135,11 +137,15 @@ def _row(line: bytes, *, case: str) -> tuple[str, Record]:
     content = json.loads(body)
     if not isinstance(content, dict) or {name: type(part) for name, part in content.items()} != _PARTS:
         raise ValueError("it is no row of this version")
-    if tuple(content["run"]) != RUN_COLUMNS:
-        raise ValueError("its columns are those of another version")
-    if content["run"]["case"] != case:
+    try:
+        run = RunRow(**content["run"])
+        transitions = [TransitionRow(**row) for row in content["transitions"]]
+        sticks = [StickRow(**row) for row in content["sticks"]]
+    except TypeError:
+        raise ValueError("its columns are those of another version") from None
+    if run.case != case:
         raise ValueError("it is a row of another case")
-    return content.pop("key"), Record(**content)
+    return content["key"], Record(run, transitions, sticks, content["samples"])
 
 
 def _set_aside(path: Path, kept: Kept) -> None:

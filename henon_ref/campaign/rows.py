@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from henon_ref.campaign.causes import cause_of
 from henon_ref.campaign.settings import Setting
 from henon_ref.campaign.timing import summarise
 from henon_ref.campaign.worker import Failure
 from henon_ref.casefile.case import Reading
-from henon_ref.columns import REPEATED, RUN_COLUMNS, STICK_COLUMNS, Row
 from henon_ref.filippov.modes import Mode, mode_text
+from henon_ref.rows import REPEATED, RunRow, StickRow, TransitionRow
 from henon_ref.score.errors import Score, score
 from henon_ref.score.matching import Matching
 from henon_ref.score.reference import Expected
@@ -66,9 +67,9 @@ class Outcome:
 class Record:
     """One run, scored: its row, its transitions' and sticks' rows, its raw timing samples."""
 
-    run: Row
-    transitions: list[Row] = field(default_factory=list)
-    sticks: list[Row] = field(default_factory=list)
+    run: RunRow
+    transitions: list[TransitionRow] = field(default_factory=list)
+    sticks: list[StickRow] = field(default_factory=list)
     samples: list[float] = field(default_factory=list)
 
 
@@ -81,26 +82,29 @@ def scored(outcome: Outcome, expected: Expected | None) -> Outcome:
 
 def record(outcome: Outcome, expected: Expected | None) -> Record:
     """The rows of one outcome; :func:`scored` comes first."""
-    identity: Row = {
-        "case": outcome.case,
-        "reading": outcome.reading.name,
-        "solver": outcome.solver,
-        "rtol": outcome.setting.rtol,
-        "step_s": outcome.setting.step,
-    }
-    transitions: list[Row] = []
-    stick_rows: list[Row] = []
+    transitions: list[TransitionRow] = []
+    stick_rows: list[StickRow] = []
     if outcome.trajectory is not None and expected is not None and outcome.score is not None:
-        transitions = _transition_rows(identity, outcome, outcome.trajectory, expected, outcome.score)
-        stick_rows = _stick_rows(identity, outcome.trajectory, expected, outcome.score, outcome.reading)
-    run = _run_row(outcome, expected, identity, stick_rows)
-    run.update(cause=cause_of(run, transitions))
+        transitions = _transition_rows(outcome, outcome.trajectory, expected, outcome.score)
+        stick_rows = _stick_rows(outcome, outcome.trajectory, expected, outcome.score)
+    run = _run_row(outcome, expected, stick_rows)
+    run = replace(run, cause=cause_of(run, transitions))
     return Record(run, transitions, stick_rows, list(outcome.samples))
 
 
-def _run_row(outcome: Outcome, expected: Expected | None, identity: Row, stick_rows: list[Row]) -> Row:
-    row: Row = dict.fromkeys(RUN_COLUMNS)
-    row.update(identity, library_version=outcome.library_version or None, atol=outcome.setting.atol)
+Values = dict[str, Any]
+"""Some fields of a row."""
+
+
+def _identity(outcome: Outcome) -> Values:
+    """What all rows of one outcome begin with."""
+    setting = outcome.setting
+    return {"case": outcome.case, "reading": outcome.reading.name, "solver": outcome.solver, "rtol": setting.rtol,
+            "step_s": setting.step}  # fmt: skip
+
+
+def _run_row(outcome: Outcome, expected: Expected | None, stick_rows: list[StickRow]) -> RunRow:
+    row = _identity(outcome) | {"library_version": outcome.library_version or None, "atol": outcome.setting.atol}
     row.update(landing=outcome.landing or None, compile_s=outcome.compile_s)
     if expected is not None:
         counted = [event for event in expected.transitions if event.kind != "graze"]
@@ -111,33 +115,33 @@ def _run_row(outcome: Outcome, expected: Expected | None, identity: Row, stick_r
         row.update(_trajectory_values(outcome.trajectory))
     if outcome.score is not None:
         row.update(_score_values(outcome.score))
-        errors = [abs(r["error_s"]) for r in stick_rows if isinstance(r["error_s"], float)]
-        row.update(stick_count=sum(r["duration_s"] is not None for r in stick_rows))
+        errors = [abs(stick.error_s) for stick in stick_rows if stick.error_s is not None]
+        row.update(stick_count=sum(stick.duration_s is not None for stick in stick_rows))
         row.update(max_stick_error_s=max(errors, default=None))
     if outcome.failure is not None:
         row.update(status=outcome.failure.status, status_reason=outcome.failure.reason or None)
         forgiven = None if outcome.failure.ignored else FAILURES.get(outcome.failure.status)
         row.update(verdict=forgiven or "solver defect")
     if outcome.repeat_failure is not None:
-        row.update(status_reason=_and_then(row["status_reason"], outcome.repeat_failure))
+        row.update(status_reason=_and_then(row.get("status_reason"), outcome.repeat_failure))
     timing = summarise(outcome.samples)
     if timing is not None:
         row.update(wall_s=timing.median, wall_s_iqr=timing.iqr, wall_s_low=timing.low, wall_s_high=timing.high)
         row.update(timed_runs=len(outcome.samples))
-    return row
+    return RunRow(**row)
 
 
-def _and_then(reason: object, failure: Failure) -> str:
+def _and_then(reason: str | None, failure: Failure) -> str:
     """The reason of a row, and what happened when its run was repeated."""
     how = f"{REPEATED}{failure.status}: {failure.reason}"
     return short_line(f"{reason}; {how}" if reason else how)
 
 
-def _trajectory_values(trajectory: Trajectory) -> Row:
+def _trajectory_values(trajectory: Trajectory) -> Values:
     """What a run says of itself. Counts that a solver leaves at nought it did not count."""
     landings = sorted({event.landing for event in trajectory.transitions if event.landing})
     counts: Counts = trajectory.counts
-    values: Row = {
+    values = {
         "status": trajectory.status,
         "status_reason": trajectory.reason or None,
         "found_transitions": sum(event.kind != "graze" for event in trajectory.transitions),
@@ -151,7 +155,7 @@ def _trajectory_values(trajectory: Trajectory) -> Row:
     return values | ({"landing": short_line("+".join(landings))} if landings else {})
 
 
-def _score_values(score: Score) -> Row:
+def _score_values(score: Score) -> Values:
     matching = score.matching
     return {
         "status": score.status,
@@ -171,12 +175,10 @@ def _score_values(score: Score) -> Row:
     }
 
 
-def _transition_rows(
-    identity: Row, outcome: Outcome, trajectory: Trajectory, expected: Expected, score: Score
-) -> list[Row]:
+def _transition_rows(outcome: Outcome, trajectory: Trajectory, expected: Expected, score: Score) -> list[TransitionRow]:
     """The union of the truth's transitions and the run's, in order of time."""
     reading, allowed = outcome.reading, granted_error(expected, outcome.setting.rtol)
-    system = reading.problem.system
+    system, identity = reading.problem.system, _identity(outcome)
     matching = score.matching
     partner = dict(matching.pairs + matching.touch_pairs)
     matched_runs = set(partner.values())
@@ -186,35 +188,28 @@ def _transition_rows(
     order += [(event.time, None, j) for j, event in enumerate(trajectory.transitions) if j not in matched_runs]
     order.sort(key=lambda entry: entry[0])
     outcomes = _outcomes(matching)
-    rows: list[Row] = []
+    rows: list[TransitionRow] = []
     for index, (_, i, j) in enumerate(order):
         exact = None if i is None else expected.transitions[i]
         found = None if j is None else trajectory.transitions[j]
         event = exact if exact is not None else found
         if event is None:
             continue
-        row: Row = dict(identity, index=index, kind=event.kind, surface=system.sign_names[event.surface])
+        row = identity | {"index": index, "kind": event.kind, "surface": system.sign_names[event.surface]}
         row.update(from_mode=_text(event.from_mode, reading), to_mode=_text(event.to_mode, reading))
-        row.update(
-            reference_time_s=None if exact is None else exact.time,
-            reference_radius_s=None if exact is None else exact.radius,
-            time_s=None if found is None else found.time,
-            time_error_s=None if i is None else score.time_errors.get(i),
-            conditioning=None if exact is None else exact.conditioning,
-        )
-        state = (None,) * len(system.states) if found is None else found.state
-        row.update(zip(system.state_names, state, strict=False))
         if i is not None and exact is not None:
-            touches = exact.kind == "graze"
-            row.update(transversality=exact.transversality)
-            row.update(graze_distance=0.0 if touches else graze_distance(expected, i))
+            row.update(reference_time_s=exact.time, reference_radius_s=exact.radius, conditioning=exact.conditioning)
+            row.update(time_error_s=score.time_errors.get(i), transversality=exact.transversality)
+            row.update(graze_distance=0.0 if exact.kind == "graze" else graze_distance(expected, i))
+        if found is not None:
+            row.update(time_s=found.time, state=dict(zip(system.state_names, found.state, strict=False)))
         what = outcomes.get((i, j), "touch")
         row.update(outcome=what)
         if what == "missed" and i is not None:
             row.update(verdict=missed_verdict(expected, i, allowed).word)
         elif what == "spurious" and found is not None:
             row.update(verdict=spurious_verdict(expected, found, allowed).word)
-        rows.append(row)
+        rows.append(TransitionRow(**row))
     return rows
 
 
@@ -232,8 +227,9 @@ def _text(mode: Mode, reading: Reading) -> str:
     return mode_text(mode, reading.problem.system.sign_names)
 
 
-def _stick_rows(identity: Row, trajectory: Trajectory, expected: Expected, score: Score, reading: Reading) -> list[Row]:
+def _stick_rows(outcome: Outcome, trajectory: Trajectory, expected: Expected, score: Score) -> list[StickRow]:
     """The union of the truth's sticks and the run's within the measured window, in order of their ends."""
+    reading = outcome.reading
     after = reading.measure_after
     exact = sticks(expected.transitions, start=expected.start, after=after)
     found = sticks(trajectory.transitions, start=expected.start, after=after)
@@ -248,15 +244,15 @@ def _stick_rows(identity: Row, trajectory: Trajectory, expected: Expected, score
     durations = [None if run is None else run.duration for _, run in pairs]
     published = reading.published.stick_durations if reading.published else ()
     partners = published_partners(durations, [float(value) for value in published])
-    rows: list[Row] = []
+    rows: list[StickRow] = []
     for index, ((truth, run), printed) in enumerate(zip(pairs, partners, strict=True)):
-        row: Row = dict.fromkeys(STICK_COLUMNS)
-        row.update(identity, index=index, reference_s=None if truth is None else truth.duration, published_s=printed)
+        row = _identity(outcome) | {"index": index, "published_s": printed}
+        row.update(reference_s=None if truth is None else truth.duration)
         if run is not None:
             row.update(start_s=run.start, duration_s=run.duration, length=_length(run, trajectory, reading))
             row.update(error_s=None if truth is None else run.duration - truth.duration)
             row.update(published_error_s=None if printed is None else run.duration - printed)
-        rows.append(row)
+        rows.append(StickRow(**row))
     return rows
 
 

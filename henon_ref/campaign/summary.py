@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from henon_ref.columns import Row
+from henon_ref.rows import RunRow
 from henon_ref.score.standing import RIGHT, standings, tightest
 from henon_ref.text import html, one_line
 
@@ -13,7 +13,7 @@ LONGEST_NOTE = 60
 """Characters of a note in the table of a terminal."""
 
 
-def summary_rows(rows: Sequence[Row]) -> list[tuple[str, ...]]:
+def summary_rows(rows: Sequence[RunRow]) -> list[tuple[str, ...]]:
     """A row a solver (:data:`COLUMNS`), the one that is right most often first, among equals the fastest.
 
     ``digits`` are the fewest of any reading in which it is right, ``time`` is the median of its right runs, ``times as
@@ -28,7 +28,7 @@ def summary_rows(rows: Sequence[Row]) -> list[tuple[str, ...]]:
             "" if line.digits is None else f"{line.digits:.1f}",
             "" if line.time_s is None else _three(1e3 * line.time_s),
             "" if line.times_as_long is None else _three(line.times_as_long),
-            _note([row for row in last if row["solver"] == line.solver and row["verdict"] != RIGHT]),
+            _note([row for row in last if row.solver == line.solver and row.verdict != RIGHT]),
         )
         for line in standings(last)
     ]
@@ -39,16 +39,16 @@ def _three(value: float) -> str:
     return f"{float(f'{value:.3g}'):g}"
 
 
-def _note(rows: Sequence[Row]) -> str:
+def _note(rows: Sequence[RunRow]) -> str:
     """What became of the first run that is not right, and how many others there are."""
     if not rows:
         return ""
-    reason = str(rows[0]["status_reason"] or "")
+    reason = rows[0].status_reason or ""
     more = f" (and {len(rows) - 1} more)" if len(rows) > 1 else ""
-    return f"{rows[0]['status']}{': ' if reason else ''}{reason}{more}"
+    return f"{rows[0].status}{': ' if reason else ''}{reason}{more}"
 
 
-def text_table(rows: Sequence[Row]) -> str:
+def text_table(rows: Sequence[RunRow]) -> str:
     """The table as lines of text, safe for a terminal."""
     lines = [COLUMNS, *(tuple(map(one_line, line)) for line in summary_rows(rows))]
     widths = [max(len(line[k]) for line in lines) for k in range(len(COLUMNS) - 1)]
@@ -63,7 +63,7 @@ def _padded(line: Sequence[str], widths: Sequence[int]) -> str:
     return "  ".join([cells[0].ljust(widths[0]), *numbers, short]).rstrip()
 
 
-def html_table(rows: Sequence[Row]) -> str:
+def html_table(rows: Sequence[RunRow]) -> str:
     """The table as HTML; nothing in it, whoever named a solver, is a tag or a formula."""
     head = "".join(f"<th>{name}</th>" for name in COLUMNS)
     body = "".join(f"<tr>{''.join(f'<td>{html(cell)}</td>' for cell in line)}</tr>" for line in summary_rows(rows))

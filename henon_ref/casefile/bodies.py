@@ -12,7 +12,7 @@ from henon_ref.casefile.grammar import NAME, name_problem
 from henon_ref.casefile.requirements import Requirements
 from henon_ref.casefile.source import Path, Source
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child
-from henon_ref.columns import JUDGED_COLUMNS, TRANSITION_COLUMNS
+from henon_ref.rows import JUDGED_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 

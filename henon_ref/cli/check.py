@@ -22,18 +22,17 @@ from henon_ref.campaign.comparison import Comparison, compare_all
 from henon_ref.campaign.options import Options
 from henon_ref.cli.exit_status import DONE, NOT_MET, exit_status, parsed, say
 from henon_ref.cli.typer_app import Cases, application, examples
-from henon_ref.columns import Row
 from henon_ref.errors import CaseError
 from henon_ref.registry import is_peer
 from henon_ref.report.case_report import write_report
-from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import provenance
 from henon_ref.report.files.write import MANIFEST, MATRIX, PAGE, REPORT, ROWS, RUNS
 from henon_ref.report.html.content import content
 from henon_ref.report.html.embedded import embedded, read_embedded
 from henon_ref.report.text.formats import setting
 from henon_ref.report.text.matrix_rows import read_matrix
-from henon_ref.report.text.ranking import floor, number
+from henon_ref.report.text.ranking import floor
+from henon_ref.rows import Key, RunRow, number, read_rows
 
 FACTOR = 10.0
 """Errors may differ by this factor: rounding is not the same on every processor."""
@@ -41,8 +40,6 @@ ROUNDING = 1e4
 """Errors below this many times what can be claimed are rounding, and not compared."""
 EQUAL = ("status", "reference_transitions", "matched", "missed", "spurious", "stick_count")
 """Columns of a right run that may not differ."""
-ERRORS = ("max_time_error_s", "max_stick_error_s")
-"""Columns that may differ by ``FACTOR``."""
 MACHINE = ("timeout",)
 """Statuses that depend on the machine's speed."""
 
@@ -61,10 +58,10 @@ def differences(stored: Path, fresh: Path) -> list[str]:
     if not (stored / RUNS).exists():
         return [f"there is no report in {stored}"]
     old, new = _by_run(stored / RUNS), _by_run(fresh / RUNS)
-    if {column for row in old.values() for column in row} != {column for row in new.values() for column in row}:
+    if len({(folder / RUNS).read_text(encoding="utf-8").partition("\n")[0] for folder in (stored, fresh)}) > 1:
         return [f"the columns of {stored / RUNS} are those of another version"]
-    ran = {row["solver"] for row in new.values()}
-    old = {key: row for key, row in old.items() if row["solver"] in ran or not is_peer(str(row["solver"]))}
+    ran = {row.solver for row in new.values()}
+    old = {key: row for key, row in old.items() if row.solver in ran or not is_peer(row.solver)}
     found = [f"{_label(key)} is stored, and is not run any more" for key in old if key not in new]
     found += [f"{_label(key)} is not stored" for key in new if key not in old]
     for key in old.keys() & new.keys():
@@ -75,22 +72,25 @@ def differences(stored: Path, fresh: Path) -> list[str]:
     return found
 
 
-def row_differences(old: Row, new: Row) -> Iterator[str]:
+def row_differences(old: RunRow, new: RunRow) -> Iterator[str]:
     """What two rows of the same run differ in, as far as that is not the machine's doing."""
-    if old["status"] in MACHINE or new["status"] in MACHINE:
+    if old.status in MACHINE or new.status in MACHINE:
         return
-    if old["verdict"] != "right" or new["verdict"] != "right":
+    if old.verdict != "right" or new.verdict != "right":
         # Once a run has gone wrong, the last bit decides where it goes.
-        if old["verdict"] != new["verdict"] or old["status"] != new["status"]:
-            yield f"was {old['status']} ({old['verdict']}), is {new['status']} ({new['verdict']})"
+        if old.verdict != new.verdict or old.status != new.status:
+            yield f"was {old.status} ({old.verdict}), is {new.status} ({new.verdict})"
         return
-    for column in EQUAL:
-        if old[column] != new[column]:
-            yield f"{column} was {old[column]}, is {new[column]}"
-    for column in ERRORS:
-        before, after = number(old, column), number(new, column)
+    for column, was, is_now in zip(EQUAL, old.values(EQUAL), new.values(EQUAL), strict=True):
+        if was != is_now:
+            yield f"{column} was {was}, is {is_now}"
+    for column, was, is_now in (
+        ("max_time_error_s", old.max_time_error_s, new.max_time_error_s),
+        ("max_stick_error_s", old.max_stick_error_s, new.max_stick_error_s),
+    ):
+        before, after = number(was), number(is_now)
         if math.isnan(before) != math.isnan(after):
-            yield f"{column} was {old[column]}, is {new[column]}"
+            yield f"{column} was {was}, is {is_now}"
         elif max(before, after) > max(ROUNDING * floor(old), FACTOR * min(before, after)):
             yield f"{column} was {before:.2e}, is {after:.2e}"
 
@@ -125,12 +125,12 @@ def _sections(text: str) -> dict[str, str]:
     return found
 
 
-def _by_run(path: Path) -> dict[tuple[object, ...], Row]:
-    return {(row["reading"], row["solver"], row["rtol"], row["step_s"]): row for row in read_rows(path)}
+def _by_run(path: Path) -> dict[Key, RunRow]:
+    return {row.key: row for row in read_rows(RunRow, path)}
 
 
-def _label(key: tuple[object, ...]) -> str:
-    reading, solver, rtol, step = key
+def _label(key: Key) -> str:
+    _, reading, solver, rtol, step = key
     return f"{reading}, {solver} at {setting(rtol, step)}"
 
 

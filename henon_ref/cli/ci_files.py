@@ -8,13 +8,12 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
-from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.errors import CaseError
 from henon_ref.report.files.write import RUNS
+from henon_ref.rows import RUN_COLUMNS, RunRow
 from henon_ref.score.known import KnownFailure
-from henon_ref.score.regression import KEY
 from henon_ref.text import did_you_mean, from_cell, listed, shortened
 from henon_ref.trajectory import Status
 
@@ -23,7 +22,7 @@ STATUSES: tuple[str, ...] = get_args(Status)
 NUMBERS = ("rtol", "step_s", "max_time_error_s", "time_unit_s", "end_time_s", "reference_radius_s")
 KNOWN_COLUMNS = ("case", "reading", "solver", "rtol", "step_s", "status", "reason")
 """Columns of a file of expected failures; others of a ``runs.csv`` may stand there, too, and say nothing."""
-BASELINE_COLUMNS = (*KEY, "status", "max_time_error_s")
+BASELINE_COLUMNS = ("case", "reading", "solver", "rtol", "step_s", "status", "max_time_error_s")
 """Columns that earlier rows must have."""
 _FIELD = re.compile(r'(?:^|,)("(?:[^"]|"")*"|[^,"]*)(?=,|$)')
 
@@ -42,7 +41,7 @@ class Field:
         return CaseError(message, file=self.file, line=self.line, column=self.column)
 
 
-def read_baseline(path: Path) -> list[Row]:
+def read_baseline(path: Path) -> list[RunRow]:
     """Earlier rows: of a ``runs.csv``, or of all reports in a folder.
 
     Raises
@@ -58,13 +57,15 @@ def read_baseline(path: Path) -> list[Row]:
     return [row for file in files for row in _earlier(file)]
 
 
-def _earlier(path: Path) -> Iterator[Row]:
+def _earlier(path: Path) -> Iterator[RunRow]:
     for fields in _table(path, required=BASELINE_COLUMNS, allowed=None):
-        row: Row = {name: _number(field) if name in NUMBERS else field.text or None for name, field in fields.items()}
-        if row["status"] is None:
+        if not fields["status"].text:
             raise fields["status"].error(f"a row has a status: {listed(STATUSES)}")
         _check_status(fields["status"])
-        yield row
+        texts = ("case", "reading", "solver", "status", "status_reason", "verdict")
+        own: dict[str, Any] = {name: fields[name].text or None for name in texts if name in fields}
+        own |= {name: _number(fields[name]) for name in NUMBERS if name in fields}
+        yield RunRow(**own)
 
 
 def read_known(path: Path) -> list[KnownFailure]:

@@ -11,13 +11,13 @@ from henon_ref.campaign.comparison import Comparison
 from henon_ref.cli.ci_files import read_baseline, read_known
 from henon_ref.cli.exit_status import say
 from henon_ref.cli.request import Request
-from henon_ref.columns import Row
 from henon_ref.report.files.junit import check_junit, write_junit
 from henon_ref.report.text.formats import count
 from henon_ref.report.text.step_summary import step_summary
-from henon_ref.score.gate import status_text, unmet_bounds
+from henon_ref.rows import Key, RunRow
+from henon_ref.score.gate import unmet_bounds
 from henon_ref.score.known import KnownFailure, fails, found
-from henon_ref.score.regression import Key, Regression, held_against, key_of, names, run_name
+from henon_ref.score.regression import Regression, held_against, names
 from henon_ref.score.row_result import RowResult, row_result
 from henon_ref.text import listed
 
@@ -35,7 +35,7 @@ class CiOutputs:
     ----------
     junit, summary : Path, optional
         Files to write, and to append to.
-    earlier : list of Row, optional
+    earlier : list of RunRow, optional
         Rows to hold those of now against.
     known : sequence of KnownFailure
     gated : bool
@@ -44,16 +44,16 @@ class CiOutputs:
 
     junit: Path | None = None
     summary: Path | None = None
-    earlier: list[Row] | None = None
+    earlier: list[RunRow] | None = None
     known: Sequence[KnownFailure] = ()
     gated: bool = False
-    rows: list[Row] = field(default_factory=list)
+    rows: list[RunRow] = field(default_factory=list)
     complaints: dict[Key, list[str]] = field(default_factory=dict)
     """What is wrong with a row besides its status: bounds that are not met, what is worse than it was."""
     failing: set[Key] = field(default_factory=set)
     """Rows with a complaint, or a bound that is not met where that decides nothing."""
 
-    def is_known(self, row: Row) -> bool:
+    def is_known(self, row: RunRow) -> bool:
         """Whether a failure of this row is expected."""
         return any(entry.covers(row) for entry in self.known)
 
@@ -64,9 +64,9 @@ class CiOutputs:
         for result in comparison.readings:
             own = [record.run for record in comparison.of_reading(result.reading.name)]
             for row, words in unmet_bounds(result.reading, own):
-                self.failing.add(key_of(row))
+                self.failing.add(row.key)
                 if self.gated:
-                    self.complaints.setdefault(key_of(row), []).append(f"gate: {words}")
+                    self.complaints.setdefault(row.key, []).append(f"gate: {words}")
                 if not self.is_known(row):
                     sentences.append(f"{comparison.case.name}: {words}")
         return sentences
@@ -76,14 +76,12 @@ class CiOutputs:
         if self.earlier is None:
             return []
         regression = held_against(self.rows, self.earlier)
-        by_key = {key_of(row): row for row in self.rows}
+        by_key = {row.key: row for row in self.rows}
         for key, words in regression.worse.items():
             self.failing.add(key)
             self.complaints.setdefault(key, []).append(f"worse than the baseline: {words}")
         sentences = [
-            f"{run_name(by_key[key])}: {words}"
-            for key, words in regression.worse.items()
-            if not self.is_known(by_key[key])
+            f"{by_key[key].name}: {words}" for key, words in regression.worse.items() if not self.is_known(by_key[key])
         ]
         for line in _compared(regression, self.rows, worse=len(sentences)):
             say(line)
@@ -107,18 +105,18 @@ class CiOutputs:
         if self.junit is not None:
             write_junit(self.junit, results)
 
-    def _result(self, row: Row) -> RowResult:
-        return row_result(row, self.complaints.get(key_of(row), ()), known=self.is_known(row))
+    def _result(self, row: RunRow) -> RowResult:
+        return row_result(row, self.complaints.get(row.key, ()), known=self.is_known(row))
 
     def _known_lines(self) -> list[str]:
         """What became of each failure that was expected, a line each."""
         lines, nowhere = [], []
-        for state in found(self.known, self.rows, lambda row: fails(row) or key_of(row) in self.failing):
+        for state in found(self.known, self.rows, lambda row: fails(row) or row.key in self.failing):
             where = f"known: {state.entry.place}: "
             if state.mended:
                 lines.append(f"{where}mended: nothing of it fails any more; take the line out")
             elif state.failing:
-                shown = [f"{run_name(row)}: {status_text(row)}" for row in state.failing]
+                shown = [f"{row.name}: {row.status_text}" for row in state.failing]
                 why = f" ({state.entry.reason})" if state.entry.reason else ""
                 lines.append(f"{where}fails as expected{why}: {listed(shown, MOST_NAMED)}")
             elif not state.named:
@@ -153,7 +151,7 @@ def _append(path: Path, text: str) -> None:
         say(f"the step's summary cannot be written: {path}: {error.strerror or error}")
 
 
-def _compared(regression: Regression, rows: Sequence[Row], *, worse: int) -> list[str]:
+def _compared(regression: Regression, rows: Sequence[RunRow], *, worse: int) -> list[str]:
     """How many rows were held against the baseline, and which could not be."""
     new = len(rows) - regression.compared
     beside = f", {count(new, 'row')} of now not in it" if new else ""
@@ -164,12 +162,12 @@ def _compared(regression: Regression, rows: Sequence[Row], *, worse: int) -> lis
     return lines
 
 
-def _names_of_missing(missing: Sequence[Key], rows: Sequence[Row]) -> str:
+def _names_of_missing(missing: Sequence[Key], rows: Sequence[RunRow]) -> str:
     """Earlier rows by the case or the solver that did not run at all, the others one by one."""
-    cases, solvers = ({str(row[column]) for row in rows} for column in ("case", "solver"))
+    cases, solvers = {row.case for row in rows}, {row.solver for row in rows}
     by: dict[str, list[str]] = {"case": [], "solver": [], "row": []}
     for key in missing:
-        case, _, solver, *_ = map(str, key)
+        case, _, solver, *_ = key
         if case not in cases:
             by["case"].append(case)
         elif solver not in solvers:

@@ -9,8 +9,8 @@ from typing import Any
 
 from henon_ref.cli.end_table import EndTable, Failing
 from henon_ref.cli.text_table import print_table
-from henon_ref.columns import Row
 from henon_ref.report.text.formats import count, digits, duration, significant
+from henon_ref.rows import RunRow
 from henon_ref.text import listed, message
 
 HEADINGS = ("solver", "right of judged", "digits", "time", "times as long")
@@ -24,9 +24,9 @@ NOTE = (
 )
 
 
-def case_line(name: str, rows: Sequence[Row], report: Path) -> str:
+def case_line(name: str, rows: Sequence[RunRow], report: Path) -> str:
     """What is said of a finished case."""
-    right = sum(row["verdict"] == "right" for row in rows)
+    right = sum(row.verdict == "right" for row in rows)
     return message(f"{name}: {count(len(rows), 'row')}, {right} right: {report}")
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from henon_ref.columns import Row
 from henon_ref.report.text.formats import setting
+from henon_ref.rows import RunRow
 from henon_ref.score.gate import demand
 from henon_ref.score.standing import SolverLine, standings, tightest
 
@@ -30,9 +30,9 @@ class Failing:
 class EndTable:
     """Collects the rows of finished cases; of each reading and solver the one at the tightest setting."""
 
-    rows: list[Row] = field(default_factory=list)
+    rows: list[RunRow] = field(default_factory=list)
 
-    def add(self, rows: Sequence[Row]) -> None:
+    def add(self, rows: Sequence[RunRow]) -> None:
         """Take the rows of a finished case."""
         self.rows += tightest(rows)
 
@@ -44,9 +44,9 @@ class EndTable:
         """What is wrong by a solver's own fault, and what has no answer, the same ones of a solver together."""
         found: dict[tuple[str, str, str], list[str]] = {}
         for row in self.rows:
-            solver, status, reason = str(row["solver"]), str(row["status"]), str(row["status_reason"] or "")
-            if demand(solver, [row]).failures or row["verdict"] in NOT_JUDGED:
-                where = f"{row['case']} {row['reading']} at {setting(row['rtol'], row['step_s'])}"
+            solver, status, reason = row.solver, row.status, row.status_reason or ""
+            if demand(solver, [row]).failures or row.verdict in NOT_JUDGED:
+                where = f"{row.case} {row.reading} at {setting(row.rtol, row.step_s)}"
                 found.setdefault((solver, status, reason), []).append(where)
         return [Failing(*key, tuple(where)) for key, where in found.items()]
 

@@ -77,8 +77,8 @@ class Shown(Silent, AbstractContextManager["Shown"]):
     def row(self, finished: Record) -> None:
         """A row is finished."""
         run = finished.run
-        label = Setting(rtol=run["rtol"], step=run["step_s"]).label  # type: ignore[arg-type]  # numbers, as a row's are
-        self._at_work.pop(message(f"{run['case']} {run['reading']} {run['solver']} {label}"), None)
+        label = Setting(rtol=run.rtol, step=run.step_s).label
+        self._at_work.pop(message(f"{run.case} {run.reading} {run.solver} {label}"), None)
         self._step()
 
     def tick(self) -> None:

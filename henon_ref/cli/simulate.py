@@ -45,10 +45,10 @@ def main(
         dense_output=False,
     )
     if csv:
-        from henon_ref.report.files.csv_files import csv_text
+        from henon_ref.rows import csv_text
 
         table = run.transitions
-        print(csv_text(list(table.columns), table.to_dict("records")), end="")
+        print(csv_text(list(table.columns), table.itertuples(index=False)), end="")
     elif len(run.transitions):
         print(run.transitions.to_string(index=False, float_format=lambda value: f"{value:.12g}"))
     if not (csv and run.success):

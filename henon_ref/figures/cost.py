@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from henon_ref.columns import Row
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
 from henon_ref.figures.labels import label_column
+from henon_ref.rows import RunRow, number
 from henon_ref.score.reference import HALF_ULP, Expected
 from henon_ref.text import one_line
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 TITLE = "Accuracy against time"
 
 
-def draw_cost(rows: Sequence[Row], expected: Expected, *, of: str = "") -> Figure | None:
+def draw_cost(rows: Sequence[RunRow], expected: Expected, *, of: str = "") -> Figure | None:
     """Work-precision diagram: median wall time of a run over the worst error of a transition.
 
     ``of`` is what the title names: a reading, where it is one of several.
@@ -30,10 +30,10 @@ def draw_cost(rows: Sequence[Row], expected: Expected, *, of: str = "") -> Figur
     Filled markers are runs that are right, hollow ones those that are not, whatever is wrong with them.
     """
     floor = max(expected.radius, HALF_ULP * expected.time_unit)
-    ladders: dict[str, list[Row]] = {}
+    ladders: dict[str, list[RunRow]] = {}
     for row in rows:
-        if _number(row["wall_s"]) and row["max_time_error_s"] is not None:
-            ladders.setdefault(str(row["solver"]), []).append(row)
+        if row.wall_s and row.max_time_error_s is not None:
+            ladders.setdefault(row.solver, []).append(row)
     if sum(len(ladder) for ladder in ladders.values()) < 2:  # a single point compares with nothing
         return None
     lines = style.lines_of(ladders)
@@ -57,28 +57,28 @@ def draw_cost(rows: Sequence[Row], expected: Expected, *, of: str = "") -> Figur
         return figure
 
 
-def _draw_ladder(axes: Axes, line: style.Line, ladder: Sequence[Row], floor: float) -> None:
-    x = np.array([_value(row["wall_s"]) for row in ladder])
+def _draw_ladder(axes: Axes, line: style.Line, ladder: Sequence[RunRow], floor: float) -> None:
+    x = np.array([number(row.wall_s) for row in ladder])
     y = np.array([_error(row, floor) for row in ladder])
-    right = np.array([row["verdict"] == "right" for row in ladder])
+    right = np.array([row.verdict == "right" for row in ladder])
     axes.plot(x[right], y[right], ls=line.dashes, color=line.colour, lw=line.width, zorder=2)
-    low, high = ([_value(row[column]) for row in ladder] for column in ("wall_s_low", "wall_s_high"))
+    low, high = [number(row.wall_s_low) for row in ladder], [number(row.wall_s_high) for row in ladder]
     axes.hlines(y, low, high, line.colour, lw=0.8)
     for chosen, face in ((right, line.colour), (~right, "white")):
         axes.plot(x[chosen], y[chosen], line.marker, mfc=face, mec=line.colour, mew=1.0, zorder=3)
 
 
-def _draw_legend(axes: Axes, rows: Sequence[Row]) -> None:
+def _draw_legend(axes: Axes, rows: Sequence[RunRow]) -> None:
     """What markers and bars mean; only those that are drawn."""
     from matplotlib.lines import Line2D
 
     marker: dict[str, Any] = {"color": style.GREY, "marker": "o", "ls": "none"}
     handles = []
-    if any(row["verdict"] != "right" for row in rows):
+    if any(row.verdict != "right" for row in rows):
         handles.append(Line2D([], [], **marker, label="right"))
         words = "not right (transitions missed or spurious, or cut short)"
         handles.append(Line2D([], [], **marker, mfc="white", label=words))
-    if any(_value(row["wall_s_high"]) > _value(row["wall_s_low"]) for row in rows):
+    if any(number(row.wall_s_high) > number(row.wall_s_low) for row in rows):
         handles.append(Line2D([], [], color=style.GREY, lw=0.8, label="95 % interval of the median"))
     if not handles:
         return
@@ -88,10 +88,10 @@ def _draw_legend(axes: Axes, rows: Sequence[Row]) -> None:
     )  # fmt: skip
 
 
-def _set_limits(axes: Axes, ladders: Mapping[str, Sequence[Row]], floor: float) -> None:
+def _set_limits(axes: Axes, ladders: Mapping[str, Sequence[RunRow]], floor: float) -> None:
     """Room on all sides, and at least two decades of time, so that two of them are labelled."""
     rows = [row for ladder in ladders.values() for row in ladder]
-    x = np.array([_value(row["wall_s"]) for row in rows])
+    x = np.array([number(row.wall_s) for row in rows])
     y = np.array([_error(row, floor) for row in rows])
     left, right = x.min() / 2.0, x.max() * 2.0
     if math.floor(math.log10(right)) - math.ceil(math.log10(left)) < 1:
@@ -100,12 +100,12 @@ def _set_limits(axes: Axes, ladders: Mapping[str, Sequence[Row]], floor: float) 
     axes.set_ylim(10 ** np.floor(np.log10(y.min()) - 0.2), 10 ** np.ceil(np.log10(y.max()) + 0.2))
 
 
-def _tip(ladder: Sequence[Row], floor: float) -> tuple[float, float]:
+def _tip(ladder: Sequence[RunRow], floor: float) -> tuple[float, float]:
     """Wall time and error [s] of the most accurate run of a ladder."""
-    return min(((_value(row["wall_s"]), _error(row, floor)) for row in ladder), key=lambda point: point[1])
+    return min(((number(row.wall_s), _error(row, floor)) for row in ladder), key=lambda point: point[1])
 
 
-def _description(ladders: Mapping[str, Sequence[Row]], floor: float) -> str:
+def _description(ladders: Mapping[str, Sequence[RunRow]], floor: float) -> str:
     tips = {solver: _tip(ladder, floor) for solver, ladder in ladders.items()}
     ordered = sorted(tips, key=lambda solver: tips[solver][0])
     points = [f"{solver} {tips[solver][1]:.1e} s in {style.time_text(tips[solver][0])}" for solver in ordered]
@@ -115,14 +115,6 @@ def _description(ladders: Mapping[str, Sequence[Row]], floor: float) -> str:
     )
 
 
-def _error(row: Row, floor: float) -> float:
+def _error(row: RunRow, floor: float) -> float:
     """A row's error [s], not below what can be claimed."""
-    return max(_value(row["max_time_error_s"]), floor)
-
-
-def _number(value: object) -> bool:
-    return isinstance(value, float | int) and value > 0
-
-
-def _value(value: object) -> float:
-    return float(value) if isinstance(value, float | int) else float("nan")
+    return max(number(row.max_time_error_s), floor)

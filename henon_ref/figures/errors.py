@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.columns import Row
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
 from henon_ref.figures.labels import label_ends
+from henon_ref.rows import RunRow, TransitionRow
 from henon_ref.score.reference import Expected
 
 if TYPE_CHECKING:
@@ -35,12 +35,12 @@ class ScoredRun(Protocol):
     """A run's rows."""
 
     @property
-    def run(self) -> Row:
+    def run(self) -> RunRow:
         """Its row of ``runs.csv``."""
         ...
 
     @property
-    def transitions(self) -> Sequence[Row]:
+    def transitions(self) -> Sequence[TransitionRow]:
         """Its rows of ``transitions.csv``."""
         ...
 
@@ -50,10 +50,10 @@ def tightest(records: Sequence[ScoredRun]) -> list[ScoredRun]:
 
     A run that the time limit stopped is left out: how far it came is the machine's doing.
     """
-    best: dict[object, ScoredRun] = {}
+    best: dict[str, ScoredRun] = {}
     for record in records:
-        if record.run["matched"] and record.run["status"] != "timeout":
-            best[record.run["solver"]] = record
+        if record.run.matched and record.run.status != "timeout":
+            best[record.run.solver] = record
     return list(best.values())
 
 
@@ -62,7 +62,7 @@ def draw_errors(records: Sequence[ScoredRun], expected: Expected) -> Figure | No
     chosen = tightest(records)
     if not chosen or len(expected.transitions) == 0:
         return None
-    curves = {str(record.run["solver"]): running_maximum(record) for record in chosen}
+    curves = {record.run.solver: running_maximum(record) for record in chosen}
     lines = style.lines_of(curves)
     with style.figure(4.5) as figure:
         axes = figure.add_axes((0.095, 0.165, 0.575, 0.745))
@@ -77,7 +77,7 @@ def draw_errors(records: Sequence[ScoredRun], expected: Expected) -> Figure | No
         notes = _notes(curves.values(), expected, lowest, last)
         figure.text(0.02, 0.015, notes, va="bottom", fontsize=7.0, color=style.GREY)
         style.decades(axes.yaxis)
-        names = [str(record.run["solver"]) for record in chosen]
+        names = [record.run.solver for record in chosen]
         ends = [
             (_label(record), max(_last(curves[name]), lowest), lines[name])
             for name, record in zip(names, chosen, strict=True)
@@ -93,11 +93,9 @@ def draw_errors(records: Sequence[ScoredRun], expected: Expected) -> Figure | No
 def running_maximum(record: ScoredRun) -> Curve:
     """Times of a run's matched transitions [s], and the largest absolute error [s] up to each; touches left out."""
     pairs = [
-        (time, abs(error))
+        (row.reference_time_s, abs(row.time_error_s))
         for row in record.transitions
-        if isinstance(time := row["reference_time_s"], float)
-        and isinstance(error := row["time_error_s"], float)
-        and row["kind"] != "graze"
+        if row.reference_time_s is not None and row.time_error_s is not None and row.kind != "graze"
     ]
     times, errors = np.array(pairs, dtype=float).reshape(-1, 2).T
     return times, np.maximum.accumulate(errors)
@@ -147,11 +145,11 @@ def _draw(
 
 def _label(record: ScoredRun) -> str:
     """Solver, setting, and what is wrong with a run that is not right."""
-    rtol, step = record.run["rtol"], record.run["step_s"]
+    rtol, step = record.run.rtol, record.run.step_s
     setting = f"{rtol:.0e}".replace("e-0", "e-") if rtol is not None else f"h={step:g} s"
-    verdict, status = record.run["verdict"], record.run["status"]
+    verdict, status = record.run.verdict, record.run.status
     wrong = "" if verdict == "right" else f" ({verdict if status == 'ok' else status})"
-    return f"{record.run['solver']} {setting}{wrong}"
+    return f"{record.run.solver} {setting}{wrong}"
 
 
 def _description(
@@ -159,7 +157,7 @@ def _description(
     curves: Mapping[str, Curve],
     expected: Expected,
 ) -> str:
-    ends = {_label(record): _last(curves[str(record.run["solver"])]) for record in records}
+    ends = {_label(record): _last(curves[record.run.solver]) for record in records}
     ordered = sorted(ends, key=lambda label: ends[label])
     words = [f"{label} {ends[label]:.1e} s" if ends[label] else f"{label} none" for label in ordered]
     return (

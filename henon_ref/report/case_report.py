@@ -8,8 +8,6 @@ import tempfile
 from pathlib import Path
 
 from henon_ref.campaign.comparison import Comparison
-from henon_ref.columns import RUN_COLUMNS, STICK_COLUMNS
-from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.figure_jobs import READINGS
 from henon_ref.report.files.folder_lock import locked_for_a_moment
 from henon_ref.report.files.manifest import Provenance, manifest_text, samples_text
@@ -27,15 +25,16 @@ from henon_ref.report.files.write import (
 from henon_ref.report.html.case_file import CASE_FILE, case_text
 from henon_ref.report.text.markdown import report_text
 from henon_ref.report.text.overview import is_drawn, judged
+from henon_ref.rows import RunRow, StickRow, TransitionRow, rows_text
 
 
 def report_files(comparison: Comparison, origin: Provenance) -> dict[str, bytes]:
     """Every file of one case's report, by name."""
     files: dict[str, bytes] = {
         REPORT: report_text(comparison, origin).encode(),
-        RUNS: csv_text(RUN_COLUMNS, comparison.run_rows).encode(),
-        TRANSITIONS: csv_text(comparison.transition_columns, comparison.transition_rows).encode(),
-        STICKS: csv_text(STICK_COLUMNS, comparison.stick_rows).encode(),
+        RUNS: rows_text(RunRow, comparison.run_rows).encode(),
+        TRANSITIONS: rows_text(TransitionRow, comparison.transition_rows, comparison.states).encode(),
+        STICKS: rows_text(StickRow, comparison.stick_rows).encode(),
         SAMPLES: samples_text(comparison).encode(),
         CASE_FILE: case_text(comparison).encode(),
     }

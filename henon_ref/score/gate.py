@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from henon_ref.casefile.case import Gate, Reading
-from henon_ref.columns import REPEATED, Row
+from henon_ref.rows import RunRow
 
 
 class LeftOut(NamedTuple):
@@ -42,11 +42,11 @@ class Tally:
         )
 
 
-def gate_tally(readings: Iterable[Reading], rows: Sequence[Row]) -> Tally:
+def gate_tally(readings: Iterable[Reading], rows: Sequence[RunRow]) -> Tally:
     """The bounds of some readings' gates; one is checked where its solver ran that reading at its tolerance."""
     found = Tally()
     for reading in readings:
-        own = [row for row in rows if row["reading"] == reading.name]
+        own = [row for row in rows if row.reading == reading.name]
         for solver, gate in reading.gate.items():
             bounds = 1 + sum(bound is not None for bound in (gate.max_time_error, gate.max_stick_error))
             row, left_out = _row(solver, gate, reading, own)
@@ -54,77 +54,59 @@ def gate_tally(readings: Iterable[Reading], rows: Sequence[Row]) -> Tally:
     return found
 
 
-def gate_failures(reading: Reading, rows: Sequence[Row]) -> list[str]:
+def gate_failures(reading: Reading, rows: Sequence[RunRow]) -> list[str]:
     """One sentence for every bound of a reading's gate that is not met; what did not run is left out.
 
     Parameters
     ----------
     reading : Reading
-    rows : sequence of Row
+    rows : sequence of RunRow
         The run rows of this reading.
     """
     return [words for _, words in unmet_bounds(reading, rows)]
 
 
-def unmet_bounds(reading: Reading, rows: Sequence[Row]) -> list[tuple[Row, str]]:
+def unmet_bounds(reading: Reading, rows: Sequence[RunRow]) -> list[tuple[RunRow, str]]:
     """The bounds of :func:`gate_failures`, each with the row that does not meet it."""
-    failures: list[tuple[Row, str]] = []
+    failures: list[tuple[RunRow, str]] = []
     for solver, gate in reading.gate.items():
         row, _ = _row(solver, gate, reading, rows)
         if row is not None:
-            where = f"{reading.name}: {solver}{setting_text(row)}"
+            where = f"{reading.name}: {row.label}"
             failures += [(row, f"{where}: {failure}") for failure in _broken(gate, row)]
     return failures
 
 
-def _row(solver: str, gate: Gate, reading: Reading, rows: Sequence[Row]) -> tuple[Row | None, LeftOut]:
+def _row(solver: str, gate: Gate, reading: Reading, rows: Sequence[RunRow]) -> tuple[RunRow | None, LeftOut]:
     """The row that a gate speaks of, and what is left out where there is none.
 
     It is the one at the gate's tolerance, or at the tightest of the case; of a solver that is driven by a step the one
     with the smallest.
     """
-    own = [row for row in rows if row["solver"] == solver]
+    own = [row for row in rows if row.solver == solver]
     if not own:
         return None, LeftOut(solver, None)
     rtol = min(reading.tolerances) if gate.at is None else gate.at
-    spoken_of = [row for row in own if row["rtol"] is None or row["rtol"] == rtol]
-    return min(spoken_of, key=_tightness, default=None), LeftOut(solver, rtol)
+    spoken_of = [row for row in own if row.rtol is None or row.rtol == rtol]
+    return min(spoken_of, key=lambda row: row.size, default=None), LeftOut(solver, rtol)
 
 
-def _tightness(row: Row) -> float:
-    value = row["rtol"] if row["rtol"] is not None else row["step_s"]
-    return float(value) if isinstance(value, int | float) else float("inf")
-
-
-def setting_text(row: Row) -> str:
-    """Tolerance or step of a row, in brackets, to stand behind its solver."""
-    if row["rtol"] is not None:
-        return f" (rtol {row['rtol']:g})"
-    return f" (step {row['step_s']:g} s)" if row["step_s"] is not None else ""
-
-
-def status_text(row: Row) -> str:
-    """Status of a row, and the reason where it has one."""
-    return f"{row['status']} ({row['status_reason']})" if row["status_reason"] else str(row["status"])
-
-
-def _broken(gate: Gate, row: Row) -> list[str]:
+def _broken(gate: Gate, row: RunRow) -> list[str]:
     failures: list[str] = []
-    until = row.get("undecided_after_s")
-    if until is not None and row["verdict"] == "not judged":
-        failures.append(f"decided until t = {until} s only: {row['verdict_basis']}")
-    if row["status"] != gate.status:
-        failures.append(f"status {status_text(row)}, wanted {gate.status}")
-    for name, column, bound in (
-        ("worst time error", "max_time_error_s", gate.max_time_error),
-        ("worst stick error", "max_stick_error_s", gate.max_stick_error),
+    until = row.undecided_after_s
+    if until is not None and row.verdict == "not judged":
+        failures.append(f"decided until t = {until} s only: {row.verdict_basis}")
+    if row.status != gate.status:
+        failures.append(f"status {row.status_text}, wanted {gate.status}")
+    for name, value, bound in (
+        ("worst time error", row.max_time_error_s, gate.max_time_error),
+        ("worst stick error", row.max_stick_error_s, gate.max_stick_error),
     ):
-        value = row[column]
         if bound is None:
             continue
-        if not isinstance(value, float) and row["reference_transitions"] == 0:
+        if value is None and row.reference_transitions == 0:
             failures.append(f"{name} <= {bound:g} s bounds nothing: the exact run has no transition")
-        elif not isinstance(value, float):
+        elif value is None:
             failures.append(f"{name} unknown, wanted <= {bound:g} s")
         elif value > bound:
             failures.append(f"{name} {value:.3g} s, wanted <= {bound:g} s")
@@ -153,28 +135,27 @@ class Demand:
         )
 
 
-def demand(solver: str, rows: Sequence[Row], known: Callable[[Row], bool] = lambda row: False) -> Demand:
+def demand(solver: str, rows: Sequence[RunRow], known: Callable[[RunRow], bool] = lambda row: False) -> Demand:
     """Whether a solver is right in every reading of a case, at its tightest setting.
 
     What it does not support, and what is ill-conditioned, not unique or out of time by its own word, is not judged;
     nor is a failure that is ``known`` (expected, see :mod:`henon_ref.score.known`).
     """
     found = Demand()
-    by_reading: dict[object, list[Row]] = {}
+    by_reading: dict[str, list[RunRow]] = {}
     for row in rows:
-        if row["solver"] == solver:
-            by_reading.setdefault(row["reading"], []).append(row)
-    for reading, own in by_reading.items():
-        row = min(own, key=_tightness)
-        failure = f"{row['case']}: {reading}: {solver}{setting_text(row)}: {status_text(row)}"
-        repeated = REPEATED in str(row["status_reason"])  # right once, and then a crash, or a deadline ignored
-        defect = repeated or row["verdict"] == "solver defect"
-        if (defect or row["status"] == "unavailable") and known(row):
+        if row.solver == solver:
+            by_reading.setdefault(row.reading, []).append(row)
+    for own in by_reading.values():
+        row = min(own, key=lambda row: row.size)
+        failure = f"{row.name}: {row.status_text}"
+        defect = row.repeated or row.verdict == "solver defect"  # right once, and then a crash, or a deadline ignored
+        if (defect or row.status == "unavailable") and known(row):
             found += Demand(known=1)
-        elif row["status"] == "unavailable":
+        elif row.status == "unavailable":
             found += Demand(failures=(failure,))
         elif defect:
             found += Demand(judged=1, failures=(failure,))
-        elif row["verdict"] == "right":
+        elif row.verdict == "right":
             found += Demand(right=1, judged=1)
     return found

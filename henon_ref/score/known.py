@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from henon_ref.columns import REPEATED, Row
+from henon_ref.rows import RunRow
 
 
 @dataclass(frozen=True)
@@ -26,20 +26,14 @@ class KnownFailure:
     place: str = ""
     """File and line."""
 
-    def names(self, row: Row) -> bool:
+    def names(self, row: RunRow) -> bool:
         """Whether it speaks of a row, whatever that row's status."""
-        own = {
-            "case": self.case,
-            "reading": self.reading,
-            "solver": self.solver,
-            "rtol": self.rtol,
-            "step_s": self.step_s,
-        }
-        return all(value is None or row[column] == value for column, value in own.items())
+        own = (self.case, self.reading, self.solver, self.rtol, self.step_s)
+        return all(wanted in (None, value) for wanted, value in zip(own, row.key, strict=True))
 
-    def covers(self, row: Row) -> bool:
+    def covers(self, row: RunRow) -> bool:
         """Whether a failure of this row is the one that is expected."""
-        return self.names(row) and self.status in (None, row["status"])
+        return self.names(row) and self.status in (None, row.status)
 
 
 @dataclass(frozen=True)
@@ -47,7 +41,7 @@ class Found:
     """What became of one that was expected."""
 
     entry: KnownFailure
-    failing: list[Row]
+    failing: list[RunRow]
     """Rows that fail as expected."""
     named: bool
     """There are rows of which it speaks."""
@@ -55,18 +49,18 @@ class Found:
     """There are, and none of them fails in any way."""
 
 
-def fails(row: Row) -> bool:
+def fails(row: RunRow) -> bool:
     """Whether a row is not right, or was right once and failed when it was repeated."""
-    return row["verdict"] != "right" or REPEATED in str(row["status_reason"])
+    return row.verdict != "right" or row.repeated
 
 
-def found(entries: Iterable[KnownFailure], rows: Iterable[Row], failing: Callable[[Row], bool]) -> list[Found]:
+def found(entries: Iterable[KnownFailure], rows: Iterable[RunRow], failing: Callable[[RunRow], bool]) -> list[Found]:
     """What became of failures that were expected.
 
     Parameters
     ----------
     entries : iterable of KnownFailure
-    rows : iterable of Row
+    rows : iterable of RunRow
         All that were run.
     failing : callable
         Whether something is wrong with a row.

@@ -6,13 +6,9 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from henon_ref.columns import Row
-from henon_ref.score.gate import setting_text, status_text
+from henon_ref.rows import Key, RunRow
 from henon_ref.score.reference import HALF_ULP
 
-Key = tuple[object, ...]
-"""Case, reading, solver, tolerance and step: what tells a row apart from all others."""
-KEY = ("case", "reading", "solver", "rtol", "step_s")
 LOST = 0.5
 """Digits that a row may lose."""
 _RANKS = {
@@ -36,32 +32,16 @@ class Regression:
     """Earlier rows that are not among those of now."""
 
 
-def key_of(row: Row) -> Key:
-    """What tells a row apart from all others."""
-    return tuple(row[column] for column in KEY)
-
-
-def run_name(row: Row) -> str:
-    """A row in a message.
-
-    Examples
-    --------
-    >>> run_name({"case": "fig8", "reading": "default", "solver": "henon", "rtol": 1e-9, "step_s": None})
-    'fig8: default: henon (rtol 1e-09)'
-    """
-    return f"{row['case']}: {row['reading']}: {row['solver']}{setting_text(row)}"
-
-
-def held_against(rows: Iterable[Row], earlier: Iterable[Row]) -> Regression:
+def held_against(rows: Iterable[RunRow], earlier: Iterable[RunRow]) -> Regression:
     """Hold rows against earlier ones of the same case, reading, solver, tolerance and step.
 
     Parameters
     ----------
-    rows, earlier : iterable of Row
-        Of earlier ones only the columns of the key, ``status`` and ``max_time_error_s`` are needed.
+    rows, earlier : iterable of RunRow
+        Of earlier ones only the key, ``status`` and ``max_time_error_s`` are needed.
     """
-    before = {key_of(row): row for row in earlier}
-    now = {key_of(row): row for row in rows}
+    before = {row.key: row for row in earlier}
+    now = {row.key: row for row in rows}
     both = [key for key in now if key in before]
     changes = {key: _change(before[key], now[key]) for key in both}
     return Regression(
@@ -71,53 +51,39 @@ def held_against(rows: Iterable[Row], earlier: Iterable[Row]) -> Regression:
     )
 
 
-def _change(before: Row, now: Row) -> str:
+def _change(before: RunRow, now: RunRow) -> str:
     """In what a row got worse; empty where it did not."""
     ranks = _rank(before), _rank(now)
     if ranks[1] > ranks[0]:
         return f"was {_state(before, ranks[0])}, is {_state(now, ranks[1])}"
     if ranks != (0, 0):  # once a run has gone wrong, the last bit decides where it goes
         return ""
-    errors = _error(before), _error(now)
-    if None in errors:
+    was, now_is = before.max_time_error_s, now.max_time_error_s
+    if was is None or now_is is None:
         return ""
     least = max(_floor(before), _floor(now))
-    digits = [-math.log10(max(error, least)) for error in errors if error is not None]
-    if digits[0] - digits[1] <= LOST:
+    fewer = math.log10(max(now_is, least) / max(was, least))
+    if fewer <= LOST:
         return ""
-    return (
-        f"worst time error was {errors[0]:.2g} s, is {errors[1]:.2g} s: {digits[0] - digits[1]:.2f} digits fewer, "
-        f"{LOST:g} are allowed"
-    )
+    return f"worst time error was {was:.2g} s, is {now_is:.2g} s: {fewer:.2f} digits fewer, {LOST:g} are allowed"
 
 
-def _rank(row: Row) -> int:
-    verdict = row.get("verdict")
-    if verdict == "right" or (verdict is None and row["status"] == "ok"):
+def _rank(row: RunRow) -> int:
+    if row.verdict == "right" or (row.verdict is None and row.status == "ok"):
         return 0
-    return _RANKS[str(row["status"])]
+    return _RANKS[row.status]
 
 
-def _state(row: Row, rank: int) -> str:
-    words = status_text({"status_reason": None, **row})
-    return words if rank or row["status"] == "ok" else f"{words} and {_RANK_NAMES[0]}"
+def _state(row: RunRow, rank: int) -> str:
+    return row.status_text if rank or row.status == "ok" else f"{row.status_text} and {_RANK_NAMES[0]}"
 
 
-def _number(row: Row, column: str) -> float | None:
-    value = row.get(column)
-    return float(value) if isinstance(value, float | int) and math.isfinite(value) else None
-
-
-def _error(row: Row) -> float | None:
-    return _number(row, "max_time_error_s")
-
-
-def _floor(row: Row) -> float:
+def _floor(row: RunRow) -> float:
     """The least error that is told apart from none [s]: the truth's radius, or half a unit in a time's last place."""
-    latest = max(abs(_number(row, "end_time_s") or 0.0), _number(row, "time_unit_s") or 1.0)
-    return max(_number(row, "reference_radius_s") or 0.0, HALF_ULP * latest)
+    latest = max(abs(row.end_time_s or 0.0), row.time_unit_s or 1.0)
+    return max(row.reference_radius_s or 0.0, HALF_ULP * latest)
 
 
 def names(keys: Sequence[Key]) -> list[str]:
     """Rows in a message, by their keys."""
-    return [run_name(dict(zip(KEY, key, strict=True))) for key in keys]
+    return [RunRow(case, reading, solver, rtol=rtol, step_s=step).name for case, reading, solver, rtol, step in keys]

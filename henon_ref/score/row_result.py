@@ -6,13 +6,10 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
-from henon_ref.columns import REPEATED, Row
-from henon_ref.score.gate import status_text
+from henon_ref.rows import NOT_RUN, RunRow
 
 Kind = Literal["passed", "failure", "error", "skipped", "known"]
 KINDS: tuple[Kind, ...] = ("passed", "failure", "error", "known", "skipped")
-NOT_RUN = ("unsupported", "unavailable")
-"""Statuses of rows whose solver did not run."""
 UNDECIDED = ("ill-conditioned", "not unique", "not judged", None)
 """Verdicts on rows that are not right by no fault of the solver."""
 
@@ -27,7 +24,7 @@ class RowResult:
     """Why it has not passed."""
 
 
-def row_result(row: Row, complaints: Collection[str] = (), *, known: bool = False) -> RowResult:
+def row_result(row: RunRow, complaints: Collection[str] = (), *, known: bool = False) -> RowResult:
     """What a row is to a test runner.
 
     A failure: it is not right and its solver is to blame, it ran out of time, or there are complaints. An error:
@@ -36,25 +33,25 @@ def row_result(row: Row, complaints: Collection[str] = (), *, known: bool = Fals
 
     Parameters
     ----------
-    row : Row
+    row : RunRow
     complaints : collection of str
         What else is wrong with it: a bound that is not met, digits lost since earlier.
     known : bool
         Whether a failure of it is expected.
     """
     kind: Kind
-    verdict = row["verdict"]
-    judged = f"; verdict: {verdict}" if verdict is not None and row["status"] not in NOT_RUN else ""
-    reasons = [*([] if verdict == "right" else [status_text(row) + judged]), *complaints]
-    if REPEATED in str(row["status_reason"]):
-        kind, reasons = "error", [status_text(row), *complaints]
-    elif row["status"] == "failed" and row["found_transitions"] is None:
+    verdict = row.verdict
+    judged = f"; verdict: {verdict}" if verdict is not None and row.status not in NOT_RUN else ""
+    reasons = [*([] if verdict == "right" else [row.status_text + judged]), *complaints]
+    if row.repeated:
+        kind, reasons = "error", [row.status_text, *complaints]
+    elif row.status == "failed" and row.found_transitions is None:
         kind = "error"
     elif complaints:
         kind = "failure"
     elif verdict == "right":
         kind = "passed"
-    elif row["status"] in NOT_RUN or (verdict in UNDECIDED and row["status"] != "timeout"):
+    elif row.status in NOT_RUN or (verdict in UNDECIDED and row.status != "timeout"):
         kind = "skipped"
     else:
         kind = "failure"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import geometric_mean, median
 
-from henon_ref.columns import Row
+from henon_ref.rows import RunRow
 from henon_ref.score.gate import Demand, demand
 
 RIGHT = "right"
@@ -30,58 +30,45 @@ class SolverLine:
     """As the fastest right solver's run of the same reading; the geometric mean over readings."""
 
 
-def standings(rows: Iterable[Row]) -> list[SolverLine]:
+def standings(rows: Iterable[RunRow]) -> list[SolverLine]:
     """A line a solver: those that are right most often first, among them the fastest.
 
     All numbers are of each reading's tightest setting.
     """
     last = tightest(rows)
-    fastest: dict[object, float] = {}
-    solvers: dict[str, list[Row]] = {}
+    fastest: dict[tuple[str, str], float] = {}
+    solvers: dict[str, list[RunRow]] = {}
     for row in last:
-        fastest[_reading(row)] = min(_time(row), fastest.get(_reading(row), math.inf))
-        solvers.setdefault(str(row["solver"]), []).append(row)
+        fastest[row.problem] = min(_time(row), fastest.get(row.problem, math.inf))
+        solvers.setdefault(row.solver, []).append(row)
     lines = [_line(solver, own, fastest) for solver, own in solvers.items()]
     return sorted(lines, key=lambda line: (-line.right, not line.judged, line.times_as_long or math.inf))
 
 
-def tightest(rows: Iterable[Row]) -> list[Row]:
+def tightest(rows: Iterable[RunRow]) -> list[RunRow]:
     """Of each reading and solver the row with the smallest tolerance or step."""
-    found: dict[tuple[object, object], Row] = {}
+    found: dict[tuple[tuple[str, str], str], RunRow] = {}
     for row in rows:
-        key = _reading(row), row["solver"]
-        if key not in found or _size(row) < _size(found[key]):
+        key = row.problem, row.solver
+        if key not in found or row.size < found[key].size:
             found[key] = row
     return list(found.values())
 
 
-def _line(solver: str, rows: Sequence[Row], fastest: dict[object, float]) -> SolverLine:
+def _line(solver: str, rows: Sequence[RunRow], fastest: Mapping[tuple[str, str], float]) -> SolverLine:
     total = sum((demand(solver, [row]) for row in rows), Demand())
-    good = [row for row in rows if row["verdict"] == RIGHT]
+    good = [row for row in rows if row.verdict == RIGHT]
     timed = [row for row in good if _time(row) < math.inf]
     return SolverLine(
         solver=solver,
         right=total.right,
         judged=total.judged,
-        digits=min((_number(row["digits"]) for row in good if row["digits"] is not None), default=None),
+        digits=min((row.digits for row in good if row.digits is not None), default=None),
         time_s=median(map(_time, timed)) if timed else None,
-        times_as_long=geometric_mean(_time(row) / fastest[_reading(row)] for row in timed) if timed else None,
+        times_as_long=geometric_mean(_time(row) / fastest[row.problem] for row in timed) if timed else None,
     )
 
 
-def _reading(row: Row) -> object:
-    return row["case"], row["reading"]
-
-
-def _size(row: Row) -> float:
-    return _number(row["step_s"] if row["rtol"] is None else row["rtol"])
-
-
-def _time(row: Row) -> float:
+def _time(row: RunRow) -> float:
     """Wall time of a right run [s]; infinite for any other."""
-    wall = _number(row["wall_s"])
-    return wall if row["verdict"] == RIGHT and wall > 0 else math.inf
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, float | int) else math.nan
+    return row.wall_s if row.verdict == RIGHT and row.wall_s else math.inf

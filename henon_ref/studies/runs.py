@@ -8,7 +8,7 @@ from henon_ref.campaign.comparison import Comparison, compare_all
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.campaign.rows import Record
 from henon_ref.casefile.case import Case
-from henon_ref.columns import Row
+from henon_ref.rows import RunRow
 
 
 def records_of(cases: Sequence[Case], options: Options, observer: Observer) -> dict[str, list[Record]]:
@@ -22,6 +22,6 @@ def records_of(cases: Sequence[Case], options: Options, observer: Observer) -> d
     return found
 
 
-def rows_of(cases: Sequence[Case], options: Options, observer: Observer) -> dict[str, list[Row]]:
+def rows_of(cases: Sequence[Case], options: Options, observer: Observer) -> dict[str, list[RunRow]]:
     """Run the cases; the rows of each one's runs (columns of ``runs.csv``) by its name, in the order of the cases."""
     return {name: [record.run for record in own] for name, own in records_of(cases, options, observer).items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -11,8 +12,8 @@ import pytest
 from baselines.causes import CAUSES, Cause, ClaimError
 from baselines.cvode_c.build import compiler
 from henon_ref.campaign.causes import NAMES, cause_of
-from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.registry import program_versions
+from henon_ref.rows import RunRow, TransitionRow
 from henon_ref.studies import causes as page
 
 MODULES = {"heyoka": "heyoka"} | dict.fromkeys(("cvode", "ida", "sundials", "sundae"), "sksundae")
@@ -35,16 +36,14 @@ def test_every_rule_names_a_cause() -> None:
     assert set(NAMES) <= set(CAUSES)
 
 
-def run_row(**values: object) -> Row:
-    row: Row = dict.fromkeys(RUN_COLUMNS)
-    row.update(solver="scipy-rk45", status="wrong", verdict="solver defect", missed=2, spurious=0, rtol=1e-6, atol=1e-6)
-    row.update(values)
-    return row
+def run_row(**values: object) -> RunRow:
+    names = {"case": "made_up", "reading": "default", "solver": "scipy-rk45", "rtol": 1e-6, "atol": 1e-6}
+    return RunRow(**names | {"status": "wrong", "verdict": "solver defect", "missed": 2, "spurious": 0} | values)
 
 
-def missed(source: str, target: str, **values: object) -> Row:
-    row: Row = {"outcome": "missed", "from_mode": source, "to_mode": target, "surface": "h", "kind": "crossing"}
-    return {"graze_distance": 1e-4, **row, **values}
+def missed(source: str, target: str, **values: object) -> TransitionRow:
+    own = {"from_mode": source, "to_mode": target, "surface": "h", "kind": "crossing", "outcome": "missed"}
+    return TransitionRow("made_up", "default", "", None, None, 0, **own | {"graze_distance": 1e-4} | values)
 
 
 PAIR = [missed("-", "+"), missed("+", "-")]
@@ -61,7 +60,7 @@ def test_pairs_of_two_surfaces_may_lie_in_one_step() -> None:
     modes = ("--", "+-", "++", "-+", "--")
     four = [missed(*own, surface=surface) for *own, surface in zip(modes, modes[1:], "huhu", strict=False)]
     assert cause_of(run_row(solver="diffsol-bdf", missed=4), four) == "diffsol-pair"
-    odd = [row | {"surface": surface} for row, surface in zip(four, "huuu", strict=True)]
+    odd = [replace(row, surface=surface) for row, surface in zip(four, "huuu", strict=True)]
     assert cause_of(run_row(solver="diffsol-bdf", missed=4), odd) is None
 
 
@@ -72,12 +71,12 @@ def test_what_follows_a_missed_pair_or_a_missed_impact_follows_from_it() -> None
     after = [missed("0", "-", outcome="spurious"), missed("0", "-", reference_time_s=4.0)]
     assert cause_of(run, [before, *pair, *after]) == "scipy-pair"
     impact = missed("+", "+", kind="reset", reference_time_s=1.5)
-    assert cause_of(run | {"solver": "octave-ode45"}, [impact, *after]) == "octave-pair"
+    assert cause_of(replace(run, solver="octave-ode45"), [impact, *after]) == "octave-pair"
     # Another thing is wrong first; the mode does not come back; a restart is near; the run broke off.
     assert cause_of(run, [after[0], *pair]) is None
     assert cause_of(run, [before, pair[0], *after]) is None
-    assert cause_of(run, [before | {"reference_time_s": 1.4}, *pair, *after]) is None
-    assert cause_of(run | {"status": "failed"}, [before, *pair, *after]) is None
+    assert cause_of(run, [replace(before, reference_time_s=1.4), *pair, *after]) is None
+    assert cause_of(replace(run, status="failed"), [before, *pair, *after]) is None
 
 
 def test_nothing_is_explained_that_is_not_certain() -> None:
@@ -137,9 +136,9 @@ def test_two_roots_around_another_surface_s_event_cancel_in_one_step() -> None:
     ]
     assert cause_of(run_row(solver="scipy-dop853", **run), pair) == "scipy-pair"
     assert cause_of(run_row(solver="heyoka", **run), pair) == "heyoka-double-root"
-    deep = [row | {"graze_distance": 1e-3} for row in pair]
+    deep = [replace(row, graze_distance=1e-3) for row in pair]
     assert cause_of(run_row(solver="heyoka", **run), deep) is None
-    far = [pair[0], pair[1], pair[2] | {"reference_time_s": 9.0}]
+    far = [pair[0], pair[1], replace(pair[2], reference_time_s=9.0)]
     assert cause_of(run_row(solver="scipy-dop853", **run), far) is None
 
 
@@ -156,7 +155,7 @@ def test_programs_in_other_languages_have_causes_of_their_own() -> None:
     root = missed("+", "-", reference_time_s=0.9990001)
     behind = run_row(solver="octave-ode45", **pole | {"expected_status": "ok", "end_time_s": 0.999, "missed": 1})
     assert cause_of(behind, [root]) == "octave-blow-up"  # a pole behind the surface
-    assert cause_of(behind, [root | {"reference_time_s": 1.01}]) is None
+    assert cause_of(behind, [replace(root, reference_time_s=1.01)]) is None
     past = ended | {"status": "wrong", "status_reason": "went on past t = 1, where the exact run is failed"}
     assert cause_of(run_row(solver="octave-ode45", **past), []) == "octave-nan"
 
@@ -164,14 +163,14 @@ def test_programs_in_other_languages_have_causes_of_their_own() -> None:
 def test_a_time_is_off_by_the_location_where_the_errors_of_all_steps_cannot_move_it_so_far() -> None:
     """500 steps of 1e-9 move a transition of conditioning 20 by 1e-5 at most."""
     wrong = run_row(solver="octave-ode45", missed=0, spurious=2, rtol=1e-9, atol=1e-9, steps=500)
-    off: Row = {"outcome": "matched", "time_error_s": 1.1e-5, "conditioning": 20.0, "reference_time_s": 3.0}
+    off = missed("+", "-", outcome="matched", time_error_s=1.1e-5, conditioning=20.0, reference_time_s=3.0)
     assert cause_of(wrong, [off]) == "octave-line"
-    assert cause_of(wrong, [off | {"time_error_s": 0.9e-5}]) is None
-    assert cause_of(wrong | {"steps": 600}, [off]) is None
-    assert cause_of(wrong | {"steps": None}, [off]) is None
-    held = off | {"conditioning": 0.0}  # nothing before it moves it
-    assert cause_of(wrong, [held | {"time_error_s": -1e-12}]) == "octave-line"
-    assert cause_of(wrong, [held | {"time_error_s": 1e-15}]) is None
+    assert cause_of(wrong, [replace(off, time_error_s=0.9e-5)]) is None
+    assert cause_of(replace(wrong, steps=600), [off]) is None
+    assert cause_of(replace(wrong, steps=None), [off]) is None
+    held = replace(off, conditioning=0.0)  # nothing before it moves it
+    assert cause_of(wrong, [replace(held, time_error_s=-1e-12)]) == "octave-line"
+    assert cause_of(wrong, [replace(held, time_error_s=1e-15)]) is None
 
 
 def test_ode45_takes_a_state_without_a_value_and_excuses_events_of_a_first_step() -> None:
@@ -181,9 +180,9 @@ def test_ode45_takes_a_state_without_a_value_and_excuses_events_of_a_first_step(
     row = run_row(solver="octave-ode45", missed=1, end_time_s=2.0)
     early, found = missed("0", "+", reference_time_s=1e-9), missed("+", "0", outcome="matched", reference_time_s=1.0)
     assert cause_of(row, [early]) == "octave-first-step"
-    assert cause_of(row, [early | {"reference_time_s": 1e-8}]) is None
-    assert cause_of(row, [found, early | {"reference_time_s": 1.0 + 1e-9}]) == "octave-first-step"
-    assert cause_of(row, [found, early | {"reference_time_s": 1.1}]) is None
+    assert cause_of(row, [replace(early, reference_time_s=1e-8)]) is None
+    assert cause_of(row, [found, replace(early, reference_time_s=1.0 + 1e-9)]) == "octave-first-step"
+    assert cause_of(row, [found, replace(early, reference_time_s=1.1)]) is None
 
 
 def test_a_root_that_no_second_one_follows_is_lost_with_one_that_a_slide_does_not_meet() -> None:
@@ -191,7 +190,7 @@ def test_a_root_that_no_second_one_follows_is_lost_with_one_that_a_slide_does_no
     lone = run_row(solver="cvode-c-adams", found_transitions=0, **past)
     assert cause_of(lone, [missed("+", "0", kind="stick")]) == "cvode-c-pair"
     assert cause_of(lone, [missed("+", "-")]) is None
-    assert cause_of(lone | {"found_transitions": 1}, [missed("+", "0", kind="stick")]) is None
+    assert cause_of(replace(lone, found_transitions=1), [missed("+", "0", kind="stick")]) is None
 
 
 def test_a_spurious_pair_on_the_surface_is_the_error_of_the_run() -> None:
@@ -199,8 +198,8 @@ def test_a_spurious_pair_on_the_surface_is_the_error_of_the_run() -> None:
     wrong = run_row(solver="cvode-c-bdf", missed=0, spurious=2, max_surface_drift=1e-20)
     assert cause_of(wrong, extra) == "cvode-c-error"
     assert cause_of(wrong, extra[:1]) is None
-    assert cause_of(wrong | {"max_surface_drift": 1e-3}, extra) is None
-    assert cause_of(wrong | {"missed": 1}, extra) is None
+    assert cause_of(replace(wrong, max_surface_drift=1e-3), extra) is None
+    assert cause_of(replace(wrong, missed=1), extra) is None
 
 
 def test_diffsol_ends_in_words_where_the_exact_run_ends_or_in_front_of_a_pole() -> None:
@@ -251,7 +250,7 @@ def test_time_stepping_goes_on_over_a_blow_up() -> None:
     row = run_row(solver="siconos", missed=0, spurious=1, step_s=1e-3, rtol=None, **past)
     assert cause_of(row, [missed("+", "-", outcome="spurious", time_s=0.995)]) == "siconos-no-solution"
     assert cause_of(row, [missed("+", "-", outcome="spurious", time_s=0.5)]) is None
-    assert cause_of(row | {"missed": 1}, [missed("+", "-", outcome="spurious", time_s=0.995)]) is None
+    assert cause_of(replace(row, missed=1), [missed("+", "-", outcome="spurious", time_s=0.995)]) is None
 
 
 def test_a_sign_that_is_lost_is_that_of_a_steep_surface() -> None:
@@ -272,7 +271,7 @@ def test_a_motion_that_steps_damp_runs_away_from_the_exact_one() -> None:
     more = missed("-", "+", outcome="spurious", time_s=5.0)
     assert cause_of(row, [*there, more]) == "siconos-damping"
     assert cause_of(row, [*there[1:], more]) is None
-    assert cause_of(row | {"missed": 1}, [*there, more]) is None
+    assert cause_of(replace(row, missed=1), [*there, more]) is None
 
 
 def test_time_stepping_has_no_value_in_the_step_in_which_the_model_ends() -> None:
@@ -292,15 +291,15 @@ def test_time_stepping_misses_all_that_lies_within_a_step() -> None:
     modes = ("-", "+", "-", "0")
     within = [missed(*own, reference_time_s=k * 1e-4) for k, own in enumerate(pairwise(modes))]
     assert cause_of(row, within) == "siconos-step"
-    assert cause_of(row, [*within[:2], within[2] | {"reference_time_s": 2e-3}]) is None
-    assert cause_of(row | {"spurious": 1}, within) is None
+    assert cause_of(row, [*within[:2], replace(within[2], reference_time_s=2e-3)]) is None
+    assert cause_of(replace(row, spurious=1), within) is None
 
 
 def test_time_stepping_finds_before_the_horizon_what_is_a_step_behind_it() -> None:
     row = run_row(solver="siconos", missed=0, spurious=1, step_s=1e-3, rtol=None, expected_status="ok", end_time_s=1.0)
     assert cause_of(row, [missed("+", "-", outcome="spurious", time_s=0.998)]) == "siconos-step"
     assert cause_of(row, [missed("+", "-", outcome="spurious", time_s=0.99)]) is None
-    assert cause_of(row | {"missed": 1}, [missed("+", "-", outcome="spurious", time_s=0.998)]) is None
+    assert cause_of(replace(row, missed=1), [missed("+", "-", outcome="spurious", time_s=0.998)]) is None
 
 
 def test_bisection_without_a_sign_change_is_a_zero_at_the_start() -> None:
@@ -322,7 +321,7 @@ def test_what_peers_do_is_explained_by_peers() -> None:
     assert cause_of(run_row(solver="nosnoc", **ended | {"spurious": 1}), []) is None
     slow = run_row(solver="nosnoc", status="timeout", verdict="not judged", missed=0)
     assert cause_of(slow, []) == "nosnoc-cost"
-    assert cause_of(slow | {"missed": None, "spurious": None}, []) == "nosnoc-cost"  # stopped from outside
+    assert cause_of(replace(slow, missed=None, spurious=None), []) == "nosnoc-cost"  # stopped from outside
 
 
 def test_switches_at_one_node_are_those_of_two_surfaces_where_one_is_missed() -> None:
@@ -330,10 +329,10 @@ def test_switches_at_one_node_are_those_of_two_surfaces_where_one_is_missed() ->
     first, second = (missed("-", "0", reference_time_s=time) for time in (1.0, 1.0 + 1e-9))
     both = [missed("-", "0", outcome="spurious", time_s=1.0 + 1e-10, surface=surface) for surface in "hu"]
     assert cause_of(row, [first, *both, second]) == "nosnoc-node"
-    assert cause_of(row, [first, both[0], both[1] | {"time_s": 1.1}, second]) is None
+    assert cause_of(row, [first, both[0], replace(both[1], time_s=1.1), second]) is None
     assert cause_of(row, [first, both[0], both[0], second]) is None
-    assert cause_of(row, [first | {"reference_time_s": 0.9}, *both, second]) is None
-    assert cause_of(row | {"solver": "cvode-c-bdf"}, [first, *both, second]) is None
+    assert cause_of(row, [replace(first, reference_time_s=0.9), *both, second]) is None
+    assert cause_of(replace(row, solver="cvode-c-bdf"), [first, *both, second]) is None
 
 
 def test_the_page_says_so_where_a_claim_does_not_hold(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:

@@ -18,8 +18,8 @@ from henon_ref.campaign.options import Options
 from henon_ref.campaign.run_jobs import TimeJob
 from henon_ref.campaign.truth_job import Statement
 from henon_ref.campaign.worker import Job
-from henon_ref.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.errors import CaseError, HenonRefError
+from henon_ref.rows import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS, RunRow
 from henon_ref.score.gate import Demand, demand, gate_failures
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
@@ -110,14 +110,14 @@ def test_a_run_with_too_many_transitions_to_score_is_a_failed_row_that_says_so(m
     monkeypatch.setattr(run_jobs, "MOST_FOLD", 0)
     monkeypatch.setattr(run_jobs, "MOST_SPARE", 4)
     row = run(Fake(), tolerances=[1e-6]).records[0].run
-    assert (row["status"], row["verdict"]) == ("failed", "solver defect")
-    assert row["status_reason"].startswith("the solver returned more than 4 transitions")
+    assert (row.status, row.verdict) == ("failed", "solver defect")
+    assert row.status_reason.startswith("the solver returned more than 4 transitions")
 
 
 def test_missing_values_are_missing_and_never_nought():
     result = run(Fake("bad", "raises"))
     empty = ["found_transitions", "matched", "missed", "max_time_error_s", "wall_s", "stick_count", "steps", "digits"]
-    assert all(record.run[column] is None for record in result.records for column in empty)
+    assert all(set(record.run.values(empty)) == {None} for record in result.records)
 
 
 def test_a_run_that_hangs_is_a_timeout_and_is_not_tried_at_tighter_tolerances():
@@ -252,7 +252,7 @@ def test_the_gate_names_what_is_not_met():
 
 
 def test_a_bound_that_bounds_nothing_is_not_met():
-    row = dict.fromkeys(RUN_COLUMNS) | {"solver": "henon", "rtol": 1e-6, "status": "ok", "reference_transitions": 0}
+    row = RunRow("made_up", "default", "henon", rtol=1e-6, status="ok", reference_transitions=0)
     (words,) = gate_failures(case().readings[0], [row])
     assert words.endswith("worst time error <= 1e-05 s bounds nothing: the exact run has no transition")
 
@@ -276,7 +276,7 @@ def test_a_truth_that_ends_at_the_start_makes_no_run_right(monkeypatch):
     nothing = Statement(expected((), end_time=0.0, partial=True), reason="the field is not finite")
     monkeypatch.setattr(truth_job, "statement_of", lambda case, reading: nothing)
     rows = run(Fake()).run_rows
-    assert {(row["status"], row["verdict"], row["expected_status"]) for row in rows} == {("ok", "not judged", None)}
+    assert {(row.status, row.verdict, row.expected_status) for row in rows} == {("ok", "not judged", None)}
     assert not demand("fake", rows).judged
 
 

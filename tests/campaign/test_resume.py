@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from fakes import CASE, TIMES, Fake, case, statement
@@ -14,7 +15,7 @@ from henon_ref.campaign.comparison import Comparison, compare, compare_all
 from henon_ref.campaign.journal import FILE, SET_ASIDE, Journal, line_of, read
 from henon_ref.campaign.options import Options
 from henon_ref.campaign.rows import Record
-from henon_ref.columns import RUN_COLUMNS
+from henon_ref.rows import RunRow
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
 
@@ -90,7 +91,7 @@ def test_readings_that_share_their_mathematics_keep_their_own_rows(tmp_path):
     assert list(resumed.runs["reading"]) == ["a", "a", "b", "b"]
     assert resumed.run_rows == first.run_rows
     assert resumed.stick_rows == first.stick_rows
-    assert {(row["reading"], row["published_s"]) for row in resumed.stick_rows} == {("a", 1.0), ("b", 2.0)}
+    assert {(row.reading, row.published_s) for row in resumed.stick_rows} == {("a", 1.0), ("b", 2.0)}
 
 
 @pytest.mark.parametrize(
@@ -114,8 +115,8 @@ def _raise(comparison: Comparison) -> None:
     raise RuntimeError("the disk is full")
 
 
-ROW = Record({**dict.fromkeys(RUN_COLUMNS), "case": "made_up", "status": "ok"})
-OTHER = Record({**ROW.run, "case": "another"})
+ROW = Record(RunRow("made_up", "default", "henon", status="ok"))
+OTHER = Record(replace(ROW.run, case="another"))
 DAMAGED = {
     "cut short": line_of("b", ROW)[:-20],
     "without its end": line_of("b", ROW)[:-1],
@@ -123,8 +124,8 @@ DAMAGED = {
     "no row": b'{"key":"b"}\n',
     "no text": b"\xff\xfe\n",
     "another status": line_of("b", ROW).replace(b'"ok"', b'"no"'),
-    "a number for a table": line_of("b", replace(ROW, transitions=3)),
-    "columns of another version": line_of("b", replace(ROW, run={"case": "made_up"})),
+    "a number for a table": line_of("b", replace(ROW, samples=3)),
+    "columns of another version": line_of("b", replace(ROW, run=SimpleNamespace(case="made_up"))),
     "a row of another case": line_of("b", OTHER),
 }
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from henon_ref.campaign.journal import FILE
 from henon_ref.cli import atlas
-from henon_ref.report.files.csv_files import read_rows
+from henon_ref.rows import RunRow, read_rows
 from henon_ref.studies.atlas.family import TOLERANCES
 
 FAMILY = Path(__file__).parents[2] / "cases/hard/grazing_ballistic.yaml"
@@ -18,9 +18,9 @@ def test_the_atlas_is_of_the_solvers_asked_for(tmp_path, capsys):
     journal.write_text("of a comparison that was interrupted")
     assert atlas.command([str(FAMILY), "--solvers", "henon", "--jobs", "1", "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().out.strip().endswith("atlas/README.md")
-    rows = read_rows(tmp_path / "atlas/runs.csv")
-    assert {(row["solver"], row["verdict"]) for row in rows} == {("henon", "right")}
-    assert {row["rtol"] for row in rows} == set(TOLERANCES)
+    rows = read_rows(RunRow, tmp_path / "atlas/runs.csv")
+    assert {(row.solver, row.verdict) for row in rows} == {("henon", "right")}
+    assert {row.rtol for row in rows} == set(TOLERANCES)
     assert f"henon-ref atlas {FAMILY} --solvers henon" in (tmp_path / "atlas/README.md").read_text()
     assert sorted(path.name for path in (tmp_path / "atlas").iterdir() if path.is_dir()) == []
     assert journal.exists()

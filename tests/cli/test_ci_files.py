@@ -7,6 +7,7 @@ from commands import run
 
 from henon_ref.cli.ci_files import read_baseline, read_known
 from henon_ref.errors import CaseError
+from henon_ref.rows import RunRow
 from henon_ref.score.known import KnownFailure
 
 BASELINE = "case,reading,solver,rtol,step_s,status,max_time_error_s\n"
@@ -74,10 +75,9 @@ def test_a_baseline_is_a_file_or_a_folder_of_reports(tmp_path):
         (tmp_path / "reports" / name).mkdir(parents=True)
         (tmp_path / "reports" / name / "runs.csv").write_text(f"{BASELINE}{name},default,ida,1e-06,,ok,2e-9\n")
     rows = read_baseline(tmp_path / "reports")
-    assert [row["case"] for row in rows] == ["a", "b"]
+    assert [row.case for row in rows] == ["a", "b"]
     assert read_baseline(tmp_path / "reports/a") == read_baseline(tmp_path / "reports/a/runs.csv") == rows[:1]
-    assert rows[0] == {"case": "a", "reading": "default", "solver": "ida", "rtol": 1e-6, "step_s": None,
-                       "status": "ok", "max_time_error_s": 2e-9}  # fmt: skip
+    assert rows[0] == RunRow("a", "default", "ida", rtol=1e-6, status="ok", max_time_error_s=2e-9)
 
 
 @pytest.mark.parametrize("option", ["--known", "--baseline"])

@@ -20,8 +20,8 @@ from henon_ref.campaign.case_files import load_cases
 from henon_ref.casefile.files import case_files
 from henon_ref.cli.compare_cases import rerun_command
 from henon_ref.cli.request import Request
-from henon_ref.columns import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 from henon_ref.errors import CaseError
+from henon_ref.rows import JUDGED_COLUMNS, RUN_COLUMNS, STICK_COLUMNS, TRANSITION_COLUMNS
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,20 +14,20 @@ from fakes import CASE, Fake
 from henon_ref import registry
 from henon_ref.cli.end_output import case_line, document, failing_line, print_end
 from henon_ref.cli.end_table import EndTable, Failing
-from henon_ref.columns import RUN_COLUMNS
+from henon_ref.rows import RunRow
 from henon_ref.score.standing import tightest
 from henon_ref.text import LONGEST_LINE
 
 HOSTILE = "[red]hot[/red] :smile:\n\x1b[31m\x9b1m" + "x" * 5000
 
 
-def row(solver: str, rtol: float, reading: str = "default", **values: object) -> dict[str, object]:
+def row(solver: str, rtol: float, reading: str = "default", **values: object) -> RunRow:
     right = {"status": "ok", "verdict": "right", "digits": 9.0, "wall_s": 1e-3, "status_reason": None}
     known = {"case": "made_up", "reading": reading, "solver": solver, "rtol": rtol}
-    return {**dict.fromkeys(RUN_COLUMNS), **known, **right, **values}
+    return RunRow(**known | right | values)
 
 
-def table(*rows: dict[str, object]) -> EndTable:
+def table(*rows: RunRow) -> EndTable:
     made = EndTable()
     made.add(rows)
     return made
@@ -34,9 +35,8 @@ def table(*rows: dict[str, object]) -> EndTable:
 
 def test_the_row_at_the_tightest_setting_speaks_for_a_solver():
     rows = [row("a", 1e-3), row("a", 1e-9), row("a", 1e-6), row("b", 1e-3), row("a", 1e-3, "other")]
-    rows.append({**row("c", 0.0), "rtol": None, "step_s": 1e-2})
-    rows.append({**row("c", 0.0), "rtol": None, "step_s": 1e-4})
-    found = [(own["solver"], own["reading"], own["rtol"] or own["step_s"]) for own in tightest(rows)]
+    rows += [replace(row("c", 0.0), rtol=None, step_s=step) for step in (1e-2, 1e-4)]
+    found = [(own.solver, own.reading, own.rtol or own.step_s) for own in tightest(rows)]
     assert found == [("a", "default", 1e-9), ("b", "default", 1e-3), ("a", "other", 1e-3), ("c", "default", 1e-4)]
 
 

@@ -15,6 +15,7 @@ from problems import LEAVING_SLIDE
 from henon_ref.campaign.rows import Record
 from henon_ref.cli import status_line
 from henon_ref.cli.progress import Shown
+from henon_ref.rows import RunRow
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="a terminal is a pseudo-terminal here")
 QUICK = ["--solvers", "scipy-dop853", "--tolerances", "1e-6", "--repeats", "1", "--no-figures", "--out", "out"]
@@ -118,6 +119,5 @@ def test_a_run_at_work_is_shown_until_its_row_is_there():
     shown.begun("made_up", "one henon-rk4 step 0.001 s")
     lines = [line.plain for line in shown.at_work()]
     assert lines == ["  made_up [b]one[/b] henon rtol 1e-06, 0 s", "  made_up one henon-rk4 step 0.001 s, 0 s"]
-    run = {"case": "made_up", "reading": "one", "solver": "henon-rk4", "rtol": None, "step_s": 0.001}
-    shown.row(Record(run))
+    shown.row(Record(RunRow("made_up", "one", "henon-rk4", step_s=0.001)))
     assert [line.plain for line in shown.at_work()] == lines[:1]

@@ -7,8 +7,8 @@ from pathlib import Path
 from henon_ref.campaign.comparison import compare
 from henon_ref.casefile.case import load_case
 from henon_ref.cli import rivals
-from henon_ref.columns import RUN_COLUMNS
-from henon_ref.report.files.csv_files import csv_text, read_rows
+from henon_ref.report.text.paired_times import PairRow
+from henon_ref.rows import RunRow, read_rows, rows_text
 
 CASE = Path(__file__).parents[2] / "cases/leaving_slide.yaml"
 
@@ -17,10 +17,10 @@ def test_rows_of_one_folder_tell_who_is_timed_for_another(tmp_path, capsys):
     rows, out = tmp_path / "rows/leaving_slide", tmp_path / "out"
     rows.mkdir(parents=True)
     found = compare(load_case(CASE), solvers=["henon", "scipy-dop853"], tolerances=[1e-6], repeats=1)
-    (rows / "runs.csv").write_text(csv_text(RUN_COLUMNS, found.run_rows), encoding="utf-8")
+    (rows / "runs.csv").write_text(rows_text(RunRow, found.run_rows), encoding="utf-8")
     assert rivals.command([str(CASE), "--rows", str(rows.parent), "--out", str(out)]) == 0
     assert capsys.readouterr().out.strip().endswith("rivals/README.md")
-    assert {row["rival"] for row in read_rows(out / "rivals/ratios.csv")} >= {"scipy-dop853"}
+    assert {row.rival for row in read_rows(PairRow, out / "rivals/ratios.csv")} >= {"scipy-dop853"}
     assert "--rows FOLDER" in (out / "rivals/README.md").read_text(encoding="utf-8")
     assert [path.name for path in out.iterdir() if path.is_dir()] == ["rivals"]
 

@@ -16,12 +16,12 @@ from henon_ref import registry
 from henon_ref.campaign.run_jobs import sample_times
 from henon_ref.campaign.truth_job import statement_of
 from henon_ref.casefile.case import Reading, load_case
-from henon_ref.columns import Row
 from henon_ref.figures.cost import draw_cost
 from henon_ref.figures.description import description_of
 from henon_ref.figures.errors import draw_errors, running_maximum
 from henon_ref.figures.motion import Motion, axes_of_portrait, draw_modes, draw_portrait, motion_of
 from henon_ref.report.files.figure_jobs import svg
+from henon_ref.rows import RunRow, TransitionRow
 from henon_ref.score.reference import Expected
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Samples
@@ -98,16 +98,17 @@ def test_an_arc_is_as_smooth_as_its_samples():
 class Scored:
     """A run's rows."""
 
-    run: Row
-    transitions: list[Row]
+    run: RunRow
+    transitions: list[TransitionRow]
 
 
 def scored(solver: str, errors: dict[float, float | None], **run: object) -> Scored:
     """A run with an error [s] at each of some transition times [s]; None: it is missed."""
-    rows = [{"reference_time_s": t, "time_error_s": e, "kind": "stick"} for t, e in errors.items()]
-    usual = {"solver": solver, "rtol": 1e-12, "step_s": None, "verdict": "right", "status": "ok", "matched": 1}
+    names = ("made_up", "default", solver, 1e-12, None)
+    rows = [TransitionRow(*names, 0, "stick", "s", "", "", t, None, None, e) for t, e in errors.items()]
+    usual = {"verdict": "right", "status": "ok", "matched": 1}
     timed = {"wall_s": 1e-4, "wall_s_low": 1e-4, "wall_s_high": 1e-4, "max_time_error_s": 1e-9}
-    return Scored({**usual, **timed, **run}, rows)
+    return Scored(RunRow("made_up", "default", solver, rtol=1e-12, **usual | timed | run), rows)
 
 
 ERRORS = {1.0: -3e-12, 2.0: 1e-12, 3.0: None, 4.0: 5e-10, 5.0: 0.0}

@@ -9,38 +9,34 @@ from dataclasses import replace
 
 import pytest
 from fakes import case
-from made_reports import ORIGIN, cells, compared, made, tables, usual
+from made_reports import ORIGIN, cells, changed, compared, made, tables, usual
 
 from henon_ref.campaign.comparison import Comparison
-from henon_ref.columns import Row
 from henon_ref.errors import CaseError
 from henon_ref.report.case_report import write_report
-from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.text.choice import case_table, choice_table
 from henon_ref.report.text.index import FIGURE, commits, counted, index_text, is_drawn, write_index
 from henon_ref.report.text.kinds_figure import draw_kinds
 from henon_ref.report.text.matrix_merge import updated
 from henon_ref.report.text.matrix_page import coverage_table, reading_table, solver_table
-from henon_ref.report.text.matrix_rows import MATRIX_COLUMNS, read_matrix, rows_of_report, summary
+from henon_ref.report.text.matrix_rows import MatrixRow, read_matrix, rows_of_report, summary
+from henon_ref.rows import RunRow, read_rows, rows_text
 
 
 def named(name: str, comparison: Comparison | None = None) -> Comparison:
     """The usual comparison, or another one, as that of a case of another name."""
     comparison = comparison or usual()
-    for own in comparison.records:
-        own.run["case"] = name
-    return replace(comparison, case=replace(comparison.case, name=name))
+    records = [changed(own, case=name) for own in comparison.records]
+    return replace(comparison, case=replace(comparison.case, name=name), records=records)
 
 
-def row(solver: str, reading: str = "default", case: str = "one", **values: object) -> Row:
-    found: Row = dict.fromkeys(MATRIX_COLUMNS)
+def row(solver: str, reading: str = "default", case: str = "one", **values: object) -> MatrixRow:
     right = {"settings": 1, "judged": 1, "right": 1, "status": "ok", "verdict": "right", "digits": 9.0}
-    found.update(case=case, title=case, reading=reading, kind="crossings", solver=solver, commit="a", **right)
-    found.update(values)
-    return found
+    names = {"case": case, "title": case, "reading": reading, "kind": "crossings", "solver": solver, "commit": "a"}
+    return MatrixRow(**names | right | values)
 
 
-def timed(solver: str, reading: str = "default", wall: float = 1.0, case: str = "one", **values: object) -> Row:
+def timed(solver: str, reading: str = "default", wall: float = 1.0, case: str = "one", **values: object) -> MatrixRow:
     walls = dict.fromkeys(("wall_s", "wall_3_s", "wall_6_s", "wall_9_s"), wall)
     return row(solver, reading, case, **walls, **values)
 
@@ -50,17 +46,17 @@ WRONG = {"right": 0, "verdict": "solver defect", "status": "wrong", "digits": No
 
 def test_a_row_a_solver_sums_up_its_settings(tmp_path):
     write_report(usual(), ORIGIN, tmp_path)
-    rows = {own["solver"]: own for own in rows_of_report(tmp_path / "made_up" / "manifest.json")}
+    rows = {own.solver: own for own in rows_of_report(tmp_path / "made_up" / "manifest.json")}
     assert list(rows) == ["henon", "heyoka", "scipy-rk45", "scipy-sign", "ida"]
-    counts = {solver: [own[column] for column in ("settings", "judged", "right")] for solver, own in rows.items()}
+    counts = {solver: [own.settings, own.judged, own.right] for solver, own in rows.items()}
     assert counts == {
         "henon": [2, 2, 2], "heyoka": [2, 2, 2], "scipy-rk45": [2, 2, 1], "scipy-sign": [1, 1, 0], "ida": [1, 0, 0],
     }  # fmt: skip
     own = rows["heyoka"]
-    assert (own["digits"], own["wall_s"], own["wall_6_s"], own["wall_9_s"]) == (12.004, 9e-4, 9e-4, 9e-4)
-    assert rows["henon"]["wall_6_s"] == 2e-4  # the loose setting gets there, and is faster
-    assert rows["henon"]["wall_9_s"] == 3e-4
-    assert [rows["henon"][column] for column in ("title", "reading", "kind", "commit")] == [
+    assert (own.digits, own.wall_s, own.wall_6_s, own.wall_9_s) == (12.004, 9e-4, 9e-4, 9e-4)
+    assert rows["henon"].wall_6_s == 2e-4  # the loose setting gets there, and is faster
+    assert rows["henon"].wall_9_s == 3e-4
+    assert rows["henon"].values(("title", "reading", "kind", "commit")) == [
         "A made-up system", "default", "stick-slip", "0123456789ab",
     ]  # fmt: skip
 
@@ -88,8 +84,8 @@ def test_fresh_reports_replace_the_rows_of_their_case_and_leave_the_others(tmp_p
     write_report(named("second", compared(made("henon", 1e-6, 1e-4))), replace(ORIGIN, commit="f" * 40), tmp_path)
     text = write_index(tmp_path).read_text()
     rows = read_matrix(tmp_path)
-    assert {own["commit"] for own in rows if own["case"] == "first"} == {"0123456789ab"}
-    fresh = {own["solver"] for own in rows if own["commit"] == "f" * 12}
+    assert {own.commit for own in rows if own.case == "first"} == {"0123456789ab"}
+    fresh = {own.solver for own in rows if own.commit == "f" * 12}
     assert fresh == {"henon"}
     assert "2 commits of the program" in " ".join(text.split())
 
@@ -97,26 +93,26 @@ def test_fresh_reports_replace_the_rows_of_their_case_and_leave_the_others(tmp_p
 def test_a_comparison_of_some_solvers_leaves_the_rows_of_the_others(tmp_path):
     write_report(usual(), ORIGIN, tmp_path)
     write_index(tmp_path)
-    before = {own["solver"]: own for own in read_matrix(tmp_path)}
+    before = {own.solver: own for own in read_matrix(tmp_path)}
     shutil.rmtree(tmp_path / "made_up")
     write_report(compared(made("octave-ode45", 1e-6, 1e-4)), replace(ORIGIN, commit="f" * 40), tmp_path)
     text = write_index(tmp_path).read_text()
-    rows = {own["solver"]: own for own in read_matrix(tmp_path)}
+    rows = {own.solver: own for own in read_matrix(tmp_path)}
     assert list(rows) == ["henon", "heyoka", "ida", "scipy-rk45", "octave-ode45", "scipy-sign"]
     assert {solver: own for solver, own in rows.items() if solver in before} == before
-    assert rows["octave-ode45"]["kind"] == "stick-slip"
+    assert rows["octave-ode45"].kind == "stick-slip"
     matrix, *_ = tables((tmp_path / "matrix.md").read_text())
     assert matrix.rows[0][2] == "0123456, fffffff"
     assert "Not every solver was run on every reading" not in text
     write_index(tmp_path)
-    assert {own["solver"]: own for own in read_matrix(tmp_path)} == rows
+    assert {own.solver: own for own in read_matrix(tmp_path)} == rows
 
 
 def test_rows_of_readings_that_a_case_has_no_more_go():
     earlier = [row("henon"), row("henon", "gone"), row("heyoka", title="of old")]
     fresh = [row("henon", commit="b", title="new")]
     assert updated(earlier, fresh, ["default", "other"]) == [fresh[0], row("heyoka", title="new")]
-    assert updated([row("henon", "other")], fresh, ["other", "default"])[0]["reading"] == "other"
+    assert updated([row("henon", "other")], fresh, ["other", "default"])[0].reading == "other"
 
 
 def test_a_solver_that_was_run_on_a_part_is_not_wrong_elsewhere(tmp_path):
@@ -141,7 +137,7 @@ def test_a_report_of_an_earlier_version_keeps_the_kind_that_the_matrix_has(tmp_p
     del content["readings"]["default"]["kind"]
     manifest.write_text(json.dumps(content))
     write_index(tmp_path)
-    assert {own["kind"] for own in read_matrix(tmp_path)} == {"stick-slip"}
+    assert {own.kind for own in read_matrix(tmp_path)} == {"stick-slip"}
 
 
 def test_the_index_has_four_columns_for_the_cases_and_none_for_solvers(tmp_path):
@@ -179,7 +175,7 @@ def test_the_choice_is_the_fastest_of_those_that_get_there_most_often():
     rows += [timed("heyoka", reading, 1.0) for reading in readings[:18]]
     rows += [timed("ida", reading, 0.1) for reading in readings[:17]]
     assert choice_table(rows).rows[0][3] == "`heyoka` 18; `henon` 20 (×2)"
-    rows = [own for own in rows if own["solver"] != "heyoka"]
+    rows = [own for own in rows if own.solver != "heyoka"]
     assert choice_table(rows).rows[0][3] == "`henon` 20; `ida` 17 (×0.05)"
     assert choice_table(rows).rows[0][6] == ""  # nobody gets to 12 digits
 
@@ -234,27 +230,28 @@ def test_the_figure_has_a_panel_a_kind_and_is_the_same_where_only_times_differ(t
     figure = draw_kinds(rows)
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["crossings\n(4)", "no transition\n(1)"]
     assert [text.get_text() for text in figure.axes[0].texts] == 2 * ["100", "100", "100", "100", "0"]
-    slower = [{**own, "wall_s": 7.0} if own["wall_s"] else own for own in rows]
+    slower = [replace(own, wall_s=7.0) if own.wall_s else own for own in rows]
     again = draw_kinds(slower)
     assert [text.get_text() for text in again.axes[0].texts] == [text.get_text() for text in figure.axes[0].texts]
 
 
 def test_a_matrix_that_is_none_is_named(tmp_path):
     (tmp_path / "matrix.csv").write_text("case,title,reading,kind,solver,settings\na,b,c,d,e,1\n")
-    with pytest.raises(CaseError, match="it has no column judged"):
+    with pytest.raises(CaseError, match="is no matrix of this package: there is no column 'judged'"):
         read_matrix(tmp_path)
 
 
 def test_names_that_look_like_numbers_stay_names(tmp_path):
     file = tmp_path / "runs.csv"
-    file.write_text("case,reading,solver,rtol\n1,1e5,nan,1e-6\n")
-    assert read_rows(file) == [{"case": "1", "reading": "1e5", "solver": "nan", "rtol": 1e-6}]
+    row = RunRow("1", "1e5", "nan", rtol=1e-6, library_version="7.10", status_reason="3")
+    file.write_text(rows_text(RunRow, [row]))
+    assert read_rows(RunRow, file) == [row]
 
 
 def test_rows_of_a_changed_program_say_so(tmp_path):
     write_report(usual(), replace(ORIGIN, commit="0123456789abcdef+"), tmp_path)
     write_index(tmp_path)
-    assert {own["commit"] for own in read_matrix(tmp_path)} == {"0123456789ab+"}
+    assert {own.commit for own in read_matrix(tmp_path)} == {"0123456789ab+"}
     assert "| 0123456+ |" in (tmp_path / "matrix.md").read_text()
 
 
@@ -265,5 +262,5 @@ def test_commits_are_counted():
 
 def test_a_summary_of_untimed_rows_has_no_time():
     whole = compared(made("henon", 1e-6, 1e-4, what="fails later"))
-    assert summary([own.run for own in whole.records])["wall_s"] is None
+    assert summary([own.run for own in whole.records]).wall_s is None
     assert case().name == "made_up"

@@ -9,18 +9,18 @@ from xml.etree import ElementTree
 
 import pytest
 
-from henon_ref.columns import RUN_COLUMNS
 from henon_ref.errors import CaseError
 from henon_ref.report.files.junit import check_junit, junit_xml, write_junit
 from henon_ref.report.text.step_summary import MOST_ROWS, step_summary
+from henon_ref.rows import RunRow
 from henon_ref.score.row_result import row_result
 
 EVIL = "]]><testcase/>&amp;\x00\x1b[31m\x9b\ud800\uffff\u202e\r\n\"' | `x` <img src=//evil.example/x.png>"
 
 
-def row(solver: str, **values: object) -> dict[str, object]:
-    own = {"case": "c", "reading": "default", "solver": solver, "rtol": 1e-6, "status": "ok", "verdict": "right"}
-    return dict.fromkeys(RUN_COLUMNS) | own | {"found_transitions": 1, "wall_s": 1.25e-4} | values
+def row(solver: str, **values: object) -> RunRow:
+    own = {"case": "c", "reading": "default", "rtol": 1e-6, "status": "ok", "verdict": "right", "found_transitions": 1}
+    return RunRow(**own | {"solver": solver, "wall_s": 1.25e-4} | values)
 
 
 ROWS = [

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 from fakes import CASE, case, expected, statement
-from made_reports import ORIGIN, cells, made, tables
+from made_reports import ORIGIN, cells, changed, made, tables
 
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.options import Options
@@ -84,22 +84,22 @@ RIGHT = "right"
 def test_one_setting_for_all_readings_costs_the_sum_of_their_times():
     comparison = sweep()
     whole = over_all([[r.run for r in comparison.of_reading(f"f{v}")] for v in VALUES])
-    assert [(row["solver"], row["rtol"], row["verdict"], row["right_in"]) for row in whole] == [
+    assert [(row.solver, row.rtol, row.verdict, row.right_in) for row in whole] == [
         ("henon", 1e-6, "right", 4), ("henon", 1e-9, "right", 4),
         ("heyoka", 1e-6, "right", 4), ("heyoka", 1e-9, "right", 4),
     ]  # fmt: skip
     one = comparison.of_reading("f1")[1].run
-    assert whole[1]["wall_s"] == pytest.approx(4 * one["wall_s"])
-    assert whole[1]["digits"] == one["digits"]
+    assert whole[1].wall_s == pytest.approx(4 * one.wall_s)
+    assert whole[1].digits == one.digits
 
 
 def test_a_time_of_all_readings_that_scatters_is_marked():
     comparison = sweep()
     assert "†" not in report_text(comparison, ORIGIN).partition("### Every run")[0]
     shaken = comparison.of_reading("f1")[0].run
-    shaken["wall_s_iqr"] = 4 * shaken["wall_s"]
+    put(comparison, "f1", 0, wall_s_iqr=4 * shaken.wall_s)
     head = report_text(comparison, ORIGIN).partition("## All readings")[0]
-    assert f"| {duration(4 * shaken['wall_s'])} † |" in head
+    assert f"| {duration(4 * shaken.wall_s)} † |" in head
     assert "†: the ranges of all readings' samples add up to more than a tenth of it." in head
 
 
@@ -165,24 +165,30 @@ def test_a_model_and_a_story_are_told_once():
     assert report_text(comparison, ORIGIN).count("A story.") == 1
 
 
+def put(comparison: Comparison, reading: str, number: int, **values: object) -> None:
+    """Other values for a run of a reading."""
+    own = comparison.of_reading(reading)[number]
+    comparison.records[comparison.records.index(own)] = changed(own, **values)
+
+
 def test_of_settings_that_are_as_good_the_cheapest_is_shown():
     comparison = sweep(settings=(1e-9, 0.9e-9))
     for result in comparison.readings:
-        comparison.of_reading(result.reading.name)[1].run["wall_s"] = 1e-9
+        put(comparison, result.reading.name, 1, wall_s=1e-9)
     row = first(comparison)["`henon`"]
     assert (row["setting"], row["note"]) == ("9e-10", "in as many at 1e-9")
     for result in comparison.readings:
-        comparison.of_reading(result.reading.name)[0].run["wall_s"] = 1e-10
+        put(comparison, result.reading.name, 0, wall_s=1e-10)
     assert first(comparison)["`henon`"]["setting"] == "1e-9"
 
 
 def test_every_end_of_a_run_has_its_colour_in_the_figure_and_its_legend():
     comparison = sweep(settings=(1e-6,), readings=ALL[:5])
-    heyoka = [record.run for record in comparison.records if record.run["solver"] == "heyoka"]
+    heyoka = [k for k, record in enumerate(comparison.records) if record.run.solver == "heyoka"]
     ends = (("timeout", "not judged"), ("wrong", "ill-conditioned"), ("wrong", "solver defect"), ("ok", "not judged"))
-    for row, (status, verdict) in zip(heyoka, ends, strict=False):
-        row.update(status=status, verdict=verdict, digits=None)
-    heyoka[4]["status"] = "unsupported"
+    for k, (status, verdict) in zip(heyoka, ends, strict=False):
+        comparison.records[k] = changed(comparison.records[k], status=status, verdict=verdict, digits=None)
+    comparison.records[heyoka[4]] = changed(comparison.records[heyoka[4]], status="unsupported")
     figure = draw_readings(judged(comparison))
     colours = [patch.get_facecolor() for patch in figure.axes[0].patches if patch.get_y() == 0]
     assert len(set(colours)) == 4
@@ -196,9 +202,8 @@ def test_every_end_of_a_run_has_its_colour_in_the_figure_and_its_legend():
 
 def test_a_run_that_is_not_judged_has_no_ok_of_one_that_is_right():
     comparison = sweep(settings=(1e-6,))
-    for record in comparison.records[:3]:
-        record.run.update(digits=None)
-    comparison.records[1].run.update(verdict="not judged")
-    comparison.records[2].run.update(verdict="not judged", status="timeout")
+    values = ({}, {"verdict": "not judged"}, {"verdict": "not judged", "status": "timeout"})
+    for k, own in enumerate(values):
+        comparison.records[k] = changed(comparison.records[k], digits=None, **own)
     table = tables(report_text(comparison, ORIGIN).partition("## All readings")[2])[0]
     assert [row[2:] for row in table.rows[:2]] == [("ok", "not judged"), ("timeout", "6")]

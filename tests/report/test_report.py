@@ -12,7 +12,7 @@ from statistics import median
 import numpy as np
 import pytest
 from fakes import CASE, Fake, case, expected, found, reference, statement, trajectory
-from made_reports import ORIGIN, cells, compared, made, tables, usual
+from made_reports import ORIGIN, cells, changed, compared, made, tables, usual
 
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.options import Options
@@ -25,7 +25,6 @@ from henon_ref.cli import check
 from henon_ref.figures.motion import motion_of
 from henon_ref.filippov.latex import latex, symbol
 from henon_ref.report.case_report import write_report
-from henon_ref.report.files.csv_files import csv_text, read_rows
 from henon_ref.report.files.figure_jobs import FigureJob
 from henon_ref.report.text.formats import duration
 from henon_ref.report.text.gate import gate_table, why_unchecked
@@ -33,6 +32,7 @@ from henon_ref.report.text.markdown import report_text
 from henon_ref.report.text.model import general_form, mode_equations, parameters
 from henon_ref.report.text.ranking import prices
 from henon_ref.report.text.tables import price_table, run_table, stick_table
+from henon_ref.rows import RunRow, csv_text, read_rows, rows_text
 from henon_ref.score.gate import Tally
 from henon_ref.trajectory import Samples
 
@@ -44,8 +44,8 @@ def comparison() -> Comparison:
 
 def test_prices_count_only_right_rows_and_never_a_faster_wrong_one(comparison):
     three, six, nine, twelve = prices(comparison.run_rows)
-    assert [p.row["rtol"] for p in (three, six, nine, twelve)] == [1e-6, 1e-6, 1e-12, 1e-12]
-    assert {p.next_row["solver"] for p in (three, six, nine, twelve)} == {"heyoka"}
+    assert [p.row.rtol for p in (three, six, nine, twelve)] == [1e-6, 1e-6, 1e-12, 1e-12]
+    assert {p.next_row.solver for p in (three, six, nine, twelve)} == {"heyoka"}
     assert (
         "| 12 | `henon` | 1e-12 | 0.3 ms | `heyoka` | 1e-12 | 0.9 ms | 3 |" in price_table(comparison.run_rows).markdown
     )
@@ -54,7 +54,7 @@ def test_prices_count_only_right_rows_and_never_a_faster_wrong_one(comparison):
 def test_an_error_below_the_radius_is_not_claimed():
     truth = expected(transitions=tuple(replace(e, radius=1e-9) for e in reference()))
     one = made("henon", 1e-12, 1e-4, truth=truth)
-    assert one.run["digits"] == pytest.approx(9.0)
+    assert one.run.digits == pytest.approx(9.0)
     assert "< 1e-9" in run_table([one]).markdown
 
 
@@ -182,8 +182,7 @@ def test_names_apart_stay_apart():
 
 
 def test_csv_reads_back_the_same():
-    rows = [{"a": 0.1 + 0.2, "b": None, "c": "x,y", "d": 3}]
-    text = csv_text(("a", "b", "c", "d"), rows)
+    text = csv_text(("a", "b", "c", "d"), [(0.1 + 0.2, None, "x,y", 3)])
     assert text == 'a,b,c,d\n0.30000000000000004,,"x,y",3\n'
 
 
@@ -207,10 +206,8 @@ def test_figures_are_the_same_bytes_for_the_same_data(comparison):
 
 
 def test_only_the_cost_figure_changes_where_nothing_but_timings_did(comparison):
-    slower = [
-        replace(own, run={**own.run, "wall_s": 3.0, "compile_s": 4.0}) for own in comparison.records if own.samples
-    ]
-    cut_off = [replace(own, run={**own.run, "rtol": 1e-13, "status": "timeout"}) for own in comparison.records[:2]]
+    slower = [changed(own, wall_s=3.0, compile_s=4.0) for own in comparison.records if own.samples]
+    cut_off = [changed(own, rtol=1e-13, status="timeout") for own in comparison.records[:2]]
     quick = drawn(job(comparison, records=tuple(own for own in comparison.records if own.samples)))
     slow = drawn(job(comparison, records=(*slower, *cut_off)))
     assert {name for name in quick if quick[name] != slow[name]} == {"default_cost.svg"}
@@ -244,15 +241,24 @@ def stored(tmp_path, comparison):
 
 
 def rewrite(folder, change) -> None:
-    rows = read_rows(folder / "runs.csv")
-    change(rows)
-    (folder / "runs.csv").write_text(csv_text(tuple(rows[0]), rows))
+    rows = change(read_rows(RunRow, folder / "runs.csv"))
+    (folder / "runs.csv").write_text(rows_text(RunRow, rows))
+
+
+def first(**values: object):
+    """Other values for the first row."""
+    return lambda rows: [replace(rows[0], **values), *rows[1:]]
+
+
+def also(**values: object):
+    """One more row, as the first one but for these values."""
+    return lambda rows: [*rows, replace(rows[0], **values)]
 
 
 def test_a_report_that_still_holds(stored):
     old, fresh = stored
-    rewrite(fresh, lambda rows: [row.update(wall_s=9.0, wall_s_iqr=1.0, compile_s=7.0) for row in rows])
-    rewrite(fresh, lambda rows: rows[0].update(max_time_error_s=2e-6))
+    rewrite(fresh, lambda rows: [replace(row, wall_s=9.0, wall_s_iqr=1.0, compile_s=7.0) for row in rows])
+    rewrite(fresh, first(max_time_error_s=2e-6))
     assert check.differences(old, fresh) == []
 
 
@@ -262,29 +268,29 @@ def test_a_report_that_still_holds(stored):
         ({"max_time_error_s": 2e-4}, "max_time_error_s was 9.90e-07, is 2.00e-04"),
         ({"max_time_error_s": None}, "max_time_error_s was"),
         ({"status": "wrong", "verdict": "solver defect"}, "was ok (right), is wrong (solver defect)"),
-        ({"matched": 4.0}, "matched was 5.0, is 4.0"),
+        ({"matched": 4}, "matched was 5, is 4"),
         ({"solver": "new"}, "is not stored"),
     ],
 )
 def test_a_report_that_no_longer_holds(stored, change, words):
     old, fresh = stored
-    rewrite(fresh, lambda rows: rows[0].update(change))
+    rewrite(fresh, first(**change))
     assert any(words in line for line in check.differences(old, fresh))
 
 
 def test_a_timeout_is_the_machine_s_doing(stored):
     old, fresh = stored
-    rewrite(fresh, lambda rows: rows[0].update(status="timeout", verdict="solver defect", matched=2.0))
+    rewrite(fresh, first(status="timeout", verdict="solver defect", matched=2))
     assert check.differences(old, fresh) == []
 
 
 def test_rows_of_a_peer_are_checked_where_it_was_run(stored):
     old, fresh = stored
-    rewrite(old, lambda rows: rows.append({**rows[0], "solver": "nosnoc"}))
+    rewrite(old, also(solver="nosnoc"))
     assert check.differences(old, fresh) == []
-    rewrite(fresh, lambda rows: rows.append({**rows[0], "solver": "nosnoc", "matched": 4.0}))
+    rewrite(fresh, also(solver="nosnoc", matched=4))
     assert len(check.differences(old, fresh)) == 1
-    rewrite(old, lambda rows: rows.append({**rows[0], "solver": "scipy-radau"}))
+    rewrite(old, also(solver="scipy-radau"))
     assert len(check.differences(old, fresh)) == 2
 
 

@@ -8,16 +8,13 @@ from typing import get_args
 import pytest
 
 from henon_ref import registry
-from henon_ref.columns import RUN_COLUMNS, Row
-from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.text.index import index_text
-from henon_ref.report.text.ranking import NOT_RUN
 from henon_ref.report.text.restarts import (
-    COLUMNS,
     ENDINGS,
     FOLDER,
     SUITE,
     Merit,
+    SuiteRow,
     beaten_table,
     best_restart,
     ending,
@@ -27,6 +24,7 @@ from henon_ref.report.text.restarts import (
     suite_rows,
     wrong_defaults,
 )
+from henon_ref.rows import NOT_RUN, RunRow, rows_text
 from henon_ref.trajectory import Status
 
 REPORTS = Path(__file__).parents[2] / "reports"
@@ -39,18 +37,18 @@ LIBRARIES = (
 
 def of(
     restart: str, right: int, *, case: str = "a", solver: str = "heyoka", digits: float = 9.0, wall: float = 1.0
-) -> Row:
+) -> SuiteRow:
     """A row of the suite: of six runs so many right."""
     names = {"case": case, "solver": solver, "restart": restart, "runs": 6, "right": right}
     ends = {"wrong": 0, "ended_early": 0, "failed": 6 - right, "missed": 6 - right, "spurious": 0, "elsewhere": 0}
-    return names | ends | {"digits": digits, "wall_s": wall}
+    return SuiteRow(**names | ends, digits=digits, wall_s=wall)
 
 
 def test_no_restart_beats_its_library_s_default_over_the_suite() -> None:
     """The defaults are what the last run over the whole suite says: ``henon-ref restarts cases --out reports``."""
     suite = read_suite(REPORTS)
-    assert {str(row["solver"]) for row in suite} >= set(LIBRARIES)
-    assert {str(row["restart"]) for row in suite} == set(registry.RESTARTS)
+    assert {row.solver for row in suite} >= set(LIBRARIES)
+    assert {row.restart for row in suite} == set(registry.RESTARTS)
     assert wrong_defaults(suite) == []
 
 
@@ -69,7 +67,7 @@ def test_a_wrong_default_is_found(library: str) -> None:
     assert words.startswith(f"{library}: its default is {default} (right in 5, ")
     assert "better is " in words
     assert wrong_defaults([of(restart, 5, solver=library) for restart in registry.RESTARTS]) == []
-    (words,) = wrong_defaults([row for row in rows if row["restart"] != default])
+    (words,) = wrong_defaults([row for row in rows if row.restart != default])
     assert "(not run)" in words
 
 
@@ -93,9 +91,9 @@ def test_what_the_machine_may_do_to_a_time_makes_no_restart_better() -> None:
     assert best_restart({"offset": second, "none": first}) == "offset"
 
 
-def run(solver: str, status: str = "ok", verdict: str = "right", **own: object) -> Row:
+def run(solver: str, status: str = "ok", verdict: str = "right", **own: object) -> RunRow:
     names = {"case": "a", "reading": "default", "solver": solver, "rtol": 1e-6, "status": status, "verdict": verdict}
-    return dict.fromkeys(RUN_COLUMNS) | names | {"missed": 0, "spurious": 0} | own
+    return RunRow(**names | {"missed": 0, "spurious": 0} | own)
 
 
 def test_the_suite_sums_up_a_case_s_runs() -> None:
@@ -112,10 +110,9 @@ def test_the_suite_sums_up_a_case_s_runs() -> None:
         run("ida@offset", reading="b", digits=9.0, wall_s=1.0),
     ]
     none, offset, ida = suite_rows(rows)
-    assert list(none) == list(COLUMNS)
-    assert tuple(none.values()) == ("a", "heyoka", "none", 5, 3, 1, 0, 1, 3, 3, 1, 19.5, 4.0)
-    assert tuple(offset.values())[3:] == (2, 1, 1, 0, 0, 0, 0, 1, 9.0, 1.0)
-    assert ida["elsewhere"] == 0
+    assert tuple(vars(none).values()) == ("a", "heyoka", "none", 5, 3, 1, 0, 1, 3, 3, 1, 19.5, 4.0)
+    assert tuple(vars(offset).values())[3:] == (2, 1, 1, 0, 0, 0, 0, 1, 9.0, 1.0)
+    assert ida.elsewhere == 0
 
 
 def test_every_status_of_the_contract_ends_a_run_in_one_way() -> None:
@@ -149,7 +146,7 @@ def test_default_and_best_stand_side_by_side_where_another_one_is_right_more_oft
     assert line == ("[a](a/report.md)", "`heyoka`", f"`{default}`", "4 of 6", best, "6 of 6", "2 failed, 2 missed")
     assert set(merits(rows, "heyoka")) == set(registry.RESTARTS)
     (tmp_path / FOLDER).mkdir()
-    (tmp_path / FOLDER / SUITE).write_text(csv_text(COLUMNS, rows), encoding="utf-8")
+    (tmp_path / FOLDER / SUITE).write_text(rows_text(SuiteRow, rows), encoding="utf-8")
     text = index_text([], tmp_path)
     assert f"| a | `heyoka` | `{default}` | 4 of 6 | {best} | 6 of 6 | 2 failed, 2 missed |" in text
     assert f"- Why `{default}` goes wrong there: " in text

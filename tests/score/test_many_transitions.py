@@ -12,7 +12,7 @@ from random_scenes import deadline
 
 from henon_ref.campaign.rows import Outcome, record
 from henon_ref.campaign.settings import Setting
-from henon_ref.report.files.csv_files import csv_text
+from henon_ref.rows import StickRow, TransitionRow, rows_text
 from henon_ref.score.errors import score
 from henon_ref.score.matching import match
 from henon_ref.score.reference import Expected
@@ -54,9 +54,9 @@ def test_a_crowd_of_transitions_is_scored_soon(made: Callable[[], tuple[Expected
         own = score(run, exact, tolerance=1e-9)
         outcome = Outcome("made_up", case().readings[0], "crowd", Setting(1e-9, 1e-12), trajectory=run, score=own)
         done = record(outcome, exact)
-        csv_text(list(done.transitions[0]), done.transitions)
-        csv_text(list(done.sticks[0]), done.sticks)
-    assert done.run["status"] == "wrong"
+        rows_text(TransitionRow, done.transitions, ["x"])
+        rows_text(StickRow, done.sticks)
+    assert done.run.status == "wrong"
 
 
 def test_many_pairs_at_one_instant_are_matched_soon() -> None:

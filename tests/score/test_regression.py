@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from henon_ref.rows import RunRow
 from henon_ref.score.regression import held_against, names
 
-EARLIER = {"case": "c", "reading": "default", "solver": "henon", "rtol": 1e-6, "step_s": None, "status": "ok",
-           "status_reason": None, "verdict": "right", "max_time_error_s": 1e-9, "end_time_s": 2.0,
-           "time_unit_s": 1.0, "reference_radius_s": 1e-30}  # fmt: skip
+EARLIER = RunRow(
+    "c", "default", "henon", rtol=1e-6, status="ok", verdict="right", max_time_error_s=1e-9, end_time_s=2.0,
+    time_unit_s=1.0, reference_radius_s=1e-30,
+)  # fmt: skip
 
 
 def worse(before: dict[str, object], now: dict[str, object]) -> str:
-    (words,) = held_against([EARLIER | now], [EARLIER | before]).worse.values() or [""]
+    (words,) = held_against([replace(EARLIER, **now)], [replace(EARLIER, **before)]).worse.values() or [""]
     return words
 
 
@@ -68,19 +72,18 @@ def test_a_row_without_an_error_has_no_digits_to_lose():
 
 @pytest.mark.parametrize("change", [{"case": "d"}, {"reading": "x"}, {"solver": "ida"}, {"rtol": 1e-7}, {"step_s": 1}])
 def test_rows_are_held_against_their_own_only(change):
-    found = held_against([EARLIER | change | WRONG], [EARLIER])
+    found = held_against([replace(EARLIER, **change | WRONG)], [EARLIER])
     assert (found.compared, found.worse) == (0, {})
     assert found.missing == (("c", "default", "henon", 1e-6, None),)
 
 
 def test_the_columns_of_the_contract_are_enough():
-    names = ("case", "reading", "solver", "rtol", "step_s", "status", "max_time_error_s")
-    plain = {name: EARLIER[name] for name in names}
+    plain = RunRow("c", "default", "henon", rtol=1e-6, status="ok", max_time_error_s=1e-9)
     assert not held_against([EARLIER], [plain]).worse
-    assert held_against([EARLIER | WRONG], [plain]).worse
-    assert held_against([EARLIER], [plain | {"max_time_error_s": 1e-12}]).worse
+    assert held_against([replace(EARLIER, **WRONG)], [plain]).worse
+    assert held_against([EARLIER], [replace(plain, max_time_error_s=1e-12)]).worse
 
 
 def test_a_row_with_neither_tolerance_nor_step_has_a_name_too():
-    found = held_against([EARLIER], [EARLIER | {"rtol": None}, EARLIER | {"rtol": None, "step_s": 0.5}])
+    found = held_against([EARLIER], [replace(EARLIER, rtol=None), replace(EARLIER, rtol=None, step_s=0.5)])
     assert names(found.missing) == ["c: default: henon", "c: default: henon (step 0.5 s)"]

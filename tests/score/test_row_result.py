@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from henon_ref.columns import REPEATED, RUN_COLUMNS
+from henon_ref.rows import REPEATED, RunRow
 from henon_ref.score.known import KnownFailure, fails, found
 from henon_ref.score.row_result import row_result
 
 
-def row(status: str, verdict: str | None, **values: object) -> dict[str, object]:
+def row(status: str, verdict: str | None, **values: object) -> RunRow:
     own = {"case": "c", "reading": "default", "solver": "ida", "rtol": 1e-6, "status": status, "verdict": verdict}
-    return dict.fromkeys(RUN_COLUMNS) | {"found_transitions": 3} | own | values
+    return RunRow(**{"found_transitions": 3} | own | values)
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ def test_what_a_run_leaves_open_is_neither_missed_nor_right() -> None:
     reading = replace(case().readings[0], gate={"henon": Gate(status="ok")})
     outcome = Outcome("made_up", reading, "henon", Setting(rtol=min(reading.tolerances)), trajectory=run)
     row = record(scored(outcome, truth), truth).run
-    assert row["undecided_after_s"] == last - 1e-3
+    assert row.undecided_after_s == last - 1e-3
     ((_, complaint),) = unmet_bounds(reading, [row])
     assert "decided until t = " in complaint
 

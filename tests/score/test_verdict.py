@@ -110,7 +110,7 @@ def test_what_went_wrong_before_the_time_was_up_is_the_solver_s(wrong):
 def test_a_run_without_an_answer_is_the_solver_s_fault_only_where_it_failed(status, word):
     outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6))
     outcome = replace(outcome, failure=Failure(status, "why"))
-    assert record(outcome, expected()).run["verdict"] == word
+    assert record(outcome, expected()).run.verdict == word
 
 
 def test_every_transition_says_what_became_of_it_and_what_the_verdict_rests_on():
@@ -119,11 +119,11 @@ def test_every_transition_says_what_became_of_it_and_what_the_verdict_rests_on()
     truth = expected()
     outcome = scored(outcome, truth)
     rows = record(outcome, truth).transitions
-    assert [row["outcome"] for row in rows] == ["matched", "matched", "missed", "matched", "matched", "spurious"]
-    assert [row.get("verdict") for row in rows] == [None, None, "solver defect", None, None, "solver defect"]
-    assert rows[0]["transversality"] == 1.0
-    assert rows[0]["graze_distance"] == pytest.approx(0.25 * 0.75)
-    assert record(outcome, truth).run["verdict_basis"].startswith("crossing at t = 2 s: an error of 2.5e-07")
+    assert [row.outcome for row in rows] == ["matched", "matched", "missed", "matched", "matched", "spurious"]
+    assert [row.verdict for row in rows] == [None, None, "solver defect", None, None, "solver defect"]
+    assert rows[0].transversality == 1.0
+    assert rows[0].graze_distance == pytest.approx(0.25 * 0.75)
+    assert record(outcome, truth).run.verdict_basis.startswith("crossing at t = 2 s: an error of 2.5e-07")
 
 
 def test_a_reset_applied_several_times_at_one_instant_has_the_distance_to_the_next_instant():

@@ -11,19 +11,16 @@ from shipped import CASES, shipped
 
 from henon_ref.campaign.options import Options, Silent
 from henon_ref.casefile.case import load_case
-from henon_ref.columns import RUN_COLUMNS, Row
-from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import provenance
+from henon_ref.rows import RunRow, read_rows
 from henon_ref.studies.atlas.family import TOLERANCES, defects, family_of, outcome_of
 from henon_ref.studies.atlas.figure import COLOURS, draw_atlas
 from henon_ref.studies.atlas.run import families, run_atlas
 
 
-def row(**values: object) -> Row:
-    found: Row = dict.fromkeys(RUN_COLUMNS)
-    found.update(solver="henon", status="ok", verdict="right", missed=0, spurious=0)
-    found.update(values)
-    return found
+def row(**values: object) -> RunRow:
+    names = {"case": "c", "reading": "default", "solver": "henon"}
+    return RunRow(**names | {"status": "ok", "verdict": "right", "missed": 0, "spurious": 0} | values)
 
 
 @pytest.mark.parametrize(
@@ -78,9 +75,9 @@ def test_the_page_and_its_figure_are_made_of_runs(tmp_path: Path) -> None:
     options = Options(solvers=("henon",), processes=1)
     page = run_atlas([case], options, provenance("x"), tmp_path, Silent())
     assert page is not None
-    rows = read_rows(page.with_name("runs.csv"))
+    rows = read_rows(RunRow, page.with_name("runs.csv"))
     assert len(rows) == len(case.readings) * len(TOLERANCES)
-    assert all(own["wall_s_iqr"] is None for own in rows)
+    assert all(own.wall_s_iqr is None for own in rows)
     text = page.read_text(encoding="utf-8")
     assert "![" in text
     assert "(grazing.svg)" in text

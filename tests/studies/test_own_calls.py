@@ -10,9 +10,9 @@ from henon_ref import registry
 from henon_ref.campaign.settings import Setting
 from henon_ref.campaign.worker import WorkerState
 from henon_ref.casefile.case import load_case
-from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.text.index import index_text
-from henon_ref.report.text.paired_times import COLUMNS, OWN, PRICE_PAIRS, own_words, spread_table
+from henon_ref.report.text.paired_times import PRICE_PAIRS, PairRow, own_words, spread_table
+from henon_ref.rows import rows_text
 from henon_ref.studies.price import own_calls
 from henon_ref.studies.price.own_calls import Clock, clocked, own_part
 from henon_ref.studies.price.paired_times import PairedTiming
@@ -59,14 +59,14 @@ def test_a_pair_with_heyoka_is_timed_with_its_own_calls_and_no_other_one_is() ->
     fast, own, slow = (Candidate(name, Setting(1e-9, 1e-9), 1e-3) for name in ("scipy-rk45", "heyoka", "scipy-dop853"))
     pairs = (Pair(6, "heyoka", (fast,), (own,)), Pair(6, "scipy-dop853", (fast,), (slow,)))
     rows = PairedTiming("c", "r", problem, pairs, 0.01, 20.0, fewest=3).run(WorkerState(lambda *_: None))
-    assert rows[0][OWN] > 0.0
-    assert rows[1][OWN] is None
+    assert rows[0].rival_own_s > 0.0
+    assert rows[1].rival_own_s is None
 
 
-def pair(digits: int, *, wall: float = 1e-4, own: float | None = 4e-4) -> dict[str, object]:
-    settings = {"case": "a", "reading": "default", "digits": digits, "against": "heyoka", "rival": "heyoka"}
-    times = {"wall_s": wall, "rival_wall_s": 1e-3, "ratio": wall / 1e-3, OWN: own}
-    return dict.fromkeys(COLUMNS) | settings | times
+def pair(digits: int, *, wall: float = 1e-4, own: float | None = 4e-4) -> PairRow:
+    settings = {"rtol": 1e-9, "rival": "heyoka", "rival_rtol": 1e-9, "rival_step_s": None, "rounds": 9}
+    times = {"wall_s": wall, "rival_wall_s": 1e-3, "ratio": wall / 1e-3, "ratio_low": 0.1, "ratio_high": 0.1}
+    return PairRow("a", "default", digits, "heyoka", **settings, **times, rival_own_s=own)
 
 
 def test_the_own_calls_stand_beside_every_ratio_to_heyoka() -> None:
@@ -85,7 +85,7 @@ def test_the_own_calls_stand_beside_every_ratio_to_heyoka() -> None:
 def test_the_index_has_the_own_calls_from_the_price_list_where_the_times_in_turn_have_none(tmp_path: Path) -> None:
     for file, own in (("rivals/ratios.csv", None), (PRICE_PAIRS, 4e-4)):
         (tmp_path / file).parent.mkdir()
-        (tmp_path / file).write_text(csv_text(COLUMNS, [pair(6, own=own)]))
+        (tmp_path / file).write_text(rows_text(PairRow, [pair(6, own=own)]))
     (tmp_path / "price" / "README.md").write_text("")
     assert "calls of `propagate_until` are 40%" in index_text([], tmp_path)
     (tmp_path / PRICE_PAIRS).unlink()

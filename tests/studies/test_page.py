@@ -44,4 +44,4 @@ def test_rows_are_given_by_case_in_the_order_of_the_cases(monkeypatch: pytest.Mo
     cases = [case("b"), case("a")]
     found = rows_of(cases, Options(solvers=(Fake("one"), Fake("two")), processes=1, timed=False), Silent())
     assert list(found) == ["b", "a"]
-    assert all({(row["case"], row["solver"]) for row in found[c]} == {(c, "one"), (c, "two")} for c in found)
+    assert all({(row.case, row.solver) for row in found[c]} == {(c, "one"), (c, "two")} for c in found)

@@ -6,7 +6,7 @@ import json
 import os
 import re
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -15,20 +15,19 @@ from fakes import Fake, case, trajectory
 from henon_ref import registry
 from henon_ref.campaign.options import Options, Silent
 from henon_ref.campaign.settings import Setting
-from henon_ref.columns import RUN_COLUMNS
-from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import provenance
 from henon_ref.report.files.write import MATRIX_PAGE, RUNS
 from henon_ref.report.text import index
 from henon_ref.report.text.paired_times import (
-    COLUMNS,
     FROM_C,
     OTHERS,
+    PairRow,
     cheapest,
     read_ratios,
     slower_table,
     spread_table,
 )
+from henon_ref.rows import RunRow, rows_text
 from henon_ref.studies.price import report_pairs
 from henon_ref.studies.price.paired_times import TURN, PairedTiming
 from henon_ref.studies.price.report_pairs import run_paired_times, timings_of
@@ -37,12 +36,12 @@ CASE = case()
 READING = CASE.readings[0]
 
 
-def row(solver: str, rtol: float, digits: float, wall: float, **changes: object) -> dict[str, object]:
-    plain = dict.fromkeys(RUN_COLUMNS)
-    return plain | {
+def row(solver: str, rtol: float, digits: float, wall: float, **changes: object) -> RunRow:
+    own = {
         "case": CASE.name, "reading": READING.name, "solver": solver, "rtol": rtol, "atol": 2 * rtol, "wall_s": wall,
         "verdict": "right", "digits": digits, "reference_transitions": 5,
-    } | changes  # fmt: skip
+    }  # fmt: skip
+    return RunRow(**own | changes)
 
 
 ROWS = [
@@ -52,15 +51,15 @@ ROWS = [
     row("heyoka", 1e-6, 6.0, 4e-5),
     row("heyoka", 1e-9, 10.0, 3e-5),  # the tighter one is the cheaper one
     row("scipy-dop853", 1e-9, 9.0, 1e-3),
-    row("henon-rk4", 0.0, 8.0, 2.5e-5) | {"rtol": None, "atol": None, "step_s": 1e-3},
+    replace(row("henon-rk4", 0.0, 8.0, 2.5e-5), rtol=None, atol=None, step_s=1e-3),
 ]
 
 
-def made(rows: list[dict[str, object]]) -> PairedTiming | None:
+def made(rows: list[RunRow]) -> PairedTiming | None:
     return next(timings_of(CASE, rows, 10.0), None)
 
 
-def chosen(rows: list[dict[str, object]]) -> list[tuple[int | None, str, list[object], list[object]]]:
+def chosen(rows: list[RunRow]) -> list[tuple[int | None, str, list[object], list[object]]]:
     """Digits, what is against whom, settings of the reference, solvers and settings of the rival."""
     timing = made(rows)
     return [] if timing is None else [
@@ -95,7 +94,7 @@ def test_the_cheapest_settings_for_the_same_digits_are_timed() -> None:
 
 
 def test_where_there_is_no_transition_the_cheapest_right_settings_count() -> None:
-    idle = [entry | {"reference_transitions": 0, "digits": None} for entry in ROWS]
+    idle = [replace(entry, reference_transitions=0, digits=None) for entry in ROWS]
     assert chosen(idle) == [
         (None, "heyoka", [1e-6, 1e-9], HEYOKA),
         (None, OTHERS, [1e-6, 1e-9], [("henon-rk4", None), *HEYOKA]),
@@ -139,9 +138,9 @@ class Sleeper(Fake):
         return run
 
 
-def reported(folder: Path, rows: list[dict[str, object]]) -> None:
+def reported(folder: Path, rows: list[RunRow]) -> None:
     (folder / CASE.name).mkdir(parents=True)
-    (folder / CASE.name / RUNS).write_text(csv_text(RUN_COLUMNS, rows))
+    (folder / CASE.name / RUNS).write_text(rows_text(RunRow, rows))
     manifest = {"title": CASE.title, "files": []}
     (folder / CASE.name / "manifest.json").write_text(json.dumps(manifest))
 
@@ -152,14 +151,14 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
     sleepers = {name: Sleeper(name, log=str(log), seconds=seconds) for name, seconds in speeds.items()}
     monkeypatch.setattr(report_pairs, "SECONDS", 0.4)
     monkeypatch.setattr(registry, "solver", sleepers.__getitem__)
-    rows = [entry for entry in ROWS if entry["solver"] != "scipy-dop853"]
+    rows = [entry for entry in ROWS if entry.solver != "scipy-dop853"]
     reported(tmp_path, rows)
     page = run_paired_times([CASE], Options(), provenance("again"), tmp_path, Silent())
     rows = read_ratios(tmp_path)
-    assert [(row["digits"], row["against"], row["rival"]) for row in rows] == [
+    assert [(row.digits, row.against, row.rival) for row in rows] == [
         (digits, against, "heyoka") for digits in (3, 6, 9) for against in ("heyoka", OTHERS)
     ]
-    assert [row["ratio"] for row in rows] == pytest.approx([2.0] * 6, rel=0.5)
+    assert [row.ratio for row in rows] == pytest.approx([2.0] * 6, rel=0.5)
     order = log.read_text().split()
     turn = order[: len(order) // (80 + 1)]
     assert sorted(turn) == ["henon", "henon", "henon-rk4", "heyoka", "heyoka"]
@@ -177,7 +176,7 @@ def test_the_runs_of_a_reading_are_timed_in_turn(tmp_path: Path, monkeypatch: py
 def test_the_index_counts_the_readings_that_one_solver_alone_gets(tmp_path: Path) -> None:
     """Who is the cheapest how often adds up to all readings; those that nobody else gets so far can be told apart."""
     alone = [row("henon", 1e-12, 13.0, 1e-4), row("heyoka", 1e-12, 2.0, 1e-5)]
-    reported(tmp_path, [*ROWS, *(entry | {"reading": "alone"} for entry in alone)])
+    reported(tmp_path, [*ROWS, *(replace(entry, reading="alone") for entry in alone)])
     index.write_index(tmp_path)
     lines = [line[2:-2].split(" | ") for line in (tmp_path / MATRIX_PAGE).read_text().splitlines()]
     counts = {line[0]: line[4:] for line in lines if len(line) == 8}
@@ -203,9 +202,9 @@ def test_a_reading_that_cannot_be_timed_is_named(tmp_path: Path, monkeypatch: py
 
 def test_readings_with_nobody_to_time_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that nobody else gets to 3 digits, one that the reference does not, one that is idle and timed."""
-    idle = [entry | {"reference_transitions": 0, "digits": None} for entry in ROWS]
+    idle = [replace(entry, reference_transitions=0, digits=None) for entry in ROWS]
     kinds = {"alone": [*ROWS[:3], row("heyoka", 1e-6, 2.0, 1e-5)], "lost": ROWS[3:], "idle": idle}
-    others = [entry | {"reading": reading} for reading, entries in kinds.items() for entry in entries]
+    others = [replace(entry, reading=reading) for reading, entries in kinds.items() for entry in entries]
     sleepers = {name: Sleeper(name, log=str(tmp_path / "log")) for name in ("henon", "heyoka", "henon-rk4")}
     monkeypatch.setattr(registry, "solver", sleepers.__getitem__)
     monkeypatch.setattr(report_pairs, "SECONDS", 0.01)
@@ -227,23 +226,21 @@ def test_no_rival_no_page(tmp_path: Path) -> None:
 
 
 def test_ratios_are_told_by_rival_and_digits() -> None:
-    plain = dict.fromkeys(COLUMNS) | {"rtol": 1e-6, "wall_s": 1.2e-4, "rival_rtol": 1e-9, "rival_wall_s": 6e-5}
-
-    def ratio(case: str, reading: str, digits: float | None, rival: str, against: str, value: float) -> dict:
-        return plain | {
-            "case": case, "reading": reading, "digits": digits, "rival": rival, "against": against, "ratio": value
-        }  # fmt: skip
+    def ratio(case: str, reading: str, digits: int | None, rival: str, against: str, value: float) -> PairRow:
+        settings = {"rtol": 1e-6, "rival": rival, "rival_rtol": 1e-9, "rival_step_s": None, "rounds": 9}
+        times = {"wall_s": 1.2e-4, "rival_wall_s": 6e-5, "ratio": value, "ratio_low": value, "ratio_high": value}
+        return PairRow(case, reading, digits, against, **settings, **times)
 
     rows = [
-        ratio("a", "default", 6.0, "heyoka", "heyoka", 0.25),
-        ratio("a", "default", 6.0, "henon-rk4", OTHERS, 0.5),
-        ratio("b", "late", 6.0, "heyoka", "heyoka", 0.75),
-        ratio("b", "late", 6.0, "heyoka", OTHERS, 0.75),
+        ratio("a", "default", 6, "heyoka", "heyoka", 0.25),
+        ratio("a", "default", 6, "henon-rk4", OTHERS, 0.5),
+        ratio("b", "late", 6, "heyoka", "heyoka", 0.75),
+        ratio("b", "late", 6, "heyoka", OTHERS, 0.75),
         ratio("b", "idle", None, "heyoka", "heyoka", 2.0),
         ratio("b", "idle", None, "heyoka", OTHERS, 2.0),
-        ratio("c", "default", 12.0, "scipy-rk45", OTHERS, 1.5),
-        ratio("c", "default", 3.0, "scipy-rk45", OTHERS, 1.25),
-        ratio("c", "default", 9.0, "cvode-c-bdf", FROM_C, 0.5),
+        ratio("c", "default", 12, "scipy-rk45", OTHERS, 1.5),
+        ratio("c", "default", 3, "scipy-rk45", OTHERS, 1.25),
+        ratio("c", "default", 9, "cvode-c-bdf", FROM_C, 0.5),
     ]
     assert [line[:4] + line[-2:] for line in spread_table(rows).rows] == [
         ("`heyoka`", "6", "2", "1.33", "4", "0"),
@@ -255,10 +252,10 @@ def test_ratios_are_told_by_rival_and_digits() -> None:
         (OTHERS, "no transition", "1", "0.5", "0.5", "1"),
     ]
     runs = [
-        row("henon", 1e-6, 12.5, 1.0, case="c", reading="default", steps=1074.0),
-        row("henon", 1e-9, 14.5, 1.0, case="c", reading="default", steps=9.0),
-        row("henon", 1e-6, 0.0, 1.0, case="b", reading="idle", steps=3.0) | {"digits": None},
-        row("scipy-rk45", 1e-9, 12.0, 1.0, case="c", reading="default", steps=112.0),
+        row("henon", 1e-6, 12.5, 1.0, case="c", reading="default", steps=1074),
+        row("henon", 1e-9, 14.5, 1.0, case="c", reading="default", steps=9),
+        replace(row("henon", 1e-6, 0.0, 1.0, case="b", reading="idle", steps=3), digits=None),
+        row("scipy-rk45", 1e-9, 12.0, 1.0, case="c", reading="default", steps=112),
     ]
     own, rival = ("1e-6", "12.5", "1074", "0.12 ms"), ("1e-9", "12", "112", "60 µs")
     assert slower_table(rows, runs).rows == [
@@ -282,4 +279,4 @@ def test_what_is_no_list_of_ratios_is_none(text: str, tmp_path: Path) -> None:
 
 
 def test_a_reading_is_set_against_rows_of_its_own() -> None:
-    assert chosen([entry | {"reading": "other"} for entry in ROWS]) == []
+    assert chosen([replace(entry, reading="other") for entry in ROWS]) == []

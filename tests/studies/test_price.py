@@ -19,10 +19,11 @@ from henon_ref.campaign import timing
 from henon_ref.campaign.interleaved import MOST, Turns, interleaved
 from henon_ref.campaign.options import Options, Silent
 from henon_ref.casefile.case import load_case
-from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.errors import CaseError
 from henon_ref.filippov.problem import Problem
 from henon_ref.jit.cache_folder import VARIABLE
+from henon_ref.report.text.paired_times import PairRow
+from henon_ref.rows import RunRow
 from henon_ref.studies.price import compiling, effects
 from henon_ref.studies.price.compiling import Ready, paid_after, readiness
 from henon_ref.studies.price.costs import mean_costs, why_not
@@ -135,24 +136,18 @@ def test_landings_find_the_same_and_the_swap_takes_fewest_evaluations() -> None:
     assert found["henon"].evaluations < found["henon-newton"].evaluations < found["henon-brent"].evaluations
 
 
-def row(solver: str, wall: float, digits: float, **values: object) -> Row:
-    found: Row = dict.fromkeys(RUN_COLUMNS)
-    found.update(
-        case="c", reading="default", solver=solver, verdict="right", digits=digits, wall_s=wall, compile_s=0.0,
-        max_time_error_s=10.0**-digits,
-    )  # fmt: skip
-    found.update(values)
-    return found
+def row(solver: str, wall: float, digits: float, **values: object) -> RunRow:
+    names = {"case": "c", "reading": "default", "solver": solver, "verdict": "right", "digits": digits}
+    return RunRow(**names | {"wall_s": wall, "compile_s": 0.0, "max_time_error_s": 10.0**-digits} | values)
 
 
-def pair(rival: str, ratio: float, digits: int = 6, **values: object) -> Row:
-    found: Row = {
-        "case": "c", "reading": "default", "digits": digits, "rtol": 1e-9, "rival": rival,
-        "rival_rtol": 1e-8, "rival_step_s": None,
+def pair(rival: str, ratio: float, digits: int = 6, **values: object) -> PairRow:
+    found = {
+        "case": "c", "reading": "default", "digits": digits, "against": rival, "rtol": 1e-9, "rival": rival,
+        "rival_rtol": 1e-8, "rival_step_s": None, "rounds": 9,
         "wall_s": ratio, "rival_wall_s": 1.0, "ratio": ratio, "ratio_low": ratio, "ratio_high": ratio,
-        "rival_own_s": None,
     }  # fmt: skip
-    return found | values
+    return PairRow(**found | values)
 
 
 def test_mean_costs_are_over_all_readings_and_in_turn() -> None:
@@ -165,7 +160,7 @@ def test_mean_costs_are_over_all_readings_and_in_turn() -> None:
     assert mean_costs(found, 9) == pytest.approx({"henon": 1.0, "b": 2.0, "c": 0.5})
     rows = [row("henon", 1.0, 12), row("c", 1.0, 12), row("henon", 1.0, 12, case="d"), row("c", 1.0, 3, case="d")]
     assert why_not(rows, "c", 6) == "not reached"
-    rows[-1]["status"] = "timeout"
+    rows[-1] = replace(rows[-1], status="timeout")
     assert why_not(rows, "c", 6) == "over 4 s"
     assert why_not([*rows[:-1], row("c", 1.0, 9, case="d")], "c", 6) == ""
     table = price_table(found, ("c", "default")).rows
@@ -208,7 +203,7 @@ def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> Non
     pytest.importorskip("heyoka")
     case = load_case(CASES / "free_coulomb.yaml")
     ladder = [
-        {**row(solver, wall, digits, case=case.name), "rtol": rtol, "atol": rtol}
+        row(solver, wall, digits, case=case.name, rtol=rtol, atol=rtol, status="ok")
         for solver, rtol, wall, digits in [
             ("henon", 1e-6, 1e-5, 5), ("henon", 1e-9, 3e-5, 10), ("henon", 1e-12, 2e-5, 13), ("henon", 1e-13, 4e-5, 14),
             ("heyoka", 1e-9, 5e-5, 9.5), ("heyoka", 1e-12, 6e-5, 11),
@@ -217,18 +212,18 @@ def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> Non
     found, failed = time_ladder_pairs([case], ladder, Options(processes=1), Silent(), seconds=0.1)
     assert (len(found), failed) == (3, [])
     for pair, digits in zip(found[1:], (6, 9), strict=True):
-        assert (pair["rival"], pair["digits"]) == ("heyoka", digits)
-        assert pair["rtol"] in (1e-9, 1e-12, 1e-13)
-        assert pair["rival_rtol"] in (1e-9, 1e-12)
-        assert pair["rounds"] == 16
-        assert 0 < pair["ratio_low"] <= pair["ratio"] <= pair["ratio_high"]
-        assert 0 < pair["wall_s"] not in (2e-5, 3e-5, 4e-5)
-        assert pair["rival_wall_s"] > 0
+        assert (pair.rival, pair.digits) == ("heyoka", digits)
+        assert pair.rtol in (1e-9, 1e-12, 1e-13)
+        assert pair.rival_rtol in (1e-9, 1e-12)
+        assert pair.rounds == 16
+        assert 0 < pair.ratio_low <= pair.ratio <= pair.ratio_high
+        assert 0 < pair.wall_s not in (2e-5, 3e-5, 4e-5)
+        assert pair.rival_wall_s > 0
     table = rival_table(found).rows
     assert [cells[:2] for cells in table] == [(case.name, "3"), (case.name, "6"), (case.name, "9")]
     samples = samples_of(found)
-    assert [(own["solver"], own["digits"]) for own in samples[:2]] == [("henon", 3), ("heyoka", 3)]
-    assert all(len(str(own["samples_us"]).split()) == found[0]["rounds"] for own in samples)
+    assert [(own.solver, own.digits) for own in samples[:2]] == [("henon", 3), ("heyoka", 3)]
+    assert all(len(own.samples_us.split()) == found[0].rounds for own in samples)
 
 
 def test_a_change_of_the_machines_pace_does_not_change_a_ratio() -> None:

@@ -5,31 +5,30 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from henon_ref.columns import RUN_COLUMNS, Row
-from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import provenance
-from henon_ref.report.text.paired_times import COLUMNS, OWN
+from henon_ref.rows import RunRow, read_rows
 from henon_ref.studies.price.compiling import Ready
 from henon_ref.studies.price.growth import Horizon
+from henon_ref.studies.price.ladder import SampleRow
 from henon_ref.studies.price.landings import Landed
 from henon_ref.studies.price.operations import Work
 from henon_ref.studies.price.page import Prices, write_page
-from henon_ref.studies.price.paired_times import RIVAL_SAMPLES, SAMPLES
+from henon_ref.studies.price.paired_times import TimedPair
 from henon_ref.studies.price.states import Size
 
 
-def run(solver: str, wall: float, iqr: float | None) -> Row:
+def run(solver: str, wall: float, iqr: float | None) -> RunRow:
     own = {"case": "c", "reading": "late", "solver": solver, "rtol": 1e-9, "verdict": "right", "status": "ok"}
-    counts = {"digits": 9.5, "max_time_error_s": 3e-10, "rhs_evaluations": 50.0, "steps": 10.0, "wall_s": wall}
-    return dict.fromkeys(RUN_COLUMNS) | own | counts | {"wall_s_iqr": iqr}
+    counts = {"digits": 9.5, "max_time_error_s": 3e-10, "rhs_evaluations": 50, "steps": 10, "wall_s": wall}
+    return RunRow(**own | counts, wall_s_iqr=iqr)
 
 
 def prices() -> Prices:
-    pair = dict.fromkeys(COLUMNS) | {
-        "case": "c", "reading": "late", "digits": 9, "against": "heyoka", "rtol": 1e-9, "rival": "heyoka",
-        "rival_rtol": 1e-9, "wall_s": 1e-5, "rival_wall_s": 4e-5, "ratio": 0.25, "ratio_low": 0.2, "ratio_high": 0.3,
-        "rounds": 3, OWN: 2e-5, SAMPLES: [1e-5] * 3, RIVAL_SAMPLES: [4e-5] * 3,
-    }  # fmt: skip
+    pair = TimedPair(
+        "c", "late", 9, "heyoka", rtol=1e-9, rival="heyoka", rival_rtol=1e-9, rival_step_s=None, wall_s=1e-5,
+        rival_wall_s=4e-5, ratio=0.25, ratio_low=0.2, ratio_high=0.3, rounds=3, rival_own_s=2e-5,
+        samples_s=(1e-5,) * 3, rival_samples_s=(4e-5,) * 3,
+    )  # fmt: skip
     landings = ("henon", "henon-newton", "henon-brent")
     return Prices(
         rows=[run("henon", 1e-5, 1e-7), run("heyoka", 4e-5, 1e-5), run("scipy-dop853", 1e-2, None)],
@@ -49,8 +48,8 @@ def test_every_link_of_the_page_leads_to_a_file(tmp_path: Path) -> None:
     text = write_page(prices(), provenance("make it again"), tmp_path).read_text(encoding="utf-8")
     links = {link for link in re.findall(r"\]\(([^)]+)\)", text) if not link.startswith(("#", "../"))}
     assert {path.name for path in tmp_path.iterdir()} == links | {"README.md"}
-    assert len(read_rows(tmp_path / "price.csv")) == 3
-    assert len(read_rows(tmp_path / "samples.csv")) == 2
+    assert len(read_rows(RunRow, tmp_path / "price.csv")) == 3
+    assert len(read_rows(SampleRow, tmp_path / "samples.csv")) == 2
 
 
 def test_the_page_shows_what_was_measured(tmp_path: Path) -> None:

@@ -14,9 +14,9 @@ from henon_ref.campaign.settings import Setting
 from henon_ref.campaign.worker import WorkerState
 from henon_ref.casefile.case import load_case
 from henon_ref.cli import restarts
-from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import provenance
-from henon_ref.report.text.restarts import SUITE
+from henon_ref.report.text.restarts import SUITE, SuiteRow
+from henon_ref.rows import RunRow, read_rows
 from henon_ref.studies.restarts import runs
 from henon_ref.studies.restarts.run import run_restarts
 from henon_ref.studies.restarts.runs import LIMIT, LONGER, Restarted, run_all
@@ -32,16 +32,16 @@ def test_every_restart_runs_on_every_reading_at_its_tolerances(tmp_path: Path) -
     options = replace(OPTIONS, solvers=("heyoka",))
     page = run_restarts([case], options, provenance("x"), tmp_path, Silent())
     assert page is not None
-    rows = read_rows(page.with_name("runs.csv"))
-    assert {(row["solver"], row["rtol"]) for row in rows} == {
+    rows = read_rows(RunRow, page.with_name("runs.csv"))
+    assert {(row.solver, row.rtol) for row in rows} == {
         (f"heyoka@{restart}", rtol) for restart in registry.RESTARTS for rtol in case.readings[0].tolerances
     }
-    verdicts = {str(row["solver"]).partition("@")[2]: row["verdict"] for row in rows}
+    verdicts = {row.solver.partition("@")[2]: row.verdict for row in rows}
     assert verdicts["offset"] == verdicts["event-free-step"] == "right"
     assert verdicts["none"] == "solver defect"
-    suite = {row["restart"]: row for row in read_rows(page.with_name(SUITE))}
-    assert [suite[restart]["right"] for restart in registry.RESTARTS] == [3, 3, 3, 0]
-    assert (suite["none"]["failed"], suite["none"]["missed"], suite["none"]["elsewhere"]) == (3, 12, 3)
+    suite = {row.restart: row for row in read_rows(SuiteRow, page.with_name(SUITE))}
+    assert [suite[restart].right for restart in registry.RESTARTS] == [3, 3, 3, 0]
+    assert (suite["none"].failed, suite["none"].missed, suite["none"].elsewhere) == (3, 12, 3)
     assert "`cooldown`" in page.read_text(encoding="utf-8")
 
 
@@ -54,9 +54,9 @@ def test_a_run_is_the_campaign_s_own(tolerances: tuple[float, ...] | None) -> No
     problem = case.readings[0].problem
     assert len(study.rows) == 2 * len(tolerances or case.readings[0].tolerances)
     for row in study.rows:
-        alone = registry.solver(str(row["solver"])).prepare(problem, rtol=row["rtol"], atol=row["atol"])()
-        assert (alone.counts.steps, len(alone.transitions)) == (row["steps"], row["found_transitions"])
-        assert alone.end_time == row["end_time_s"]
+        alone = registry.solver(row.solver).prepare(problem, rtol=row.rtol, atol=row.atol)()
+        assert (alone.counts.steps, len(alone.transitions)) == (row.steps, row.found_transitions)
+        assert alone.end_time == row.end_time_s
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def job(*solvers: Fake) -> list[str]:
     """Statuses of the rows of a job."""
     made_up = case()
     own = Restarted(made_up.name, made_up.readings[0], expected(), Setting(1e-6, 1e-6), solvers)
-    return [str(row["status"]) for row in own.run(WorkerState(lambda kind, value: None))]
+    return [row.status for row in own.run(WorkerState(lambda kind, value: None))]
 
 
 def test_a_slow_restart_gets_more_time_where_another_one_is_right() -> None:
@@ -99,17 +99,17 @@ def test_a_tolerance_is_cut_for_all_where_none_is_right_and_one_is_late(monkeypa
     late = Slow("a", needs=1e9)
     cut = outcome(monkeypatch, late, Fake("b", "misses"))
     assert cut.cut == 1
-    assert [(row["solver"], row["rtol"]) for row in cut.rows] == [("a", 1e-3), ("b", 1e-3)]
+    assert [(row.solver, row.rtol) for row in cut.rows] == [("a", 1e-3), ("b", 1e-3)]
     whole = outcome(monkeypatch, late, Fake("b"))
     assert whole.cut == 0
-    assert [(row["solver"], row["rtol"]) for row in whole.rows] == [("a", 1e-3), ("b", 1e-3), ("a", 1e-6), ("b", 1e-6)]
+    assert [(row.solver, row.rtol) for row in whole.rows] == [("a", 1e-3), ("b", 1e-3), ("a", 1e-6), ("b", 1e-6)]
 
 
 def test_a_library_that_ends_its_worker_takes_no_other_one_along(monkeypatch: pytest.MonkeyPatch) -> None:
     """Then each runs in a worker of its own."""
     found = outcome(monkeypatch, Fake("a"), Fake("b", "crashes"))
-    assert [(row["solver"], row["status"]) for row in found.rows] == 2 * [("a", "ok"), ("b", "failed")]
-    assert all("SIGSEGV" in str(row["status_reason"]) for row in found.rows if row["solver"] == "b")
+    assert [(row.solver, row.status) for row in found.rows] == 2 * [("a", "ok"), ("b", "failed")]
+    assert all("SIGSEGV" in row.status_reason for row in found.rows if row.solver == "b")
 
 
 def test_the_command_keeps_the_rows_of_libraries_that_it_did_not_run(tmp_path: Path, capsys, monkeypatch) -> None:
@@ -118,8 +118,8 @@ def test_the_command_keeps_the_rows_of_libraries_that_it_did_not_run(tmp_path: P
     assert restarts.command([*arguments, "scipy-rk45"]) == 0
     assert restarts.command([*arguments, "cvode-adams"]) == 0
     assert capsys.readouterr().out.splitlines() == 2 * ["out/restarts/README.md"]
-    suite = read_rows(tmp_path / "out/restarts" / SUITE)
-    assert {row["solver"] for row in suite} == {"scipy-rk45", "cvode-adams"}
+    suite = read_rows(SuiteRow, tmp_path / "out/restarts" / SUITE)
+    assert {row.solver for row in suite} == {"scipy-rk45", "cvode-adams"}
     assert len(suite) == 2 * len(registry.RESTARTS)
     page = (tmp_path / "out/restarts/README.md").read_text(encoding="utf-8")
     assert "| `scipy-rk45` | the root located again" in page

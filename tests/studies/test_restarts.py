@@ -5,19 +5,19 @@ from __future__ import annotations
 import pytest
 
 from henon_ref import registry
-from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.report.text.restarts import suite_rows
+from henon_ref.rows import RunRow
 from henon_ref.studies.restarts.options import option_rows, option_table, options_of
 from henon_ref.studies.restarts.page import default_table, summary_table
 
 
 def run(
     solver: str, status: str = "ok", *, reading: str = "default", digits: float | None = 9.0, missed: int = 0
-) -> Row:
+) -> RunRow:
     """A run with a row's columns; right where it is ok."""
     verdict = "right" if status == "ok" else "solver defect"
     own = {"case": "made_up", "reading": reading, "solver": solver, "rtol": 1e-6, "status": status, "verdict": verdict}
-    return dict.fromkeys(RUN_COLUMNS) | own | {"digits": digits, "missed": missed, "spurious": 0}
+    return RunRow(**own, digits=digits, missed=missed, spurious=0)
 
 
 def test_every_run_is_counted_once_however_it_ends() -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fakes import CASE, case, statement
-from made_reports import ORIGIN, made
+from made_reports import ORIGIN, changed, made
 
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.options import Options
@@ -56,8 +56,7 @@ def comparison(name: str, own: Case | None = None, solvers: dict[str, tuple[str,
         for solver, (what, wall) in (solvers or RUNS[name]).items()
         for rtol in (1e-6, 1e-12)
     ]
-    for record in records:
-        record.run["case"] = own.name
+    records = [changed(record, case=own.name) for record in records]
     return Comparison(replace(own, name=name), [result], records, Options())
 
 
@@ -78,8 +77,7 @@ def two_readings() -> Comparison:
         figure = {f"{reading.name}_cost.svg": b"<svg/>"}
         results.append(ReadingResult(reading, statement(None, None), samples=samples, figures=figure))
         records.append(made("henon", 1e-6, 1e-3, reading=reading))
-    for record in records:
-        record.run["case"] = own.name
+    records = [changed(record, case=own.name) for record in records]
     return Comparison(own, results, records, Options())
 
 

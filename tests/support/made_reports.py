@@ -52,6 +52,11 @@ def made(solver: str, rtol: float, wall: float, *, what: str = "right", truth=No
     return record(outcome, truth)
 
 
+def changed(own: Record, **values: object) -> Record:
+    """The record with other values in its run's row."""
+    return replace(own, run=replace(own.run, **values))
+
+
 def compared(*records: Record, **changes: object) -> Comparison:
     result = ReadingResult(case().readings[0], replace(statement(None, None), **changes))
     return Comparison(case(), [result], list(records), Options())

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
-from henon_ref.columns import Row
 from henon_ref.errors import CaseError
-from henon_ref.report.files.csv_files import field
 from henon_ref.report.files.write import replace_file
-from henon_ref.score.gate import setting_text
+from henon_ref.rows import RunRow, csv_field
 from henon_ref.score.row_result import Kind, RowResult
 from henon_ref.text import short_line
 
@@ -23,7 +21,7 @@ OUTPUT = (
 _ELEMENTS: dict[Kind, str] = {"failure": "failure", "error": "error", "skipped": "skipped", "known": "skipped"}
 
 
-def junit_xml(rows: Sequence[tuple[Row, RowResult]]) -> bytes:
+def junit_xml(rows: Sequence[tuple[RunRow, RowResult]]) -> bytes:
     """Rows as JUnit XML: a test suite a case, a test case a row.
 
     ``classname`` is the case and the reading, ``name`` the solver and its setting, ``time`` the wall time of a run in
@@ -31,12 +29,12 @@ def junit_xml(rows: Sequence[tuple[Row, RowResult]]) -> bytes:
     is ``skipped``, and says so.
     """
     root = ElementTree.Element("testsuites", {"name": "henon_ref", **_counts(rows)})
-    suites: dict[object, list[tuple[Row, RowResult]]] = {}
+    suites: dict[str, list[tuple[RunRow, RowResult]]] = {}
     for row, result in rows:
-        suites.setdefault(row["case"], []).append((row, result))
+        suites.setdefault(row.case, []).append((row, result))
     for case, own in suites.items():
         skipped = sum(_ELEMENTS.get(result.kind) == "skipped" for _, result in own)
-        names = {"name": short_line(str(case)), "skipped": str(skipped)}
+        names = {"name": short_line(case), "skipped": str(skipped)}
         suite = ElementTree.SubElement(root, "testsuite", names | _counts(own))
         for row, result in own:
             _test_case(suite, row, result)
@@ -45,7 +43,7 @@ def junit_xml(rows: Sequence[tuple[Row, RowResult]]) -> bytes:
     return written + b"\n"
 
 
-def _counts(rows: Sequence[tuple[Row, RowResult]]) -> dict[str, str]:
+def _counts(rows: Sequence[tuple[RunRow, RowResult]]) -> dict[str, str]:
     kinds = Counter(_ELEMENTS.get(result.kind) for _, result in rows)
     return {
         "tests": str(len(rows)),
@@ -55,23 +53,23 @@ def _counts(rows: Sequence[tuple[Row, RowResult]]) -> dict[str, str]:
     }
 
 
-def _seconds(row: Row) -> float:
-    wall = row["wall_s"]
-    return float(wall) if isinstance(wall, float | int) else 0.0
+def _seconds(row: RunRow) -> float:
+    return row.wall_s or 0.0
 
 
-def _test_case(suite: ElementTree.Element, row: Row, result: RowResult) -> None:
+def _test_case(suite: ElementTree.Element, row: RunRow, result: RowResult) -> None:
     names = {
-        "classname": short_line(f"{row['case']}.{row['reading']}"),
-        "name": short_line(f"{row['solver']}{setting_text(row)}"),
+        "classname": short_line(f"{row.case}.{row.reading}"),
+        "name": short_line(row.label),
         "time": f"{_seconds(row):.3f}",
     }
     case = ElementTree.SubElement(suite, "testcase", names)
     if result.kind != "passed":
         element, reason = _ELEMENTS[result.kind], short_line(result.reason)
-        what = {"message": reason} if element == "skipped" else {"message": reason, "type": str(row["status"])}
+        what = {"message": reason} if element == "skipped" else {"message": reason, "type": row.status}
         ElementTree.SubElement(case, element, what).text = reason
-    told = [f"{column}: {short_line(field(row[column]))}" for column in OUTPUT if row[column] is not None]
+    known = zip(OUTPUT, row.values(OUTPUT), strict=True)
+    told = [f"{column}: {short_line(csv_field(value))}" for column, value in known if value is not None]
     ElementTree.SubElement(case, "system-out").text = "\n".join(told)
 
 
@@ -105,7 +103,7 @@ def check_junit(path: Path, inputs: Sequence[Path]) -> None:
         raise _unwritable(path, error) from error
 
 
-def write_junit(path: Path, rows: Sequence[tuple[Row, RowResult]]) -> None:
+def write_junit(path: Path, rows: Sequence[tuple[RunRow, RowResult]]) -> None:
     """Write the file, whole or not at all.
 
     Raises

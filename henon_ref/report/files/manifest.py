@@ -10,7 +10,7 @@ from typing import Any
 from henon_ref import registry
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.results import ReadingResult
-from henon_ref.report.files.csv_files import csv_text
+from henon_ref.rows import csv_text
 from henon_ref.score.kinds import kind_of
 from henon_ref.text import one_line
 from henon_ref.workers.machine import commit, machine
@@ -103,7 +103,7 @@ def json_text(value: object, indent: str = "") -> str:
 def samples_text(comparison: Comparison) -> str:
     """Raw timing samples of one case as CSV."""
     rows = [
-        {**record.run, "samples_ns": " ".join(f"{round(sample * 1e9)}" for sample in record.samples)}
+        (*record.run.key[1:], " ".join(f"{round(sample * 1e9)}" for sample in record.samples))
         for record in comparison.records
         if record.samples
     ]

@@ -6,7 +6,6 @@ the comparison there did not run, from the page that stands there already: it fo
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,8 +13,6 @@ from typing import Any
 
 from baselines.causes import CAUSES
 from henon_ref import registry
-from henon_ref.columns import RUN_COLUMNS, Row
-from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.write import MANIFEST, PAGE, RUNS
 from henon_ref.report.html.case_file import read_case_file
 from henon_ref.report.html.colours import solver_lines
@@ -24,9 +21,9 @@ from henon_ref.report.html.packed_runs import FIELDS, Words, field_values, packe
 from henon_ref.report.html.rounding import rounded
 from henon_ref.report.text.choice import UNKNOWN, by_kind
 from henon_ref.report.text.matrix import solvers_of
-from henon_ref.report.text.matrix_page import by_reading
-from henon_ref.report.text.matrix_rows import commits_of
-from henon_ref.report.text.ranking import LEVELS, by_solver, floor, name
+from henon_ref.report.text.matrix_rows import MatrixRow, commits_of
+from henon_ref.report.text.ranking import LEVELS, by_solver, floor, readings_of
+from henon_ref.rows import RunRow, read_rows
 from henon_ref.text import one_line
 
 FORMAT = 1
@@ -38,28 +35,28 @@ Details = dict[str, Any]
 portrait and runs."""
 
 
-def content(folder: Path, rows: Sequence[Row]) -> dict[str, Any]:
+def content(folder: Path, rows: Sequence[MatrixRow]) -> dict[str, Any]:
     """The page's data.
 
     Parameters
     ----------
     folder : Path
         Of reports.
-    rows : sequence of Row
+    rows : sequence of MatrixRow
         Of its matrix.
     """
     words, earlier = Words(), earlier_details(folder)
     solvers, kinds = solvers_of(rows), list(by_kind(rows))
     lines = solver_lines(solvers)
-    cases: dict[str, list[tuple[str, list[Row]]]] = {}
-    for (case, reading), own in by_reading(rows).items():
+    cases: dict[str, list[tuple[str, list[MatrixRow]]]] = {}
+    for (case, reading), own in readings_of(rows).items():
         cases.setdefault(case, []).append((reading, own))
     made = []
     for case, readings in cases.items():
         details = updated(details_of(folder / case), earlier.get(case, {}))
         own_readings = [_reading(*one, details, solvers, kinds, words) for one in readings]
         known = {key: value for key, value in details.items() if key != "readings"}
-        made.append({"name": case, "title": one_line(str(readings[0][1][0]["title"])), **known,
+        made.append({"name": case, "title": one_line(readings[0][1][0].title), **known,
                      "readings": own_readings})  # fmt: skip
     return {
         "format": FORMAT,
@@ -75,22 +72,28 @@ def content(folder: Path, rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _reading(
-    reading: str, rows: Sequence[Row], details: Details, solvers: Sequence[str], kinds: Sequence[str], words: Words
+    reading: str,
+    rows: Sequence[MatrixRow],
+    details: Details,
+    solvers: Sequence[str],
+    kinds: Sequence[str],
+    words: Words,
 ) -> dict[str, Any]:
     own = details.get("readings", {}).get(reading, {})
-    runs, ran = own.get("runs", {}), {name(row) for row in rows}
+    runs, ran = own.get("runs", {}), {row.solver for row in rows}
     return {
         "name": reading,
-        "kind": kinds.index(str(rows[0]["kind"] or UNKNOWN)),
+        "kind": kinds.index(rows[0].kind or UNKNOWN),
         "commit": ", ".join(commits_of(rows)),
         **{key: value for key, value in own.items() if key != "runs"},
-        "cells": [[solvers.index(name(row)), *_cell(row, words)] for row in rows],
+        "cells": [[solvers.index(row.solver), *_cell(row, words)] for row in rows],
         "runs": {str(solvers.index(s)): [packed(r, words) for r in runs[s]] for s in runs if s in ran},
     }
 
 
-def _cell(row: Row, words: Words) -> list[Any]:
-    return trimmed([words.number(row[c]) if c in ("status", "verdict") else rounded(row[c], 6) for c in CELL])
+def _cell(row: MatrixRow, words: Words) -> list[Any]:
+    cells = zip(CELL, row.values(CELL), strict=True)
+    return trimmed([words.number(v) if c in ("status", "verdict") else rounded(v, 6) for c, v in cells])
 
 
 def details_of(folder: Path) -> Details | None:
@@ -99,20 +102,16 @@ def details_of(folder: Path) -> Details | None:
         return None
     try:
         manifest = _mapping(json.loads((folder / MANIFEST).read_text(encoding="utf-8")))
-        rows = read_rows(folder / RUNS)
-    except (OSError, RecursionError, ValueError, csv.Error):
+        rows = read_rows(RunRow, folder / RUNS)
+    except (OSError, RecursionError, ValueError):
         return None  # the index names it, and leaves it out
-    if any(column not in row for row in rows for column in RUN_COLUMNS):
-        return None
-    readings: dict[str, list[Row]] = {}
-    for row in rows:
-        readings.setdefault(str(row["reading"]), []).append(row)
     told, known = read_case_file(folder), _mapping(manifest.get("readings"))
     return {
         **{key: told[key] for key in ("tags", "source") if told.get(key)},
         "files": sorted(one_line(path.name) for path in folder.iterdir() if path.suffix in SHOWN_FILES),
         "readings": {
-            reading: _told_of(reading, _mapping(known.get(reading)), told, own) for reading, own in readings.items()
+            reading: _told_of(reading, _mapping(known.get(reading)), told, own)
+            for (_, reading), own in readings_of(rows).items()
         },
     }
 
@@ -122,14 +121,14 @@ def _mapping(value: object) -> Mapping[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
-def _told_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, Any], rows: Sequence[Row]) -> Details:
+def _told_of(reading: str, manifest: Mapping[str, Any], words: Mapping[str, Any], rows: Sequence[RunRow]) -> Details:
     """What its manifest, the words of the case's file and its rows say of a reading."""
     truth = _mapping(manifest.get("truth"))
     told = {
         "title": one_line(str(manifest.get("title") or "")),
         "story": _mapping(words.get("stories")).get(reading),
         "portrait": _mapping(_mapping(words.get("portraits")).get(reading)) or None,
-        "unit": rounded(next((row["time_unit_s"] for row in rows if row["time_unit_s"] is not None), None), 6),
+        "unit": rounded(next((row.time_unit_s for row in rows if row.time_unit_s is not None), None), 6),
         "floor": rounded(max((floor(row) for row in rows), default=0.0), 2),
         "transitions": truth.get("transitions"),
         "ends": truth.get("status"),

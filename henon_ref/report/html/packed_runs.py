@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from henon_ref.columns import Row
 from henon_ref.report.html.rounding import rounded
 from henon_ref.report.text.formats import setting
+from henon_ref.rows import RunRow
 from henon_ref.text import one_line
 
 TEXT = 0
@@ -18,6 +18,8 @@ FIELDS: Mapping[str, int] = {
     "spurious": 12, "missed_touches": 12, "status_reason": TEXT, "cause": TEXT, "verdict_basis": TEXT,
 }  # fmt: skip
 """Fields of a run on the page, in their order, and the significant places of each number."""
+Shown = dict[str, object]
+"""The fields of a run by name."""
 NONE_OF = ("missed", "spurious", "missed_touches")
 """Numbers that are left out where they are 0."""
 USUAL = ("ok", "right", "wrong", "solver defect", "1e-6", "1e-9", "1e-12", "failed", "timeout")
@@ -42,21 +44,20 @@ class Words:
         return self._places[text]
 
 
-def field_values(row: Row) -> Row:
+def field_values(row: RunRow) -> Shown:
     """The fields that the page shows of a row of runs."""
-    shown = {**row, "setting": setting(row["rtol"], row["step_s"]), "digits": _floored(row["digits"])}
-    for name in NONE_OF:
-        shown[name] = shown[name] or None
-    return {name: shown.get(name) for name in FIELDS}
+    shown = dict(zip(FIELDS, row.values(FIELDS), strict=True))
+    shown |= {"setting": setting(row.rtol, row.step_s), "digits": _floored(row.digits)}
+    return shown | {name: shown[name] or None for name in NONE_OF}
 
 
-def packed(row: Row, words: Words) -> list[Any]:
+def packed(run: Shown, words: Words) -> list[Any]:
     """A run's fields as a list, without what is missing at its end."""
-    return trimmed([words.number(row[name]) if not places else rounded(row[name], places)
+    return trimmed([words.number(run[name]) if not places else rounded(run[name], places)
                     for name, places in FIELDS.items()])  # fmt: skip
 
 
-def unpacked(values: Sequence[Any], words: Sequence[str]) -> Row:
+def unpacked(values: Sequence[Any], words: Sequence[str]) -> Shown:
     """The fields that a list of :func:`packed` holds."""
     padded = [*values, *[None] * (len(FIELDS) - len(values))]
     return {
@@ -72,6 +73,6 @@ def trimmed(values: list[Any]) -> list[Any]:
     return values
 
 
-def _floored(digits: object) -> object:
+def _floored(digits: float | None) -> float | None:
     """Digits to a thousandth, never more than there are."""
-    return int(digits * 1000) / 1000 if isinstance(digits, float) and digits > 0 else digits
+    return int(digits * 1000) / 1000 if digits and digits > 0 else digits

@@ -7,15 +7,14 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from henon_ref.columns import Row
 from henon_ref.report.files.write import INDEX, MATRIX, MATRIX_PAGE, PAGE, replace_file
 from henon_ref.report.html.content import content
 from henon_ref.report.html.rendering import rendered, source
-from henon_ref.report.text.choice import ANY, by_kind, key_of, package_of, reaches, readings_for
+from henon_ref.report.text.choice import ANY, by_kind, package_of, reaches, readings_for
 from henon_ref.report.text.formats import count, duration, significant
 from henon_ref.report.text.index import PAGES, commits
 from henon_ref.report.text.matrix_page import coverage
-from henon_ref.report.text.ranking import name
+from henon_ref.report.text.matrix_rows import MatrixRow
 from henon_ref.score.kinds import CLOSE
 
 DIGITS = 9
@@ -38,23 +37,24 @@ NUMBERS = (2, 4, 5, 7, 8)
 """Places of the columns of numbers, counted from 1."""
 
 
-def write_page(folder: Path, rows: Sequence[Row]) -> Path:
+def write_page(folder: Path, rows: Sequence[MatrixRow]) -> Path:
     """Write the page of a folder of reports.
 
     Parameters
     ----------
     folder : Path
-    rows : sequence of Row
+    rows : sequence of MatrixRow
         Of its matrix.
     """
     replace_file(folder / PAGE, page_text(folder, rows).encode())
     return folder / PAGE
 
 
-def page_text(folder: Path, rows: Sequence[Row]) -> str:
+def page_text(folder: Path, rows: Sequence[MatrixRow]) -> str:
     """The page as HTML; parameters as for :func:`write_page`."""
     data = content(folder, rows)
-    cases, readings, solvers = (len({key(row) for row in rows}) for key in (_case, key_of, name))
+    cases, readings = len({row.case for row in rows}), len({row.problem for row in rows})
+    solvers = len({row.solver for row in rows})
     return rendered(
         "reports.html",
         source("page.css") + source("reports.css") + _colours(data["solvers"]),
@@ -62,22 +62,18 @@ def page_text(folder: Path, rows: Sequence[Row]) -> str:
         data,
         digits=DIGITS,
         summary=f"{count(readings, 'reading')} of {count(cases, 'case')}, {count(solvers, 'solver')}; {commits(rows)}.",
-        choice={"headings": HEADINGS, "numbers": NUMBERS, "rows": choice_rows(rows, f"wall_{DIGITS}_s")},
+        choice={"headings": HEADINGS, "numbers": NUMBERS, "rows": choice_rows(rows, DIGITS)},
         mean_parts=round(1 / CLOSE),
         coverage=coverage_words(rows),
         files=_files(folder),
     )
 
 
-def coverage_words(rows: Sequence[Row]) -> str:
+def coverage_words(rows: Sequence[MatrixRow]) -> str:
     """On how many readings each solver was run, in a sentence; empty where all were run on all."""
     groups = coverage(rows)
     words = "; ".join(f"{own}: {', '.join(solvers)}" for own, solvers in groups)
-    return f"Of {len({key_of(row) for row in rows})} readings the solvers were run on {words}." if groups else ""
-
-
-def _case(row: Row) -> str:
-    return str(row["case"])
+    return f"Of {len({row.problem for row in rows})} readings the solvers were run on {words}." if groups else ""
 
 
 def _colours(solvers: Sequence[dict[str, Any]]) -> str:
@@ -86,18 +82,18 @@ def _colours(solvers: Sequence[dict[str, Any]]) -> str:
     return f":root {{ {' '.join(lines)} }}\n"
 
 
-def choice_rows(rows: Sequence[Row], column: str) -> list[tuple[str, ...]]:
+def choice_rows(rows: Sequence[MatrixRow], level: int | None) -> list[tuple[str, ...]]:
     """The table of the page's beginning: a row a kind of case, as the index has it (:mod:`...text.choice`)."""
     made: list[tuple[str, ...]] = []
     for kind, own in by_kind(rows).items():
-        every, counted = readings_for(own, ANY), readings_for(own, column)
+        every, counted = readings_for(own, ANY), readings_for(own, level)
         readings = f"{len(every)}" if every == counted else f"{len(counted)} of {len(every)}"
-        found = reaches(own, column)
+        found = reaches(own, level)
         if not found:
             made.append((kind, readings, "none", "", "", "", "", ""))
             continue
         first = found[0]
-        others = reaches([row for row in own if package_of(name(row)) != package_of(first.solver)], column)
+        others = reaches([row for row in own if package_of(row.solver) != package_of(first.solver)], level)
         times = others[0].against(first.walls) if others else None
         made.append(
             (

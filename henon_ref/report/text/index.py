@@ -5,22 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from henon_ref.columns import Row
-from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.links import without_dead_links
 from henon_ref.report.files.svg import svg
 from henon_ref.report.files.write import INDEX, MATRIX, MATRIX_PAGE, REPORT, check_index, replace_file
-from henon_ref.report.text.choice import case_table, choice_table, key_of
+from henon_ref.report.text.choice import case_table, choice_table
 from henon_ref.report.text.formats import count
 from henon_ref.report.text.kinds_figure import draw_kinds
 from henon_ref.report.text.markdown import environment
 from henon_ref.report.text.matrix import KEY
 from henon_ref.report.text.matrix_merge import merged
 from henon_ref.report.text.matrix_page import coverage_table, reading_table, solver_table, titles
-from henon_ref.report.text.matrix_rows import MATRIX_COLUMNS
+from henon_ref.report.text.matrix_rows import MatrixRow
 from henon_ref.report.text.paired_times import PRICE_PAIRS, cheapest, own_words, read_ratios
-from henon_ref.report.text.ranking import NOT_RUN, name, number
 from henon_ref.report.text.restarts import WHY, beaten_table, read_suite
+from henon_ref.rows import NOT_RUN, rows_text
 from henon_ref.score.kinds import CLOSE
 from henon_ref.text import code
 
@@ -56,7 +54,7 @@ def write_index(folder: Path) -> Path:
     """
     check_index(folder)
     rows = merged(folder)
-    replace_file(folder / MATRIX, csv_text(MATRIX_COLUMNS, rows).encode())
+    replace_file(folder / MATRIX, rows_text(MatrixRow, rows).encode())
     replace_file(folder / MATRIX_PAGE, matrix_text(rows, folder).encode())
     if is_drawn(rows):
         replace_file(folder / FIGURE, svg(draw_kinds(rows)))
@@ -64,17 +62,17 @@ def write_index(folder: Path) -> Path:
     return folder / INDEX
 
 
-def is_drawn(rows: Sequence[Row]) -> bool:
+def is_drawn(rows: Sequence[MatrixRow]) -> bool:
     """Whether there are enough cases for a figure, and some run in one."""
-    return len({row["case"] for row in rows}) >= FEWEST_DRAWN and any(number(row, "judged") for row in rows)
+    return len({row.case for row in rows}) >= FEWEST_DRAWN and any(row.judged for row in rows)
 
 
-def index_text(rows: Sequence[Row], folder: Path) -> str:
+def index_text(rows: Sequence[MatrixRow], folder: Path) -> str:
     """The index as markdown.
 
     Parameters
     ----------
-    rows : sequence of Row
+    rows : sequence of MatrixRow
         Of the matrix.
     folder : Path
         Where it lies: links lead only to what is there.
@@ -93,7 +91,7 @@ def index_text(rows: Sequence[Row], folder: Path) -> str:
             coverage=coverage.markdown if coverage.rows else "",
             own=own_words(read_ratios(folder)) or own_words(read_ratios(folder, PRICE_PAIRS)),
             figure=FIGURE if is_drawn(rows) else "",
-            cases=case_table([row for row in rows if (folder / str(row["case"]) / REPORT).exists()]).markdown,
+            cases=case_table([row for row in rows if (folder / row.case / REPORT).exists()]).markdown,
             right_of_judged=RIGHT_OF_JUDGED,
             counted=counted(rows),
             commits=commits(rows),
@@ -104,7 +102,7 @@ def index_text(rows: Sequence[Row], folder: Path) -> str:
     return without_dead_links(text, folder)
 
 
-def matrix_text(rows: Sequence[Row], folder: Path) -> str:
+def matrix_text(rows: Sequence[MatrixRow], folder: Path) -> str:
     """The matrix's page as markdown; parameters as for :func:`index_text`."""
     text = (
         environment()
@@ -121,21 +119,21 @@ def matrix_text(rows: Sequence[Row], folder: Path) -> str:
     return without_dead_links(text, folder)
 
 
-def counted(rows: Sequence[Row]) -> str:
+def counted(rows: Sequence[MatrixRow]) -> str:
     """In how many readings the solver that is right most often is so, and why it is not judged in the others."""
-    readings = {key_of(row) for row in rows}
+    readings = {row.problem for row in rows}
     right: dict[str, set[tuple[str, str]]] = {}
     for row in rows:
-        if number(row, "right"):
-            right.setdefault(name(row), set()).add(key_of(row))
+        if row.right:
+            right.setdefault(row.solver, set()).add(row.problem)
     if not right:
         return f"No solver is right in any of {count(len(readings), 'reading')}."
     first = max(right, key=lambda solver: len(right[solver]))
-    own = {key_of(row): row for row in rows if name(row) == first}
-    judged = {key for key, row in own.items() if number(row, "judged")}
+    own = {row.problem: row for row in rows if row.solver == first}
+    judged = {key for key, row in own.items() if row.judged}
     left = {
         "run only by other solvers": readings - set(own),
-        "that it cannot do": {key for key, row in own.items() if row["status"] in NOT_RUN},
+        "that it cannot do": {key for key, row in own.items() if row.status in NOT_RUN},
     }
     left["without a verdict"] = set(own) - judged - left["that it cannot do"]
     why = ", ".join(f"{len(keys)} {words}" for words, keys in left.items() if keys)
@@ -143,8 +141,8 @@ def counted(rows: Sequence[Row]) -> str:
     return f"{code(first)} is right in {len(right[first])} of the {len(judged)} readings that it is judged in{tail}."
 
 
-def commits(rows: Sequence[Row]) -> str:
+def commits(rows: Sequence[MatrixRow]) -> str:
     """How many commits of the program the rows mix."""
-    made = {str(row["commit"] or "") for row in rows}
+    made = {row.commit or "" for row in rows}
     known = len(made - {""})
     return f"{count(known, 'commit')} of the program" if known else "a program of no known commit"

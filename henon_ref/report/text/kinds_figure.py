@@ -7,19 +7,19 @@ from collections.abc import Mapping, Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING
 
-from henon_ref.columns import Row
 from henon_ref.figures import style
-from henon_ref.report.text.choice import ANY, AS_MANY, by_kind, key_of, reading_counts, readings_for
+from henon_ref.report.text.choice import ANY, AS_MANY, by_kind, reading_counts, readings_for
 from henon_ref.report.text.matrix import solvers_of
-from henon_ref.report.text.ranking import LEVELS, name, number
+from henon_ref.report.text.matrix_rows import MatrixRow
+from henon_ref.report.text.ranking import LEVELS
 from henon_ref.text import one_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLUMNS = (("ok", ANY), *((f"{level}", f"wall_{level}_s") for level in LEVELS))
-"""Label of a column of a panel, and the column of the matrix that has a time where so many digits are reached."""
+COLUMNS: tuple[tuple[str, int | None], ...] = (("ok", ANY), *((f"{level}", level) for level in LEVELS))
+"""Label of a column of a panel, and its digits."""
 CORNER = style.VERMILLION
 LEFT, RIGHT, ABOVE, BELOW, BETWEEN, ROW = 1.05, 0.03, 0.78, 0.54, 0.1, 0.19
 """Room for names of solvers, right of the panels, above and below them, between two of them; height of a row [in]."""
@@ -34,16 +34,16 @@ DARK = 0.7
 """Share from which on a cell is so dark that its text is white."""
 
 
-def draw_kinds(rows: Sequence[Row]) -> Figure:
+def draw_kinds(rows: Sequence[MatrixRow]) -> Figure:
     """A panel a kind of case, a row a solver, a column a number of digits: the share of readings, in percent.
 
     Parameters
     ----------
-    rows : sequence of Row
+    rows : sequence of MatrixRow
         Of a matrix; some solver was judged.
     """
     kinds = by_kind(rows)
-    solvers = solvers_of(row for row in rows if number(row, "judged"))
+    solvers = solvers_of(row for row in rows if row.judged)
     height = ABOVE + ROW * len(solvers) + BELOW
     wide = (style.WIDTH - LEFT - RIGHT - BETWEEN * (len(kinds) - 1)) / len(kinds)
     with style.figure(height) as figure:
@@ -65,15 +65,15 @@ def draw_kinds(rows: Sequence[Row]) -> Figure:
         return figure
 
 
-def _draw_panel(axes: Axes, kind: str, rows: Sequence[Row], solvers: Sequence[str]) -> None:
+def _draw_panel(axes: Axes, kind: str, rows: Sequence[MatrixRow], solvers: Sequence[str]) -> None:
     from matplotlib.patches import Polygon, Rectangle
 
-    drawn = [(label, column) for label, column in COLUMNS if readings_for(rows, column)]
+    drawn = [(label, level) for label, level in COLUMNS if readings_for(rows, level)]
     for j, solver in enumerate(reversed(solvers)):
-        own = {key_of(row): row for row in rows if name(row) == solver and number(row, "judged")}
-        for i, (_, column) in enumerate(drawn):
-            readings = readings_for(rows, column)
-            share = _share(own, column, readings)
+        own = {row.problem: row for row in rows if row.solver == solver and row.judged}
+        for i, (_, level) in enumerate(drawn):
+            readings = readings_for(rows, level)
+            share = _share(own, level, readings)
             if share is not None:
                 colour, ink = _shade(share), "white" if share >= DARK else style.BLACK
                 percent = f"{math.floor(100 * share + 1e-9)}"
@@ -91,11 +91,11 @@ def _draw_panel(axes: Axes, kind: str, rows: Sequence[Row], solvers: Sequence[st
     axes.set_title(f"{fill(kind, LETTERS)}\n({reading_counts(rows)})", fontsize=7.5, linespacing=1.05)
 
 
-def _share(own: Mapping[tuple[str, str], Row], column: str, readings: set[tuple[str, str]]) -> float | None:
+def _share(own: Mapping[tuple[str, str], MatrixRow], level: int | None, readings: set[tuple[str, str]]) -> float | None:
     """Part of the readings that the solver was judged in; None where it was in none of them."""
     judged = readings & set(own)
-    right = "right" if column == ANY else column
-    return sum(bool(own[key][right]) for key in judged) / len(judged) if judged else None
+    right = sum(bool(own[key].right if level is None else own[key].wall(level)) for key in judged)
+    return right / len(judged) if judged else None
 
 
 def _shade(share: float) -> str:

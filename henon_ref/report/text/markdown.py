@@ -26,7 +26,6 @@ from henon_ref.report.text.model import (
 )
 from henon_ref.report.text.overview import overview
 from henon_ref.report.text.published import orbit_table, printed_times_table, published_table
-from henon_ref.report.text.ranking import name
 from henon_ref.report.text.summary import EXPLAINED, solver_table
 from henon_ref.report.text.tables import MARK, Table, price_table, reason_table, run_table, samples_of, stick_table
 from henon_ref.report.text.truth import no_truth, truth_table
@@ -98,7 +97,7 @@ def report_text(comparison: Comparison, provenance: Provenance) -> str:
             single=single,
             sub="##" if single else "###",
             overview=overview(comparison),
-            explained=EXPLAINED if len({name(record.run) for record in comparison.records}) > 1 else "",
+            explained=EXPLAINED if len({record.run.solver for record in comparison.records}) > 1 else "",
             readings=_without_repeats([_reading(comparison, result) for result in comparison.readings]),
             gate=_markdown(gate_table(comparison)),
             notes=Table(
@@ -212,5 +211,5 @@ def _unit(comparison: Comparison) -> str:
 
 def _versions(comparison: Comparison, provenance: Provenance) -> str:
     """The versions of the packages whose solvers ran."""
-    ran = {name(record.run): str(record.run["library_version"] or "") for record in comparison.records}
+    ran = {record.run.solver: record.run.library_version or "" for record in comparison.records}
     return listing([markdown(f"{package} {version}") for package, version in provenance.packages(ran).items()])

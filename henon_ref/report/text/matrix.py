@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from henon_ref import registry
-from henon_ref.columns import Row
 from henon_ref.report.text.formats import digits
-from henon_ref.report.text.matrix_rows import UNJUDGED, summary
-from henon_ref.report.text.ranking import by_solver, name, number
+from henon_ref.report.text.matrix_rows import UNJUDGED, MatrixRow, summary
+from henon_ref.report.text.ranking import by_solver
 from henon_ref.report.text.tables import Table
+from henon_ref.rows import RunRow
 from henon_ref.text import code
 
 MARKS = {"unsupported": "–", "unavailable": "·"}
@@ -22,14 +22,14 @@ KEY = (
 """What the cells mean."""
 
 
-def solvers_of(rows: Iterable[Row]) -> list[str]:
+def solvers_of(rows: Iterable[MatrixRow | RunRow]) -> list[str]:
     """Solvers of some rows, in the registry's order."""
-    present = {name(row) for row in rows}
+    present = {row.solver for row in rows}
     order = [solver for solver in registry.names() if solver in present]
     return order + sorted(present - set(order))
 
 
-def matrix(headings: Sequence[str], lines: Sequence[tuple[Sequence[str], Sequence[Row]]]) -> Table:
+def matrix(headings: Sequence[str], lines: Sequence[tuple[Sequence[str], Sequence[RunRow]]]) -> Table:
     """Digits that each solver reaches on each reading, or what became of it.
 
     Parameters
@@ -39,29 +39,27 @@ def matrix(headings: Sequence[str], lines: Sequence[tuple[Sequence[str], Sequenc
     lines : sequence of (cells, rows)
         For each reading the cells of those columns, and its rows (of the runs).
     """
-    summed = [(cells, [{"solver": solver, **summary(own)} for solver, own in by_solver(rows).items()])
-              for cells, rows in lines]  # fmt: skip
+    summed = [(cells, [summary(own) for own in by_solver(rows).values()]) for cells, rows in lines]
     return matrix_table(headings, summed)
 
 
-def matrix_table(headings: Sequence[str], lines: Sequence[tuple[Sequence[str], Sequence[Row]]]) -> Table:
+def matrix_table(headings: Sequence[str], lines: Sequence[tuple[Sequence[str], Sequence[MatrixRow]]]) -> Table:
     """The same of summed rows, one a solver (:func:`henon_ref.report.text.matrix_rows.summary`)."""
     solvers = solvers_of(row for _, rows in lines for row in rows)
     made = []
     for cells, rows in lines:
-        own = {name(row): _cell(row) for row in rows}
+        own = {row.solver: _cell(row) for row in rows}
         made.append((*cells, *(own.get(solver, "") for solver in solvers)))
     alignment = "l" + "r" * (len(headings) - 1 + len(solvers))
     return Table((*headings, *(code(solver) for solver in solvers)), alignment, made)
 
 
-def _cell(row: Row) -> str:
-    right, settings = number(row, "right"), number(row, "settings")
-    if right:
-        reached = "ok" if row["digits"] is None else digits(number(row, "digits"))
-        return reached if right == settings else f"{reached} *"
-    if row["verdict"] in ("ill-conditioned", "not unique"):
-        return str(row["verdict"])
-    if row["verdict"] in UNJUDGED and row["status"] != "timeout":  # its "ok" is no right one
+def _cell(row: MatrixRow) -> str:
+    if row.right:
+        reached = "ok" if row.digits is None else digits(row.digits)
+        return reached if row.right == row.settings else f"{reached} *"
+    if row.verdict in ("ill-conditioned", "not unique"):
+        return row.verdict
+    if row.verdict in UNJUDGED and row.status != "timeout":  # its "ok" is no right one
         return "not judged"
-    return MARKS.get(str(row["status"]), str(row["status"]))
+    return MARKS.get(row.status, row.status)

@@ -5,67 +5,94 @@ The index is made from it alone, so that it still knows every case where most ca
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.errors import CaseError
-from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.write import MATRIX, RUNS
-from henon_ref.report.text.ranking import LEVELS, NOT_RUN, best_of, by_solver, number, reaching
+from henon_ref.report.text.ranking import best_of, by_solver, reaching, readings_of
+from henon_ref.rows import NOT_RUN, AnyRow, Row, RunRow, TableError, read_rows
 
 SHORT = 12
 """Characters that a commit is told by, as in a report."""
 UNJUDGED = (None, "not judged")
 """Verdicts of runs that were not judged."""
-EVERY_REPORT_HAS = RUN_COLUMNS[: RUN_COLUMNS.index("undecided_after_s")]
-"""Columns of a list of runs of this package; reports that were made earlier lack those behind them."""
-MATRIX_COLUMNS = (
-    "case", "title", "reading", "kind", "solver", "settings", "judged", "right", "status", "verdict", "digits",
-    "wall_s", *(f"wall_{level}_s" for level in LEVELS), "commit",
-)  # fmt: skip
-"""A row a reading and solver; digits and times are rounded, as far as an overview needs them.
-
-* ``title``: the case's; ``kind``: the reading's (:mod:`henon_ref.score.kinds`);
-* ``settings``, ``judged``, ``right``: settings that were tried, of these judged, of these right;
-* ``status``, ``verdict``, ``digits``: of the right run with the most digits, else of the last one;
-* ``wall_s``: shortest time of a right run; ``wall_N_s``: of one that gets the worst transition to N digits;
-* ``commit``: the program's when the runs were made.
-"""
 
 
-def summary(rows: Sequence[Row]) -> Row:
-    """What the settings of one solver on one reading come to: the columns from ``settings`` to the last time.
+@dataclass(frozen=True)
+class MatrixRow(Row):
+    """A solver on a reading, over all settings; digits and times are rounded, as far as an overview needs them."""
 
-    Parameters
-    ----------
-    rows : sequence of Row
-        Of :data:`henon_ref.columns.RUN_COLUMNS`; at least one.
-    """
-    best = best_of(rows)
-    right = [row for row in rows if row["verdict"] == "right"]
-    return {
-        "settings": len(rows),
-        "judged": sum(row["status"] not in NOT_RUN and row["verdict"] not in UNJUDGED for row in rows),
-        "right": len(right),
-        "status": best["status"],
-        "verdict": best["verdict"],
-        "digits": None if best["digits"] is None else math.floor(number(best, "digits") * 1000) / 1000,
-        "wall_s": _shortest(right),
-        **{f"wall_{level}_s": _shortest(reaching(rows, level)) for level in LEVELS},
-    }
+    case: str
+    title: str
+    """The case's."""
+    reading: str
+    kind: str | None
+    """The reading's (:mod:`henon_ref.score.kinds`)."""
+    solver: str
+    settings: int = 0
+    """Settings that were tried."""
+    judged: int = 0
+    right: int = 0
+    status: str = ""
+    """Of the right run with the most digits, else of the last one; so are verdict and digits."""
+    verdict: str | None = None
+    digits: float | None = None
+    wall_s: float | None = None
+    """Shortest time of a right run [s]."""
+    wall_3_s: float | None = None
+    """The same of runs that get the worst transition to three digits [s]."""
+    wall_6_s: float | None = None
+    wall_9_s: float | None = None
+    wall_12_s: float | None = None
+    commit: str | None = None
+    """The program's when the runs were made."""
+
+    @property
+    def problem(self) -> tuple[str, str]:
+        """Case and reading."""
+        return self.case, self.reading
+
+    def wall(self, digits: int | None) -> float | None:
+        """Shortest time to so many digits [s]; None: of any right run."""
+        times = {None: self.wall_s, 3: self.wall_3_s, 6: self.wall_6_s, 9: self.wall_9_s, 12: self.wall_12_s}
+        return times[digits]
 
 
-def _shortest(rows: Sequence[Row]) -> float | None:
-    walls = [number(row, "wall_s") for row in rows if row["wall_s"] is not None]
+def summary(rows: Sequence[RunRow], *, title: str = "", kind: str | None = None, commit: str = "") -> MatrixRow:
+    """What the settings of one solver on one reading come to; at least one."""
+    best, right = best_of(rows), [row for row in rows if row.verdict == "right"]
+    return MatrixRow(
+        best.case,
+        title,
+        best.reading,
+        kind,
+        best.solver,
+        settings=len(rows),
+        judged=sum(row.status not in NOT_RUN and row.verdict not in UNJUDGED for row in rows),
+        right=len(right),
+        status=best.status,
+        verdict=best.verdict,
+        digits=None if best.digits is None else math.floor(best.digits * 1000) / 1000,
+        wall_s=_shortest(right),
+        wall_3_s=_shortest(reaching(rows, 3)),
+        wall_6_s=_shortest(reaching(rows, 6)),
+        wall_9_s=_shortest(reaching(rows, 9)),
+        wall_12_s=_shortest(reaching(rows, 12)),
+        commit=commit,
+    )
+
+
+def _shortest(rows: Sequence[RunRow]) -> float | None:
+    walls = [row.wall_s for row in rows if row.wall_s is not None]
     return float(f"{min(walls):.4g}") if walls else None
 
 
-def rows_of_report(manifest: Path) -> list[Row]:
+def rows_of_report(manifest: Path) -> list[MatrixRow]:
     """The matrix's rows of one case, from the folder of its report.
 
     Raises
@@ -73,28 +100,23 @@ def rows_of_report(manifest: Path) -> list[Row]:
     CaseError
         Where manifest or runs are not what this package writes.
     """
-    content, file = _content(manifest), manifest.with_name(RUNS)
-    try:
-        runs = read_rows(file)
-    except (OSError, ValueError, csv.Error) as error:
-        raise CaseError(f"cannot be read: {error}", file=str(file)) from error
-    by_reading: dict[str, list[Row]] = {}
-    for row in runs:
-        missing = [column for column in EVERY_REPORT_HAS if column not in row]
-        if missing:
-            raise CaseError(f"is no list of runs of this package: it has no column {missing[0]}", file=str(file))
-        by_reading.setdefault(str(row["reading"]), []).append(row)
-    shared = {
-        "case": manifest.parent.name,
-        "title": content["title"],
-        "commit": short_commit(_text(content.get("commit")) or "", SHORT),
-    }
-    readings = content.get("readings")
+    content, runs = _content(manifest), _rows(RunRow, manifest.with_name(RUNS), "list of runs")
+    commit, readings = short_commit(_text(content.get("commit")) or "", SHORT), content.get("readings")
+    case = manifest.parent.name
     return [
-        {**shared, "reading": reading, "kind": _kind(readings, reading), "solver": solver, **summary(own)}
-        for reading, rows in by_reading.items()
-        for solver, own in by_solver(rows).items()
+        replace(summary(own, title=content["title"], kind=_kind(readings, reading), commit=commit), case=case)
+        for (_, reading), rows in readings_of(runs).items()
+        for own in by_solver(rows).values()
     ]
+
+
+def _rows(kind: type[AnyRow], file: Path, what: str) -> list[AnyRow]:
+    try:
+        return read_rows(kind, file)
+    except (OSError, UnicodeDecodeError) as error:
+        raise CaseError(f"cannot be read: {error}", file=str(file)) from error
+    except TableError as error:
+        raise CaseError(f"is no {what} of this package: {error}", file=str(file)) from error
 
 
 def case_readings(manifest: Path) -> list[str]:
@@ -131,9 +153,9 @@ def short_commit(commit: str, length: int) -> str:
     return commit.rstrip("+")[:length] + ("+" if commit.endswith("+") else "")
 
 
-def commits_of(rows: Sequence[Row], length: int = SHORT) -> list[str]:
+def commits_of(rows: Sequence[MatrixRow], length: int = SHORT) -> list[str]:
     """The commits of the program that made some rows of the matrix, each once, in the rows' order."""
-    return list(dict.fromkeys(short_commit(str(row["commit"]), length) for row in rows if row["commit"]))
+    return list(dict.fromkeys(short_commit(row.commit, length) for row in rows if row.commit))
 
 
 def _kind(readings: object, reading: str) -> str | None:
@@ -146,7 +168,7 @@ def _text(value: object) -> str | None:
     return value if isinstance(value, str) and value else None
 
 
-def read_matrix(folder: Path) -> list[Row]:
+def read_matrix(folder: Path) -> list[MatrixRow]:
     """The rows of a folder's matrix; none where it has none.
 
     Raises
@@ -155,14 +177,4 @@ def read_matrix(folder: Path) -> list[Row]:
         Where it is not what this package writes.
     """
     file = folder / MATRIX
-    try:
-        rows = read_rows(file)
-    except FileNotFoundError:
-        return []
-    except (OSError, ValueError, csv.Error) as error:
-        raise CaseError(f"cannot be read: {error}", file=str(file)) from error
-    for row in rows:
-        missing = [column for column in MATRIX_COLUMNS if column not in row]
-        if missing:
-            raise CaseError(f"is no matrix of this package: it has no column {missing[0]}", file=str(file))
-    return rows
+    return _rows(MatrixRow, file, "matrix") if file.exists() else []

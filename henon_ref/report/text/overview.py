@@ -7,13 +7,13 @@ from typing import Any
 
 from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.options import MOST_DRAWN
-from henon_ref.columns import Row
 from henon_ref.report.files.figure_jobs import READINGS
 from henon_ref.report.text.formats import digits, setting
 from henon_ref.report.text.matrix import KEY, matrix
-from henon_ref.report.text.ranking import AS_GOOD, NOT_RUN, by_solver, number, over_all
+from henon_ref.report.text.ranking import AS_GOOD, WholeRow, by_solver, over_all
 from henon_ref.report.text.summary import HEADINGS, times_as_long
 from henon_ref.report.text.tables import MARK, Table, price_table, timed
+from henon_ref.rows import NOT_RUN, RunRow, number
 from henon_ref.text import code
 
 MANY = 4
@@ -45,7 +45,7 @@ def overview(comparison: Comparison) -> dict[str, Any] | None:
     }
 
 
-def judged(comparison: Comparison) -> list[tuple[str, list[Row]]]:
+def judged(comparison: Comparison) -> list[tuple[str, list[RunRow]]]:
     """The readings that have a truth, by name, and their rows."""
     return [
         (result.reading.name, [record.run for record in comparison.of_reading(result.reading.name)])
@@ -57,33 +57,33 @@ def judged(comparison: Comparison) -> list[tuple[str, list[Row]]]:
 def is_drawn(comparison: Comparison) -> bool:
     """Whether all readings get a figure: where they are too many for figures of their own, and figures are wanted."""
     wanted = len(comparison.readings) > MOST_DRAWN and any(result.figures for result in comparison.readings)
-    return wanted and any(record.run["status"] not in NOT_RUN for record in comparison.records)
+    return wanted and any(record.run.status not in NOT_RUN for record in comparison.records)
 
 
-def right_in_all_table(whole: Sequence[Row], judged: int) -> Table:
+def right_in_all_table(whole: Sequence[WholeRow], judged: int) -> Table:
     """A row a solver: the setting with which it is right in most readings, and its cost over all where that is in all.
 
     Of settings that are right in as many, one is shown, and the others are noted.
 
     Parameters
     ----------
-    whole : sequence of Row
+    whole : sequence of WholeRow
         From :func:`over_all`.
     judged : int
         Readings with a truth.
     """
     solvers = by_solver(whole)
     best = {solver: _best(rows) for solver, rows in solvers.items()}
-    walls = {solver: number(row, "wall_s") for solver, row in best.items() if row["verdict"] == "right"}
+    walls = {solver: number(row.wall_s) for solver, row in best.items() if row.verdict == "right"}
     lines = []
-    for solver in sorted(solvers, key=lambda solver: (-number(best[solver], "right_in"), walls.get(solver, 0.0))):
-        row, most = best[solver], int(number(best[solver], "right_in"))
-        others = [setting(own["rtol"], own["step_s"]) for own in solvers[solver] if own["right_in"] == most]
-        own = setting(row["rtol"], row["step_s"])
+    for solver in sorted(solvers, key=lambda solver: (-best[solver].right_in, walls.get(solver, 0.0))):
+        row, most = best[solver], best[solver].right_in
+        others = [setting(own.rtol, own.step_s) for own in solvers[solver] if own.right_in == most]
+        own = setting(row.rtol, row.step_s)
         lines.append(
             (
                 code(solver),
-                "" if row["digits"] is None else digits(number(row, "digits")),
+                "" if row.digits is None else digits(row.digits),
                 timed(row) if solver in walls else "",
                 times_as_long(walls, solver),
                 own if most else "",
@@ -94,13 +94,13 @@ def right_in_all_table(whole: Sequence[Row], judged: int) -> Table:
     return Table(HEADINGS, "lrrrrrl", lines)
 
 
-def _best(rows: Sequence[Row]) -> Row:
+def _best(rows: Sequence[WholeRow]) -> WholeRow:
     """Of the settings that are right in most readings the most accurate one; among those as good, the cheapest."""
-    most = max(number(row, "right_in") for row in rows)
-    able = [row for row in rows if row["right_in"] == most]
-    reached = [number(row, "digits") if row["digits"] is not None else 0.0 for row in able]
+    most = max(row.right_in for row in rows)
+    able = [row for row in rows if row.right_in == most]
+    reached = [row.digits or 0.0 for row in able]
     good = [row for row, own in zip(able, reached, strict=True) if own >= max(reached) - AS_GOOD]
-    return min(good, key=lambda row: number(row, "wall_s"))
+    return min(good, key=lambda row: number(row.wall_s))
 
 
 def _explained(judged: int, readings: int) -> str:
@@ -112,6 +112,6 @@ def _explained(judged: int, readings: int) -> str:
     )
 
 
-def _transitions(rows: Sequence[Row]) -> str:
+def _transitions(rows: Sequence[RunRow]) -> str:
     """How many transitions the truth has; nothing where no solver ran."""
-    return next((f"{row['reference_transitions']}" for row in rows if row["reference_transitions"] is not None), "")
+    return next((f"{row.reference_transitions}" for row in rows if row.reference_transitions is not None), "")

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 from urllib.parse import quote
 
 import numpy as np
 
-from henon_ref.columns import Row
-from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.write import REPORT
 from henon_ref.report.text.formats import digits as shown_digits
 from henon_ref.report.text.formats import duration, setting, significant
-from henon_ref.report.text.ranking import LEVELS, number
+from henon_ref.report.text.ranking import LEVELS
 from henon_ref.report.text.tables import Table
+from henon_ref.rows import Row, RunRow, read_rows
 from henon_ref.text import code, markdown
 
 FIRST = "henon"
@@ -28,39 +28,63 @@ PRICE_PAIRS = "price/pairs.csv"
 SECOND, OTHERS, FROM_C = "heyoka", "the cheapest other", "CVODE from C"
 """What the reference is set against on every reading: the next best, whichever of all others is the cheapest, and the
 library that is called without Python in its way."""
-OWN = "rival_own_s"
-COLUMNS = (
-    "case", "reading", "digits", "against", "rtol", "rival", "rival_rtol", "rival_step_s", "wall_s", "rival_wall_s",
-    "ratio", "ratio_low", "ratio_high", "rounds", OWN,
-)  # fmt: skip
-"""Columns of a pair's row: digits (none where there is no transition), settings, medians, their ratio and
-its 95 % bootstrap interval; and what of the rival's time its library takes itself, without the mode switches in Python
-that a compiled program does not pay (heyoka's alone is known; files of earlier versions do not have it)."""
 
 
-def read_ratios(folder: Path, file: str = f"{FOLDER}/{RATIOS}") -> list[Row]:
+@dataclass(frozen=True)
+class PairRow(Row):
+    """The reference and another solver at settings with the same digits, their runs interleaved."""
+
+    later: ClassVar[tuple[str, ...]] = ("rival_own_s",)
+
+    case: str
+    reading: str
+    digits: int | None
+    """None where there is no transition."""
+    against: str
+    rtol: float | None
+    rival: str
+    rival_rtol: float | None
+    rival_step_s: float | None
+    wall_s: float
+    """Median [s]."""
+    rival_wall_s: float
+    ratio: float
+    """The reference's time over the other one's."""
+    ratio_low: float
+    """Lower end of its 95 % bootstrap interval."""
+    ratio_high: float
+    rounds: int
+    rival_own_s: float | None = None
+    """What of the rival's time its library takes itself, without the mode switches in Python that a compiled program
+    does not pay [s]; heyoka's alone is known."""
+
+    @property
+    def problem(self) -> tuple[str, str]:
+        """Case and reading."""
+        return self.case, self.reading
+
+    @property
+    def own_ratio(self) -> float | None:
+        """Time of the rival's own library over the reference's whole run; None where it is not known."""
+        return None if self.rival_own_s is None else self.rival_own_s / self.wall_s
+
+
+def read_ratios(folder: Path, file: str = f"{FOLDER}/{RATIOS}") -> list[PairRow]:
     """The ratios in a file of a folder of reports; none where they are not there, or no ratios."""
     try:
-        rows = read_rows(folder / file)
-    except (OSError, ValueError, csv.Error):
+        return read_rows(PairRow, folder / file)
+    except (OSError, ValueError):
         return []
-    known = set(COLUMNS) - {OWN}
-    return [dict.fromkeys(COLUMNS) | row for row in rows] if all(known <= set(row) for row in rows) else []
 
 
-def own_ratio(row: Row) -> float | None:
-    """Time of the rival's own library over the reference's whole run; None where it is not known."""
-    return None if row[OWN] is None else number(row, OWN) / number(row, "wall_s")
-
-
-def own_words(rows: Sequence[Row]) -> str:
+def own_words(rows: Sequence[PairRow]) -> str:
     """In a sentence, what of heyoka's times is heyoka's; empty where that is not known."""
-    found = [row for row in rows if row["against"] == SECOND and row[OWN] is not None]
+    found = [(row, row.rival_own_s) for row in rows if row.against == SECOND and row.rival_own_s is not None]
     if not found:
         return ""
-    part = np.median([number(row, OWN) / number(row, "rival_wall_s") for row in found])
-    whole = np.median([1.0 / number(row, "ratio") for row in found])
-    own = np.median([number(row, OWN) / number(row, "wall_s") for row in found])
+    part = np.median([own / row.rival_wall_s for row, own in found])
+    whole = np.median([1.0 / row.ratio for row, _ in found])
+    own = np.median([own / row.wall_s for row, own in found])
     return (
         f"In turn {code(SECOND)} takes {significant(float(whole), 2)} times as long as {code(FIRST)} (median over "
         f"readings and digits), of which its own calls of `propagate_until` are {part:.0%}: a program that switches "
@@ -68,23 +92,21 @@ def own_words(rows: Sequence[Row]) -> str:
     )
 
 
-def cheapest(rows: Sequence[Row]) -> dict[tuple[str, str, int], str]:
+def cheapest(rows: Sequence[PairRow]) -> dict[tuple[str, str, int], str]:
     """The solver that takes the least time in turn, by case, reading and digits."""
     return {
-        (str(row["case"]), str(row["reading"]), int(number(row, "digits"))): FIRST
-        if number(row, "ratio") <= 1
-        else str(row["rival"])
+        (row.case, row.reading, row.digits): FIRST if row.ratio <= 1 else row.rival
         for row in rows
-        if row["against"] == OTHERS and row["digits"] is not None
+        if row.against == OTHERS and row.digits is not None
     }
 
 
-def spread_table(rows: Sequence[Row]) -> Table:
+def spread_table(rows: Sequence[PairRow]) -> Table:
     """How many times as long as ``henon`` the others take over the readings; and in how many they take less."""
     lines = []
     for against, label in ((SECOND, code(SECOND)), (FROM_C, FROM_C), (OTHERS, OTHERS)):
         for digits in (*LEVELS, None):
-            found = [1.0 / number(row, "ratio") for row in rows if (row["against"], row["digits"]) == (against, digits)]
+            found = [1.0 / row.ratio for row in rows if (row.against, row.digits) == (against, digits)]
             if found:
                 quantiles = (significant(value) for value in np.quantile(found, [0.0, 0.25, 0.5, 0.75, 1.0]))
                 faster = sum(times < 1 for times in found)
@@ -98,11 +120,11 @@ def spread_table(rows: Sequence[Row]) -> Table:
     return Table(headings, "l" + "r" * (len(headings) - 1), lines)
 
 
-def _own_lines(rows: Sequence[Row]) -> list[tuple[str, ...]]:
+def _own_lines(rows: Sequence[PairRow]) -> list[tuple[str, ...]]:
     """The same for what heyoka takes itself, where that is known."""
     lines = []
     for digits in (*LEVELS, None):
-        own = [own_ratio(row) for row in rows if (row["against"], row["digits"]) == (SECOND, digits)]
+        own = [row.own_ratio for row in rows if (row.against, row.digits) == (SECOND, digits)]
         found = [ratio for ratio in own if ratio is not None]
         if found:
             quantiles = (significant(value) for value in np.quantile(found, [0.0, 0.25, 0.5, 0.75, 1.0]))
@@ -113,39 +135,37 @@ def _own_lines(rows: Sequence[Row]) -> list[tuple[str, ...]]:
     return lines
 
 
-def slower_table(rows: Sequence[Row], runs: Sequence[Row], reports: str = "../") -> Table:
+def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow], reports: str = "../") -> Table:
     """Readings in which another solver is faster, at the digits at which it is so most: times, and what either gets.
 
     Parameters
     ----------
-    rows : sequence of Row
-        A row a pair, with COLUMNS.
-    runs : sequence of Row
+    rows : sequence of PairRow
+    runs : sequence of RunRow
         Rows of the reports: they know how many digits and steps a setting has.
     reports : str
         The folder of the reports, as links have it.
     """
-    known = {(own["case"], own["reading"], own["solver"], own["rtol"], own["step_s"]): own for own in runs}
-    slower: dict[tuple[object, object], Row] = {}
+    known = {run.key: run for run in runs}
+    slower: dict[tuple[str, str], PairRow] = {}
     for row in rows:
-        if row["against"] == OTHERS and number(row, "ratio") > 1:
-            most = slower.setdefault((row["case"], row["reading"]), row)
-            if number(row, "ratio") > number(most, "ratio"):
-                slower[row["case"], row["reading"]] = row
+        if row.against == OTHERS and row.ratio > 1:
+            most = slower.setdefault(row.problem, row)
+            if row.ratio > most.ratio:
+                slower[row.problem] = row
     lines = []
     for row in slower.values():
-        case, reading = str(row["case"]), str(row["reading"])
-        cells = [link(case, reading, reports), bound(row["digits"])]
+        cells = [link(*row.problem, reports), bound(row.digits)]
         for solver, rtol, step, wall in (
-            (FIRST, row["rtol"], None, row["wall_s"]),
-            (row["rival"], row["rival_rtol"], row["rival_step_s"], row["rival_wall_s"]),
+            (FIRST, row.rtol, None, row.wall_s),
+            (row.rival, row.rival_rtol, row.rival_step_s, row.rival_wall_s),
         ):
-            run = known.get((case, reading, solver, rtol, step))
-            got = "" if run is None or run["digits"] is None else shown_digits(number(run, "digits"))
-            steps = "" if run is None or run["steps"] is None else f"{number(run, 'steps'):.0f}"
-            cells += [code(str(solver))] if solver != FIRST else []
+            run = known.get((*row.problem, solver, rtol, step))
+            got = "" if run is None or run.digits is None else shown_digits(run.digits)
+            steps = "" if run is None or run.steps is None else f"{run.steps}"
+            cells += [code(solver)] if solver != FIRST else []
             cells += [setting(rtol, step), got, steps, duration(wall)]
-        lines.append((*cells, significant(number(row, "ratio"))))
+        lines.append((*cells, significant(row.ratio)))
     own = ("setting", "gets", "steps")
     headings = (
         "reading",
@@ -167,6 +187,6 @@ def link(case: str, reading: str, reports: str = "../") -> str:
     return f"[{markdown(text)}]({reports}{quote(case)}/{REPORT}{anchor})"
 
 
-def bound(digits: object) -> str:
+def bound(digits: int | None) -> str:
     """Digits to be reached, as the cell of a table."""
     return "no transition" if digits is None else f"{digits:g}"

@@ -10,10 +10,9 @@ from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.results import ReadingResult
 from henon_ref.campaign.rows import Record
 from henon_ref.casefile.expected import Orbit
-from henon_ref.columns import Row
 from henon_ref.report.text.formats import error, printed_alike, setting, significant
-from henon_ref.report.text.ranking import name, number
 from henon_ref.report.text.tables import Table
+from henon_ref.rows import StickRow, number
 from henon_ref.score.reference import Expected
 from henon_ref.score.sticks import published_partners, sticks
 from henon_ref.text import code
@@ -86,24 +85,24 @@ def _closest(value: float, printed: Sequence[Decimal]) -> Decimal:
     return min(printed, key=lambda candidate: abs(float(candidate) - value))
 
 
-def _compared(record: Record) -> list[Row]:
+def _compared(record: Record) -> list[StickRow]:
     """The sticks of a run that have a printed duration."""
-    return [row for row in record.sticks if row["duration_s"] is not None and row["published_s"] is not None]
+    return [row for row in record.sticks if row.duration_s is not None and row.published_s is not None]
 
 
 def _has_printed_digits(record: Record, printed: Sequence[Decimal]) -> bool:
     own = _compared(record)
     return bool(own) and all(
-        printed_alike(number(row, "duration_s"), _closest(number(row, "published_s"), printed)) for row in own
+        printed_alike(number(row.duration_s), _closest(number(row.published_s), printed)) for row in own
     )
 
 
 def _shown(record: Record, value: Decimal, printed: Sequence[Decimal]) -> str:
     """A run with its duration [s] and length of the sticks of one kind."""
-    own = [row for row in _compared(record) if _closest(number(row, "published_s"), printed) == value]
-    cells = [code(name(record.run)), setting(record.run["rtol"], record.run["step_s"])]
-    for label, column in (("duration", "duration_s"), ("length", "length")):
-        values = dict.fromkeys(f"{number(row, column):.5f}" for row in own if row[column] is not None)
+    own = [row for row in _compared(record) if _closest(number(row.published_s), printed) == value]
+    cells = [code(record.run.solver), setting(record.run.rtol, record.run.step_s)]
+    for label, known in (("duration", [row.duration_s for row in own]), ("length", [row.length for row in own])):
+        values = dict.fromkeys(f"{value:.5f}" for value in known if value is not None)
         cells += [f"{label} {' / '.join(values)}"] if values else []
     return ", ".join(cells)
 

@@ -2,96 +2,104 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
-from henon_ref.columns import Row
+from henon_ref.rows import NOT_RUN, RunRow, number
 from henon_ref.score.reference import HALF_ULP
 
 LEVELS = (3, 6, 9, 12)
 """Digits that prices are given for."""
-NOT_RUN = ("unsupported", "unavailable")
-"""Statuses of solvers that were not run."""
 AS_GOOD = 0.3
 """Digits that two solvers may differ by and still count as equally accurate (a factor of two)."""
 
 
-def number(row: Row, column: str) -> float:
-    """A numeric value of a row; NaN where it is missing."""
-    value = row[column]
-    return float(value) if isinstance(value, float | int) else float("nan")
+class _Named(Protocol):
+    """A row of one solver on one reading."""
+
+    @property
+    def problem(self) -> tuple[str, str]: ...
+    @property
+    def solver(self) -> str: ...
 
 
-def name(row: Row) -> str:
-    """The row's solver."""
-    return str(row["solver"])
+R = TypeVar("R", bound=_Named)
 
 
-def readings_of(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
-    """Rows by case and reading."""
-    found: dict[tuple[str, str], list[Row]] = {}
+def readings_of(rows: Iterable[R]) -> dict[tuple[str, str], list[R]]:
+    """Rows by case and reading, in their order."""
+    found: dict[tuple[str, str], list[R]] = {}
     for row in rows:
-        found.setdefault((str(row["case"]), str(row["reading"])), []).append(row)
+        found.setdefault(row.problem, []).append(row)
     return found
 
 
-def by_solver(rows: Sequence[Row]) -> dict[str, list[Row]]:
+def by_solver(rows: Iterable[R]) -> dict[str, list[R]]:
     """Rows of each solver, in order."""
-    found: dict[str, list[Row]] = {}
+    found: dict[str, list[R]] = {}
     for row in rows:
-        found.setdefault(name(row), []).append(row)
+        found.setdefault(row.solver, []).append(row)
     return found
 
 
-def right(rows: Sequence[Row]) -> list[Row]:
+def right(rows: Sequence[RunRow]) -> list[RunRow]:
     """Rows whose sequence and end are right and whose accuracy is known."""
-    return [row for row in rows if row["verdict"] == "right" and row["digits"] is not None]
+    return [row for row in rows if row.verdict == "right" and row.digits is not None]
 
 
-def reaching(rows: Sequence[Row], digits: int) -> list[Row]:
+def reaching(rows: Sequence[RunRow], digits: int) -> list[RunRow]:
     """Right rows that reach so many digits, and were timed."""
-    return [row for row in right(rows) if number(row, "digits") >= digits and row["wall_s"] is not None]
+    return [row for row in right(rows) if number(row.digits) >= digits and row.wall_s is not None]
 
 
-def most_accurate(rows: Sequence[Row]) -> Row | None:
+def most_accurate(rows: Sequence[RunRow]) -> RunRow | None:
     """The right row with the most digits; among those as good, the cheapest."""
     candidates = right(rows)
-    best = max((number(row, "digits") for row in candidates), default=0.0)
-    return min((row for row in candidates if number(row, "digits") >= best - AS_GOOD), key=_price, default=None)
+    best = max((number(row.digits) for row in candidates), default=0.0)
+    return min((row for row in candidates if number(row.digits) >= best - AS_GOOD), key=_price, default=None)
 
 
-def best_of(rows: Sequence[Row]) -> Row:
+def best_of(rows: Sequence[RunRow]) -> RunRow:
     """The row that a summary shows of one solver: the right one with the most digits, else the last one."""
     candidates = right(rows)
-    return max(candidates, key=lambda row: number(row, "digits")) if candidates else rows[-1]
+    return max(candidates, key=lambda row: number(row.digits)) if candidates else rows[-1]
 
 
-def over_all(readings: Sequence[Sequence[Row]]) -> list[Row]:
-    """A row for every solver and setting, over all readings of a case.
+@dataclass(frozen=True)
+class WholeRow(RunRow):
+    """A solver at one setting over all readings of a case.
 
     ``status`` is one of a reading in which it ran, ``wall_s`` the time of all readings, ``wall_s_iqr`` the sum of their
-    ranges, ``digits`` the fewest in any. The verdict is right where it is so in every reading; in how many it is says
-    ``right_in``.
+    ranges, ``digits`` the fewest in any. The verdict is right where it is so in every reading.
     """
-    own: dict[tuple[object, ...], list[Row]] = {}
+
+    right_in: int = 0
+    """Readings in which it is right."""
+
+
+def over_all(readings: Sequence[Sequence[RunRow]]) -> list[WholeRow]:
+    """A row for every solver and setting, over all readings of a case."""
+    own: dict[tuple[str, float | None, float | None], list[RunRow]] = {}
     for row in (row for rows in readings for row in rows):
-        own.setdefault((row["solver"], row["rtol"], row["step_s"]), []).append(row)
-    found: list[Row] = []
+        own.setdefault((row.solver, row.rtol, row.step_s), []).append(row)
+    found = []
     for (solver, rtol, step), rows in own.items():
-        good = [row for row in rows if row["verdict"] == "right"]
-        reached = [number(row, "digits") for row in good if row["digits"] is not None]
+        good = [row for row in rows if row.verdict == "right"]
         found.append(
-            {
-                "solver": solver,
-                "rtol": rtol,
-                "step_s": step,
-                "status": next((row["status"] for row in rows if row["status"] not in NOT_RUN), rows[0]["status"]),
-                "verdict": "right" if len(good) == len(readings) else "wrong",
-                "right_in": len(good),
-                "digits": min(reached, default=None),
-                "wall_s": sum(number(row, "wall_s") for row in good),
-                "wall_s_iqr": sum(number(row, "wall_s_iqr") for row in good if row["wall_s_iqr"] is not None),
-            }
+            WholeRow(
+                rows[0].case,
+                "",
+                solver,
+                rtol=rtol,
+                step_s=step,
+                status=next((row.status for row in rows if row.status not in NOT_RUN), rows[0].status),
+                verdict="right" if len(good) == len(readings) else "wrong",
+                right_in=len(good),
+                digits=min((row.digits for row in good if row.digits is not None), default=None),
+                wall_s=sum(number(row.wall_s) for row in good),
+                wall_s_iqr=sum(row.wall_s_iqr for row in good if row.wall_s_iqr is not None),
+            )
         )
     return found
 
@@ -101,31 +109,26 @@ class Price:
     """The cheapest way to so many digits, and the next solver's."""
 
     digits: int
-    row: Row | None
-    next_row: Row | None
+    row: RunRow | None
+    next_row: RunRow | None
     """The cheapest row of another solver."""
 
 
-def prices(rows: Sequence[Row], levels: Sequence[int] = LEVELS) -> list[Price]:
+def prices(rows: Sequence[RunRow], levels: Sequence[int] = LEVELS) -> list[Price]:
     """For each level, the cheapest right row that reaches it, and the cheapest of any other solver."""
     found = []
     for level in levels:
         able = sorted(reaching(rows, level), key=_price)
         first = able[0] if able else None
-        others = [row for row in able if first is not None and row["solver"] != first["solver"]]
+        others = [row for row in able if first is not None and row.solver != first.solver]
         found.append(Price(level, first, others[0] if others else None))
     return found
 
 
-def floor(row: Row) -> float:
+def floor(row: RunRow) -> float:
     """The least error that can be claimed [s]: the truth's radius, or what double precision holds."""
-    unit, radius = row["time_unit_s"], row["reference_radius_s"]
-    return max(
-        float(radius) if isinstance(radius, float | int) else 0.0,
-        HALF_ULP * float(unit) if isinstance(unit, float | int) else 0.0,
-    )
+    return max(row.reference_radius_s or 0.0, HALF_ULP * (row.time_unit_s or 0.0))
 
 
-def _price(row: Row) -> float:
-    wall = number(row, "wall_s")
-    return wall if wall == wall else float("inf")
+def _price(row: RunRow) -> float:
+    return float("inf") if row.wall_s is None else row.wall_s

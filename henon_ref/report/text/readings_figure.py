@@ -6,12 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from henon_ref.columns import Row
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
 from henon_ref.report.text.matrix import solvers_of
 from henon_ref.report.text.matrix_rows import UNJUDGED
-from henon_ref.report.text.ranking import LEVELS, NOT_RUN, best_of, by_solver, number
+from henon_ref.report.text.ranking import LEVELS, best_of, by_solver
+from henon_ref.rows import NOT_RUN, RunRow, number
 from henon_ref.text import one_line
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ MOST_NAMES, MOST_TEXTS = 50, 44
 """Readings up to which each one is named, and each cell says its digits."""
 
 
-def draw_readings(readings: Sequence[tuple[str, Sequence[Row]]]) -> Figure:
+def draw_readings(readings: Sequence[tuple[str, Sequence[RunRow]]]) -> Figure:
     """A cell a solver and reading; some solver ran.
 
     Parameters
@@ -52,7 +52,7 @@ def draw_readings(readings: Sequence[tuple[str, Sequence[Row]]]) -> Figure:
         In the order of the columns.
     """
     cells = {(reading, solver): own for reading, rows in readings for solver, own in by_solver(rows).items()}
-    cells = {key: own for key, own in cells.items() if own[-1]["status"] not in NOT_RUN}
+    cells = {key: own for key, own in cells.items() if own[-1].status not in NOT_RUN}
     solvers = [s for s in solvers_of(row for _, rows in readings for row in rows) if any(key[1] == s for key in cells)]
     names = [reading for reading, _ in readings]
     wide = min(ACROSS / len(names), WIDEST)
@@ -77,12 +77,14 @@ def draw_readings(readings: Sequence[tuple[str, Sequence[Row]]]) -> Figure:
         return figure
 
 
-def _description(cells: Mapping[tuple[str, str], Sequence[Row]], solvers: Sequence[str], names: Sequence[str]) -> str:
+def _description(
+    cells: Mapping[tuple[str, str], Sequence[RunRow]], solvers: Sequence[str], names: Sequence[str]
+) -> str:
     """On how many readings each solver is right at some setting."""
     counts = []
     for solver in solvers:
         own = [rows for key, rows in cells.items() if key[1] == solver]
-        some = sum(any(row["verdict"] == "right" for row in rows) for rows in own)
+        some = sum(any(row.verdict == "right" for row in rows) for rows in own)
         counts.append(f"{solver} {some} of {len(own)}")
     return (
         f"A row a solver, a column for each of {len(names)} readings; cells say how many digits are right. "
@@ -90,11 +92,11 @@ def _description(cells: Mapping[tuple[str, str], Sequence[Row]], solvers: Sequen
     )
 
 
-def _draw(axes: Axes, i: int, j: int, rows: Sequence[Row], wide: float, *, texts: bool) -> None:
+def _draw(axes: Axes, i: int, j: int, rows: Sequence[RunRow], wide: float, *, texts: bool) -> None:
     """One cell."""
     from matplotlib.patches import Polygon, Rectangle
 
-    reached, colour = number(best_of(rows), "digits"), _colour(rows)
+    reached, colour = number(best_of(rows).digits), _colour(rows)
     face = colour or _shade(reached)
     axes.add_patch(Rectangle((i, j), 1, 1, facecolor=face, edgecolor="white", linewidth=0.5))
     if colour is None and texts:
@@ -105,23 +107,23 @@ def _draw(axes: Axes, i: int, j: int, rows: Sequence[Row], wide: float, *, texts
         axes.add_patch(Polygon(corner, facecolor=CORNER, linewidth=0))
 
 
-def _named(rows: Sequence[Row]) -> set[str]:
+def _named(rows: Sequence[RunRow]) -> set[str]:
     """The colours of a cell that the legend names."""
-    right = [row["verdict"] == "right" for row in rows]
+    right = [row.verdict == "right" for row in rows]
     corner = {CORNER} if any(right) and not all(right) else set()
     return corner | {colour for colour in (_colour(rows),) if colour is not None}
 
 
-def _colour(rows: Sequence[Row]) -> str | None:
+def _colour(rows: Sequence[RunRow]) -> str | None:
     """Colour of a cell without digits; None: the shade of its digits."""
-    if any(row["verdict"] == "right" for row in rows):
-        return NOTHING if math.isnan(number(best_of(rows), "digits")) else None
+    if any(row.verdict == "right" for row in rows):
+        return NOTHING if math.isnan(number(best_of(rows).digits)) else None
     row = rows[-1]
-    if row["status"] == "timeout":
+    if row.status == "timeout":
         return TIMEOUT
-    if row["verdict"] in ("ill-conditioned", "not unique"):
+    if row.verdict in ("ill-conditioned", "not unique"):
         return OPEN
-    return UNKNOWN if row["verdict"] in UNJUDGED else WRONG
+    return UNKNOWN if row.verdict in UNJUDGED else WRONG
 
 
 def _shade(reached: float) -> str:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from henon_ref import registry
-from henon_ref.columns import Row
-from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.write import REPORT
-from henon_ref.report.text.ranking import LEVELS, NOT_RUN, name, number
+from henon_ref.report.text.ranking import LEVELS
 from henon_ref.report.text.tables import Table
+from henon_ref.rows import NOT_RUN, Row, RunRow, read_rows
 from henon_ref.score.errors import EARLY
 from henon_ref.text import code, markdown
 
@@ -27,14 +25,6 @@ QUICKER = 0.8
 machine does meanwhile changes times by less."""
 ENDINGS = ("right", "wrong", "ended_early", "failed")
 """How a run may end: with the exact run's transitions, with others, before its time, or not at all."""
-COLUMNS = ("case", "solver", "restart", "runs", *ENDINGS, "missed", "spurious", "elsewhere", "digits", "wall_s")
-"""A row a case, library and restart, over the case's readings and tolerances.
-
-* ``runs``: that were made; then how many ended in each way;
-* ``missed``, ``spurious``: transitions, in all runs;
-* ``elsewhere``: runs that are not right though another restart of the library is, on the same reading and tolerance;
-* ``digits``: of the right runs, each counted up to MOST, in all; ``wall_s``: their wall times, in all [s].
-"""
 WHY = {
     "event-free-step": "what happens within the event-free step is seen at its end, and a guard that stays at zero "
     "behind it is watched with its rounding",
@@ -43,6 +33,30 @@ WHY = {
     "none": "the root at the start is an event again",
 }
 """What a restart gets wrong where another one does not."""
+
+
+@dataclass(frozen=True)
+class SuiteRow(Row):
+    """A library and restart on a case, over its readings and tolerances."""
+
+    case: str
+    solver: str
+    restart: str
+    runs: int
+    """Those that were made; then how many ended in each way (:data:`ENDINGS`)."""
+    right: int
+    wrong: int
+    ended_early: int
+    failed: int
+    missed: int
+    """Transitions, in all runs."""
+    spurious: int
+    elsewhere: int
+    """Runs that are not right though another restart of the library is, on the same reading and tolerance."""
+    digits: float
+    """Of the right runs, each counted up to MOST, in all."""
+    wall_s: float
+    """Of the right runs, in all [s]."""
 
 
 @dataclass(frozen=True)
@@ -62,78 +76,88 @@ class Merit:
         return self.wall_s < QUICKER * other.wall_s
 
 
-def suite_rows(runs: Iterable[Row]) -> list[Row]:
+def suite_rows(runs: Iterable[RunRow]) -> list[SuiteRow]:
     """Rows of the suite from rows of runs, whose solvers are named with their restarts."""
-    own: dict[tuple[str, str, str], list[Row]] = {}
+    own: dict[tuple[str, str, str], list[RunRow]] = {}
     solved: dict[tuple[object, ...], set[str]] = {}
     for row in runs:
-        if row["status"] not in NOT_RUN:
-            key = str(row["case"]), registry.base_name(name(row)), registry.restart_of(name(row))
+        if row.status not in NOT_RUN:
+            key = row.case, registry.base_name(row.solver), registry.restart_of(row.solver)
             own.setdefault(key, []).append(row)
-            if row["verdict"] == "right":
-                solved.setdefault(_problem(row), set()).add(name(row))
-    found: list[Row] = []
+            if row.verdict == "right":
+                solved.setdefault(_problem(row), set()).add(row.solver)
+    found = []
     for (case, library, restart), rows in own.items():
-        right = [row for row in rows if row["verdict"] == "right"]
-        digits = sum(min(number(row, "digits"), MOST) for row in right if row["digits"] is not None)
-        wall = sum(number(row, "wall_s") for row in right if row["wall_s"] is not None)
+        right = [row for row in rows if row.verdict == "right"]
         ends = Counter(map(ending, rows))
-        edits = {c: sum(int(number(row, c)) for row in rows if row[c] is not None) for c in ("missed", "spurious")}
-        elsewhere = sum(bool(solved.get(_problem(row), set()) - {name(row)}) for row in rows if row not in right)
-        names: Row = {"case": case, "solver": library, "restart": restart, "runs": len(rows)}
-        counts: Row = {**{end: ends[end] for end in ENDINGS}, **edits, "elsewhere": elsewhere}
-        found.append(names | counts | {"digits": round(digits, 2), "wall_s": float(f"{wall:.4g}")})
+        elsewhere = [bool(solved.get(_problem(row), set()) - {row.solver}) for row in rows if row.verdict != "right"]
+        found.append(
+            SuiteRow(
+                case,
+                library,
+                restart,
+                len(rows),
+                right=ends["right"],
+                wrong=ends["wrong"],
+                ended_early=ends["ended_early"],
+                failed=ends["failed"],
+                missed=sum(row.missed or 0 for row in rows),
+                spurious=sum(row.spurious or 0 for row in rows),
+                elsewhere=sum(elsewhere),
+                digits=round(sum(min(row.digits, MOST) for row in right if row.digits is not None), 2),
+                wall_s=float(f"{sum(row.wall_s or 0.0 for row in right):.4g}"),
+            )
+        )
     return found
 
 
-def _problem(row: Row) -> tuple[object, ...]:
+def _problem(row: RunRow) -> tuple[object, ...]:
     """What a library is to solve: reading and tolerance."""
-    return row["case"], row["reading"], row["rtol"], registry.base_name(name(row))
+    return row.case, row.reading, row.rtol, registry.base_name(row.solver)
 
 
-def ending(row: Row) -> str:
+def ending(row: RunRow) -> str:
     """How a run that was made ended."""
-    if row["verdict"] == "right":
+    if row.verdict == "right":
         return "right"
-    if row["status"] in ("failed", "timeout") or row["missed"] is None:
+    if row.status in ("failed", "timeout") or row.missed is None:
         return "failed"
-    return "ended_early" if row["status"] in EARLY else "wrong"
+    return "ended_early" if row.status in EARLY else "wrong"
 
 
-def merged(fresh: Sequence[Row], earlier: Sequence[Row]) -> list[Row]:
+def merged(fresh: Sequence[SuiteRow], earlier: Sequence[SuiteRow]) -> list[SuiteRow]:
     """Fresh rows and, of cases and libraries that have none, earlier ones, by case and library.
 
     So that the study of a library that takes long can be made case by case.
     """
-    present = {(row.get("case"), row["solver"]) for row in fresh}
-    rows = [*fresh, *(row for row in earlier if (row.get("case"), row["solver"]) not in present)]
+    present = {(row.case, row.solver) for row in fresh}
+    rows = [*fresh, *(row for row in earlier if (row.case, row.solver) not in present)]
     order = {solver: place for place, solver in enumerate(registry.names())}
-    return sorted(rows, key=lambda row: (str(row.get("case", "")), order.get(name(row), len(order))))
+    return sorted(rows, key=lambda row: (row.case, order.get(row.solver, len(order))))
 
 
-def read_suite(folder: Path) -> list[Row]:
+def read_suite(folder: Path) -> list[SuiteRow]:
     """The suite's rows in a folder of reports; none where they are not there, or are no such rows."""
     try:
-        rows = read_rows(folder / FOLDER / SUITE)
-    except (OSError, ValueError, csv.Error):
+        return read_rows(SuiteRow, folder / FOLDER / SUITE)
+    except (OSError, ValueError):
         return []
-    return rows if all(set(COLUMNS) <= set(row) for row in rows) else []
 
 
-def libraries_of(rows: Sequence[Row]) -> list[str]:
+def libraries_of(rows: Sequence[SuiteRow]) -> list[str]:
     """Libraries of some rows, with or without their restarts, in the registry's order."""
-    present = {registry.base_name(name(row)) for row in rows}
+    present = {registry.base_name(row.solver) for row in rows}
     return [library for library in registry.names() if library in present]
 
 
-def merits(rows: Sequence[Row], library: str) -> dict[str, Merit]:
+def merits(rows: Sequence[SuiteRow], library: str) -> dict[str, Merit]:
     """What each restart of a library comes to over some rows of the suite, the default first."""
     found = {}
     for restart in sorted(registry.RESTARTS, key=lambda restart: restart != registry.restart_of(library)):
-        own = [row for row in rows if (row["solver"], row["restart"]) == (library, restart)]
+        own = [row for row in rows if (row.solver, row.restart) == (library, restart)]
         if own:
-            right, digits, wall = (sum(number(row, column) for row in own) for column in ("right", "digits", "wall_s"))
-            found[restart] = Merit(int(right), digits, wall)
+            digits, wall = sum(row.digits for row in own), sum(row.wall_s for row in own)
+            found[restart] = Merit(sum(row.right for row in own), digits, wall)
     return found
 
 
@@ -142,7 +166,7 @@ def best_restart(found: dict[str, Merit]) -> str:
     return next(restart for restart, own in found.items() if not any(one.beats(own) for one in found.values()))
 
 
-def wrong_defaults(rows: Sequence[Row]) -> list[str]:
+def wrong_defaults(rows: Sequence[SuiteRow]) -> list[str]:
     """A sentence for each library whose default is beaten over the suite by another of its restarts."""
     found = []
     for library in libraries_of(rows):
@@ -161,19 +185,19 @@ def _said(merit: Merit | None) -> str:
     return "not run" if merit is None else f"right in {merit.right}, {merit.digits:.1f} digits, {merit.wall_s:.3g} s"
 
 
-def beaten_table(rows: Sequence[Row], reports: str = "") -> Table:
+def beaten_table(rows: Sequence[SuiteRow], reports: str = "") -> Table:
     """Cases in which another restart is right more often than a library's default: both side by side.
 
     Parameters
     ----------
-    rows : sequence of Row
+    rows : sequence of SuiteRow
         Of the suite.
     reports : str
         The folder of the reports, as links have it.
     """
-    cases: dict[str, list[Row]] = {}
+    cases: dict[str, list[SuiteRow]] = {}
     for row in rows:
-        cases.setdefault(str(row["case"]), []).append(row)
+        cases.setdefault(row.case, []).append(row)
     lines = []
     for case, own in cases.items():
         groups: dict[tuple[str, ...], list[str]] = {}
@@ -186,7 +210,7 @@ def beaten_table(rows: Sequence[Row], reports: str = "") -> Table:
     return Table(headings, "lllrlrl", lines)
 
 
-def _beaten(rows: Sequence[Row], library: str) -> tuple[str, ...] | None:
+def _beaten(rows: Sequence[SuiteRow], library: str) -> tuple[str, ...] | None:
     """Default and best in one case, where they differ in how many runs they get right."""
     found, default = merits(rows, library), registry.restart_of(library)
     if default not in found:
@@ -195,13 +219,19 @@ def _beaten(rows: Sequence[Row], library: str) -> tuple[str, ...] | None:
     if found[default].right == most:
         return None
     best = [restart for restart, merit in found.items() if merit.right == most]
-    mine = next(row for row in rows if (row["solver"], row["restart"]) == (library, default))
-    runs = f" of {number(mine, 'runs'):.0f}"
+    mine = next(row for row in rows if (row.solver, row.restart) == (library, default))
+    runs = f" of {mine.runs}"
     right = f"{found[default].right}{runs}", f"{most}{runs}"
     return code(default), right[0], ", ".join(map(code, best)), right[1], _wrong(mine)
 
 
-def _wrong(row: Row) -> str:
+def _wrong(row: SuiteRow) -> str:
     """What goes wrong in the runs of a row of the suite."""
-    counts = [(column, int(number(row, column))) for column in (*ENDINGS[1:], "missed", "spurious")]
-    return ", ".join(f"{n} {column.replace('_', ' ')}" for column, n in counts if n)
+    counts = {
+        "wrong": row.wrong,
+        "ended early": row.ended_early,
+        "failed": row.failed,
+        "missed": row.missed,
+        "spurious": row.spurious,
+    }
+    return ", ".join(f"{count} {what}" for what, count in counts.items() if count)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from henon_ref.columns import Row
 from henon_ref.report.text.formats import digits, setting
-from henon_ref.report.text.ranking import by_solver, number, right
+from henon_ref.report.text.ranking import by_solver, right
 from henon_ref.report.text.tables import Table
-from henon_ref.score.regression import key_of
+from henon_ref.rows import RunRow
 from henon_ref.score.row_result import RowResult
 from henon_ref.text import code, markdown
 
@@ -17,12 +16,12 @@ MOST_ROWS = 50
 """Rows that are shown one by one; such a page may not be longer than a mebibyte."""
 
 
-def step_summary(rows: Sequence[tuple[Row, RowResult]], lines: Sequence[str]) -> str:
+def step_summary(rows: Sequence[tuple[RunRow, RowResult]], lines: Sequence[str]) -> str:
     """A table of the solvers, one of the rows that fail, and what else was told, as markdown.
 
     Parameters
     ----------
-    rows : sequence of (Row, RowResult)
+    rows : sequence of (RunRow, RowResult)
     lines : sequence of str
         Messages of the command: what is not met, what got worse, what is expected or mended.
     """
@@ -38,25 +37,25 @@ def step_summary(rows: Sequence[tuple[Row, RowResult]], lines: Sequence[str]) ->
     return "\n\n".join(parts) + "\n"
 
 
-def _solvers(rows: Sequence[tuple[Row, RowResult]]) -> Table:
-    results = {key_of(row): result.kind for row, result in rows}
+def _solvers(rows: Sequence[tuple[RunRow, RowResult]]) -> Table:
+    results = {row.key: result.kind for row, result in rows}
     table = []
     for solver, own in by_solver([row for row, _ in rows]).items():
-        kinds = Counter(results[key_of(row)] for row in own)
-        best = max((number(row, "digits") for row in right(own)), default=None)
+        kinds = Counter(results[row.key] for row in own)
+        best = max((row.digits for row in right(own) if row.digits is not None), default=None)
         counts = (kinds["passed"], kinds["failure"] + kinds["error"], kinds["known"], kinds["skipped"])
         table.append((code(solver), *map(str, counts), "" if best is None else digits(best)))
     headings = ("solver", "right", "fail", "fail as expected", "not run or not decidable", "most digits")
     return Table(headings, "lrrrrr", table)
 
 
-def _failures(rows: Sequence[tuple[Row, RowResult]]) -> Table:
+def _failures(rows: Sequence[tuple[RunRow, RowResult]]) -> Table:
     cells = [
         (
-            code(str(row["case"])),
-            code(str(row["reading"])),
-            code(str(row["solver"])),
-            setting(row["rtol"], row["step_s"]),
+            code(row.case),
+            code(row.reading),
+            code(row.solver),
+            setting(row.rtol, row.step_s),
             markdown(result.reason),
         )
         for row, result in rows

@@ -10,9 +10,9 @@ from henon_ref.campaign.comparison import Comparison
 from henon_ref.campaign.results import ReadingResult
 from henon_ref.campaign.rows import Record
 from henon_ref.campaign.timing import UNSTABLE
-from henon_ref.columns import Row
 from henon_ref.report.text.formats import count, digits, duration, error, setting, significant
-from henon_ref.report.text.ranking import NOT_RUN, floor, name, number, prices, right
+from henon_ref.report.text.ranking import floor, prices, right
+from henon_ref.rows import NOT_RUN, Key, RunRow, StickRow, number
 from henon_ref.score.sticks import sticks
 from henon_ref.text import code, markdown
 
@@ -38,23 +38,18 @@ class Table:
         return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
 
 
-Samples = Mapping[tuple[object, ...], Sequence[float]]
-"""Timing samples by solver and setting (:func:`of_run`)."""
-
-
-def of_run(row: Row) -> tuple[object, ...]:
-    """Solver and setting of a row: what tells it apart from the others of its reading."""
-    return tuple(row[column] for column in ("solver", "rtol", "step_s"))
+Samples = Mapping[Key, Sequence[float]]
+"""Timing samples by the run's key."""
 
 
 def samples_of(records: Sequence[Record]) -> Samples:
     """The timing samples of a reading's records."""
-    return {of_run(record.run): record.samples for record in records}
+    return {record.run.key: record.samples for record in records}
 
 
-def price_table(rows: Sequence[Row], samples: Samples | None = None) -> Table | None:
+def price_table(rows: Sequence[RunRow], samples: Samples | None = None) -> Table | None:
     """The cheapest solver for so many digits, and what the next one costs; None where fewer than two solvers ran."""
-    ran = {name(row) for row in rows if row["status"] not in NOT_RUN}
+    ran = {row.solver for row in rows if row.status not in NOT_RUN}
     if len(ran) < 2 or all(price.row is None for price in prices(rows)):
         return None
     lines = []
@@ -62,11 +57,11 @@ def price_table(rows: Sequence[Row], samples: Samples | None = None) -> Table | 
         cells = [f"{price.digits}"]
         for row, missing in ((price.row, "none"), (price.next_row, "none" if price.row is not None else "")):
             cells += [missing, "", ""] if row is None else [
-                code(name(row)), setting(row["rtol"], row["step_s"]), timed(row, samples)
+                code(row.solver), setting(row.rtol, row.step_s), timed(row, samples)
             ]  # fmt: skip
         ratio = ""
         if price.row is not None and price.next_row is not None:
-            ratio = significant(number(price.next_row, "wall_s") / number(price.row, "wall_s"), 3)
+            ratio = significant(number(price.next_row.wall_s) / number(price.row.wall_s), 3)
         lines.append((*cells, ratio))
     headings = ("digits", "cheapest", "setting", "time", "next", "setting", "time", "times as long")
     return Table(headings, "rlrrlrrr", lines)
@@ -77,23 +72,22 @@ def run_table(records: Sequence[Record]) -> Table:
     lines = []
     for record in records:
         row = record.run
-        if row["status"] in NOT_RUN:
+        if row.status in NOT_RUN:
             continue
-        found = f"{number(row, 'matched'):.0f}" if row["matched"] is not None else ""
-        edits = "" if row["missed"] is None else f"{number(row, 'missed'):.0f} / {number(row, 'spurious'):.0f}"
+        edits = "" if row.missed is None else f"{row.missed} / {row.spurious}"
         lines.append(
             (
-                code(name(row)),
-                setting(row["rtol"], row["step_s"]),
+                code(row.solver),
+                setting(row.rtol, row.step_s),
                 status(row),
-                found,
+                _count(row.matched),
                 edits,
-                error(row["max_time_error_s"], floor(row)),
-                digits(number(row, "digits")) if row["digits"] is not None else "",
-                error(row["max_stick_error_s"], floor(row)),
+                error(row.max_time_error_s, floor(row)),
+                "" if row.digits is None else digits(row.digits),
+                error(row.max_stick_error_s, floor(row)),
                 wall(row, record.samples),
-                duration(row["compile_s"]),
-                *(f"{number(row, column):.0f}" if row[column] is not None else "" for column in COUNTS),
+                duration(row.compile_s),
+                *map(_count, (row.steps, row.rhs_evaluations, row.event_evaluations)),
             )
         )
     headings = (
@@ -103,54 +97,54 @@ def run_table(records: Sequence[Record]) -> Table:
     return Table(headings, "lrlrrrrrrrrrr", lines)
 
 
-COUNTS = ("steps", "rhs_evaluations", "event_evaluations")
+def _count(value: int | None) -> str:
+    return "" if value is None else f"{value}"
 
 
-def status(row: Row) -> str:
+def status(row: RunRow) -> str:
     """Status, with the verdict where the solver is not to blame."""
-    text = str(row["status"])
-    return f"{text} ({row['verdict']})" if row["verdict"] in ("ill-conditioned", "not unique") else text
+    return f"{row.status} ({row.verdict})" if row.verdict in ("ill-conditioned", "not unique") else row.status
 
 
-def wall(row: Row, samples: Sequence[float] = ()) -> str:
+def wall(row: RunRow, samples: Sequence[float] = ()) -> str:
     """Median wall time, its interquartile range, and a mark where the samples scatter too much.
 
     Where the samples are too few for a range, their number stands in its place; two of them are marked where their
     half distance is as large as a range that would be.
     """
-    if row["wall_s"] is None:
+    if row.wall_s is None:
         return ""
-    if row["wall_s_iqr"] is not None:
-        note = duration(row["wall_s_iqr"])
+    if row.wall_s_iqr is not None:
+        note = duration(row.wall_s_iqr)
     else:
-        note = "" if row["timed_runs"] is None else count(int(number(row, "timed_runs")), "run")
-    return duration(row["wall_s"]) + (f" ({note})" if note else "") + _mark(row, samples)
+        note = "" if row.timed_runs is None else count(row.timed_runs, "run")
+    return duration(row.wall_s) + (f" ({note})" if note else "") + _mark(row, samples)
 
 
-def timed(row: Row, samples: Samples | None = None) -> str:
+def timed(row: RunRow, samples: Samples | None = None) -> str:
     """Median wall time of a row that has one, marked where its samples scatter too much."""
-    return duration(row["wall_s"]) + _mark(row, (samples or {}).get(of_run(row), ()))
+    return duration(row.wall_s) + _mark(row, (samples or {}).get(row.key, ()))
 
 
-def _mark(row: Row, samples: Sequence[float] = ()) -> str:
-    if row["wall_s_iqr"] is not None:
-        scatter = number(row, "wall_s_iqr")
+def _mark(row: RunRow, samples: Sequence[float] = ()) -> str:
+    if row.wall_s_iqr is not None:
+        scatter = row.wall_s_iqr
     else:
         scatter = (max(samples) - min(samples)) / 2 if samples else 0.0
-    return f" {MARK}" if scatter > UNSTABLE * number(row, "wall_s") else ""
+    return f" {MARK}" if scatter > UNSTABLE * number(row.wall_s) else ""
 
 
-def reason_table(rows: Sequence[Row]) -> Table | None:
+def reason_table(rows: Sequence[RunRow]) -> Table | None:
     """Why a run is not right: the solver's reason, the verdict and what it rests on, the cause where it is known."""
     # One line for a solver that says the same at every setting.
     merged: dict[tuple[str, ...], list[str]] = {}
     for row in rows:
-        if row["verdict"] == "right" or row["status"] in NOT_RUN:
+        if row.verdict == "right" or row.status in NOT_RUN:
             continue
-        verdict = ": ".join(markdown(str(row[column])) for column in ("verdict", "verdict_basis") if row[column])
-        cause = _cause(str(row["cause"])) if row["cause"] else ""
-        cells = (code(name(row)), str(row["status"]), markdown(str(row["status_reason"] or "")), verdict, cause)
-        merged.setdefault(cells, []).append(setting(row["rtol"], row["step_s"]))
+        verdict = ": ".join(markdown(part) for part in (row.verdict, row.verdict_basis) if part)
+        cause = _cause(row.cause) if row.cause else ""
+        cells = (code(row.solver), row.status, markdown(row.status_reason or ""), verdict, cause)
+        merged.setdefault(cells, []).append(setting(row.rtol, row.step_s))
     if not merged:
         return None
     return Table(
@@ -179,9 +173,9 @@ def stick_table(comparison: Comparison, result: ReadingResult) -> Table | None:
         cells = [f"{index}", reading.problem.system.sign_names[stick.surface], f"{stick.start:.9f}"]
         cells.append(f"{stick.duration:.13f}")
         if best is not None:
-            own = next((row for row in best[1] if row["index"] == index), None)
-            cells.append("" if own is None else error(own["error_s"]))
-            cells.append("" if own is None or own["length"] is None else f"{number(own, 'length'):.9f}")
+            own = next((row for row in best[1] if row.index == index), None)
+            cells.append("" if own is None else error(own.error_s))
+            cells.append("" if own is None or own.length is None else f"{own.length:.9f}")
         rows.append(tuple(cells))
     headings = ["stick", "surface", "begins at [s]", "exact duration [s]"]
     if best is not None:
@@ -189,10 +183,10 @@ def stick_table(comparison: Comparison, result: ReadingResult) -> Table | None:
     return Table(tuple(headings), "rl" + "r" * (len(headings) - 2), rows)
 
 
-def _best_stick_run(comparison: Comparison, reading: str) -> tuple[str, list[Row]] | None:
+def _best_stick_run(comparison: Comparison, reading: str) -> tuple[str, list[StickRow]] | None:
     """Solver and stick rows of the most accurate right run of a reading."""
     records = [record for record in comparison.of_reading(reading) if record.sticks and right([record.run])]
     if not records:
         return None
-    best = max(records, key=lambda record: number(record.run, "digits"))
-    return name(best.run), best.sticks
+    best = max(records, key=lambda record: number(record.run.digits))
+    return best.run.solver, best.sticks

@@ -9,8 +9,8 @@ from typing import Literal
 import sympy as sp
 
 from henon_ref.casefile.case import Case
-from henon_ref.columns import Row
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.rows import NOT_RUN, RunRow
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 14))
 """Relative tolerances of the atlas."""
@@ -75,14 +75,14 @@ def _equations(system: FilippovSystem) -> tuple[tuple[sp.Expr, ...], ...]:
     return system.surfaces, system.field
 
 
-def outcome_of(row: Row) -> Outcome | None:
+def outcome_of(row: RunRow) -> Outcome | None:
     """What came of a run; None for one that was not made."""
-    if row["status"] in ("unsupported", "unavailable"):
+    if row.status in NOT_RUN:
         return None
-    if row["verdict"] == "right":
+    if row.verdict == "right":
         return "right"
-    missed, spurious = bool(row["missed"]), bool(row["spurious"])
-    if row["status"] in ("failed", "timeout") or row["missed"] is None:
+    missed, spurious = bool(row.missed), bool(row.spurious)
+    if row.status in ("failed", "timeout") or row.missed is None:
         return "failed"
     if missed and spurious:
         return "both"
@@ -91,10 +91,10 @@ def outcome_of(row: Row) -> Outcome | None:
     return "status"
 
 
-def defects(rows: Sequence[Row]) -> dict[str, int]:
+def defects(rows: Sequence[RunRow]) -> dict[str, int]:
     """How many of each solver's runs are its own fault (0 where all that went wrong is ill-conditioned)."""
     found: dict[str, int] = {}
     for row in rows:
         if outcome_of(row) is not None:
-            found[str(row["solver"])] = found.get(str(row["solver"]), 0) + (row["verdict"] == "solver defect")
+            found[row.solver] = found.get(row.solver, 0) + (row.verdict == "solver defect")
     return found

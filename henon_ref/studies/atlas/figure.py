@@ -7,9 +7,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from henon_ref.columns import Row
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
+from henon_ref.rows import RunRow, number
 from henon_ref.studies.atlas.family import OUTCOMES, Family, Outcome, outcome_of
 from henon_ref.text import one_line
 
@@ -35,19 +35,19 @@ MOST_TICKS = 5
 """Labelled distances below a panel."""
 
 
-def draw_atlas(family: Family, rows: Sequence[Row], solvers: Sequence[str]) -> Figure:
+def draw_atlas(family: Family, rows: Sequence[RunRow], solvers: Sequence[str]) -> Figure:
     """Panels of all solvers that were run.
 
     Parameters
     ----------
     family : Family
-    rows : sequence of Row
+    rows : sequence of RunRow
         The runs, one a reading, solver and tolerance.
     solvers : sequence of str
         In the order of the panels.
     """
-    tolerances = sorted({_tolerance(row) for row in rows}, reverse=True)
-    cells = {(str(row["solver"]), str(row["reading"]), _tolerance(row)): outcome_of(row) for row in rows}
+    tolerances = sorted({number(row.rtol) for row in rows}, reverse=True)
+    cells = {(row.solver, row.reading, number(row.rtol)): outcome_of(row) for row in rows}
     lines = math.ceil(len(solvers) / COLUMNS)
     height = lines * PANEL + 1.15
     with style.figure(height) as figure:
@@ -79,10 +79,6 @@ def _description(family: Family, cells: Mapping[tuple[str, str, float], Outcome 
         f"A panel a solver. Across, {family.meaning}; upward, the relative tolerance; a cell's colour says how the run "
         f"ended. Right runs: {'; '.join(counts)}."
     )
-
-
-def _tolerance(row: Row) -> float:
-    return float(row["rtol"])  # type: ignore[arg-type]
 
 
 def _draw_panel(

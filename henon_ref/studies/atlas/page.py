@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from henon_ref import registry
-from henon_ref.columns import RUN_COLUMNS, Row
-from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.files.write import RUNS
 from henon_ref.report.text.formats import exponential
 from henon_ref.report.text.tables import Table
+from henon_ref.rows import RunRow, rows_text
 from henon_ref.studies.atlas.family import OUTCOMES, TOLERANCES, Family, outcome_of
 from henon_ref.studies.atlas.figure import draw_atlas
 from henon_ref.studies.page import write
@@ -21,12 +20,12 @@ from henon_ref.text import code, markdown, paragraphs
 FOLDER = "atlas"
 
 
-def write_atlas(found: Sequence[tuple[Family, list[Row]]], origin: Provenance, folder: Path) -> Path:
+def write_atlas(found: Sequence[tuple[Family, list[RunRow]]], origin: Provenance, folder: Path) -> Path:
     """Write figures, runs and page.
 
     Parameters
     ----------
-    found : sequence of (Family, list of Row)
+    found : sequence of (Family, list of RunRow)
         The families and their runs.
     origin : Provenance
     folder : Path
@@ -58,7 +57,7 @@ def write_atlas(found: Sequence[tuple[Family, list[Row]]], origin: Provenance, f
         "loosest": exponential(max(TOLERANCES), 1),
         "origin": origin,
     }
-    return write(folder, "atlas", context, {RUNS: csv_text(RUN_COLUMNS, every)}, figures)
+    return write(folder, "atlas", context, {RUNS: rows_text(RunRow, every)}, figures)
 
 
 def figure_name(case: str) -> str:
@@ -66,20 +65,20 @@ def figure_name(case: str) -> str:
     return f"{case}.svg"
 
 
-def solvers_of(rows: Sequence[Row]) -> list[str]:
+def solvers_of(rows: Sequence[RunRow]) -> list[str]:
     """Solvers that ran, in the registry's order."""
-    present = {str(row["solver"]) for row in rows if outcome_of(row) is not None}
+    present = {row.solver for row in rows if outcome_of(row) is not None}
     order = [name for name in registry.names() if name in present]
     return order + sorted(present - set(order))
 
 
-def count_table(rows: Sequence[Row]) -> Table:
+def count_table(rows: Sequence[RunRow]) -> Table:
     """How often each solver is right, wrong in each way, and wrong by its own fault."""
     lines = []
     for solver in solvers_of(rows):
-        own = [row for row in rows if row["solver"] == solver and outcome_of(row) is not None]
+        own = [row for row in rows if row.solver == solver and outcome_of(row) is not None]
         tally = Counter(outcome_of(row) for row in own)
-        blamed = Counter(str(row["verdict"]) for row in own)
+        blamed = Counter(row.verdict for row in own)
         shown = [f"{tally[outcome] or ''}" for outcome in OUTCOMES]
         lines.append((code(solver), f"{len(own)}", *shown, *(f"{blamed[word] or ''}" for word in BLAME)))
     headings = ("solver", "runs", *OUTCOMES.values(), *BLAME)

@@ -12,10 +12,9 @@ from pathlib import Path
 from henon_ref import registry
 from henon_ref.campaign.settings import Setting
 from henon_ref.casefile.case import Case
-from henon_ref.columns import Row
 from henon_ref.filippov.problem import Problem
-from henon_ref.report.text.paired_times import FIRST
-from henon_ref.report.text.ranking import number
+from henon_ref.report.text.paired_times import FIRST, PairRow
+from henon_ref.rows import number
 from henon_ref.studies.price.fresh import caches_in, in_fresh_process
 from henon_ref.studies.price.ladder import TIMEOUT
 
@@ -53,18 +52,18 @@ class Ready:
     """The same with the compiled code that the first process left on disk [s]."""
 
 
-def readiness(cases: Sequence[Case], pairs: Iterable[Row]) -> list[Ready]:
+def readiness(cases: Sequence[Case], pairs: Iterable[PairRow]) -> list[Ready]:
     """Measure it on every reading, at the settings that the pairs were timed at for :data:`DIGITS` digits."""
     problems = {(case.name, reading.name): reading.problem for case in cases for reading in case.readings}
-    own = [row for row in pairs if row["digits"] == DIGITS]
+    own = [row for row in pairs if row.digits == DIGITS]
     named = {*AGAINST, *(other for others in AGAINST.values() for other in others)}
     found = []
     for (case, reading), problem in problems.items():
-        rows = [row for row in own if (row["case"], row["reading"]) == (case, reading)]
+        rows = [row for row in own if row.problem == (case, reading)]
         settings: dict[str, tuple[float, float]] = {}
         if rows:
-            settings[FIRST] = number(rows[0], "rtol"), number(rows[0], "wall_s")
-        settings |= {str(row["rival"]): (number(row, "rival_rtol"), number(row, "rival_wall_s")) for row in rows}
+            settings[FIRST] = number(rows[0].rtol), rows[0].wall_s
+        settings |= {row.rival: (number(row.rival_rtol), row.rival_wall_s) for row in rows}
         for solver, (rtol, wall) in settings.items():
             if solver in named:
                 cold, kept = _twice(problem, solver, Setting(rtol, rtol, None))

@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from henon_ref.columns import Row
 from henon_ref.figures import style
 from henon_ref.figures.description import describe
 from henon_ref.figures.labels import label_column
 from henon_ref.registry import COMPILED
-from henon_ref.report.text.ranking import by_solver, number, right
+from henon_ref.report.text.ranking import by_solver, right
+from henon_ref.rows import RunRow, number
 from henon_ref.studies.price.growth import Horizon
 from henon_ref.studies.price.growth import exponent as horizon_power
 from henon_ref.studies.price.states import Size, fitted
@@ -30,7 +30,7 @@ BOUND = 1e-11
 """Error of a stick [s] that a run of a million seconds must not exceed."""
 
 
-def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
+def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
     """Worst error of a transition's time against a cost, one line a solver, for one reading.
 
     Times have bars, the 95 % intervals of the medians. Compiled callbacks change times and nothing else: they stand,
@@ -46,9 +46,9 @@ def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
         tips = {}
         for solver, line in lines.items():
             points = [
-                (number(row, count), max(number(row, "max_time_error_s"), 1e-16))
+                (cost, max(row.max_time_error_s, 1e-16))
                 for row in ladders[solver]
-                if row[count] and row["max_time_error_s"] is not None
+                if (cost := _cost(row, count)) and row.max_time_error_s is not None
             ]
             if points:
                 _draw_line(axes, line, points)
@@ -73,16 +73,20 @@ def draw_ladder(rows: Sequence[Row], count: str) -> Figure:
     return figure
 
 
+def _cost(row: RunRow, count: str) -> float | None:
+    return {"wall_s": row.wall_s, "rhs_evaluations": row.rhs_evaluations, "steps": row.steps}[count]
+
+
 def _draw_line(axes: Axes, line: style.Line, points: Sequence[tuple[float, float]]) -> None:
     x, y = np.array(points).T
     axes.plot(x, y, ls=line.dashes, marker=line.marker, color=line.colour, lw=line.width, ms=3.5)
 
 
-def _draw_bars(axes: Axes, line: style.Line, ladder: Sequence[Row]) -> None:
-    known = [row for row in ladder if row["wall_s_low"] is not None and row["max_time_error_s"] is not None]
+def _draw_bars(axes: Axes, line: style.Line, ladder: Sequence[RunRow]) -> None:
+    known = [row for row in ladder if row.wall_s_low is not None and row.max_time_error_s is not None]
     if known:
-        errors = [max(number(row, "max_time_error_s"), 1e-16) for row in known]
-        low, high = ([number(row, column) for row in known] for column in ("wall_s_low", "wall_s_high"))
+        errors = [max(number(row.max_time_error_s), 1e-16) for row in known]
+        low, high = [number(row.wall_s_low) for row in known], [number(row.wall_s_high) for row in known]
         axes.hlines(errors, low, high, color=line.colour, lw=0.8)
 
 

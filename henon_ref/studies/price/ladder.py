@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from henon_ref import registry
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.casefile.case import Case
-from henon_ref.columns import Row
 from henon_ref.report.text.paired_times import FIRST
+from henon_ref.rows import Row, RunRow
 from henon_ref.studies.runs import records_of
 
 LADDER = tuple(10.0**-k for k in range(3, 16))
@@ -18,8 +18,6 @@ TIMEOUT = 4.0
 """Seconds that one run may take: a slower one is never the cheapest where any other gets there."""
 WHEN_NAMED = ("cvode-c-adams", "cvode-c-bdf", "octave-ode45")
 """Solvers that run when named elsewhere, which belong here all the same."""
-SAMPLES = ("case", "reading", "against", "digits", "solver", "rtol", "step_s", "samples_us")
-"""Columns of the raw samples; against: the pair that a setting was timed in, empty for the ladder's own times."""
 
 
 def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
@@ -47,12 +45,27 @@ def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
+class SampleRow(Row):
+    """The raw samples of one setting."""
+
+    case: str
+    reading: str
+    against: str | None
+    """The pair that it was timed in; None for the ladder's own times."""
+    digits: int | None
+    solver: str
+    rtol: float | None
+    step_s: float | None
+    samples_us: str
+    """In their order, with blanks between them."""
+
+
+@dataclass(frozen=True)
 class Ladder:
     """What was run."""
 
-    rows: list[Row]
-    """As in ``runs.csv``."""
-    samples: list[Row]
+    rows: list[RunRow]
+    samples: list[SampleRow]
     """The raw samples behind the rows' times."""
 
 
@@ -69,13 +82,17 @@ def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> L
     changed = replace(options, solvers=options.solvers or solvers(), tolerances=LADDER, timeout=TIMEOUT)
     by_case = records_of([_without_listings(case) for case in cases], changed, observer)
     records = [record for own in by_case.values() for record in own]
-    samples = [sampled({**record.run, "digits": None}, record.samples) for record in records if record.samples]
+    samples = [
+        SampleRow(*run.problem, None, None, run.solver, run.rtol, run.step_s, microseconds(record.samples))
+        for record in records
+        if record.samples and (run := record.run)
+    ]
     return Ladder([record.run for record in records], samples)
 
 
-def sampled(setting: Row, samples: Sequence[float]) -> Row:
-    """Raw samples [s] of one setting, as a row of :data:`SAMPLES`."""
-    return {**setting, "samples_us": " ".join(f"{1e6 * sample:.5g}" for sample in samples)}
+def microseconds(samples: Sequence[float]) -> str:
+    """Samples [s] as a row has them."""
+    return " ".join(f"{1e6 * sample:.5g}" for sample in samples)
 
 
 def _without_listings(case: Case) -> Case:

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.casefile.case import Case
-from henon_ref.columns import Row
 from henon_ref.report.text.paired_times import FIRST
 from henon_ref.report.text.ranking import LEVELS, by_solver, readings_of
-from henon_ref.studies.price.ladder import TIMEOUT, sampled
-from henon_ref.studies.price.paired_times import RIVAL_SAMPLES, SAMPLES, PairedTiming, time_pairs
+from henon_ref.rows import RunRow
+from henon_ref.studies.price.ladder import TIMEOUT, SampleRow, microseconds
+from henon_ref.studies.price.paired_times import PairedTiming, TimedPair, time_pairs
 from henon_ref.studies.price.pairs import pairs_of
 
 SECONDS = 4.0
@@ -20,14 +20,14 @@ FEWEST = 3
 
 
 def time_ladder_pairs(
-    cases: Sequence[Case], rows: Sequence[Row], options: Options, observer: Observer, seconds: float = SECONDS
-) -> tuple[list[Row], list[str]]:
+    cases: Sequence[Case], rows: Sequence[RunRow], options: Options, observer: Observer, seconds: float = SECONDS
+) -> tuple[list[TimedPair], list[str]]:
     """Time the pairs on every reading that both solve; their rows, and what could not be timed.
 
     Parameters
     ----------
     cases : sequence of Case
-    rows : sequence of Row
+    rows : sequence of RunRow
         The ladder's: they tell which settings get how many digits.
     options : Options
         Processes and memory are taken from it.
@@ -49,14 +49,12 @@ def time_ladder_pairs(
     return time_pairs(timings, options, observer)
 
 
-def samples_of(found: Sequence[Row]) -> list[Row]:
+def samples_of(found: Sequence[TimedPair]) -> list[SampleRow]:
     """The raw samples behind the pairs' ratios: two rows a pair."""
     rows = []
     for row in found:
-        settings: tuple[Row, Row] = (
-            {"solver": FIRST, "rtol": row["rtol"], "step_s": None},
-            {"solver": row["rival"], "rtol": row["rival_rtol"], "step_s": row["rival_step_s"]},
-        )
-        for own, column in zip(settings, (SAMPLES, RIVAL_SAMPLES), strict=True):
-            rows.append(sampled({**row, **own}, row[column]))  # type: ignore[arg-type]
+        pair = (*row.problem, row.against, row.digits)
+        rows.append(SampleRow(*pair, FIRST, row.rtol, None, microseconds(row.samples_s)))
+        rival = microseconds(row.rival_samples_s)
+        rows.append(SampleRow(*pair, row.rival, row.rival_rtol, row.rival_step_s, rival))
     return rows

@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from henon_ref.columns import RUN_COLUMNS, Row
 from henon_ref.registry import COMPILED
-from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.text.formats import duration
-from henon_ref.report.text.paired_times import COLUMNS, own_words
+from henon_ref.report.text.paired_times import PairRow, own_words
 from henon_ref.report.text.ranking import readings_of
+from henon_ref.rows import RunRow, csv_text, rows_text
 from henon_ref.studies.page import write
 from henon_ref.studies.price import tables
 from henon_ref.studies.price.compiling import Ready
 from henon_ref.studies.price.effects import Step
 from henon_ref.studies.price.figures import COUNTS, draw_growth, draw_ladder, draw_sizes
 from henon_ref.studies.price.growth import Horizon
-from henon_ref.studies.price.ladder import SAMPLES, TIMEOUT
+from henon_ref.studies.price.ladder import TIMEOUT, SampleRow
 from henon_ref.studies.price.ladder_pairs import FEWEST, samples_of
 from henon_ref.studies.price.landings import Landed
 from henon_ref.studies.price.operations import Work
+from henon_ref.studies.price.paired_times import TimedPair
 from henon_ref.studies.price.states import Size
 from henon_ref.text import markdown
 
@@ -34,10 +34,10 @@ GROWTH, SIZES = "growth.svg", "states.svg"
 class Prices:
     """Everything that was measured."""
 
-    rows: Sequence[Row]
-    samples: Sequence[Row]
+    rows: Sequence[RunRow]
+    samples: Sequence[SampleRow]
     """Raw samples behind the rows' times."""
-    pairs: Sequence[Row]
+    pairs: Sequence[TimedPair]
     failed: Sequence[str]
     """Pairs that could not be timed, and why."""
     ready: Sequence[Ready]
@@ -76,7 +76,7 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
         "fewest": FEWEST,
         "rivals": tables.rival_table(found.pairs).markdown,
         "own": own_words(found.pairs),
-        "compiled": any(str(row["solver"]).endswith(COMPILED) for row in found.rows),
+        "compiled": any(row.solver.endswith(COMPILED) for row in found.rows),
         "callbacks": tables.callback_costs(found.rows).markdown,
         "failed": [markdown(words) for words in found.failed],
         "ready": tables.ready_table(found.ready).markdown,
@@ -100,9 +100,9 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
 def _files(found: Prices) -> dict[str, str]:
     """CSV text of what the tables are made of, by file name."""
     return {
-        "price.csv": csv_text(RUN_COLUMNS, found.rows),
-        "pairs.csv": csv_text(COLUMNS, found.pairs),
-        "samples.csv": csv_text(SAMPLES, [*found.samples, *samples_of(found.pairs)]),
+        "price.csv": rows_text(RunRow, found.rows),
+        "pairs.csv": rows_text(PairRow, found.pairs),
+        "samples.csv": rows_text(SampleRow, [*found.samples, *samples_of(found.pairs)]),
         "compiling.csv": _records(Ready, found.ready),
         "landings.csv": _records(Landed, found.landings),
         "effects.csv": _records(Step, found.effects),
@@ -113,4 +113,4 @@ def _files(found: Prices) -> dict[str, str]:
 
 
 def _records(kind: Any, found: Sequence[Any]) -> str:
-    return csv_text([field.name for field in fields(kind)], [asdict(one) for one in found])
+    return csv_text([field.name for field in fields(kind)], map(astuple, found))

@@ -12,15 +12,12 @@ from henon_ref.campaign.options import Observer, Options
 from henon_ref.campaign.pool import Jobs, WorkerPool
 from henon_ref.campaign.timing import median_interval
 from henon_ref.campaign.worker import Failure, Job, WorkerState
-from henon_ref.columns import Row
 from henon_ref.filippov.problem import Problem
-from henon_ref.report.text.paired_times import OWN
+from henon_ref.report.text.paired_times import PairRow
 from henon_ref.solver import Run
 from henon_ref.studies.price.own_calls import ClockedHeyoka, clocked, own_part
 from henon_ref.studies.price.pairs import Candidate, Pair
 
-SAMPLES, RIVAL_SAMPLES = "samples_s", "rival_samples_s"
-"""What a row holds besides: the times of every round [s]."""
 FEWEST, MOST = 9, 200
 """How often each setting is run."""
 TURN = 1e-3
@@ -31,6 +28,15 @@ OWN_ROUNDS = 20
 """Rounds at most in which a library's own calls are clocked."""
 
 _LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class TimedPair(PairRow):
+    """A pair with the times of every round."""
+
+    samples_s: tuple[float, ...] = ()
+    """The reference's [s]."""
+    rival_samples_s: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -66,7 +72,7 @@ class PairedTiming(Job):
     def seconds(self) -> float:
         return PREPARE_SECONDS + 10.0 * (self.rounds + 1) * self.round_s
 
-    def run(self, state: WorkerState) -> list[Row]:
+    def run(self, state: WorkerState) -> list[TimedPair]:
         """Rows of all pairs."""
         runs = {candidate: self._prepared(candidate) for candidate in self.candidates}
         times = interleaved(runs, rounds=self.rounds, turn=TURN)
@@ -91,33 +97,33 @@ class PairedTiming(Job):
         part = own_part(run, self._prepared(rival, solver), solver.clock, rounds=min(self.rounds, OWN_ROUNDS))
         return part * times.median(rival) or None  # an integrator that all modes share was made without the clock
 
-    def _row(self, pair: Pair, times: Turns[Candidate], own_times: Mapping[Candidate, float | None]) -> Row:
+    def _row(self, pair: Pair, times: Turns[Candidate], own_times: Mapping[Candidate, float | None]) -> TimedPair:
         own, rival = (min(candidates, key=times.median) for candidates in (pair.own, pair.rival))
         low, high = median_interval(times.ratios(own, rival))
-        return {
-            "case": self.case,
-            "reading": self.reading,
-            "digits": pair.digits,
-            "against": pair.against,
-            "rtol": own.setting.rtol,
-            "rival": rival.solver,
-            "rival_rtol": rival.setting.rtol,
-            "rival_step_s": rival.setting.step,
-            "wall_s": times.median(own),
-            "rival_wall_s": times.median(rival),
-            "ratio": times.ratio(own, rival),
-            "ratio_low": low,
-            "ratio_high": high,
-            "rounds": self.rounds,
-            OWN: own_times[rival],
-            SAMPLES: times.times[own],
-            RIVAL_SAMPLES: times.times[rival],
-        }
+        return TimedPair(
+            case=self.case,
+            reading=self.reading,
+            digits=pair.digits,
+            against=pair.against,
+            rtol=own.setting.rtol,
+            rival=rival.solver,
+            rival_rtol=rival.setting.rtol,
+            rival_step_s=rival.setting.step,
+            wall_s=times.median(own),
+            rival_wall_s=times.median(rival),
+            ratio=times.ratio(own, rival),
+            ratio_low=low,
+            ratio_high=high,
+            rounds=self.rounds,
+            rival_own_s=own_times[rival],
+            samples_s=tuple(times.times[own]),
+            rival_samples_s=tuple(times.times[rival]),
+        )
 
 
 def time_pairs(
     timings: Mapping[str, Sequence[PairedTiming]], options: Options, observer: Observer
-) -> tuple[list[Row], list[str]]:
+) -> tuple[list[TimedPair], list[str]]:
     """Time pairs, those of each job by one worker; their rows, and what could not be timed, a sentence each.
 
     Parameters
@@ -128,7 +134,7 @@ def time_pairs(
         Processes and memory are taken from it.
     observer : Observer
     """
-    rows: list[Row] = []
+    rows: list[TimedPair] = []
     failed: list[str] = []
 
     def timed(own: Sequence[PairedTiming]) -> Jobs:
@@ -145,4 +151,4 @@ def time_pairs(
     for own in timings.values():
         pool.add("timings", timed(own))
     pool.run(observer.tick)
-    return [row for case in timings for row in rows if row["case"] == case], failed
+    return [row for case in timings for row in rows if row.case == case], failed

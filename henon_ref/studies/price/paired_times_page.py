@@ -5,20 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from henon_ref.columns import Row
-from henon_ref.report.files.csv_files import csv_text
 from henon_ref.report.files.manifest import Provenance
-from henon_ref.report.text.paired_times import COLUMNS, RATIOS, own_words, slower_table, spread_table
+from henon_ref.report.text.paired_times import RATIOS, PairRow, own_words, slower_table, spread_table
 from henon_ref.report.text.ranking import LEVELS, readings_of
+from henon_ref.rows import RunRow, rows_text
 from henon_ref.studies.page import write
 from henon_ref.text import markdown
 
 
 def write_page(
-    rows: Sequence[Row],
+    rows: Sequence[PairRow],
     failed: Sequence[str],
     left: Mapping[str, Sequence[str]],
-    runs: Sequence[Row],
+    runs: Sequence[RunRow],
     origin: Provenance,
     folder: Path,
 ) -> Path:
@@ -26,13 +25,12 @@ def write_page(
 
     Parameters
     ----------
-    rows : sequence of Row
-        A row a pair, with COLUMNS.
+    rows : sequence of PairRow
     failed : sequence of str
         Readings that could not be timed, and why.
     left : mapping of sequences of str
         Readings in which there is nothing to time, as links, by the reason.
-    runs : sequence of Row
+    runs : sequence of RunRow
         Rows of the reports that told whom to time.
     origin : Provenance
     folder : Path
@@ -45,7 +43,7 @@ def write_page(
     """
     slower = slower_table(rows, runs)
     context = {
-        "readings": len({(row["case"], row["reading"]) for row in rows}),
+        "readings": len({row.problem for row in rows}),
         "total": len(readings_of(runs)),
         "left": left,
         "fewest": LEVELS[0],
@@ -55,4 +53,4 @@ def write_page(
         "failed": [markdown(each) for each in failed],
         "origin": origin,
     }
-    return write(folder, "paired_times", context, {RATIOS: csv_text(COLUMNS, rows)})
+    return write(folder, "paired_times", context, {RATIOS: rows_text(PairRow, rows)})

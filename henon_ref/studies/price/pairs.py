@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from henon_ref.campaign.settings import Setting
-from henon_ref.columns import Row
 from henon_ref.report.text.paired_times import FIRST
-from henon_ref.report.text.ranking import name, number, reaching
+from henon_ref.report.text.ranking import reaching
+from henon_ref.rows import RunRow
 
 CANDIDATES = 3
 """Settings of a side that are timed: the cheapest by the rows. The cheapest in turn is among them, or next to it."""
@@ -38,12 +38,12 @@ class Pair:
     """Candidates for the other side's."""
 
 
-def pairs_of(rows: Sequence[Row], rivals: Mapping[str, Collection[str]], levels: Sequence[int]) -> Iterator[Pair]:
+def pairs_of(rows: Sequence[RunRow], rivals: Mapping[str, Collection[str]], levels: Sequence[int]) -> Iterator[Pair]:
     """The pairs of one reading.
 
     Parameters
     ----------
-    rows : sequence of Row
+    rows : sequence of RunRow
         The reading's.
     rivals : mapping of collections of str
         What each rival is, and the solvers that it is the cheapest of.
@@ -58,9 +58,9 @@ def pairs_of(rows: Sequence[Row], rivals: Mapping[str, Collection[str]], levels:
                 yield Pair(level, against, own, rival)
 
 
-def able_rows(rows: Sequence[Row], levels: Sequence[int]) -> Iterator[tuple[int | None, list[Row]]]:
+def able_rows(rows: Sequence[RunRow], levels: Sequence[int]) -> Iterator[tuple[int | None, list[RunRow]]]:
     """Rows that reach so many digits; once, and with None, those that are right where there is no transition."""
-    idle = [row for row in rows if row["verdict"] == "right" and row["reference_transitions"] == 0 and row["wall_s"]]
+    idle = [row for row in rows if row.verdict == "right" and row.reference_transitions == 0 and row.wall_s]
     if idle:
         yield None, idle
     else:
@@ -71,11 +71,10 @@ def _wall(candidate: Candidate) -> float:
     return candidate.wall_s
 
 
-def _cheapest(rows: Sequence[Row], solvers: Collection[str]) -> tuple[Candidate, ...]:
-    timed = [_candidate(row) for row in rows if name(row) in solvers and row["wall_s"]]
+def _cheapest(rows: Sequence[RunRow], solvers: Collection[str]) -> tuple[Candidate, ...]:
+    timed = [
+        Candidate(row.solver, Setting(row.rtol, row.atol, row.step_s), row.wall_s)
+        for row in rows
+        if row.solver in solvers and row.wall_s
+    ]
     return tuple(sorted(timed, key=_wall)[:CANDIDATES])
-
-
-def _candidate(row: Row) -> Candidate:
-    setting = Setting(*(row[column] for column in ("rtol", "atol", "step_s")))  # type: ignore[arg-type]
-    return Candidate(name(row), setting, number(row, "wall_s"))

@@ -7,12 +7,11 @@ from pathlib import Path
 
 from henon_ref.campaign.options import Observer, Options
 from henon_ref.casefile.case import Case
-from henon_ref.columns import Row
-from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.files.write import RUNS
 from henon_ref.report.text.paired_times import FIRST, FOLDER, FROM_C, OTHERS, SECOND, link
-from henon_ref.report.text.ranking import LEVELS, name, readings_of
+from henon_ref.report.text.ranking import LEVELS, readings_of
+from henon_ref.rows import RunRow, read_rows
 from henon_ref.studies.price.paired_times import PairedTiming, time_pairs
 from henon_ref.studies.price.paired_times_page import write_page
 from henon_ref.studies.price.pairs import able_rows, pairs_of
@@ -50,7 +49,7 @@ def run_paired_times(
     Path or None
         The page; None where no reading has a rival.
     """
-    runs = {case.name: read_rows((reports or out) / case.name / RUNS) for case in cases}
+    runs = {case.name: read_rows(RunRow, (reports or out) / case.name / RUNS) for case in cases}
     timings = {case.name: list(timings_of(case, runs[case.name], options.timeout)) for case in cases}
     if not any(timings.values()):
         return None
@@ -59,11 +58,11 @@ def run_paired_times(
     return write_page(rows, failed, left_out(every), every, origin, out / FOLDER)
 
 
-def left_out(rows: Sequence[Row]) -> dict[str, list[str]]:
+def left_out(rows: Sequence[RunRow]) -> dict[str, list[str]]:
     """Links to the readings without a pair, by the solver that has no right run to the fewest digits of a level."""
     found: dict[str, list[str]] = {}
     for (case, reading), own in readings_of(rows).items():
-        able = {name(row) for _, level in able_rows(own, LEVELS) for row in level if row["wall_s"]}
+        able = {row.solver for _, level in able_rows(own, LEVELS) for row in level if row.wall_s}
         if FIRST not in able:
             found.setdefault(f"of `{FIRST}`", []).append(link(case, reading))
         elif able == {FIRST}:
@@ -71,12 +70,12 @@ def left_out(rows: Sequence[Row]) -> dict[str, list[str]]:
     return found
 
 
-def timings_of(case: Case, rows: Sequence[Row], deadline: float) -> Iterator[PairedTiming]:
+def timings_of(case: Case, rows: Sequence[RunRow], deadline: float) -> Iterator[PairedTiming]:
     """What is to be timed on a case's readings, by the rows of its report; ``deadline``: of one run [s]."""
     by_reading = readings_of(rows)
     for reading in case.readings:
         own = by_reading.get((case.name, reading.name), [])
-        rivals = {SECOND: (SECOND,), FROM_C: CVODE_FROM_C, OTHERS: set(map(name, own)) - {FIRST}}
+        rivals = {SECOND: (SECOND,), FROM_C: CVODE_FROM_C, OTHERS: {row.solver for row in own} - {FIRST}}
         found = tuple(pairs_of(own, rivals, LEVELS))
         if found:
             yield PairedTiming(case.name, reading.name, reading.problem, found, SECONDS, deadline)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from henon_ref.columns import Row
 from henon_ref.report.text.formats import duration, error, setting, significant
-from henon_ref.report.text.paired_times import FIRST, OWN, SECOND, bound, own_ratio
-from henon_ref.report.text.ranking import LEVELS, by_solver, number, readings_of
+from henon_ref.report.text.paired_times import FIRST, SECOND, PairRow, bound
+from henon_ref.report.text.ranking import LEVELS, by_solver, readings_of
 from henon_ref.report.text.tables import Table
+from henon_ref.rows import RunRow, number
 from henon_ref.studies.price import effects
 from henon_ref.studies.price.compiling import AGAINST, Ready, paid_after
 from henon_ref.studies.price.costs import costs, mean_costs, mean_own_cost, why_not
@@ -29,7 +29,7 @@ def title(case: str, reading: str) -> str:
     return case if reading == "default" else f"{case}, {reading}"
 
 
-def whole_table(rows: Sequence[Row], pairs: Sequence[Row]) -> Table:
+def whole_table(rows: Sequence[RunRow], pairs: Sequence[PairRow]) -> Table:
     """Solvers by their geometric mean cost over all readings, for every level."""
     means = {level: mean_costs(pairs, level) for level in LEVELS}
     solvers = list(by_solver(rows))
@@ -47,30 +47,30 @@ def whole_table(rows: Sequence[Row], pairs: Sequence[Row]) -> Table:
     return Table(("solver", *(f"{level} digits" for level in LEVELS)), "l" + "r" * len(LEVELS), lines)
 
 
-def own_times(pairs: Sequence[Row]) -> str:
+def own_times(pairs: Sequence[PairRow]) -> str:
     """Geometric mean time of the reference's runs, for every level."""
     cells = []
     for level in LEVELS:
-        times = {(row["case"], row["reading"]): number(row, "wall_s") for row in pairs if row["digits"] == level}
+        times = {row.problem: row.wall_s for row in pairs if row.digits == level}
         if times:
             mean = math.exp(sum(math.log(time) for time in times.values()) / len(times))
             cells.append(f"{duration(mean)} for {level} digits")
     return ", ".join(cells)
 
 
-def rival_table(found: Sequence[Row]) -> Table:
+def rival_table(found: Sequence[PairRow]) -> Table:
     """How many times as long as `henon` others take, for the same digits, reading by reading."""
-    ran = {str(row["rival"]) for row in found}
+    ran = {row.rival for row in found}
     listed = [SECOND, *(rival for rival in LISTED[1:] if rival in ran)]
-    ratios: dict[tuple[str, str, str], dict[str, Row]] = {}
+    ratios: dict[tuple[str, str, str], dict[str, PairRow]] = {}
     for row in found:
-        if row["rival"] in listed:
-            key = str(row["case"]), str(row["reading"]), bound(row["digits"])
-            ratios.setdefault(key, {})[str(row["rival"])] = row
+        if row.rival in listed:
+            key = (*row.problem, bound(row.digits))
+            ratios.setdefault(key, {})[row.rival] = row
     lines = []
     for (case, reading, digits), own in ratios.items():
         cells = [_times_as_long(own[rival]) if rival in own else "" for rival in listed]
-        ratio = own_ratio(own[SECOND]) if SECOND in own else None
+        ratio = own[SECOND].own_ratio if SECOND in own else None
         alone = "" if ratio is None else significant(ratio, 2)
         lines.append((title(case, reading), digits, *cells[:1], alone, *cells[1:]))
     headings = [f"`{rival}`" for rival in listed]
@@ -78,13 +78,13 @@ def rival_table(found: Sequence[Row]) -> Table:
     return Table(("reading", "digits", *headings), "lr" + "r" * len(headings), lines)
 
 
-def _times_as_long(row: Row) -> str:
+def _times_as_long(row: PairRow) -> str:
     """How many times as long as ``henon`` a solver takes, and the interval: a row has ``henon``'s time over its own."""
-    times, low, high = (significant(1.0 / number(row, column), 2) for column in ("ratio", "ratio_high", "ratio_low"))
+    times, low, high = (significant(1.0 / ratio, 2) for ratio in (row.ratio, row.ratio_high, row.ratio_low))
     return f"{times} ({low} to {high})"
 
 
-def price_table(pairs: Sequence[Row], reading: tuple[str, str]) -> Table:
+def price_table(pairs: Sequence[PairRow], reading: tuple[str, str]) -> Table:
     """The cheapest solver for so many digits, and the next one, in turn."""
     lines: list[tuple[str, ...]] = []
     for level in LEVELS:
@@ -92,18 +92,14 @@ def price_table(pairs: Sequence[Row], reading: tuple[str, str]) -> Table:
         if len(order) < 2:
             continue
         (first, least), (second, more) = order
-        rows = {
-            str(row["rival"]): row
-            for row in pairs
-            if (row["case"], row["reading"]) == reading and row["digits"] == level
-        }
+        rows = {row.rival: row for row in pairs if row.problem == reading and row.digits == level}
         lines.append(
             (
                 f"{level}",
                 *_side(first, rows, second),
                 *_side(second, rows, first),
                 significant(more / least),
-                duration(rows[second][OWN]) if second in rows and rows[second][OWN] is not None else "",
+                duration(rows[second].rival_own_s) if second in rows else "",
             )
         )
     headings = (
@@ -112,22 +108,22 @@ def price_table(pairs: Sequence[Row], reading: tuple[str, str]) -> Table:
     return Table(headings, "rlrrlrrrr", lines)
 
 
-def _side(solver: str, rows: dict[str, Row], other: str) -> tuple[str, str, str]:
+def _side(solver: str, rows: dict[str, PairRow], other: str) -> tuple[str, str, str]:
     """Name, setting and time; the reference's from its pair with the other."""
     if solver == FIRST:
         row = rows[other]
-        return f"`{solver}`", setting(row["rtol"], None), duration(row["wall_s"])
+        return f"`{solver}`", setting(row.rtol, None), duration(row.wall_s)
     row = rows[solver]
-    return f"`{solver}`", setting(row["rival_rtol"], row["rival_step_s"]), duration(row["rival_wall_s"])
+    return f"`{solver}`", setting(row.rival_rtol, row.rival_step_s), duration(row.rival_wall_s)
 
 
-def scatter(rows: Sequence[Row]) -> dict[str, int]:
+def scatter(rows: Sequence[RunRow]) -> dict[str, int]:
     """How many times of a reading there are, how many scatter by more than a tenth, and how many have no range."""
-    timed = [row for row in rows if row["wall_s"] is not None]
+    timed = [row for row in rows if row.wall_s is not None]
     return {
         "times": len(timed),
-        "wide": sum(number(row, "wall_s_iqr") > 0.1 * number(row, "wall_s") for row in timed),
-        "few": sum(row["wall_s_iqr"] is None for row in timed),
+        "wide": sum(number(row.wall_s_iqr) > 0.1 * number(row.wall_s) for row in timed),
+        "few": sum(row.wall_s_iqr is None for row in timed),
     }
 
 
@@ -239,16 +235,16 @@ def size_table(found: Sequence[Size]) -> Table:
     return Table(headings, "r" * len(headings), lines)
 
 
-def callback_costs(rows: Sequence[Row], digits: int = 9) -> Table:
+def callback_costs(rows: Sequence[RunRow], digits: int = 9) -> Table:
     """Wall time by right-hand sides, plain and compiled callbacks, at the cheapest setting for so many digits."""
     ran = by_solver(rows)
     solvers, lines = [solver for solver in CALLBACKS if solver in ran], []
     for (case, reading), own in readings_of(rows).items():
         cells = []
         for solver in solvers:
-            able = [r for r in own if r["solver"] == solver and r["verdict"] == "right" and r["wall_s"]]
-            able = [r for r in able if r["digits"] is not None and number(r, "digits") >= digits]
-            least = min(able, key=lambda r: number(r, "wall_s"), default=None)
-            cells.append("" if least is None else duration(number(least, "wall_s") / number(least, "rhs_evaluations")))
+            able = [r for r in own if r.solver == solver and r.verdict == "right" and r.wall_s]
+            able = [r for r in able if r.digits is not None and number(r.digits) >= digits]
+            least = min(able, key=lambda r: number(r.wall_s), default=None)
+            cells.append("" if least is None else duration(number(least.wall_s) / number(least.rhs_evaluations)))
         lines.append((title(case, reading), *cells))
     return Table(("reading", *(f"`{solver}`" for solver in solvers)), "l" + "r" * len(solvers), lines)

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
 from henon_ref import registry
-from henon_ref.columns import RUN_COLUMNS, Row
-from henon_ref.report.files.csv_files import csv_text, read_rows
 from henon_ref.report.files.manifest import Provenance
 from henon_ref.report.files.write import RUNS
 from henon_ref.report.text.formats import duration
-from henon_ref.report.text.ranking import number
 from henon_ref.report.text.restarts import (
-    COLUMNS,
     ENDINGS,
     FOLDER,
     MOST,
     QUICKER,
     SUITE,
     WHY,
+    SuiteRow,
     beaten_table,
     best_restart,
     libraries_of,
@@ -30,21 +26,22 @@ from henon_ref.report.text.restarts import (
     suite_rows,
 )
 from henon_ref.report.text.tables import Table
+from henon_ref.rows import RunRow, read_rows, rows_text
 from henon_ref.studies.page import write
 from henon_ref.studies.restarts import options
-from henon_ref.studies.restarts.options import option_table
+from henon_ref.studies.restarts.options import OptionRow, option_table
 from henon_ref.studies.restarts.runs import LIMIT, LONGER, Study
 from henon_ref.text import code
 
 
-def write_page(study: Study, tried: Sequence[Row], origin: Provenance, out: Path) -> Path:
+def write_page(study: Study, tried: Sequence[OptionRow], origin: Provenance, out: Path) -> Path:
     """Write runs, suite, options and page; of cases and libraries that have not run the earlier rows are kept.
 
     Parameters
     ----------
     study : Study
         A run a reading, library, restart and tolerance.
-    tried : sequence of Row
+    tried : sequence of OptionRow
         What the libraries' options come to.
     origin : Provenance
     out : Path
@@ -57,10 +54,13 @@ def write_page(study: Study, tried: Sequence[Row], origin: Provenance, out: Path
     """
     folder = out / FOLDER
     suite = merged(suite_rows(study.rows), read_suite(out))
-    tried = merged(tried, _earlier_options(folder))
+    ran = {row.solver for row in tried}
+    order = {solver: place for place, solver in enumerate(registry.names())}
+    tried = [*tried, *(row for row in _earlier_options(folder) if row.solver not in ran)]
+    tried.sort(key=lambda row: order.get(row.solver, len(order)))
     context = {
-        "runs": f"{sum(number(row, 'runs') for row in suite):.0f}",
-        "cases": len({row["case"] for row in suite}),
+        "runs": f"{sum(row.runs for row in suite)}",
+        "cases": len({row.case for row in suite}),
         "cut": study.cut,
         "limit": f"{LIMIT:g}",
         "longer": f"{LIMIT * LONGER:g}",
@@ -73,21 +73,20 @@ def write_page(study: Study, tried: Sequence[Row], origin: Provenance, out: Path
         "options": option_table(tried).markdown if tried else "",
         "origin": origin,
     }
-    files = {RUNS: csv_text(RUN_COLUMNS, study.rows), SUITE: csv_text(COLUMNS, suite)}
-    files |= {options.FILE: csv_text(options.COLUMNS, tried)} if tried else {}
+    files = {RUNS: rows_text(RunRow, study.rows), SUITE: rows_text(SuiteRow, suite)}
+    files |= {options.FILE: rows_text(OptionRow, tried)} if tried else {}
     return write(folder, "restarts", context, files)
 
 
-def _earlier_options(folder: Path) -> list[Row]:
+def _earlier_options(folder: Path) -> list[OptionRow]:
     """The options' rows of an earlier run; none where they are not there, or are no such rows."""
     try:
-        rows = read_rows(folder / options.FILE)
-    except (OSError, ValueError, csv.Error):
+        return read_rows(OptionRow, folder / options.FILE)
+    except (OSError, ValueError):
         return []
-    return rows if all(set(options.COLUMNS) <= set(row) for row in rows) else []
 
 
-def summary_table(suite: Sequence[Row]) -> Table:
+def summary_table(suite: Sequence[SuiteRow]) -> Table:
     """Library and restart: how their runs ended, each in one column, and the transitions missed and spurious in them.
 
     The last column counts the runs that are not right although another way of restarting the library is.
@@ -96,17 +95,17 @@ def summary_table(suite: Sequence[Row]) -> Table:
     lines = []
     for library in libraries_of(suite):
         for restart in registry.RESTARTS:
-            own = [row for row in suite if (row["solver"], row["restart"]) == (library, restart)]
+            own = [row for row in suite if (row.solver, row.restart) == (library, restart)]
             label = code(restart)
             label = f"**{label}**" if restart == registry.restart_of(library) else label
-            counts = (int(sum(number(row, column) for row in own)) for column in columns)
+            counts = map(sum, zip(*(row.values(columns) for row in own), strict=True)) if own else [0] * len(columns)
             lines.append((code(library), label, *(f"{n or ''}" for n in counts)))
     ends = (end.replace("_", " ") for end in ENDINGS)
     headings = ("library", "restart", *ends, "transitions missed", "spurious", "right by another restart")
     return Table(headings, "ll" + "r" * len(columns), lines)
 
 
-def default_table(suite: Sequence[Row]) -> Table:
+def default_table(suite: Sequence[SuiteRow]) -> Table:
     """Cases of each library, its default and its best other restart: right runs, digits and time of these."""
     lines = []
     for library in libraries_of(suite):
@@ -119,7 +118,7 @@ def default_table(suite: Sequence[Row]) -> Table:
             (code(restart), f"{found[restart].right}", f"{found[restart].digits:.0f}", duration(found[restart].wall_s))
             for restart in (own, best)
         ]
-        cases = len({row["case"] for row in suite if row["solver"] == library})
+        cases = len({row.case for row in suite if row.solver == library})
         lines.append((code(library), f"{cases}", *cells[0], *cells[1]))
     side = ("right", "digits", "time")
     return Table(("library", "cases", "default", *side, "best other", *side), "lrlrrrlrrr", lines)

@@ -22,8 +22,8 @@ from henon_ref.campaign.settings import Setting, settings, state_scale
 from henon_ref.campaign.truth_job import stored_statement
 from henon_ref.campaign.worker import Failure, Job, WorkerState, failure_of
 from henon_ref.casefile.case import Case, Reading
-from henon_ref.columns import Row
 from henon_ref.jit.processor_time import run_time
+from henon_ref.rows import RunRow
 from henon_ref.score.reference import Expected
 from henon_ref.solver import Run, Solver
 
@@ -53,14 +53,14 @@ class Restarted(Job):
     def seconds(self) -> float:
         return PREPARE_SECONDS + (1.0 + LONGER) * self.limit * len(self.solvers)
 
-    def run(self, state: WorkerState) -> list[Row]:
+    def run(self, state: WorkerState) -> list[RunRow]:
         rows = {entry: self._row(state, entry, self.limit) for entry in self.solvers}
-        if any(row["verdict"] == "right" for row in rows.values()):
-            late = [entry for entry, row in rows.items() if row["status"] == "timeout"]
+        if any(row.verdict == "right" for row in rows.values()):
+            late = [entry for entry, row in rows.items() if row.status == "timeout"]
             rows |= {entry: self._row(state, entry, LONGER * self.limit) for entry in late}
         return list(rows.values())
 
-    def failed(self, entry: Entry, failure: Failure) -> Row:
+    def failed(self, entry: Entry, failure: Failure) -> RunRow:
         """The row of a solver that has no answer."""
         return record(replace(self._outcome(entry), failure=failure), self.expected).run
 
@@ -69,7 +69,7 @@ class Restarted(Job):
         version = registry.library_version(name) if isinstance(entry, str) else entry.version
         return Outcome(self.case, self.reading, name, self.setting, library_version=version)
 
-    def _row(self, state: WorkerState, entry: Entry, limit: float) -> Row:
+    def _row(self, state: WorkerState, entry: Entry, limit: float) -> RunRow:
         outcome = self._outcome(entry)
         try:
             solver: Solver | Adapter = registry.solver(entry) if isinstance(entry, str) else entry
@@ -103,7 +103,7 @@ class Restarted(Job):
 class Study:
     """What has been run, and what has not."""
 
-    rows: list[Row]
+    rows: list[RunRow]
     cut: int = 0
     """Tolerances of a library on a reading that were left out, for all of its restarts alike."""
 
@@ -130,7 +130,7 @@ def run_all(cases: Sequence[Case], groups: Sequence[tuple[Entry, ...]], options:
             pool.add(case.name, _sequence(study, case, reading, groups, options.tolerances or reading.tolerances))
     pool.run(observer.tick)
     order = {(case.name, reading.name): k for k, (case, reading) in enumerate(_readings(cases))}
-    study.rows.sort(key=lambda row: order[str(row["case"]), str(row["reading"])])
+    study.rows.sort(key=lambda row: order[row.problem])
     return study
 
 
@@ -157,8 +157,8 @@ def _sequence(
         for number, setting in enumerate(wanted):
             rows = yield from _ran(Restarted(case.name, reading, truth.expected, setting, group))
             study.rows += rows
-            late = any(row["status"] == "timeout" for row in rows)
-            if late and not any(row["verdict"] == "right" for row in rows):
+            late = any(row.status == "timeout" for row in rows)
+            if late and not any(row.verdict == "right" for row in rows):
                 study.cut += len(wanted) - number - 1
                 break
 
@@ -169,14 +169,14 @@ def _listed(reading: Reading, entry: Entry) -> bool:
     return reading.solvers is None or name in reading.solvers
 
 
-def _ran(job: Restarted) -> Generator[Job, Any, list[Row]]:
+def _ran(job: Restarted) -> Generator[Job, Any, list[RunRow]]:
     """The rows of a job; where one of its solvers takes the worker with it, each has a worker of its own."""
     result = yield job
     if not isinstance(result, Failure):
         return list(result)
     if len(job.solvers) == 1:
         return [job.failed(job.solvers[0], result)]
-    rows: list[Row] = []
+    rows: list[RunRow] = []
     for entry in job.solvers:
         rows += yield from _ran(replace(job, solvers=(entry,)))
     return rows

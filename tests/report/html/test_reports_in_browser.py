@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from fakes import CASE, case
 from html_pages import RUNS, SCHEMES, SIZES, comparison, opened, serious, sideways, two_readings
-from made_reports import ORIGIN
+from made_reports import ORIGIN, changed
 from test_reports_page import SHOWN
 
 from henon_ref.report.case_report import write_report
@@ -331,8 +331,7 @@ def test_a_solver_that_ran_on_a_part_stands_below_those_that_get_there_more_ofte
 def test_every_standing_has_a_colour_and_stands_in_the_key(chromium: Any, tmp_path: Path) -> None:
     made = comparison("first", solvers={"henon": ("right", 1e-3), "heyoka": ("misses", 1e-3),
                                         "ida": ("untried", 0.0), "scipy-rk45": ("misses", 1e-3)})  # fmt: skip
-    for record in made.records[-2:]:
-        record.run["verdict"] = "ill-conditioned"
+    made.records[-2:] = [changed(record, verdict="ill-conditioned") for record in made.records[-2:]]
     write_report(made, ORIGIN, tmp_path)
     write_folder_report(tmp_path)
 

@@ -22,7 +22,6 @@ from henon_ref.cli.check import page_differences
 from henon_ref.errors import CaseError
 from henon_ref.figures.curves import Curves
 from henon_ref.report.case_report import write_report
-from henon_ref.report.files.csv_files import read_rows
 from henon_ref.report.folder_report import write_folder_report
 from henon_ref.report.html.colours import NIGHT, PAPER, SEEN, contrast, solver_lines
 from henon_ref.report.html.content import CELL
@@ -34,7 +33,8 @@ from henon_ref.report.html.rendering import MOST_BYTES
 from henon_ref.report.html.reports_page import choice_rows, page_text
 from henon_ref.report.text.choice import choice_table
 from henon_ref.report.text.kinds_figure import draw_kinds
-from henon_ref.report.text.matrix_rows import MATRIX_COLUMNS, read_matrix
+from henon_ref.report.text.matrix_rows import MatrixRow, read_matrix
+from henon_ref.rows import RunRow, read_rows
 
 ROOT = Path(__file__).parents[3]
 EVIL = (
@@ -66,20 +66,20 @@ def test_the_page_has_the_numbers_of_the_rows(reports: Path) -> None:
     assert [own["name"] for own in data["cases"]] == ["first", "second"]
     for own in data["cases"]:
         (reading,) = own["readings"]
-        rows = [row for row in read_matrix(reports.parent) if row["case"] == own["name"]]
+        rows = [row for row in read_matrix(reports.parent) if row.case == own["name"]]
         for row, (solver, *cell) in zip(rows, reading["cells"], strict=True):
             shown = dict(zip(CELL, cell + [None] * len(CELL), strict=False))
-            assert row["solver"] == solvers[solver]
+            assert row.solver == solvers[solver]
             for name, value in shown.items():
                 if name in ("status", "verdict"):
                     assert (None if value is None else words[value]) == row[name]
                 else:
                     assert value == (None if row[name] is None else pytest.approx(row[name], rel=1e-5))
-        runs = [row for row in read_rows(reports.parent / own["name"] / "runs.csv") if row["solver"] == "henon"]
+        runs = [row for row in read_rows(RunRow, reports.parent / own["name"] / "runs.csv") if row.solver == "henon"]
         for row, run in zip(runs, reading["runs"][str(solvers.index("henon"))], strict=True):
             shown = unpacked(run, words)
-            assert shown["max_time_error_s"] == pytest.approx(row["max_time_error_s"], rel=0.05)
-            assert shown["wall_s"] == pytest.approx(row["wall_s"], rel=1e-3)
+            assert shown["max_time_error_s"] == pytest.approx(row.max_time_error_s, rel=0.05)
+            assert shown["wall_s"] == pytest.approx(row.wall_s, rel=1e-3)
             assert shown["verdict"] == "right"
         assert own["tags"] == ["made-up", own["name"]]
         assert reading["portrait"]["names"] == ["t", "x"]
@@ -279,7 +279,7 @@ def test_the_check_tells_of_a_page_that_is_older_than_its_rows(tmp_path: Path) -
 
 
 def test_the_table_of_the_page_is_that_of_the_index(reports: Path) -> None:
-    (row,) = choice_rows(read_matrix(reports.parent), "wall_6_s")
+    (row,) = choice_rows(read_matrix(reports.parent), 6)
     assert row == ("stick-slip", "2", "henon", "2", "0.25 ms", "scipy-rk45", "2", "×580")
     index = (reports.parent / "README.md").read_text()
     assert "| stick-slip | 2 | `henon` 2; `scipy-rk45` 2 (×580)" in index
@@ -288,10 +288,9 @@ def test_the_table_of_the_page_is_that_of_the_index(reports: Path) -> None:
 def test_a_row_says_of_how_many_readings_its_digits_are(tmp_path: Path) -> None:
     """Where some readings of a kind have no transition to time, there are fewer for digits than in the index."""
     write_folder_report(tmp_path)
-    rows = [{**dict.fromkeys(MATRIX_COLUMNS), "case": "one", "kind": "graze or close roots", "solver": "henon",
-             "reading": f"r{k}", "settings": 1, "judged": 1, "right": 1, "wall_s": 1.0} for k in range(3)]  # fmt: skip
-    rows[0] |= {"digits": 9.5, "wall_9_s": 1.0}
-    assert [choice_rows(rows, column)[0][:4] for column in ("wall_s", "wall_9_s", "wall_12_s")] == [
+    rows = [MatrixRow("one", "One", f"r{k}", "graze or close roots", "henon", 1, 1, 1, wall_s=1.0) for k in range(3)]
+    rows[0] = replace(rows[0], digits=9.5, wall_9_s=1.0)
+    assert [choice_rows(rows, level)[0][:4] for level in (None, 9, 12)] == [
         ("graze or close roots", "3", "henon", "3"),
         ("graze or close roots", "1 of 3", "henon", "1"),
         ("graze or close roots", "1 of 3", "none", ""),
@@ -309,13 +308,13 @@ def test_a_folder_without_reports_has_a_page(tmp_path: Path) -> None:
 def test_the_page_of_the_whole_suite_is_small(tmp_path: Path) -> None:
     """Every row of the committed matrix, each with the three runs that its solver may have had."""
     rows = read_matrix(ROOT / "reports")
-    assert set(rows[0]) == set(MATRIX_COLUMNS)
-    assert len({row["case"] for row in rows}) > 60
+    assert len({row.case for row in rows}) > 60
     bare = len(page_text(tmp_path, rows))
-    run = {"rtol": 1e-9, "step_s": None, "status": "failed", "verdict": "solver defect", "digits": 11.123456789}
+    run = {"status": "failed", "verdict": "solver defect", "digits": 11.123456789}
     run |= dict.fromkeys(set(FIELDS) - set(run) - {"setting"}, 1.2345678e-12)
-    own = len(json.dumps(packed(field_values(run), Words()), separators=(",", ":")))
-    readings = Counter(case for case, _ in {(row["case"], row["reading"]) for row in rows})
+    shown = field_values(RunRow("made_up", "default", "henon", rtol=1e-9, **run))
+    own = len(json.dumps(packed(shown, Words()), separators=(",", ":")))
+    readings = Counter(case for case, _ in {(row.case, row.reading) for row in rows})
     portraits = sum(min(count, MOST_DRAWN) for count in readings.values()) * 4000  # the committed ones have up to 3,200
     assert bare + 3 * len(rows) * own + portraits < MOST_BYTES
 
