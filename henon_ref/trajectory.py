@@ -61,6 +61,8 @@ class Decisions(NamedTuple):
     """Jumps of the state at which something is not clear, several maps at one instant, and limits of impacts."""
     branch_points: int = 0
     """Branch points of a guard that were passed."""
+    ranges: int = 0
+    """Steps on which an overflow or an underflow might count."""
 
 
 class _Work(NamedTuple):

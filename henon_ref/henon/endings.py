@@ -47,7 +47,7 @@ def _vanishing_guard(run: State) -> Guard | None:
 
 def _singular(run: State) -> str:
     """What has no finite series where the run stalled, or the steepest one, by the last that was tried."""
-    system, order, states = run.integrator.system, run.integrator.order, run.x.size
+    order, states = run.integrator.order, run.x.size
     series = run.workspace.band[: states + len(run.guards), : order + 1].tolist()
     finite = [sum(1 for _ in takewhile(math.isfinite, row)) for row in series]
     # What is not finite spreads: to a state one order after the field that it is integrated from.
@@ -56,10 +56,15 @@ def _singular(run: State) -> str:
     if finite[at] > order:
         steep = [abs(row[order]) / (abs(row[0]) + abs(row[1]) + abs(row[2]) + 1e-300) for row in series]
         at = steep.index(max(steep))
-    what = "singular" if singular else "not finite"
-    if at < states:
-        return f"the field of {system.state_names[at]} is {what}"
-    guard = run.guards[at - states]
+    return f"{row_name(run, at)} is {'singular' if singular else 'not finite'}"
+
+
+def row_name(run: State, row: int) -> str:
+    """What a row of an expansion is the series of."""
+    system, states = run.integrator.system, run.x.size
+    if row < states:
+        return f"the field of {system.state_names[row]}"
+    guard = run.guards[row - states]
     of = str(system.valid[guard.index]) if guard.kind == "valid" else system.sign_names[guard.index]
     words = {"valid": "", "surface": "the surface of ", "attracts": "whether sliding attracts on "}
-    return f"{words.get(guard.kind, 'the release of ')}{of} is {what}"
+    return f"{words.get(guard.kind, 'the release of ')}{of}"

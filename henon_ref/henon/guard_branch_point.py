@@ -70,7 +70,7 @@ def behind_branch_point(
 
 def _passed(modes: PreciseModes, mode: Mode, time: arb, state: Sequence[arb], length: arb) -> list[arb] | None:
     """The state after a time, if all guards keep their signs from as long before to then, by far."""
-    motion = modes.motion(mode, time, state, length, ORDER)
+    motion, _ = modes.motion(mode, time, state, length, ORDER)
     if not all(_converged(series) for series in motion):
         return None
     states = [arb_poly(series) for series in motion]

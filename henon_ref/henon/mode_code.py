@@ -16,6 +16,7 @@ from henon_ref.filippov.system import FilippovSystem
 from henon_ref.jit.ir_writer import declarations, row_length
 from henon_ref.jit.native_module import NativeModule
 from henon_ref.taylor.llvm.expansion import expansion_ir
+from henon_ref.taylor.llvm.rounding import rounding_ir
 from henon_ref.taylor.llvm.step_end import step_end_ir
 from henon_ref.taylor.tape import Tape, build_tape
 
@@ -75,6 +76,7 @@ class ModeCode:
             "expansion": self.code.address("expansion"),
             "step_end": self.code.address("closing"),
             "normal_velocities": self.code.address("probe"),
+            "rounding": self.code.address("rounding"),
             "polynomial_degree": self.degree,
             "slopes": self.code.address("slopes") if self.field_branches or any(self.guards_branch) else 0,
             "guards_branch": int(any(self.guards_branch)),
@@ -131,6 +133,7 @@ def _mode_code(
         + expansion_ir(expansion, n, order, "expansion")
         + step_end_ir(n, len(outputs), order, "closing")
         + expansion_ir(probe, n, 0, "probe")
+        + rounding_ir(expansion, n, "rounding")
         + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else ""),
         optimised=len(nodes) <= min(len(expansion.needed(expansion.field)) + MOST_WATCHED, LARGE),
     )

@@ -104,10 +104,12 @@ class PreciseModes:
         states, outputs = expand(made.tape, made.numbers, time, state, order, _RING, unit, end)
         return [arb_poly(series) for series in states], outputs, made.degree > 0
 
-    def motion(self, mode: Mode, time: arb, state: Sequence[arb], unit: arb, order: int) -> list[list[arb]]:
-        """Taylor coefficients of the states, in units of ``unit`` of time, up to an order."""
+    def motion(
+        self, mode: Mode, time: arb, state: Sequence[arb], unit: arb, order: int
+    ) -> tuple[list[list[arb]], list[list[arb]]]:
+        """Taylor coefficients of the states and guards, in units of ``unit`` of time, up to an order."""
         made = self._made(mode)
-        return expand(made.tape, made.numbers, time, state, order, _RING, unit)[0]
+        return expand(made.tape, made.numbers, time, state, order, _RING, unit)
 
     def guard_values(self, mode: Mode, time: arb, state: Sequence[arb]) -> list[arb]:
         """Guards of a mode at a point; no numbers where they are not known there."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from henon_ref.filippov.resets import resetting
 from henon_ref.henon.endings import ending_of
+from henon_ref.henon.exponent_range import range_ending
 from henon_ref.henon.integrator import Integrator
 from henon_ref.henon.mode_changes import Jumped, ModeChanges
 from henon_ref.henon.multiprecision_event import UndecidedStep, locate_event
@@ -190,6 +191,12 @@ class Run(ModeChanges):
             return None
         elif code == kernel.STALLED and self._close_to_horizon():
             why = self._locate()
+            return None if why is None else self._end(*why)
+        elif code == kernel.OUT_OF_RANGE:
+            self._count("ranges")
+            why = range_ending(self)
+            self.scalars.within_range = self.scalars.steps + 1
+            self.scalars.expansions -= 1  # it is made again
             return None if why is None else self._end(*why)
         elif code == kernel.STEPS_FULL:
             self._close_steps()

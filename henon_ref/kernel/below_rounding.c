@@ -1,7 +1,8 @@
 /* Guards that lie below their own rounding: such a one decides nothing.
  *
  * What rounding leaves of a state moves a guard, directly and through the motion: each state is moved by some units in
- * its last place, and the guard's series on the step looked at again. A root is decided where the guard falls, over as
+ * its last place, and the guard's series on the step looked at again. What rounding makes of the guard's own operations
+ * machine code bounds (henon_ref/taylor/llvm/rounding.py). A root is decided where the guard falls, over as
  * long as a step is, by more than that, or is clearly below zero at the step's end. Else it is passed over on this
  * step, and from there on nothing is told of its surface (record_transition). The run goes on: where the guard is
  * clearly below zero later, the mode changes there.
@@ -10,14 +11,23 @@
 /* A guard that falls by this part of the largest state is beyond rounding: on a step no motion makes 1e10 of it. */
 #define CLEAR_PART 1e-4
 
-/* What rounding of the states may make of a guard on a step of theta units.
+/* What rounding of a guard's own operations may make of it: more than that of the states where its terms cancel. */
+static double own_rounding(const struct work *w, int64_t guard)
+{
+    const struct run *run = w->run;
+    w->mode->rounding(run->time, run->time_low, OWN_ROUNDING, w->x, w->constants, w->ahead);
+    double own = w->ahead[run->states + guard];
+    return own < INFINITY ? own : 0.0;
+}
+
+/* What rounding of the states, and its own, may make of a guard on a step of theta units.
  *
  * (Expansions for it are no part of the motion: they are not counted.)
  */
 static double guard_noise(const struct work *w, int64_t guard, double theta)
 {
     int64_t n = w->run->states;
-    double noise = 0.0;
+    double noise = own_rounding(w, guard);
     const double *row = guard_row(w, guard), *moved = row_ahead(w, n + guard);
     for (int64_t i = 0; i < n; i++)
         w->point[i] = w->x[i];
@@ -81,7 +91,8 @@ static bool root_below_rounding(struct work *w, int64_t guard, double tau, doubl
         slope = slope * tau + (double)k * row[k];
     double theta = length_looked_at(w, natural);
     double fall = larger(fabs(slope) * theta, -value(row, run->order, theta));
-    if (fall >= CLEAR_PART * largest || fall > guard_noise(w, guard, theta))
+    bool clear = fall >= CLEAR_PART * largest && fall > own_rounding(w, guard);
+    if (clear || fall > guard_noise(w, guard, theta))
         return false;
     passed_over(w, guard, tau);
     return true;

@@ -31,7 +31,8 @@ struct jump {
     int64_t expanded;            /* expansions that it took */
 };
 
-/* Put the state after the jump, what is lost of it, and new values of surfaces into the room; false if not finite.
+/* Put the state after the jump, what is lost of it, and new values of surfaces into the room; false if not finite, or
+ * if an operation has left the range of doubles.
  *
  * Of a surface whose function the map keeps the value is put as 0. The map of a surface
  * (henon_ref/henon/jump_code.py) leaves what it does not move.
@@ -45,8 +46,9 @@ static bool map_state(const struct work *w, const struct jump *jump)
     for (int64_t j = 0; j < surfaces; j++)
         jump->values[j] = 0.0;
     const double *constants = constants_of(w->tables, run->mode, 2);
+    lower_range_flags();
     w->mode->guard[run->guard].jump(run->time, run->time_low, 1.0, w->x, constants, w->room);
-    bool bounded = true;
+    bool bounded = fetestexcept(RANGE_FLAGS) == 0;
     for (int64_t i = 0; i < n; i++) {
         double x = jump->state[i], total = x + jump->low[i], part = total - x;
         jump->low[i] = (x - (total - part)) + (jump->low[i] - part);

@@ -17,6 +17,7 @@
 #include "step_size.c"
 #include "validation.c"
 #include "recorder.c"
+#include "range.c"
 #include "step.c"
 #include "events.c"
 #include "below_rounding.c"
@@ -39,5 +40,6 @@ HENON_EXPORT struct levels levels(void)
         .operation_error = OPERATION_ERROR,
         .accurate = ACCURATE,
         .clearance = CLEARANCE,
+        .no_account = NO_ACCOUNT,
     };
 }

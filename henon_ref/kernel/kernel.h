@@ -50,6 +50,7 @@ enum return_code {
     MODE_NOT_COMPILED,
     STEPS_FULL,
     STOPPED,
+    OUT_OF_RANGE,
     EVENT = 20,
     ON = 21
 };
@@ -105,6 +106,8 @@ struct mode {
     expand_code expansion;
     step_end_code step_end;
     expand_code normal_velocities; /* of each guard on a surface: speed towards it, and away from it beyond */
+    expand_code rounding; /* bounds of what the operations' own rounding, by the unit, and underflow make of each x', and
+                             of each guard, one after the other */
     bernstein_code bernstein;
     int64_t polynomial_degree; /* of the motion, if that is a polynomial which the expansion holds whole; else 0 */
     expand_code slopes;        /* where there are branch points, the first coefficients alone */
@@ -162,7 +165,7 @@ struct run {
                                           their limit */
     double event_time, event_time_low; /* s: last event */
     double suspect;                    /* s: where an undecided event is, from the step's start */
-    double step_length;                /* s: of an undecided step */
+    double step_length;                /* s: of an undecided step, or one that is OUT_OF_RANGE */
     double longest_step;               /* s: that a mode just entered, or one with branch points, may begin with */
     double horizon, horizon_low;       /* s */
     double tolerance;                  /* local error, relative to each row's size on the step */
@@ -188,6 +191,8 @@ struct run {
     int64_t more_digits;               /* 1 where multiprecision may go from the start to where the run is in its first
                                           mode */
     int64_t most_steps;                /* after which the run is to end */
+    int64_t within_range;              /* 1 + steps at which Python last saw that what has left the range of doubles is
+                                          of no account */
     double *dense;                     /* where steps are kept; null: they are not */
     int64_t dense_steps, dense_capacity;
 };
@@ -278,6 +283,7 @@ struct levels {
     double operation_error;  /* bound of the relative error of one operation in double-double */
     double accurate;         /* bound of the relative error that a constant may have */
     double clearance;        /* a touch is no larger than so many times noise */
+    double no_account;       /* what is below this is of no account */
 };
 
 HENON_EXPORT struct levels levels(void);

@@ -64,6 +64,9 @@ static void enter_mode(struct work *w)
         run->unit = smaller(w->last_steps[place], run->longest_step);
 }
 
+/* A step as many times shorter than the unit is looked at: guards that are nothing but rounding may have made it so. */
+#define SHORT 1e-6
+
 /* Step in the unit that the present expansion allows; 0 where a coefficient is not finite. */
 static inline double proposed_step(const struct work *w, int64_t rows, int64_t zeros)
 {
@@ -71,7 +74,11 @@ static inline double proposed_step(const struct work *w, int64_t rows, int64_t z
     if (infinite(w, rows, w->mode->polynomial_degree))
         theta = 0.0;
     if (zeros > 2 && theta > 0.0)
-        theta = flat_step_size(w, rows);
+        return flat_step_size(w, rows);
+    if (0.0 < theta && theta < SHORT) {
+        double other = flat_step_size(w, rows);
+        theta = other > 1e3 * theta ? other : theta;
+    }
     return theta;
 }
 
@@ -79,7 +86,7 @@ static inline double proposed_step(const struct work *w, int64_t rows, int64_t z
  *
  * "alone": look at the very first one, as where a guard stands at zero or a branch point may come. "shrunk": the unit
  * has been made shorter for what is to be seen, and does not grow again here. Returns ON, and the step proposed; or
- * BUDGET_SPENT, STALLED where the step size fell to zero, DIVERGED, or STEPS_FULL.
+ * BUDGET_SPENT, STALLED where the step size fell to zero, DIVERGED, STEPS_FULL, or OUT_OF_RANGE.
  */
 static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, int64_t stop_at, double *proposed)
 {
@@ -93,10 +100,12 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
         if (run->steps >= stop_at)
             return BUDGET_SPENT;
         double left = remaining(run), unit = run->unit;
+        lower_range_flags();
         expand(w, w->x, w->c);
+        int raised = fetestexcept(RANGE_FLAGS);
         run->expansions += 1;
         double theta = proposed_step(w, rows, zeros);
-        if (theta < 1e-6 || (theta > 1e6 && unit < left && !shrunk)) {
+        if (theta < SHORT || (theta > 1e6 && unit < left && !shrunk)) {
             /* The unit is far from the step: bring it there and expand again before anything is read off. Where it is
              * much too long even the step is not accepted: it shrinks by degrees, and does not grow again here. */
             double part = theta == 0.0 && infinite(w, rows, 2) ? OVERFLOW_REDUCTION : 1e-4;
@@ -118,6 +127,8 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
             run->stalled += below_compensated_resolution(run, step) && !state_grows(w, theta) ? LOST_WEIGHT : 1;
         if (run->stalled > STALLED_STEPS)
             return STALLED;
+        if (raised != 0 && out_of_range(w, raised, smaller(theta, left / unit)))
+            return OUT_OF_RANGE;
         *proposed = theta;
         if (alone || step >= left || theta > CHECKED_GROWTH || tail_unconverged(w, rows, theta))
             return ON;

@@ -69,14 +69,33 @@ static inline double step_size(const struct work *w, int64_t rows)
     return smaller(theta, longest);
 }
 
-/* The same where guards have more than two known zeros: what follows those tells the size of such a guard. */
+/* Mark guards as faint whose coefficients are no larger than what rounding makes of their own operations: they limit no
+ * step. */
+static void mark_faint(const struct work *w)
+{
+    const struct run *run = w->run;
+    int64_t n = run->states;
+    w->mode->rounding(run->time, run->time_low, OWN_ROUNDING, w->x, w->constants, w->ahead);
+    for (int64_t g = 0; g < w->mode->guards; g++) {
+        const double *row = guard_row(w, g);
+        double size = fabs(row[0]) + fabs(row[1]) + fabs(row[2]);
+        w->faint[g] = w->ahead[n + g] > NO_ACCOUNT && size <= w->ahead[n + g] ? 1 : 0;
+    }
+}
+
+/* The same where guards have more than two known zeros, or nothing but their own rounding: what follows the zeros tells
+ * the size of such a guard, and what is rounding's limits no step. */
 static double flat_step_size(const struct work *w, int64_t rows)
 {
-    int64_t n = w->run->states, order = w->run->order;
+    const struct run *run = w->run;
+    int64_t n = run->states, order = run->order;
     double shortest = smaller(row_of(w, rows)[3], UNLIMITED);
+    mark_faint(w);
     for (int64_t r = 0; r < rows; r++) {
         const double *row = row_of(w, r);
         int64_t first = r >= n ? w->known_zeros[r - n] : 0;
+        if (r >= n && w->faint[r - n] != 0)
+            continue;
         double theta = 1.0;
         for (int step = 0; step < 4; step++) {
             double size = fabs(row[first]) + theta * (fabs(row[first + 1]) + theta * fabs(row[first + 2]));
@@ -84,7 +103,7 @@ static double flat_step_size(const struct work *w, int64_t rows)
             size = size * whole_power(theta, first) + 1e-300;
             for (int64_t k = order - 1; k <= order; k++)
                 if (row[k] != 0.0)
-                    new = smaller(new, pow(w->run->tolerance * size / fabs(row[k]), 1.0 / (double)k));
+                    new = smaller(new, pow(run->tolerance * size / fabs(row[k]), 1.0 / (double)k));
             bool enough = new >= 0.5 * theta;
             theta = new;
             if (enough)

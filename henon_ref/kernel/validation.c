@@ -165,6 +165,8 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
     bool measured = false;
     for (int64_t r = 0; r < n + guards; r++) {
+        if (r >= n && w->faint[r - n] != 0)
+            continue;
         bool smooth = r >= n && w->mode->guard[r - n].branches == 0;
         if (smooth && decreasing)
             continue;
@@ -207,8 +209,11 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
     const struct run *run = w->run;
     int64_t rows = run->states + w->mode->guards, order = run->order;
     bool decreasing = true;
+    mark_faint(w);
     for (int64_t r = 0; r < (unconverged ? rows : 0); r++) {
         const double *row = row_of(w, r);
+        if (r >= run->states && w->faint[r - run->states] != 0)
+            continue;
         enum tail tail = tail_shape(row, order, theta, grown ? 0.0 : EPS);
         if (tail == NOT_DECREASING) {
             while (tail_shape(row, order, theta, EPS) == NOT_DECREASING)

@@ -18,6 +18,10 @@
 #define BLOWN_UP 1e100
 /* Part of its size by which a state may be off: eight units in its last place. */
 #define STATE_ROUNDING (16.0 * EPS)
+/* The same of an operation of an expression: a fourth, for an expression has some of them. */
+#define OWN_ROUNDING (0.25 * STATE_ROUNDING)
+/* What is off by no more is of no account: doubles lose their digits below 1e-308. */
+#define NO_ACCOUNT 0x1p-1000
 
 /* Parts of a run's block (struct places), the compiled modes, and the present one. */
 struct work {

@@ -137,3 +137,33 @@ def test_a_jump_to_what_no_double_holds_is_not_ok(until: float) -> None:
     system = hr.System(["x", "v"], {}, {"s": "x"}, ["-1", "0"], resets={"s": {"map": {"x": "1", "v": "1e200*v*1e200"}}})
     run = hr.simulate(system, {"x": 1, "v": 1}, until=until)
     assert run.status == "diverged"
+
+
+@pytest.mark.parametrize(
+    "surface",
+    [
+        "x*(1 - y) - x",
+        "1e13*(x*(1 - y) - x)",
+        "exp(y)*x - x",
+        "sqrt(1 + y)*x - x",
+        "(x + y)^2 - x^2",
+        "sin(x + y) - sin(x)*cos(y)",
+    ],
+)
+def test_terms_that_cancel_in_a_surface_decide_nothing_below_their_rounding(surface: str) -> None:
+    """y decays to exp(-100) and keeps its sign, and so does what is y times a number in exact arithmetic."""
+    system = hr.System(["x", "y"], {}, {"s": surface}, ["x*cos(t)/3", "-y"])
+    run = hr.simulate(system, {"x": 3, "y": 1}, until=100)
+    assert (run.status, kinds(run)) == ("ok", [])
+    assert 33 < run.undecided_after["s"] < 42
+    assert run.y[0, -1] == pytest.approx(3 * math.exp(math.sin(100) / 3), rel=1e-9)
+
+
+def test_crossings_of_terms_that_cancel_are_told_down_to_their_rounding() -> None:
+    """x (1 - y) - x is -x y, and y = exp(-t/5) cos(t)."""
+    system = hr.System(["x", "y", "z"], {}, {"s": "x*(1 - y) - x"}, ["x*cos(t)/3", "z - y/5", "-y - z/5"])
+    run = hr.simulate(system, {"x": 3, "y": 1, "z": 0}, until=400)
+    times = run.transitions.time_s.to_numpy()
+    assert (run.status, set(kinds(run))) == ("ok", {"crossing"})
+    assert times[:40] == pytest.approx([math.pi / 2 + k * math.pi for k in range(40)], abs=1e-4)
+    assert 150 < times[-1] < run.undecided_after["s"] < 180

@@ -60,7 +60,7 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
         Doubles from one row to the next where that is not the :func:`row_length` of the order (an order below 4).
     """
     w = IRWriter()
-    expansion = _Expansion(w, tape, states, order)
+    expansion = Expansion(w, tape, states, order)
     expansion.run()
     width = row_length(order) if width is None else width
     expansion.store(width)
@@ -69,7 +69,7 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
         exponentials = [(n.op, expansion.series[n.args[0]]) for n in tape.nodes if n.op in ("exp", "sinh", "tanh")]
         for at, value in enumerate([*last_terms(w, rows, expansion.sizes, order), longest_step(w, exponentials)]):
             w.store(value, "%C", len(rows) * width + at)
-    return _function(w, name)
+    return function_ir(w, name)
 
 
 def values_ir(tape: Tape, states: int, name: str, places: Sequence[int]) -> str:
@@ -83,14 +83,14 @@ def values_ir(tape: Tape, states: int, name: str, places: Sequence[int]) -> str:
         Of each output, in ``C``.
     """
     w = IRWriter()
-    expansion = _Expansion(w, tape, states, 0)
+    expansion = Expansion(w, tape, states, 0)
     expansion.run()
     for place, values in zip(places, expansion.outputs, strict=True):
         w.store(values[0] or ZERO, "%C", place)
-    return _function(w, name)
+    return function_ir(w, name)
 
 
-def _function(w: IRWriter, name: str) -> str:
+def function_ir(w: IRWriter, name: str) -> str:
     """The function of the instructions written."""
     body = "\n".join(w.lines)
     return (
@@ -99,7 +99,7 @@ def _function(w: IRWriter, name: str) -> str:
     )
 
 
-class _Expansion:
+class Expansion:
     """Writes all recurrences of a tape, order by order."""
 
     def __init__(self, w: IRWriter, tape: Tape, states: int, order: int) -> None:

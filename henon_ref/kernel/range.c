@@ -1,0 +1,46 @@
+/* Overflow and underflow: what the operations of an expansion have lost because no double holds it.
+ *
+ * The processor's flags tell. They are read after an expansion and lowered before it, so that those of a unit that was
+ * too long, of root isolation or of a step's sum do not count. Where one is up a bound of what underflow may make of
+ * each x' and guard (henon_ref/taylor/llvm/rounding.py) shows nearly always that it is of no account: exp(-v^2) may well
+ * be zero. Where it does not, and where something has overflowed, Python looks: in numbers whose exponents have no end
+ * (henon_ref/henon/exponent_range.py).
+ */
+#include <fenv.h>
+
+#define RANGE_FLAGS (FE_OVERFLOW | FE_UNDERFLOW)
+
+static inline void lower_range_flags(void)
+{
+    if (fetestexcept(RANGE_FLAGS))
+        feclearexcept(RANGE_FLAGS);
+}
+
+/* Whether Python is to look at what has left the range of doubles in the expansion, for a step of theta units.
+ *
+ * "raised": the flags that are up. Python has looked where "within_range" says so. It finds in "ahead" what rounding, by
+ * itself, makes of each x' and guard.
+ */
+static bool out_of_range(const struct work *w, int raised, double theta)
+{
+    struct run *run = w->run;
+    if (run->within_range == run->steps + 1)
+        return false;
+    int64_t n = run->states, rows = n + w->mode->guards;
+    double *underflow = w->ahead, *both = w->ahead + rows;
+    bool found = (raised & FE_OVERFLOW) != 0;
+    w->mode->rounding(run->time, run->time_low, 0.0, w->x, w->constants, underflow);
+    for (int64_t r = 0; r < rows; r++) {
+        const double *row = row_of(w, r);
+        double size = fabs(row[0]) + theta * (fabs(row[1]) + theta * fabs(row[2]));
+        double off = underflow[r] * (r < n ? theta * run->unit : 1.0), least = r < n ? NO_ACCOUNT : 0.0;
+        found = found || !(off <= run->tolerance * size + least);
+    }
+    if (!found)
+        return false;
+    w->mode->rounding(run->time, run->time_low, OWN_ROUNDING, w->x, w->constants, both);
+    for (int64_t r = 0; r < rows; r++)
+        w->ahead[r] = both[r] - underflow[r];
+    run->step_length = theta * run->unit;
+    return true;
+}

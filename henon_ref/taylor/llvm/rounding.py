@@ -1,0 +1,107 @@
+"""What rounding and underflow of an expression's own operations may make of its value, as machine code.
+
+Running error analysis (Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd ed., Sec. 3.3): beside each value
+stands a bound of its error, to first order; every operation adds its own to what it makes of those of its arguments.
+"""
+
+from __future__ import annotations
+
+from henon_ref.jit.ir_writer import MINUS, ONE, ZERO, IRWriter, literal
+from henon_ref.taylor import rules
+from henon_ref.taylor.llvm.expansion import Expansion, function_ir
+from henon_ref.taylor.llvm.functions_of_time import SineOfTime
+from henon_ref.taylor.llvm.recurrences import Reciprocal
+from henon_ref.taylor.llvm.sums import IntegralOfForm, LinearForm
+from henon_ref.taylor.tape import Node, Tape
+
+UNDERFLOW = 2.0**-1022
+"""What underflow may make of an operation: all of a number below the smallest that has all its digits."""
+GIVEN = ("state", "clock")
+"""Operations whose rounding is not the expression's own."""
+
+
+def rounding_ir(tape: Tape, states: int, name: str) -> str:
+    """LLVM IR of a function of the kind that :func:`henon_ref.taylor.llvm.expansion.expansion_ir` writes.
+
+    ``unit`` is the relative rounding of an operation, 0 for what underflow alone may do; ``C`` receives a bound of the
+    error of each x', then of each output. Of terms of an output that are states, time or constants the rounding is not
+    counted: next to a zero of it the states' own is larger.
+    """
+    w = IRWriter()
+    expansion = Expansion(w, tape, states, 0)
+    expansion.run()
+    errors = _Errors(w, expansion)
+    for at in expansion.recurrences:
+        errors.add(at)
+    found = [errors.of_form(rate, given=False) for rate in expansion.rates]
+    found += [errors.of_form(target, given=True) for target in expansion.targets]
+    for place, value in enumerate(found):
+        w.store(value, "%C", place)
+    return function_ir(w, name)
+
+
+class _Errors:
+    """Bounds of the errors of a tape's nodes."""
+
+    def __init__(self, w: IRWriter, expansion: Expansion) -> None:
+        self.w, self.expansion = w, expansion
+        self.bounds = {at: ZERO for at, node in enumerate(expansion.tape.nodes) if node.op == "state"}
+
+    def add(self, at: int) -> None:
+        """The bound of a node whose arguments have theirs."""
+        w, node, recurrence = self.w, self.expansion.tape.nodes[at], self.expansion.recurrences[at]
+        if isinstance(recurrence, LinearForm):
+            self.bounds[at] = self.of_form(recurrence, given=False)
+            return
+        own = literal(UNDERFLOW)
+        if node.args and not isinstance(recurrence, SineOfTime):
+            own = w.plus(self._carried(at, node), own)
+        self.bounds[at] = w.call("fma", "%unit", self._size(at), own)
+
+    def of_form(self, form: LinearForm | IntegralOfForm, *, given: bool) -> str:
+        """The bound of a sum; ``given``: the rounding of terms that are states, time or constants is not counted."""
+        w, nodes = self.w, self.expansion.tape.nodes
+        factors = {leaf: self.expansion.constants.total(form.form.terms[leaf]) or ZERO for leaf in form.leaves}
+        if not form.form.constant and len(factors) == 1 and set(factors.values()) <= {ONE, MINUS}:
+            return self.bounds[form.leaves[0]]
+        total = literal(UNDERFLOW)
+        for leaf, factor in factors.items():
+            if not (given and nodes[leaf].op in GIVEN):
+                error = w.call("fma", "%unit", self._size(leaf), self.bounds[leaf])
+                total = w.call("fma", w.call("fabs", factor), error, total)
+        constant = None if given else self.expansion.constants.total(form.form.constant)
+        return total if constant is None else w.call("fma", "%unit", w.call("fabs", constant), total)
+
+    def _carried(self, at: int, node: Node) -> str:
+        """What the errors of its arguments make of an operation."""
+        w, functions, recurrence = self.w, self.expansion.functions, self.expansion.recurrences[at]
+        rule, y = rules.RULES[node.op], self._size(at)
+        if isinstance(recurrence, Reciprocal):
+            below = w.binary("fmul", y, self.of_form(recurrence.below, given=False))
+            above = w.binary("fmul", w.call("fabs", recurrence.c or ZERO), literal(UNDERFLOW))
+            return w.call("fma", below, w.call("fabs", recurrence.inverse or ZERO), above)
+        a, b = self._size(node.args[0]), self._size(node.args[-1])
+        first, second = self.bounds[node.args[0]], self.bounds.get(node.args[-1], ZERO)
+        match rule:
+            case rules.Product():
+                return w.call("fma", a, second, w.binary("fmul", b, first))
+            case rules.Quotient():
+                inverse = w.call("fabs", functions.inverse(self.expansion.series[node.args[-1]][0]))
+                above = w.binary("fmul", a, literal(UNDERFLOW))
+                return w.call("fma", inverse, w.call("fma", y, second, first), above)
+            case rules.Root():  # as large as the root itself where its argument is zero but for its error
+                below = w.plus(w.plus(y, w.call("sqrt", first)), literal(UNDERFLOW))
+                return w.binary("fdiv", first, below)
+            case rules.Power():
+                exponent = self.expansion.constants.value(node.constants[0])
+                beside = w.call("fabs", w.binary("fsub", w.call("pow", w.plus(a, first), exponent), y))
+                part = w.binary("fdiv", w.binary("fmul", w.call("fabs", exponent), first), a)
+                return w.call("fma", y, w.smaller(part, ONE), beside)
+            case rules.IntegralOfProduct():
+                return w.binary("fmul", self._size(rule.place(at, node.args)), first)
+            case rules.IntegralOfQuotient():
+                return w.binary("fdiv", first, self._size(rule.place(at, node.args)))
+        raise NotImplementedError(node.op)
+
+    def _size(self, at: int) -> str:
+        return self.w.call("fabs", self.expansion.series[at][0] or ZERO)
