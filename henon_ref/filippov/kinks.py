@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import chain
 from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
@@ -111,8 +112,9 @@ def continuous(system: FilippovSystem) -> frozenset[int]:
     put in, counts as one.
     """
     found = set()
+    written = [*system.field, *chain.from_iterable(own.field for own in system.overrides.values())]
     for index, (sign, surface) in enumerate(zip(system.signs, system.surfaces, strict=True)):
-        rates = [rate for rate in system.field if rate.has(sign)]
+        rates = [rate for rate in written if rate.has(sign)]
         if rates and all(_vanishes(system, _jump(rate, sign), surface) for rate in rates):
             found.add(index)
     return frozenset(found)

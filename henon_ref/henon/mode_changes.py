@@ -288,10 +288,13 @@ class ModeChanges(State):
     def _enter_new_mode(self) -> tuple[Status, str] | None:
         """Compile the mode that an event leads to; the loop goes through the event anew."""
         mode, hit, what = self.mode, int(self.scalars.guard), int(self.scalars.pending_kind)
-        if what == RESET:
-            self._count("new_modes")
-            after = numbered_mode(int(self.scalars.pending_mode), len(mode))
-            return None if self.integrator.mode_table.row(after) is not None else self._without_equations()
+        number = int(self.scalars.pending_mode)
+        if number >= 0:
+            if self.integrator.mode_table.row(numbered_mode(number, len(mode))) is not None:
+                self._count("new_modes")
+                return None
+            self.scalars.event_pending = 0
+            return self._without_equations() if what == RESET else self._select_mode()
         entry = 0 if what == STICK else self.integrator.mode_table.guard(mode, hit).to_sign
         if self._compiled_behind(mode, hit, entry):
             return None

@@ -15,11 +15,12 @@ from henon_ref.errors import ModelError
 from henon_ref.filippov.attraction import EXHAUSTIVE
 from henon_ref.filippov.contact_loops import guard_count
 from henon_ref.filippov.equations import Guard
+from henon_ref.filippov.kinks import continuous
 from henon_ref.filippov.modes import Mode, mode_number
 from henon_ref.filippov.system import FilippovSystem
 from henon_ref.henon.distinct_constants import DistinctConstants
 from henon_ref.henon.growing_rows import GrowingRows
-from henon_ref.henon.jump_code import jump_code
+from henon_ref.henon.jump_code import MOST_SURFACES, jump_code
 from henon_ref.henon.mode_code import (
     ModeCode,
     NormalVelocities,
@@ -207,6 +208,16 @@ class ModeTable:
         return frozenset(found)
 
     @cached_property
+    def _kinks(self) -> frozenset[int]:
+        """Surfaces that are crossed whatever else happens: the field is continuous there, or forces change no speed."""
+        system = self.system
+        if self._switched or len(system.surfaces) == 1:
+            return frozenset()
+        normals = enumerate(map(system.normal_velocity, range(len(system.surfaces))))
+        free = {i for i, normal in normals if normal.free_symbols.isdisjoint(system.signs)}
+        return (continuous(system) | free | self._sections) - system.overrides.keys() - system.resets.keys()
+
+    @cached_property
     def _sections(self) -> frozenset[int]:
         """Surfaces whose signs no force holds, and at which nothing happens."""
         overrides, resets = self.system.overrides, self.system.resets
@@ -256,6 +267,7 @@ class ModeTable:
         found, surfaces = self._uniform[:1].copy(), len(mode)
         own = self._uniform["guards"][:, : 2 * surfaces].reshape(3, surfaces, 2)
         found["guards"][0, : 2 * surfaces] = own[np.array(mode) + 1, np.arange(surfaces)].ravel()
+        found["mode"]["number"] = _number(mode)
         return found
 
     @cached_property
@@ -271,8 +283,7 @@ class ModeTable:
         own, records = found[0]["mode"], found[0]["guards"]
         for name, value in code.fields.items():
             own[name] = value
-        if self._jumps:
-            own["number"], own["surfaces"] = mode_number(mode), len(mode)
+        own["number"], own["surfaces"] = _number(mode), len(mode) if len(mode) <= MOST_SURFACES else 0
         own["guards"], own["bernstein"] = len(guards), bernstein_code(self.order).address("bernstein")
         records["mode_across"] = records["mode_stuck"] = -1
         records["branches"][: len(code.guards_branch)] = code.guards_branch
@@ -281,20 +292,22 @@ class ModeTable:
             record["kind"] = kernel.VALID if guard.ends else _KIND[guard.kind]
             record["index"], record["rising_only"] = guard.index, guard.rising_only
             record["hold_zone"] = surface and system.held_inside(guard.index)
-            record["side"] = mode[guard.index] if surface else 0
+            record["side"], record["to_sign"] = mode[guard.index] if surface else 0, guard.to_sign
+            record["kink"] = surface and not guard.ends and guard.index in self._kinks
             resets = surface and guard.index in system.resets and mode[guard.index] > 0
             record["jump"] = self._jumps.address(mode, guard.index) if resets and self._jumps else 0
             together = system.decided_together(guard, sliding) and guard.index not in passed
             coupled = kernel.COUPLED if together else kernel.UNCOUPLED
             record["coupled"] = kernel.RESETTING if resets else coupled
-            # Filippov's release is tangent (h = h' = 0); an override's need not be: 0, to be measured.
-            tangent = guard.kind == "release" and guard.index not in system.overrides
-            record["zeros_at_release"] = 2 if tangent else 0
+            # Filippov's release is tangent (h = h' = 0); an override's need not be, and a body lifts off with more zeros.
+            if guard.kind == "release":
+                tangent = 0 if guard.index in system.overrides else 2
+                record["zeros_at_release"] = -1 if guard.index in system.resets else tangent
         return found
 
     def _link(self, guards: NDArray[Any], row: int, index: int, entry: int, target: int) -> None:
         """Lead the events of a mode on one surface to the mode in which that has another entry."""
-        mode, system = self.modes[row], self.system
+        mode = self.modes[row]
         if self._switched:
             places: Iterable[int] = (2 * index, 2 * index + 1)
         else:
@@ -303,7 +316,10 @@ class ModeTable:
             guard = self.guard(mode, g)
             if guard.kind == "surface" and entry == 0:
                 guards["mode_stuck"][row, g] = target
-            # A body that lifts off leaves its surface with two zeros or more: they have to be measured.
-            lifts_off = guard.kind == "release" and index in system.resets
-            if guard.ends is None and guard.to_sign == entry and not lifts_off:
+            if guard.ends is None and guard.to_sign == entry:
                 guards["mode_across"][row, g] = target
+
+
+def _number(mode: Mode) -> int:
+    """A mode's number; 0 where an integer of the machine holds none."""
+    return mode_number(mode) if len(mode) <= MOST_SURFACES else 0

@@ -10,8 +10,6 @@
  * All else is left to Python, before anything is changed.
  */
 
-/* Part of the sum of its terms' sizes on a step from which on a guard is clearly above zero. */
-#define CLEARLY_ABOVE 1e-9
 /* So many times the longest rest all later flights must last together, for it to be clear that they go on. */
 #define LASTING (1.0 + 1e-6)
 
@@ -29,6 +27,7 @@ struct jump {
     int64_t number;              /* of the mode after the jump */
     int64_t target, end;         /* rows of that mode, and of the one that follows at once */
     int64_t expanded;            /* expansions that it took */
+    double length;               /* part of the unit on which the terms of the last one fall */
 };
 
 /* Put the state after the jump, what is lost of it, and new values of surfaces into the room; false if not finite, or
@@ -115,13 +114,12 @@ static int64_t guard_on(const struct mode *mode, int64_t surface)
  *
  * row: coefficients of its function after the impact. turned: whether another surface changes its side.
  */
-static enum impact after_impact(const struct run *run, const double *row, double speed, double ratio, bool turned)
+static enum impact after_impact(const struct run *run, const struct jump *jump, const double *row, double ratio,
+                                bool turned)
 {
-    double size = 0.0;
-    for (int64_t k = 2; k <= run->order; k++)
-        size += fabs(row[k]);
+    double speed = jump->speed;
     if (ratio == 0.0)
-        return row[2] < -CLEARLY_ABOVE * size ? RESTS : NOT_CLEAR;
+        return row[2] < -CLEARLY_ABOVE * size_of_terms(row, 2, run->order, jump->length) ? RESTS : NOT_CLEAR;
     /* All later flights last 2 v / (a (1 - r)): see henon_ref/filippov/resting.py. Where friction has turned round the
      * way up alone lasts v / a. */
     double rise = row[1], reached = speed * run->unit;
@@ -133,28 +131,27 @@ static enum impact after_impact(const struct run *run, const double *row, double
 }
 
 /* Expand the mode in a row at the state after the jump; whether all its guards, but for a surface's, are clearly above
- * zero there. */
-static bool holds(const struct work *w, const struct jump *jump, int64_t row, int64_t surface)
+ * zero there: on a step of that mode's own, which may be much shorter than those before. */
+static bool holds(const struct work *w, struct jump *jump, int64_t row, int64_t surface)
 {
     const struct run *run = w->run;
     const struct mode *mode = mode_at(w, row);
     const double *constants = constants_of(w->tables, row, 0);
     mode->expansion(run->time, run->time_low, run->unit, jump->state, constants, w->ahead);
+    jump->length = length_ahead(w, run->states + mode->guards);
+    bool clear = jump->length > 0.0;
     for (int64_t g = 0; g < mode->guards; g++) {
         const double *ahead = row_ahead(w, run->states + g);
-        double size = 0.0;
-        for (int64_t k = 0; k <= run->order; k++)
-            size += fabs(ahead[k]);
-        if (!is_on(&mode->guard[g], surface) && !(ahead[0] > CLEARLY_ABOVE * size))
-            return false;
+        double size = size_of_terms(ahead, 0, run->order, jump->length);
+        clear = clear && (is_on(&mode->guard[g], surface) || ahead[0] > CLEARLY_ABOVE * size);
     }
-    return true;
+    return clear;
 }
 
-/* Have Python compile the mode of a number; the loop then goes through the event anew. */
-static int64_t not_compiled(struct run *run, int64_t number)
+/* Have Python compile the mode of a number; the loop then goes through the event, of a kind, anew. */
+static int64_t not_compiled(struct run *run, int64_t kind, int64_t number)
 {
-    run->pending_kind = RESET, run->pending_mode = number, run->event_pending = 1;
+    run->pending_kind = kind, run->pending_mode = number, run->event_pending = 1;
     return MODE_NOT_COMPILED;
 }
 
@@ -166,7 +163,7 @@ static int64_t follow_impact(struct work *w, struct jump *jump, int64_t changes)
     int64_t n = run->states, index = jump->surface;
     const double *row = row_ahead(w, n + guard_on(mode_at(w, jump->target), index));
     double ratio = jump->values[w->mode->surfaces];
-    enum impact found = after_impact(run, row, jump->speed, ratio, changes > 1);
+    enum impact found = after_impact(run, jump, row, ratio, changes > 1);
     if (found == NOT_CLEAR)
         return SELECT_MODE;
     if (found == LEAVES)
@@ -175,7 +172,7 @@ static int64_t follow_impact(struct work *w, struct jump *jump, int64_t changes)
     int64_t lower = jump->number - three_to(index) * (falls ? 2 : 1);
     jump->end = row_of_number(w, lower);
     if (jump->end < 0)
-        return not_compiled(run, lower);
+        return not_compiled(run, RESET, lower);
     jump->expanded = 3;
     if (!holds(w, jump, jump->end, falls ? index : -1))
         return SELECT_MODE;
@@ -230,7 +227,7 @@ static int64_t jump_transition(struct work *w)
         return SELECT_MODE;
     jump.target = jump.end = row_of_number(w, jump.number);
     if (jump.target < 0)
-        return not_compiled(run, jump.number);
+        return not_compiled(run, RESET, jump.number);
     int64_t changes = 0;
     for (int64_t j = 0; j < w->mode->surfaces; j++)
         changes += j == jump.surface || entry_of(before, j) != entry_of(jump.number, j) ? 1 : 0;

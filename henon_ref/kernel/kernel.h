@@ -94,8 +94,12 @@ struct guard {
                                  RESETTING */
     int64_t mode_across;      /* row of the mode after a crossing or a release; -1 where not compiled */
     int64_t mode_stuck;       /* row of the mode that slides on its surface; -1 where not compiled */
-    int64_t zeros_at_release; /* with which its surface is left; 0: to be measured, or the guard is no release */
+    int64_t zeros_at_release; /* with which its surface is left; 0: by the normal velocities, or the guard is no
+                                 release; -1: by the derivatives, as a body lifts off */
     int64_t side;             /* of its surface on which the mode is, -1 or +1; 0 for guards that are no surface's */
+    int64_t to_sign;          /* entry of its surface beyond it: the other side, or the one that it is released into */
+    int64_t kink;             /* whether its surface is crossed whatever happens beside it: the field is continuous
+                                 there, or no sign is in its normal velocity */
     int64_t branches;         /* whether it has branch points of its own */
     expand_code jump;         /* the map of its surface, if that resets the state and compiled code makes the jump */
 };
@@ -112,8 +116,8 @@ struct mode {
     int64_t polynomial_degree; /* of the motion, if that is a polynomial which the expansion holds whole; else 0 */
     expand_code slopes;        /* where there are branch points, the first coefficients alone */
     int64_t guards_branch;     /* whether some guard has branch points */
-    int64_t number;            /* of the mode (henon_ref.filippov.modes.mode_number); 0 where no jump is compiled */
-    int64_t surfaces;          /* of the system, likewise */
+    int64_t number;            /* of the mode (henon_ref.filippov.modes.mode_number) */
+    int64_t surfaces;          /* of the system; 0, and no number, where there are more than numbers are for */
     struct guard guard[];
 };
 
@@ -180,7 +184,7 @@ struct run {
     int64_t remembered;                /* modes of which the last step is kept */
     int64_t step_place;                /* of the present one among them */
     int64_t pending_kind;              /* of the event that leads to a mode without a row */
-    int64_t pending_mode;              /* number of that mode, after a reset */
+    int64_t pending_mode;              /* number of that mode; -1: the one behind the guard last hit */
     int64_t event_pending;             /* 1 where the event that the run stands at is still to be gone through */
     int64_t order;
     int64_t method;                    /* of landing */

@@ -70,7 +70,7 @@ static void enter_mode(struct work *w)
 /* Step in the unit that the present expansion allows; 0 where a coefficient is not finite. */
 static inline double proposed_step(const struct work *w, int64_t rows, int64_t zeros)
 {
-    double theta = step_size(w, rows);
+    double theta = step_size(w, w->c, rows);
     if (infinite(w, rows, w->mode->polynomial_degree))
         theta = 0.0;
     if (zeros > 2 && theta > 0.0)

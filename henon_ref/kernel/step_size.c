@@ -16,13 +16,14 @@ static inline double rough_root(double above, double below, double power)
     return whole * (1.0 + part * (0.6931471805599453 + 0.24022650695910072 * part));
 }
 
-/* Largest relative sizes of the last two coefficients over states and guards on a step of theta units. */
-static inline void error_norms(const struct work *w, int64_t rows, double theta, double *last, double *before)
+/* Largest relative sizes of the last two coefficients over states and guards of an expansion on a step of theta units. */
+static inline void error_norms(const struct work *w, const double *c, int64_t rows, double theta, double *last,
+                               double *before)
 {
     int64_t order = w->run->order;
     *last = *before = 0.0;
     for (int64_t r = 0; r < rows; r++) {
-        const double *row = row_of(w, r);
+        const double *row = c + r * w->width;
         double scale = fused(theta, fused(theta, fabs(row[2]), fabs(row[1])), fabs(row[0])) + 1e-300;
         *last = larger(*last, fabs(row[order]) / scale);
         *before = larger(*before, fabs(row[order - 1]) / scale);
@@ -43,14 +44,14 @@ static bool infinite(const struct work *w, int64_t rows, int64_t degree)
     return found;
 }
 
-/* Step in the unit at which the last two terms fall below the tolerance (Jorba and Zou 2005, Sec. 3).
+/* Step in the unit at which the last two terms of an expansion fall below the tolerance (Jorba and Zou 2005, Sec. 3).
  *
  * 0 where a coefficient is not finite. The expansion puts the largest relative sizes of the last two coefficients on a
  * step of one unit, a number that is no double where one is not finite, and the longest step behind its rows.
  */
-static inline double step_size(const struct work *w, int64_t rows)
+static inline double step_size(const struct work *w, const double *c, int64_t rows)
 {
-    const double *norms = row_of(w, rows), tolerance = w->run->tolerance;
+    const double *norms = c + rows * w->width, tolerance = w->run->tolerance;
     double last = norms[0], before = norms[1], theta = 1.0, longest = smaller(norms[3], UNLIMITED);
     double power = 1.0 / (double)w->run->order, other = 1.0 / (double)(w->run->order - 1);
     if (!(norms[2] < INFINITY))
@@ -64,7 +65,7 @@ static inline double step_size(const struct work *w, int64_t rows)
         if (new >= 0.5 * theta)
             return smaller(new, longest);
         theta = new;
-        error_norms(w, rows, theta, &last, &before);
+        error_norms(w, c, rows, theta, &last, &before);
     }
     return smaller(theta, longest);
 }
@@ -112,4 +113,22 @@ static double flat_step_size(const struct work *w, int64_t rows)
         shortest = smaller(shortest, theta);
     }
     return shortest;
+}
+
+/* Part of the unit, all of it at most, on which the terms of the expansion ahead, of so many rows, fall; 0 where a
+ * coefficient is not finite. */
+static double length_ahead(const struct work *w, int64_t rows)
+{
+    return smaller(step_size(w, w->ahead, rows), 1.0);
+}
+
+/* Sum of the sizes of a row's terms on a length, from one on, over that length to its power. */
+static double size_of_terms(const double *row, int64_t first, int64_t order, double theta)
+{
+    double size = 0.0, power = 1.0;
+    for (int64_t k = first; k <= order; k++) {
+        size += fabs(row[k]) * power;
+        power *= theta;
+    }
+    return size;
 }

@@ -1,4 +1,12 @@
-/* The mode after an event of one guard, by two normal velocities or the hold zone. */
+/* The mode after an event: of one guard, by two normal velocities or the hold zone; and of kinks that are crossed at
+ * the same instant, or beside what is slid on.
+ *
+ * At a kink (struct guard) nothing slides. So the mode in which all kinks are crossed is expanded where the run stands:
+ * each kink must be left there with a speed, and the ends of all slides must be clearly above zero, for then they go on.
+ * What else falls at the instant is decided in that mode, as it would be just behind the kinks: the end of a slide by
+ * the way in which its guard goes on, a surface by its normal velocities. The mode that comes of it is expanded, too,
+ * for a force that jumps may turn the speed of a kink. What is not clear is left to Python.
+ */
 
 /* Size of the smallest release guard, relative to all their coefficients, below which Python looks closer. */
 #define HOLD_MARGIN 1e-9
@@ -52,13 +60,12 @@ static int64_t apply_selection(struct work *w)
     return events_accumulate(w->run) ? EVENTS_ACCUMULATE : ON;
 }
 
-/* What follows where one surface is reached; ON, or why Python is needed. */
-static int64_t at_surface(struct work *w, struct change *found)
+/* What follows where the surface of a guard of the mode in a row is reached; ON, or why Python is needed. */
+static int64_t at_surface(struct work *w, int64_t row, int64_t g, struct change *found)
 {
-    struct run *run = w->run;
-    const struct guard *guard = &w->mode->guard[run->guard];
-    const double *speeds = speeds_in(w, run->mode);
-    double inside = speeds[2 * run->guard], beyond = speeds[2 * run->guard + 1];
+    const struct guard *guard = &mode_at(w, row)->guard[g];
+    const double *speeds = speeds_in(w, row);
+    double inside = speeds[2 * g], beyond = speeds[2 * g + 1];
     if (!(inside > 0.0 && fabs(beyond) > TANGENT * inside))
         return SELECT_MODE;
     bool stuck = beyond < 0.0;
@@ -70,6 +77,186 @@ static int64_t at_surface(struct work *w, struct change *found)
     }
     *found = stuck ? (struct change){STICK, guard->mode_stuck, 0} : (struct change){CROSSING, guard->mode_across, 1};
     return ON;
+}
+
+/* Expand the mode in a row where the run stands; the part of the unit on which its terms fall, 0 where not finite. */
+static double expand_mode(struct work *w, int64_t row)
+{
+    struct run *run = w->run;
+    const struct mode *mode = mode_at(w, row);
+    mode->expansion(run->time, run->time_low, run->unit, w->x, constants_of(w->tables, row, 0), w->ahead);
+    run->expansions += 1;
+    return length_ahead(w, run->states + mode->guards);
+}
+
+/* Zeros with which a surface is left in the mode that is expanded, on a length, from "first" on: the first coefficient
+ * that is clearly none; 0 where the surface is not left, or that is not clear. */
+static int64_t zeros_ahead(const struct work *w, const struct mode *mode, int64_t surface, int64_t first, double length)
+{
+    int64_t order = w->run->order;
+    const double *row = row_ahead(w, w->run->states + guard_on(mode, surface));
+    double size = size_of_terms(row, 0, order, length), power = 1.0;
+    for (int64_t k = 1; k <= order; k++) {
+        power *= length;
+        if (k >= first && fabs(row[k]) * power > CLEARLY_ABOVE * size)
+            return row[k] > 0.0 ? k : 0;
+    }
+    return 0;
+}
+
+/* A row that a link leads to; where there is no link, that of the mode's number. */
+static int64_t known_row(const struct work *w, int64_t link, int64_t number)
+{
+    return link >= 0 || w->mode->surfaces == 0 ? link : row_of_number(w, number);
+}
+
+/* What happens at one instant. */
+struct instant {
+    int64_t kinks;  /* how many are crossed */
+    int64_t other;  /* guard of the mode that falls beside them; -1: none */
+    int64_t number; /* of the mode in which all kinks are crossed, and nothing else is changed */
+    int64_t row;    /* its row */
+};
+
+/* Whether a surface is among the kinks that are crossed. */
+static bool is_crossed(const struct work *w, int64_t surface)
+{
+    bool found = false;
+    for (int64_t g = 0; g < w->mode->guards; g++)
+        found = found || (w->hits[g] == 1 && w->mode->guard[g].kink && is_on(&w->mode->guard[g], surface));
+    return found;
+}
+
+/* Read off what happens; false where it is more than kinks and one guard that is decided alone. */
+static bool read_instant(const struct work *w, struct instant *at)
+{
+    *at = (struct instant){0, -1, w->mode->number, -1};
+    for (int64_t g = 0; g < w->mode->guards; g++) {
+        const struct guard *guard = &w->mode->guard[g];
+        if (w->hits[g] == 0)
+            continue;
+        if (guard->kink) {
+            at->kinks += 1;
+            at->row = at->kinks == 1 ? guard->mode_across : -1;
+            at->number += (guard->to_sign - guard->side) * three_to(guard->index);
+        } else if (at->other >= 0 || guard->kind == VALID || guard->coupled != UNCOUPLED) {
+            return false;
+        } else {
+            at->other = g;
+        }
+    }
+    at->row = known_row(w, at->row, at->number);
+    return at->kinks > 0;
+}
+
+/* Expand the mode in a row; whether it leaves all kinks behind with a speed and its slides go on, all but one at most,
+ * which "ending" names: the guard that ends it. One that a force ends which jumps at the kinks is put there; -1: none.
+ * "length": see expand_mode. */
+static bool kinks_behind(struct work *w, int64_t row, int64_t *ending, double *length)
+{
+    const struct mode *mode = mode_at(w, row);
+    *length = expand_mode(w, row);
+    bool behind = *length > 0.0;
+    for (int64_t g = 0; behind && g < mode->guards; g++) {
+        const struct guard *guard = &mode->guard[g];
+        const double *ahead = row_ahead(w, w->run->states + g);
+        double margin = CLEARLY_ABOVE * size_of_terms(ahead, 0, w->run->order, *length);
+        bool ends = guard->kind == RELEASE && guard->coupled == UNCOUPLED && ahead[0] < -margin && *ending < 0;
+        if (ends)
+            *ending = g;
+        else if (guard->kind == SURFACE)
+            behind = !(guard->kink && is_crossed(w, guard->index)) || ahead[1] * *length > margin;
+        else
+            behind = g == *ending || ahead[0] > margin;
+    }
+    return behind;
+}
+
+/* What becomes of a slide whose end has come with kinks, in the mode behind these, which is expanded on a length; ON, or
+ * why Python is needed. Its kind is GRAZE where the slide goes on: an equivalent sign that turns back. (A load that has
+ * come to its limit has slipped.) */
+static int64_t at_end_of_slide(const struct work *w, const struct instant *at, double length, struct change *found)
+{
+    const struct run *run = w->run;
+    const struct guard *guard = &mode_at(w, at->row)->guard[at->other];
+    const double *row = row_ahead(w, run->states + at->other);
+    double margin = CLEARLY_ABOVE * size_of_terms(row, 0, run->order, length);
+    bool jumped = fabs(row[0]) > margin;
+    double way = guard->rising_only ? -INFINITY : jumped ? row[0] : row[1] * length;
+    if (!(fabs(way) > margin))
+        return SELECT_MODE;
+    *found = way > 0.0 ? (struct change){GRAZE, at->row, jumped ? 0 : 1}
+                       : (struct change){RELEASED, guard->mode_across, jumped ? 1 : guard->zeros_at_release};
+    return ON;
+}
+
+/* Go over to the mode that follows kinks, and what happens beside them; ON, or why the loop is left. */
+static int64_t leave_instant(struct work *w, const struct instant *at, const struct change *found)
+{
+    struct run *run = w->run;
+    const struct mode *target = mode_at(w, found->mode);
+    const struct guard *other = at->other < 0 ? NULL : &w->mode->guard[at->other];
+    bool told = other && found->kind != GRAZE;
+    int64_t changes = at->kinks + (told ? 1 : 0), last = -1;
+    if (run->transitions > 0 && run->transitions + changes > run->transition_capacity) {
+        run->event_pending = 1;
+        return BLOCK_FULL;
+    }
+    for (int64_t k = 0; k < changes; k++) { /* in the order of the surfaces */
+        const struct guard *next = NULL;
+        for (int64_t g = 0; g < w->mode->guards; g++) {
+            const struct guard *guard = &w->mode->guard[g];
+            bool changes_side = (w->hits[g] == 1 && guard->kink) || (told && g == at->other);
+            if (changes_side && guard->index > last && !(next && next->index < guard->index))
+                next = guard;
+        }
+        record_transition(w, next == other ? found->kind : CROSSING, next->index, next->side, run->mode, found->mode);
+        last = next->index;
+    }
+    for (int64_t g = 0; g < target->guards; g++) {
+        const struct guard *guard = &target->guard[g];
+        bool crossed = guard->kink && guard->kind == SURFACE && is_crossed(w, guard->index);
+        bool own = told ? is_on(guard, other->index) : other && g == at->other;
+        w->known_zeros[g] = crossed ? 1 : own ? found->zeros : 0;
+    }
+    run->mode = found->mode;
+    return events_accumulate(run) ? EVENTS_ACCUMULATE : ON;
+}
+
+/* Change the mode where kinks are crossed, and at most one other guard falls; ON, or why Python is needed. */
+static int64_t cross_kinks(struct work *w)
+{
+    struct run *run = w->run;
+    struct instant at;
+    double length;
+    if (!read_instant(w, &at))
+        return SELECT_MODE;
+    bool numbered = w->mode->surfaces > 0;
+    if (at.row < 0)
+        return numbered ? not_compiled(run, CROSSING, at.number) : SELECT_MODE;
+    if (!kinks_behind(w, at.row, &at.other, &length))
+        return SELECT_MODE;
+    struct change found = {CROSSING, at.row, 0};
+    if (at.other >= 0) {
+        const struct guard *guard = &w->mode->guard[at.other];
+        int64_t code = guard->kind == RELEASE ? at_end_of_slide(w, &at, length, &found)
+                                              : at_surface(w, at.row, guard_on(mode_at(w, at.row), guard->index), &found);
+        if (code != ON)
+            return code;
+        int64_t entry = found.kind == STICK ? 0 : guard->to_sign;
+        int64_t number = at.number + (entry - guard->side) * three_to(guard->index);
+        found.mode = known_row(w, found.mode, number);
+        if (found.mode < 0)
+            return numbered ? not_compiled(run, found.kind, number) : SELECT_MODE;
+        int64_t ending = -1;
+        if (found.kind != GRAZE && !(kinks_behind(w, found.mode, &ending, &length) && ending < 0))
+            return SELECT_MODE;
+        if (found.kind == RELEASED)
+            found.zeros = zeros_ahead(w, mode_at(w, found.mode), guard->index, found.zeros, length);
+        if (found.kind == RELEASED && found.zeros == 0)
+            return SELECT_MODE;
+    }
+    return leave_instant(w, &at, &found);
 }
 
 /* Change the mode at the event the run stands at; ON, or why Python is needed. */
@@ -86,24 +273,27 @@ static int64_t apply_event(struct work *w)
     if (guard->kind == SURFACE) {
         if (guard->jump && !coincident)
             return jump_transition(w);
-        if (coincident || guard->coupled != UNCOUPLED)
-            return apply_selection(w);
-        int64_t code = at_surface(w, &found);
+        if (coincident || guard->coupled != UNCOUPLED) {
+            int64_t code = apply_selection(w);
+            return code == SELECT_MODE ? cross_kinks(w) : code;
+        }
+        int64_t code = at_surface(w, run->mode, run->guard, &found);
         if (code != ON)
             return code;
     } else if (coincident || guard->coupled != UNCOUPLED) {
-        return SELECT_MODE;
+        return cross_kinks(w);
     }
     if (found.mode < 0) {
-        run->pending_kind = found.kind;
+        run->pending_kind = found.kind, run->pending_mode = -1;
         return MODE_NOT_COMPILED;
     }
     const struct mode *after = mode_at(w, found.mode);
-    if (found.zeros == 0 && found.kind == RELEASED) {
+    if (found.kind == RELEASED && found.zeros == 0)
         found.zeros = zeros_at_release(after, guard->index, speeds_in(w, found.mode));
-        if (found.zeros == 0)
-            return SELECT_MODE;
-    }
+    else if (found.kind == RELEASED && found.zeros < 0)
+        found.zeros = zeros_ahead(w, after, guard->index, 1, expand_mode(w, found.mode));
+    if (found.kind == RELEASED && found.zeros == 0)
+        return SELECT_MODE;
     record_transition(w, found.kind, guard->index, guard->side, run->mode, found.mode);
     run->mode = found.mode;
     set_known_zeros(w, after, guard->index, found.zeros);

@@ -14,6 +14,8 @@
 #define STEP_PLACES ((int64_t)(sizeof(struct step) / sizeof(double)))
 /* Of a run, relative normal velocity below which a contact is left to Python's mode selection. */
 #define TANGENT 1e-9
+/* Part of the sum of its terms' sizes on a step from which on a guard, or a coefficient, is clearly no zero. */
+#define CLEARLY_ABOVE 1e-9
 /* A state beyond this has blown up (no smaller bound is safe whatever the units). */
 #define BLOWN_UP 1e100
 /* Part of its size by which a state may be off: eight units in its last place. */

@@ -102,7 +102,7 @@ until: 3
         ('["1.5 - s - 0.25*u", "1.5 - u + 0.25*s"]', True),  # coupled
         ('["0.5 - s", "0.5 - u"]', True),  # both held
         ('["1 - s*u/2", "1 - s*u/2"]', False),  # signs that multiply each other
-        ('["1 + s*(1 + u)/8", "1"]', False),
+        ('["1 + s*(1 + u)/8", "1"]', True),  # they do, but no sign is in the speed of u, which is crossed
         ('["1 - s", "0.5 - u"]', False),  # an equivalent sign of exactly one
     ],
 )
