@@ -6,13 +6,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
 from henon_ref.filippov.decoupled_contacts import SwitchedEquations
 from henon_ref.filippov.equations import Guard, along
 from henon_ref.filippov.mode_tape import ModeTape
 from henon_ref.filippov.modes import Mode
 from henon_ref.filippov.system import FilippovSystem
+from henon_ref.henon.tape_program import tape_program
 from henon_ref.jit.ir_writer import declarations, row_length
 from henon_ref.jit.native_module import NativeModule
 from henon_ref.taylor.llvm.expansion import expansion_ir
@@ -56,6 +59,8 @@ class ModeCode:
     """Whether the field may have branch points."""
     guards_branch: tuple[bool, ...]
     """Whether each guard may have some."""
+    program: NDArray[np.int64] | None
+    """Field and guards as compiled code goes through them in double-double, if it does."""
     jumps: ModeTape | None = None
     """The system's maps of resets, if compiled code makes jumps."""
 
@@ -79,6 +84,7 @@ class ModeCode:
             "rounding": self.code.address("rounding"),
             "polynomial_degree": self.degree,
             "slopes": self.code.address("slopes") if self.field_branches or any(self.guards_branch) else 0,
+            "tape": 0 if self.program is None else self.program.ctypes.data,
             "guards_branch": int(any(self.guards_branch)),
         }
 
@@ -138,7 +144,7 @@ def _mode_code(
         optimised=len(nodes) <= min(len(expansion.needed(expansion.field)) + MOST_WATCHED, LARGE),
     )
     tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
-    return ModeCode(*tapes, code, degree, field_branches, guards_branch)
+    return ModeCode(*tapes, code, degree, field_branches, guards_branch, tape_program(expansion, max(degrees)))
 
 
 def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:

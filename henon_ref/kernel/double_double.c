@@ -13,7 +13,7 @@
 /* Bound of the relative error of one operation. Sums and products of doubles are exact: their error is 0. */
 #define OPERATION_ERROR 0x1p-100
 /* Bound of the relative error that a constant may have: the double is the nearest one, but for a tie. */
-#define ACCURATE 0x1p-80
+#define ACCURATE 0x1p-92
 /* A product of doubles above this is two doubles, none of which is too small. */
 #define LEAST_EXACT 1e-280
 /* Covers the rounding of an error bound's own arithmetic. */

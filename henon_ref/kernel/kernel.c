@@ -12,6 +12,7 @@
 #include "roots.c"
 #include "landing.c"
 #include "double_double.c"
+#include "pair_series.c"
 
 #include "compensated_time.c"
 #include "step_size.c"
@@ -24,6 +25,7 @@
 #include "selection.c"
 #include "jump.c"
 #include "transition.c"
+#include "close_event.c"
 #include "loop.c"
 #include "surface_start.c"
 #include "points.c"

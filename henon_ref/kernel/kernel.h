@@ -35,6 +35,12 @@ enum roots_outcome { NO_ROOT, ROOT, TANGENTIAL, SUBDIVIDE };
 /* Operations of programs in double-double; POWER has a whole number in place of its second register. */
 enum operation { ADD, MULTIPLY, POWER, SQRT };
 
+/* Operations of tapes (henon_ref.taylor.tape), by the names that they have there; a square is a product. */
+enum tape_kind {
+    TAPE_STATE, TAPE_CONSTANT, TAPE_CLOCK, TAPE_ADD, TAPE_SUB, TAPE_SCALE, TAPE_SHIFT, TAPE_RSUB, TAPE_MUL, TAPE_DIV,
+    TAPE_RECIP, TAPE_SQRT, TAPE_POWER, TAPE_EXP, TAPE_LOG, TAPE_SIN, TAPE_COS
+};
+
 /* Why the compiled loop returned; the last two are its own: an event is to be gone through, or there is nothing to
  * say. */
 enum return_code {
@@ -84,6 +90,22 @@ typedef void (*step_end_code)(double theta, const double *c, double *out);
 /* Scaled coefficients a and Bernstein coefficients b of a guard q on a step, and what their signs tell. */
 typedef int64_t (*bernstein_code)(const double *q, const double *powers, int64_t degree, double *a, double *b);
 
+/* An operation of a tape. */
+struct tape_operation {
+    int64_t operation;       /* enum tape_kind */
+    int64_t first, second;   /* operations that it reads; of a function the second is its derivative's factor */
+    int64_t constant, slope; /* constants that it reads */
+    int64_t sign, divides;   /* of a function y of a: y' = sign a' factor; or y' factor = sign a' */
+};
+
+/* Field and guards of a mode as a list of operations, the states first. Behind them stand, as integers, those that are
+ * the states' derivatives, and those that are guards. */
+struct tape {
+    int64_t operations, constants, states, outputs;
+    int64_t degree; /* of states and guards where they are polynomials in time; else 0 */
+    struct tape_operation operation[];
+};
+
 /* A guard of a compiled mode. */
 struct guard {
     int64_t kind;             /* enum guard_kind */
@@ -115,6 +137,8 @@ struct mode {
     bernstein_code bernstein;
     int64_t polynomial_degree; /* of the motion, if that is a polynomial which the expansion holds whole; else 0 */
     expand_code slopes;        /* where there are branch points, the first coefficients alone */
+    const struct tape *tape;   /* where what double precision does not decide is gone through in double-double; else
+                                  null */
     int64_t guards_branch;     /* whether some guard has branch points */
     int64_t number;            /* of the mode (henon_ref.filippov.modes.mode_number) */
     int64_t surfaces;          /* of the system; 0, and no number, where there are more than numbers are for */
@@ -215,6 +239,8 @@ struct places {
     int64_t width;        /* length of a row of the band */
     int64_t room;         /* 3 n + 5 G: change of the states over a step and bounds of the guards from below; a state;
                              normal velocities. Or what the selection of a mode needs */
+    int64_t origin;       /* 3 n + 3: the motion from the run's start in double-double: time, and what rounding lost of
+                             it; 1 where it is known; states, what rounding lost of them, bounds of their errors */
     int64_t remembered;   /* REMEMBERED_STEPS integers: modes whose last step the run keeps */
     int64_t records;      /* CHUNK transitions (struct transition), one after the other */
     int64_t record_width; /* length of one */

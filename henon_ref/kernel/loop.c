@@ -182,7 +182,7 @@ static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
         run->suspect = part * unit, run->step_length = look.theta * unit;
         if (w->mode->slopes)
             run->longest_step = 1e3 * look.theta * unit;
-        return UNDECIDED_EVENT;
+        return settle_event(w, look.natural / unit);
     }
     return take_step(w, &look, &event, part);
 }
@@ -200,6 +200,8 @@ HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, doubl
     int64_t stop_at = least(run->steps + BUDGET, run->most_steps);
     int64_t code = run->event_pending == 0 ? ON : EVENT;
     bool shrunk = false;
+    if (run->steps == 0)
+        keep_origin(&work);
     run->event_pending = 0;
     while (true) {
         if (code == EVENT) {

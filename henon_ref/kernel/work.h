@@ -37,6 +37,7 @@ struct work {
     double *room;                   /* all of what follows */
     double *change, *lower;         /* of states over a step; bounds of the guards */
     double *point, *speeds;
+    double *origin;
     int64_t *remembered;
     double *records;
     int64_t width;                  /* of a row of c, ahead and stack */
@@ -65,7 +66,8 @@ HENON_EXPORT struct places places_of(int64_t states, int64_t guards, int64_t ord
     p.width = row_length(order);
     p.band = (p.end_of_state + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
     p.room = p.band + (2 * (states + guards + 1) + ROOT_ROWS) * p.width;
-    p.remembered = p.room + 3 * states + 5 * guards;
+    p.origin = p.room + 3 * states + 5 * guards;
+    p.remembered = p.origin + 3 * states + 3;
     p.records = p.remembered + REMEMBERED_STEPS;
     p.record_width = TRANSITION_PLACES + states;
     p.size = p.records + CHUNK * p.record_width;
@@ -112,6 +114,7 @@ static inline struct work work_of(struct run *run, const struct tables *tables)
     w.powers = w.ahead + (n + most + 1) * p.width, w.scaled = w.powers + p.width, w.stack = w.scaled + p.width;
     w.room = w.change = block + p.room, w.lower = w.change + n, w.point = w.lower + most;
     w.speeds = w.change + 2 * n + most;
+    w.origin = block + p.origin;
     w.remembered = (int64_t *)(block + p.remembered);
     w.records = block + p.records;
     enter(&w);

@@ -1,0 +1,65 @@
+"""What double precision does not decide and double-double does, without Python."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mpmath
+import pytest
+import sympy as sp
+from problems import make_problem
+
+from henon_ref.casefile.case import load_case
+from henon_ref.henon.solver import HENON_SOLVER
+from henon_ref.trajectory import Decisions
+
+HARD = Path(__file__).parents[2] / "cases" / "hard"
+# Valleys of elementary functions of x = t: the guard, less g, and where its minimum, zero for g = 0, is.
+VALLEYS = {
+    "cos(x) + 1": "pi",
+    "1 - sin(x)": "pi/2",
+    "exp(x - 2) - x + 1": "2",
+    "x - 1 - log(x)": "1",
+    "x**(3/2) - 3*x/2 + 1/2": "1",
+    "x - 2*sqrt(x) + 1": "1",
+    "x + 1/x - 2": "1",
+    "(x**2 + 1)/(x + 1) - 2*sqrt(2) + 2": "sqrt(2) - 1",
+    "(x - 1)**2*(x + 3)*(x**2 + 1)": "1",
+}
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
+@pytest.mark.parametrize("gap", ["1e-11", "1e-13", "1e-15"])
+@pytest.mark.parametrize("shape", VALLEYS)
+def test_a_valley_of_any_function_is_decided_without_python(shape: str, gap: str, rtol: float) -> None:
+    """Its first root to 19 digits where it is below zero, nothing where it is above."""
+    for side in (1, -1):
+        problem = make_problem("x y", ["1", "s"], {"s": f"{shape} - ({side})*{gap}"}, ["1/10", 0], 4)
+        run = HENON_SOLVER.prepare(problem, rtol=rtol)()
+        assert (run.status, run.counts.decisions) == ("ok", Decisions())
+        assert [each.kind for each in run.transitions] == ["crossing", "crossing"][: 1 + side]
+        for first in run.transitions[:1]:
+            with mpmath.workdps(60):
+                off = mpmath.mpf(first.time) + mpmath.mpf(first.time_low) + mpmath.mpf("0.1") - _root(shape, gap)
+            assert abs(off) < 1e-19
+
+
+def _root(shape: str, gap: str) -> mpmath.mpf:
+    """First root of a valley that is so far below zero."""
+    x = sp.Symbol("x")
+    with mpmath.workdps(60):
+        guard = sp.lambdify(x, sp.sympify(f"{shape} - {gap}", rational=True), "mpmath")
+        where = sp.sympify(VALLEYS[shape])
+        bend = sp.N(sp.diff(sp.sympify(shape), x, 2).subs(x, where), 60)
+        return mpmath.findroot(guard, mpmath.mpf(sp.N(where - sp.sqrt(2 * sp.Rational(gap) / bend), 60)))
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("case", ["grazing", "grazing_ballistic", "grazing_sliding", "two_roots", "horizon_event"])
+def test_readings_of_ladders_need_no_python(case: str, rtol: float) -> None:
+    """But for what double-double leaves open: exact touches, and pairs of roots closer than 1e-10."""
+    for reading in load_case(HARD / f"{case}.yaml").readings:
+        close = case == "two_roots" and reading.name not in {f"d1e{k}" for k in range(1, 11)}
+        if reading.name != "exact" and not close:
+            run = HENON_SOLVER.prepare(reading.problem, rtol=rtol)()
+            assert (run.status, run.counts.decisions) == ("ok", Decisions()), reading.name
