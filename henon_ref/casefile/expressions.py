@@ -14,7 +14,7 @@ import sympy as sp
 from henon_ref.casefile.syntax_walk import SyntaxWalk, read_text
 from henon_ref.errors import ExpressionError
 from henon_ref.filippov.bounds import MAX_TERMS, check_constant, check_smooth, terms, with_known_functions
-from henon_ref.filippov.work import CACHED, Work, key_of
+from henon_ref.filippov.work import CACHED, Work, key_of, names_in, overlaid
 
 
 def parse_expression(text: str, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
@@ -97,21 +97,22 @@ def check_sides(
     ExpressionError
         With the sign and its side.
     """
-    key = key_of("sides", text, {**names, **signs})
-    if key in work.values or not any(name in text for name in signs):
+    signs = {name: signs[name] for name in names_in(text) if name in signs}
+    names = overlaid(signs, names)
+    key = key_of("sides", text, names)
+    if key in work.values or not signs:
         return
-    names = {**names, **signs}
     read = read_text(text, names, work, kinks=kinks)
     delicate = SyntaxWalk(read, names, work).delicate(signs)
     harmless = {name: symbol for name, symbol in signs.items() if not any(name in found for _, found in delicate)}
     for side in (-1, 1):
-        sides = {**names, **dict.fromkeys(harmless, sp.Integer(side))}
+        sides = overlaid(dict.fromkeys(harmless, sp.Integer(side)), names)
         parse_field(text, sides, work) if kinks else parse_expression(text, sides, work)
     for node, found in delicate:
         for name in sorted(found):
             for side in (-1, 1):
                 try:
-                    SyntaxWalk(read, {**names, name: sp.Integer(side)}, work).of(node)
+                    SyntaxWalk(read, overlaid({name: sp.Integer(side)}, names), work).of(node)
                 except ExpressionError as error:
                     raise ExpressionError(f"{error.message} (at {name} = {side:+d})", error.offset) from None
     work.values[key] = sp.S.Zero

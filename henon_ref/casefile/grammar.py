@@ -24,7 +24,9 @@ MAX_DEPTH = 60
 MAX_NESTING = 16
 """How deep functions and powers may stand in each other: every solver's derivatives grow with it."""
 MAX_STATES = 256
-"""States, and surfaces, a system may have; work grows with a power of their number."""
+"""States, and surfaces, that the system of a file may have."""
+MOST_STATES = 4_096
+"""The same of one from Python."""
 MAX_DIGITS = 400
 """Digits a number may have, and the largest absolute decimal exponent."""
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from decimal import Decimal
 
-from henon_ref.casefile.grammar import MAX_STATES, NAME
+from henon_ref.casefile.grammar import MOST_STATES, NAME
 from henon_ref.casefile.tree import MappingNode, Node, ScalarNode, SequenceNode
 
 DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}")
@@ -20,7 +20,9 @@ Check = Callable[[Node], bool]
 def plainly_fits(tree: MappingNode) -> bool:
     """Whether some keys of a case file certainly have the form that :mod:`henon_ref.casefile.schema` wants of them.
 
-    Where it says no, :func:`henon_ref.casefile.validation.validated` decides, and says what is wrong.
+    (But for the number of states and surfaces, which is larger here.)
+
+    Where it says no, :func:`henon_ref.casefile.validation.check_model` decides, and says what is wrong.
 
     Parameters
     ----------
@@ -98,8 +100,8 @@ _KEYS = _form(
     {},
     {
         "system": _form(
-            {"state": _list(_name, 1, MAX_STATES), "field": _EXPRESSIONS},
-            {"parameters": _NAMED, "surfaces": _mapping(_expression, 0, MAX_STATES), "valid": _EXPRESSIONS},
+            {"state": _list(_name, 1, MOST_STATES), "field": _EXPRESSIONS},
+            {"parameters": _NAMED, "surfaces": _mapping(_expression, 0, MOST_STATES), "valid": _EXPRESSIONS},
         ),
         "scene": _form({"bodies": _mapping(_any, 1), "connections": _list(_any)}, {"parameters": _NAMED}),
         "sliding": _mapping(

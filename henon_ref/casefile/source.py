@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
 
 import sympy as sp
 
 from henon_ref.casefile.expressions import check_sides, parse_expression, parse_field, parse_number
-from henon_ref.casefile.grammar import name_problem, scan
+from henon_ref.casefile.grammar import MAX_STATES, name_problem, scan
 from henon_ref.casefile.kinks import MAX_INNER, Kinks, at_signs, without_signs
 from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child, locate
 from henon_ref.errors import CaseError, ExpressionError
-from henon_ref.filippov.work import Work
+from henon_ref.filippov.work import Work, overlaid
 from henon_ref.taylor.tape import TIME
 
 T = TypeVar("T")
@@ -32,6 +33,8 @@ class Source:
     """Added to every message: which reading it is about."""
     work: Work = field(default_factory=Work, compare=False)
     """What has been read of the file so far, in all readings."""
+    most_states: int = MAX_STATES
+    """States, and surfaces, that it may have."""
 
     def error(self, path: Path, message: str, *, key: bool = False) -> CaseError:
         """An error at what a path leads to (``key``: at its key rather than its value)."""
@@ -181,23 +184,35 @@ class Names:
         It is read with the parameters' values put in as well, and with each sign at -1 and +1, so that
         a division by zero or a giant power is found here, with its place, and not in the middle of a run.
         """
-        moving = {"t": TIME, **self.states}
-        own = {name: self.signs[name] for name in signs}
-        expression = source.expression(path, {**moving, **self.parameters, **own})
+        own = self._own_signs(signs)
+        expression = source.expression(path, overlaid(own, self._symbols))
         if self.values:
-            source.expression(path, {**moving, **self.values, **own}, " (with the values of the parameters)")
-        source.check_sides(path, {**moving, **self.values}, own)
+            source.expression(path, overlaid(own, self._numbers), " (with the values of the parameters)")
+        source.check_sides(path, self._numbers, own)
         return expression
 
     def written(self, source: Source, path: Path, *, signs: Sequence[str] = ()) -> tuple[sp.Expr, list[sp.Expr]]:
         """Read an expression that may have kinks, and what they are kinks of; checked as in :meth:`smooth`."""
-        moving = {"t": TIME, **self.states}
-        own = {name: self.signs[name] for name in signs}
-        found = source.field(path, {**moving, **self.parameters, **own})
+        own = self._own_signs(signs)
+        found = source.field(path, overlaid(own, self._symbols))
         if self.values:
-            source.field(path, {**moving, **self.values, **own}, " (with the values of the parameters)")
-        source.check_sides(path, {**moving, **self.values}, own, kinks=True)
+            source.field(path, overlaid(own, self._numbers), " (with the values of the parameters)")
+        source.check_sides(path, self._numbers, own, kinks=True)
         return found
+
+    @cached_property
+    def _symbols(self) -> dict[str, sp.Expr]:
+        """What the names of an expression stand for, signs apart."""
+        return {"t": TIME, **self.states, **self.parameters}
+
+    @cached_property
+    def _numbers(self) -> dict[str, sp.Expr]:
+        """The same with the values of the parameters."""
+        return {"t": TIME, **self.states, **self.values}
+
+    def _own_signs(self, names: Sequence[str]) -> dict[str, sp.Expr]:
+        """Those of some surfaces."""
+        return {name: self.signs[name] for name in names}
 
 
 def resolved(

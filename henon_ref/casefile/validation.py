@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 
+from henon_ref.casefile.grammar import MOST_STATES
 from henon_ref.casefile.schema import CaseForm, Form
 from henon_ref.casefile.tree import MappingNode, Node, Place, ScalarNode, child, locate, to_python
 from henon_ref.errors import CaseError
@@ -25,6 +27,26 @@ def validated(tree: MappingNode, *, file: str | None, within: str = "") -> CaseF
     return validated_as(CaseForm, tree, file=file, within=within)
 
 
+def check_model(tree: MappingNode) -> None:
+    """Check the form of a case whose system comes from Python, where it may have up to ``MOST_STATES`` states.
+
+    Raises
+    ------
+    CaseError
+        For the first key or value that does not fit.
+    """
+    for key in ("state", "surfaces"):
+        entries = to_python(found) if (found := child(tree, ["system", key])) else ()
+        if isinstance(entries, list | dict) and len(entries) > MOST_STATES:
+            raise CaseError(f"'{key}' in 'system': may have at most {MOST_STATES} entries")
+    try:
+        CaseForm.model_validate(to_python(tree))
+    except ValidationError as error:
+        items = [item for item in error.errors(include_url=False) if item["type"] != "too_long"]
+        if items:
+            raise _first(CaseForm, tree, items, None, "") from None
+
+
 def validated_as(form: type[AnyForm], tree: MappingNode, *, file: str | None, within: str = "") -> AnyForm:
     """Check the form of any file.
 
@@ -36,11 +58,15 @@ def validated_as(form: type[AnyForm], tree: MappingNode, *, file: str | None, wi
     try:
         return form.model_validate(to_python(tree))
     except ValidationError as error:
-        items = [dict(item) for item in error.errors(include_url=False)]
-        found = [(item["type"] == "missing", *_explained(form, tree, item)) for item in items]
+        raise _first(form, tree, error.errors(include_url=False), file, within) from None
+
+
+def _first(form: type[Form], tree: MappingNode, items: Sequence[Any], file: str | None, within: str) -> CaseError:
+    """The first of pydantic's errors."""
+    found = [(item["type"] == "missing", *_explained(form, tree, item)) for item in items]
     # A misspelt key is unknown and missing at once; only the first is of use.
     _, place, message = min(found, key=lambda item: (item[0], item[1].line, item[1].column))
-    raise CaseError(message + within, file=file, line=place.line, column=place.column)
+    return CaseError(message + within, file=file, line=place.line, column=place.column)
 
 
 def _explained(whole: type[Form], tree: Node, error: dict[str, Any]) -> tuple[Place, str]:

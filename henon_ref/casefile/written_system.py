@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 import sympy as sp
 
-from henon_ref.casefile.grammar import MAX_STATES, may_have_kinks, name_problem
+from henon_ref.casefile.grammar import may_have_kinks, name_problem
 from henon_ref.casefile.kinks import Kinks
 from henon_ref.casefile.source import Names, Path, Source, resolved
 from henon_ref.filippov.overrides import Release, Reset, SlidingOverride
@@ -107,8 +107,8 @@ def _check_kinks(source: Source, kinks: Kinks, taken: set[str]) -> None:
         if sign.name in taken:
             message = f"kink1, kink2, ... are the names of what has a kink here; '{sign.name}' is taken: rename it"
             raise source.error(("system", "field"), message, key=True)
-    if len(kinks.surfaces) > MAX_STATES:
-        message = f"'field' has {len(kinks.surfaces)} kinks; at most {MAX_STATES} are allowed"
+    if len(kinks.surfaces) > source.most_states:
+        message = f"'field' has {len(kinks.surfaces)} kinks; at most {source.most_states} are allowed"
         raise source.error(("system", "field"), message, key=True)
 
 

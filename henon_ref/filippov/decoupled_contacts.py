@@ -10,7 +10,7 @@ static friction the two ends of its hold zone stand in the place of ``-N(+1)`` a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -203,12 +203,19 @@ class SwitchedEquations:
 def switched_equations(system: Contacts) -> SwitchedEquations | None:
     """One set of equations for all modes; None where the surfaces act on each other or on several rates."""
     contacts: list[Contact] = []
+    taken: set[int] = set()
+    acting: dict[sp.Symbol, list[int]] = {sign: [] for sign in system.signs}
+    for row, rate in enumerate(system.field):
+        for symbol in rate.free_symbols & acting.keys():
+            acting[symbol].append(row)
+    places = {x: row for row, x in enumerate(system.states)}
     for i in range(len(system.surfaces)):
-        contact = _contact(system, i)
-        if contact is None or any(contact.row == other.row for other in contacts):
+        contact = _contact(system, i, acting[system.signs[i]], places)
+        if contact is None or contact.row in taken:
             return None
         contacts.append(contact)
-    if any(len(contact.slipping.free_symbols & set(system.signs)) != 1 for contact in contacts):
+        taken.add(contact.row)
+    if any(len(contact.slipping.free_symbols & acting.keys()) != 1 for contact in contacts):
         return None
     switches = tuple(
         ModeIndicators(s, sp.Symbol(f"slip_{i}", real=True), sp.Symbol(f"slide_{i}", real=True))
@@ -217,13 +224,14 @@ def switched_equations(system: Contacts) -> SwitchedEquations | None:
     return SwitchedEquations(system, switches, tuple(contacts))
 
 
-def _contact(system: Contacts, index: int) -> Contact | None:
+def _contact(system: Contacts, index: int, acting: Sequence[int], places: Mapping[sp.Symbol, int]) -> Contact | None:
+    """A surface's part, if it has one; ``acting``: the rows of the field that hold its sign, ``places``: of states."""
     h, sign = system.surfaces[index], system.signs[index]
-    row = _own_state(h, system)
-    if row is None or [k for k, f in enumerate(system.field) if f.has(sign)] != [row]:
+    row = _own_state(h, places)
+    if row is None or acting != [row]:
         return None
     x, rate = system.states[row], system.field[row]
-    if not _common_to_all(rate, x, sign, system):
+    if not _common_to_all(rate, x, sign, {TIME, *places}):
         return None
     slope = sp.diff(h, x)
     there = sp.expand(x - h / slope)
@@ -236,9 +244,8 @@ def _contact(system: Contacts, index: int) -> Contact | None:
     return Contact(row, rate, speed, (Guard("release", index, 1, -beyond), Guard("release", index, -1, before)))
 
 
-def _common_to_all(rate: sp.Expr, x: sp.Symbol, sign: sp.Symbol, system: Contacts) -> bool:
+def _common_to_all(rate: sp.Expr, x: sp.Symbol, sign: sp.Symbol, moving: set[sp.Symbol]) -> bool:
     """Whether a rate has values in every mode: no branch of its own, nor a branch point that the surface may be on."""
-    moving = {TIME, *system.states}
     sides = [{sign: sp.Integer(side)} for side in (-1, 1)]
     branching = (e for e in rate.atoms(sp.Pow, sp.log, sp.asin, sp.acos) if not (e.is_Pow and e.exp.is_Integer))
     return not any(e.has(x) for e in branching) and not any(
@@ -251,7 +258,7 @@ def _hold_zone(
 ) -> tuple[Guard, Guard] | None:
     """Ends of what static friction holds; None where its override moves other states than the surface does."""
     own, ends = system.overrides[index], system.hold_guards(index)
-    if own.entry != "inside" or len(ends) != 2 or any(end.expression.has(*system.signs) for end in ends):
+    if own.entry != "inside" or len(ends) != 2 or any(end.expression.free_symbols & {*system.signs} for end in ends):
         return None
     others = (pair for k, pair in enumerate(zip(own.field, system.field, strict=True)) if k != row)
     if sp.expand(put(own.field[row], there) - speed) != 0 or any(
@@ -262,9 +269,11 @@ def _hold_zone(
     return first, second
 
 
-def _own_state(surface: sp.Expr, system: Contacts) -> int | None:
+def _own_state(surface: sp.Expr, places: Mapping[sp.Symbol, int]) -> int | None:
     """The one state of a surface that is linear in it with a constant factor."""
-    own = [k for k, x in enumerate(system.states) if surface.has(x)]
-    if len(own) != 1 or sp.diff(surface, system.states[own[0]]).free_symbols & {TIME, *system.states}:
+    own = surface.free_symbols & places.keys()
+    if len(own) != 1:
         return None
-    return own[0]
+    (x,) = own
+    slope = sp.diff(surface, x).free_symbols
+    return None if TIME in slope or slope & places.keys() else places[x]

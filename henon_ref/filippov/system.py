@@ -318,18 +318,24 @@ class FilippovSystem(SwitchedField):
     def _beside(self) -> tuple[frozenset[int], ...]:
         """For each surface those that act on it, or that it acts on."""
         acting = self._acting
-        return tuple(own | {j for j, others in enumerate(acting) if i in others} for i, own in enumerate(acting))
+        acted_on: list[list[int]] = [[] for _ in acting]
+        for j, others in enumerate(acting):
+            for i in others:
+                acted_on[i].append(j)
+        return tuple(own.union(acted_on[i]) for i, own in enumerate(acting))
 
     @cached_property
     def _acting(self) -> tuple[frozenset[int], ...]:
         """For each surface those whose signs are in its normal velocity."""
         everything = frozenset(range(len(self.surfaces)))
+        places = {s: i for i, s in enumerate(self.signs)}
         found = []
         unslid = self.with_reactions(self.reacting - self.resting)
         normals = self._normal if unslid is self else [along(h, unslid.states, unslid.field) for h in unslid.surfaces]
         for i, normal in enumerate(normals):
             loads = [g.expression for g in self.hold_guards(i)] if i in self.overrides else []
-            acting = frozenset(j for j, s in enumerate(self.signs) if any(e.has(s) for e in (normal, *loads)))
+            symbols = normal.free_symbols.union(*(load.free_symbols for load in loads))
+            acting = frozenset(places[s] for s in symbols & places.keys())
             own = i not in self.overrides or self.held_inside(i) or self.rests(i)
             found.append(acting if own else everything)
         return tuple(found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import ChainMap
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -25,6 +26,7 @@ class Work:
     """The work done for one file; every reading of an expression is counted here and looked up here first."""
 
     done: int = 0
+    most: int = MAX_WORK
     values: dict[Hashable, sp.Expr] = field(default_factory=dict)
     """What a text stands for, by the text and what its names stand for."""
 
@@ -42,11 +44,11 @@ class Work:
             Where it is more than a file may cost.
         """
         self.done += characters
-        if self.done > MAX_WORK:
+        if self.done > self.most:
             raise ExpressionError(
                 "with this the expressions of the file are too much work: each text, worked out with the values of the "
-                f"parameters and both sides of the signs, counts by its length, and {MAX_WORK} characters are allowed; "
-                "make the expressions, or the readings, shorter or fewer",
+                f"parameters and both sides of the signs, counts by its length, and {self.most} characters are "
+                "allowed; make the expressions, or the readings, shorter or fewer",
                 offset,
             )
 
@@ -54,6 +56,11 @@ class Work:
 def key_of(kind: str, text: str, names: Mapping[str, sp.Expr]) -> Hashable:
     """What decides the value of a text: itself, and what the names in it stand for."""
     return kind, text, tuple((name, names.get(name)) for name in names_in(text))
+
+
+def overlaid(over: Mapping[str, sp.Expr], names: Mapping[str, sp.Expr]) -> Mapping[str, sp.Expr]:
+    """Names, some of them with another meaning; nothing is copied, as there may be thousands."""
+    return ChainMap(over, names)  # type: ignore[arg-type]  # only read
 
 
 def names_in(text: str) -> list[str]:

@@ -19,8 +19,9 @@ from henon_ref.henon.tape_program import tape_program
 from henon_ref.jit.ir_writer import declarations, row_length
 from henon_ref.jit.native_module import NativeModule
 from henon_ref.taylor.llvm.expansion import expansion_ir
+from henon_ref.taylor.llvm.looped import looped_expansion_ir
 from henon_ref.taylor.llvm.rounding import rounding_ir
-from henon_ref.taylor.llvm.step_end import step_end_ir
+from henon_ref.taylor.llvm.step_end import looped_step_end_ir, step_end_ir
 from henon_ref.taylor.tape import Tape, build_tape
 
 BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
@@ -30,10 +31,11 @@ Entries = tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
 MOST_WATCHED = 200
 """Operations up to which guards that hold more than the field does (a long expression whose extremes a sweep looks for)
 are compiled to the fastest code: beyond, that takes longer than most runs."""
-LARGE = 700
-"""Operations of field and guards beyond which the fastest code is not worth its compiling, whose time grows with the
-square: for a chain of 40 masses, at 320, it takes 8 times as long as that of plain code, which runs as fast there, and
-takes up to 1.5 times as long for 16 blocks with friction, at 404."""
+LARGE = 200
+"""Operations of field and guards beyond which the code is loops over like ones (:mod:`henon_ref.taylor.llvm.looped`):
+compiling straight-line code takes a time that grows with the square. For 40 masses with one contact, at 243, loops are
+ready in 2.2 in place of 6.9 s and a run takes 1.07 times as long; for 4 blocks with friction, at 88, twice as long; for
+16, at 388, the same."""
 SAME_CODE = 64
 """Pieces of machine code that are remembered by their text, for systems that are made anew."""
 
@@ -134,14 +136,16 @@ def _mode_code(
     field_branches = _has_branch_points(expansion, expansion.field)
     guards_branch = tuple(_has_branch_points(expansion, [row]) for row in expansion.outputs)
     has_branch_points = field_branches or any(guards_branch)
+    large = len(nodes) > LARGE
+    expansion_code, end_code = (looped_expansion_ir, looped_step_end_ir) if large else (expansion_ir, step_end_ir)
     code = native_module(
         declarations()
-        + expansion_ir(expansion, n, order, "expansion")
-        + step_end_ir(n, len(outputs), order, "closing")
-        + expansion_ir(probe, n, 0, "probe")
+        + expansion_code(expansion, n, order, "expansion")
+        + end_code(n, len(outputs), order, "closing")
+        + expansion_code(probe, n, 0, "probe")
         + rounding_ir(expansion, n, "rounding")
-        + (expansion_ir(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else ""),
-        optimised=len(nodes) <= min(len(expansion.needed(expansion.field)) + MOST_WATCHED, LARGE),
+        + (expansion_code(expansion, n, 1, "slopes", row_length(order)) if has_branch_points else ""),
+        optimised=large or len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED,
     )
     tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
     return ModeCode(*tapes, code, degree, field_branches, guards_branch, tape_program(expansion, max(degrees)))

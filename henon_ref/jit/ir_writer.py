@@ -45,8 +45,32 @@ def declarations() -> str:
     for n in (2, 4):
         kind = f"<{n} x double>"
         lines.append(f"declare {kind} @llvm.fma.v{n}f64({kind}, {kind}, {kind})")
-    lines.append("declare i64 @llvm.ctpop.i64(i64)")
+    lines += ["declare i64 @llvm.ctpop.i64(i64)", "declare noalias ptr @malloc(i64)", "declare void @free(ptr)"]
     return "\n".join(lines) + "\n"
+
+
+def loop_function(name: str, arguments: str, body: Sequence[str]) -> str:
+    """LLVM IR of a function of the module's own that does something for ``%at`` from 0 to below its ``i64 %count``."""
+    return "\n".join(
+        [
+            f"define internal void @{name}({arguments}) noinline {{",
+            "entry:",
+            "  %none = icmp eq i64 %count, 0",
+            "  br i1 %none, label %end, label %loop",
+            "loop:",
+            "  %at = phi i64 [ 0, %entry ], [ %next, %latch ]",
+            *body,
+            "  br label %latch",
+            "latch:",
+            "  %next = add i64 %at, 1",
+            "  %more = icmp ult i64 %next, %count",
+            "  br i1 %more, label %loop, label %end",
+            "end:",
+            "  ret void",
+            "}",
+            "",
+        ]
+    )
 
 
 class IRWriter:

@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from henon_ref.casefile.expressions import parse_expression, parse_number
+from henon_ref.casefile.grammar import MAX_STATES, MOST_STATES
 from henon_ref.casefile.model_form import plainly_fits
 from henon_ref.casefile.problem import written_model
 from henon_ref.casefile.source import Source
-from henon_ref.casefile.tree import MappingNode, ScalarNode, child, merged
+from henon_ref.casefile.tree import MappingNode, ScalarNode, SequenceNode, child, merged
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
 from henon_ref.filippov.exponents import parameters_in_exponents, with_rational_exponents
-from henon_ref.filippov.work import Work
+from henon_ref.filippov.work import MAX_WORK, Work
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.written import mapping, tree_of, written, written_name
 from henon_ref.taylor.size import size
@@ -41,7 +42,7 @@ class System:
     Parameters
     ----------
     state : sequence of str
-        Names of the n states.
+        Names of the n states; at most 4,096, and as many surfaces.
     parameters : mapping, optional
         Name -> number, or an expression in other parameters.
     surfaces : mapping, optional
@@ -172,7 +173,7 @@ class System:
         try:
             check_form(self.tree)
             with one_at_a_time():
-                self._written, self._names = written_model(Source(self.tree))
+                self._written, self._names = written_model(_source(self.tree))
                 self.model = with_rational_exponents(self._written)
         except HenonRefError as error:
             raise argument_error(error, declared) from None
@@ -371,10 +372,17 @@ def check_form(tree: MappingNode) -> None:
         For the first key or value that does not fit.
     """
     if not plainly_fits(tree):
-        from henon_ref.casefile.validation import validated
+        from henon_ref.casefile.validation import check_model
 
         rest = {key: tree_of(value, key) for key, value in _REST.items()}
-        validated(mapping({**rest, **tree.entries}), file=None)
+        check_model(mapping({**rest, **tree.entries}))
+
+
+def _source(tree: MappingNode) -> Source:
+    """A model from Python, whose expressions may cost the more the more states it has."""
+    state = child(tree, ["system", "state"])
+    parts = len(state.items) // MAX_STATES if isinstance(state, SequenceNode) else 0
+    return Source(tree, work=Work(most=(1 + parts) * MAX_WORK), most_states=MOST_STATES)
 
 
 def _short(expression: sp.Expr) -> str:

@@ -10,32 +10,21 @@ the size of a step, so that coefficients neither overflow nor vanish whatever th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import count
 
 from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value, row_length
 from henon_ref.taylor import rules
 from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Functions
 from henon_ref.taylor.llvm.convolutions import Convolutions, convolved
-from henon_ref.taylor.llvm.functions_of_time import Clock, SineOfTime
-from henon_ref.taylor.llvm.layout import store_combination, store_integral, store_values
+from henon_ref.taylor.llvm.functions_of_time import Clock
+from henon_ref.taylor.llvm.layout import Row, store_combination, store_integral, store_values
 from henon_ref.taylor.llvm.linear_forms import Form, Forms
-from henon_ref.taylor.llvm.recurrences import (
-    Constant,
-    IntegralOfProduct,
-    IntegralOfQuotient,
-    Power,
-    Product,
-    Quotient,
-    QuotientTail,
-    Reciprocal,
-    Recurrence,
-    Root,
-    Square,
-)
-from henon_ref.taylor.llvm.step_bounds import inverse_size, last_terms, longest_step
+from henon_ref.taylor.llvm.node_recurrences import NodeRecurrences
+from henon_ref.taylor.llvm.recurrences import Recurrence
+from henon_ref.taylor.llvm.step_bounds import GROWING, inverse_size, last_terms, longest_step
 from henon_ref.taylor.llvm.sums import IntegralOfForm, LinearForm, StateIntegral
-from henon_ref.taylor.tape import Node, Tape
+from henon_ref.taylor.tape import Tape
 
 
 def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | None = None) -> str:
@@ -66,7 +55,7 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
     expansion.store(width)
     if order >= 3:
         rows = [*expansion.solution, *expansion.outputs]
-        exponentials = [(n.op, expansion.series[n.args[0]]) for n in tape.nodes if n.op in ("exp", "sinh", "tanh")]
+        exponentials = [(n.op, expansion.series[n.args[0]]) for n in tape.nodes if n.op in GROWING]
         for at, value in enumerate([*last_terms(w, rows, expansion.sizes, order), longest_step(w, exponentials)]):
             w.store(value, "%C", len(rows) * width + at)
     return function_ir(w, name)
@@ -91,7 +80,7 @@ def values_ir(tape: Tape, states: int, name: str, places: Sequence[int]) -> str:
 
 
 def function_ir(w: IRWriter, name: str) -> str:
-    """The function of the instructions written."""
+    """The function of the instructions written; see :func:`expansion_ir`."""
     body = "\n".join(w.lines)
     return (
         f"define void @{name}(double %t_hi, double %t_lo, double %unit, ptr noalias %x, ptr noalias %K, "
@@ -126,60 +115,24 @@ class Expansion:
             for at, node in enumerate(tape.nodes)
             if node.op == "state" and (found := self.integral_states.get(node.args[0]))
         }
-        self.targets = [self._linear(form) for form in self.output_forms]
+        made = NodeRecurrences(w, self.constants, self.functions, self.series, self.convolutions, self.integrals, order)
+        self.targets = [made.linear(form) for form in self.output_forms]
         self.recurrences: dict[int, Recurrence] = {}
         for at, node in enumerate(tape.nodes):
             if at in self.kept:
-                self.recurrences[at] = self._linear(self.kept[at])
+                self.recurrences[at] = made.linear(self.kept[at])
             elif node.op not in (*rules.LINEAR, "state"):
-                self.recurrences[at] = self._recurrence(at, node)
+                clock = self.recurrences.get(node.args[0]) if node.args else None
+                below = self.forms.below(node.args[0]) if node.op == "recip" else None
+                self.recurrences[at] = made.of(at, node, clock if isinstance(clock, Clock) else None, below)
         self.outputs: list[list[Value]] = []
         self.sizes: list[str] = []
-
-    def _linear(self, form: Form) -> LinearForm:
-        return LinearForm(self.w, self.constants, self.functions, form, self.series, self.integrals)
-
-    def _recurrence(self, at: int, node: Node) -> Recurrence:
-        """What writes the coefficients of a node that is no sum."""
-        w, functions, y = self.w, self.functions, self.series[at]
-        numbers = [self.constants.value(index) for index in node.constants]
-        if node.op == "constant":
-            return Constant(numbers[0])
-        if node.op == "clock":
-            start, slope = node.constants
-            return Clock(w, self.constants, start, slope, self.order)
-        clock = self.recurrences.get(node.args[0])
-        if isinstance(clock, Clock) and node.op in ("sin", "cos"):
-            return SineOfTime(w, node.op, clock)
-        a, b = self.series[node.args[0]], self.series[node.args[-1]]
-        match rules.RULES[node.op]:
-            case rules.Product():
-                return Square(w, a) if a is b else Product(w, a, b, self.convolutions, (node.args[0], node.args[1], at))
-            case rules.Quotient(above="c"):
-                below = self.forms.below(node.args[0])
-                (x,) = below.terms
-                return Reciprocal(w, functions, numbers[0], self._linear(below), self._tail(x, at))
-            case rules.Quotient():
-                return Quotient(w, functions, a, b, self._tail(node.args[1], at))
-            case rules.Root():
-                return Root(w, functions, a, y)
-            case rules.Power():
-                return Power(w, functions, numbers[0], a, y)
-            case rules.IntegralOfProduct(sign) as rule:
-                factor = self.series[rule.place(at, node.args)]
-                return IntegralOfProduct(w, functions, node.op, sign, a, factor)
-            case rules.IntegralOfQuotient(sign) as rule:
-                factor = self.series[rule.place(at, node.args)]
-                return IntegralOfQuotient(w, functions, node.op, sign, a, factor, y)
-        raise NotImplementedError(node.op)
-
-    def _tail(self, x: int, at: int) -> QuotientTail:
-        return QuotientTail(self.w, self.series[x], self.series[at], self.convolutions, (x, at, at))
 
     def run(self) -> None:
         """Write the coefficients of all nodes that are wanted, of the states and of the outputs."""
         w, order = self.w, self.order
-        last = self._read_by(leaf for form in self.output_forms for leaf in form.terms)
+        leaves = (leaf for form in self.output_forms for leaf in form.terms)
+        last = read_by(self.tape, self.forms, self.kept, leaves)
         for k in range(order + 1):
             self.convolutions.add_up(k)
             for at, recurrence in self.recurrences.items():
@@ -197,17 +150,21 @@ class Expansion:
     def store(self, width: int) -> None:
         """Store all rows: of a state that is another's integral and of an output from rows that are there already."""
         w, order = self.w, self.order
-        for i, row in enumerate(self.solution):
+
+        def row(i: int) -> Row:
+            return "%C", i * width
+
+        for i, values in enumerate(self.solution):
             if i not in self.integral_states:
-                store_values(w, row, i, width)
+                store_values(w, values, row(i))
         for i, integral in self.integral_states.items():
-            store_integral(w, self.solution[i], i, integral, order)
-        for r, target, values in zip(count(self.states), self.targets, self.outputs, strict=False):
+            store_integral(w, self.solution[i], row(i), row(integral.source), integral.rate, order)
+        for r, target, found in zip(count(self.states), self.targets, self.outputs, strict=False):
             if self._by_vectors(target):
-                parts = {self._state(leaf): target.factor(leaf) for leaf in target.form.terms}
-                store_combination(w, values[0], r, parts, order)
+                parts = [(row(self._state(leaf)), target.factor(leaf)) for leaf in target.form.terms]
+                store_combination(w, found[0], row(r), parts, order)
             else:
-                store_values(w, values, r, width)
+                store_values(w, found, row(r))
 
     def _output(self, target: LinearForm) -> list[Value]:
         """Coefficients of an output; of one that is linear in the states only those that the norms read."""
@@ -225,31 +182,42 @@ class Expansion:
         return node.args[0] if node.op == "state" else -1
 
     def _integral_states(self) -> dict[int, StateIntegral]:
-        """States whose rate is a multiple of another state, which is no such one itself (Fig. 8: 4 to 6 % of a run)."""
-        found: dict[int, StateIntegral] = {}
-        sources: set[int] = set()
-        for i, rate in enumerate(self.rates):
-            if self.order >= LANES and len(rate.leaves) == 1 and not rate.form.constant and i not in sources:
-                (leaf,) = rate.leaves
-                source = self._state(leaf)
-                if source not in (-1, i) and source not in found:
-                    found[i] = StateIntegral(source, rate.rates[leaf])
-                    sources.add(source)
-        return found
+        """By :func:`integral_states`, each with its factor."""
+        found = integral_states(self.tape, [rate.form for rate in self.rates], self.order)
+        return {i: StateIntegral(self._state(leaf), self.rates[i].rates[leaf]) for i, leaf in found.items()}
 
-    def _read_by(self, roots: Iterable[int]) -> set[int]:
-        """Every node that these read, and these."""
-        found: set[int] = set()
-        waiting = list(roots)
-        while waiting:
-            at = waiting.pop()
-            node = self.tape.nodes[at]
-            if at not in found and node.op != "state":
-                found.add(at)
-                if at in self.kept:
-                    waiting.extend(self.kept[at].terms)
-                elif node.op == "recip":
-                    waiting.append(self.forms.denominator(node.args[0]))
-                else:
-                    waiting.extend(node.args)
-        return found
+
+def integral_states(tape: Tape, field: Sequence[Form], order: int) -> dict[int, int]:
+    """States whose rate is a multiple of another state, which is no such one itself (Fig. 8: 4 to 6 % of a run).
+
+    Each with the node of that other state. ``field``: the rates as forms.
+    """
+    found: dict[int, int] = {}
+    sources: set[int] = set()
+    for i, form in enumerate(field):
+        if order >= LANES and len(form.terms) == 1 and not form.constant and i not in sources:
+            (leaf,) = form.terms
+            node = tape.nodes[leaf]
+            source = node.args[0] if node.op == "state" else -1
+            if source not in (-1, i) and source not in found:
+                found[i] = leaf
+                sources.add(source)
+    return found
+
+
+def read_by(tape: Tape, forms: Forms, kept: Mapping[int, Form], roots: Iterable[int]) -> set[int]:
+    """Every node that these read, and these; states apart. ``kept``: what linear nodes are made of."""
+    found: set[int] = set()
+    waiting = list(roots)
+    while waiting:
+        at = waiting.pop()
+        node = tape.nodes[at]
+        if at not in found and node.op != "state":
+            found.add(at)
+            if at in kept:
+                waiting.extend(kept[at].terms)
+            elif node.op == "recip":
+                waiting.append(forms.denominator(node.args[0]))
+            else:
+                waiting.extend(node.args)
+    return found

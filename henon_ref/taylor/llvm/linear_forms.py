@@ -6,6 +6,7 @@ Flattened, every term is one fused multiply-add, and a state's rate is folded in
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from henon_ref.taylor.rules import LINEAR, RULES, Linear
@@ -63,12 +64,8 @@ class Forms:
         for node in tape.nodes:
             if node.op == "recip":
                 self._find_affine_argument(node.args[0])
-        read_by_reciprocals = {
-            a
-            for a in self.affine_arguments
-            if all(n.op == "recip" or n.op in LINEAR for n in tape.nodes if a in _read(n))
-        }
-        self.affine_arguments = {a: self.affine_arguments[a] for a in read_by_reciprocals}
+        others = {a for n in tape.nodes if n.op != "recip" and n.op not in LINEAR for a in _read(n)}
+        self.affine_arguments = {a: found for a, found in self.affine_arguments.items() if a not in others}
         self.kept = {
             at
             for at, node in enumerate(tape.nodes)
@@ -78,7 +75,7 @@ class Forms:
         }
 
     def _find_affine_argument(self, at: int) -> None:
-        form = self._flat(at, frozenset())
+        form = self._flat(at, ())
         if self.tape.nodes[at].op in LINEAR and len(form.terms) == 1:
             (leaf,) = form.terms
             if self.tape.nodes[leaf].op not in ("clock", "constant"):
@@ -86,7 +83,7 @@ class Forms:
 
     def of(self, at: int) -> Form:
         """The form of a node; of a kept one, what it is made of."""
-        return self._flat(at, self.kept - {at})
+        return self._flat(at, self.kept)
 
     def denominator(self, at: int) -> int:
         """The node that a reciprocal reads: x where its denominator is ``a x + b`` (Fig. 8: 5 to 12 % of a run)."""
@@ -96,7 +93,8 @@ class Forms:
         """The denominator as a form of that node."""
         return self.affine_arguments[at][1] if at in self.affine_arguments else Form({at: [Factor()]})
 
-    def _flat(self, at: int, stops: frozenset[int] | set[int]) -> Form:
+    def _flat(self, at: int, stops: Collection[int]) -> Form:
+        """A node as a form of nodes at which this stops, itself apart."""
         form = Form()
         waiting = [(at, Factor())]
         while waiting:
@@ -104,7 +102,7 @@ class Forms:
             node = self.tape.nodes[current]
             if node.op == "constant":
                 form.constant.append(factor.times(node.constants[0]))
-            elif node.op not in LINEAR or current in stops:
+            elif node.op not in LINEAR or (current != at and current in stops):
                 form.terms.setdefault(current, []).append(factor)
             else:
                 rule = RULES[node.op]

@@ -10,6 +10,8 @@ ARGUMENT_CHANGE = 8.0
 """How far the argument of an exponential may move on one step."""
 STEP_LIMIT = 2.0
 """How many units a step may be where an argument has terms of order 3 and higher."""
+GROWING = ("exp", "sinh", "tanh")
+"""Functions whose argument bounds the step."""
 SATURATED = {"exp": 750.0, "tanh": 20.0}
 """Argument (of exp: minus the argument) from which on the value is 0 (of tanh: 1 or -1) to the last digit."""
 
@@ -47,7 +49,7 @@ def longest_step(w: IRWriter, exponentials: Sequence[tuple[str, Sequence[Value]]
     Parameters
     ----------
     exponentials : sequence
-        Of each ``exp``, ``sinh`` and ``tanh`` the name, and the coefficients of the argument.
+        Of each of the functions that are :data:`GROWING` the name, and the coefficients of the argument.
     """
     result = literal(1e30)
     for name, argument in exponentials:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from henon_ref.jit.ir_writer import LANES, ONE, ZERO, IRWriter, row_length
+from collections.abc import Sequence
+
+from henon_ref.jit.ir_writer import LANES, ONE, ZERO, IRWriter, loop_function, row_length
+from henon_ref.taylor.llvm.layout import Row
+
+_VECTOR = f"<{LANES} x double>"
 
 
 def step_end_ir(states: int, outputs: int, order: int, name: str) -> str:
@@ -13,28 +18,61 @@ def step_end_ir(states: int, outputs: int, order: int, name: str) -> str:
     negative terms.
     """
     w = IRWriter()
-    vector = f"<{LANES} x double>"
-    width = row_length(order)
-    square = w.binary("fmul", "%theta", "%theta")
-    fourth = w.binary("fmul", square, square)
-    strides = [w.vector([fourth] * LANES)]
-    powers = w.vector([ONE, "%theta", square, w.binary("fmul", square, "%theta")])
-    zero = w.vector([ZERO] * LANES)
+    powers, strides = _powers(w)
     for r in range(states + outputs):
-        terms = []
-        for v in range(width // LANES):
-            term = w.load("%C", r * width + v * LANES, vector)
-            if v == 0:
-                term = w.emit(f"insertelement {vector} {term}, double {ZERO}, i64 0")
-            if r >= states:
-                below = w.emit(f"fcmp olt {vector} {term}, {zero}")
-                term = w.emit(f"select <{LANES} x i1> {below}, {vector} {term}, {vector} {zero}")
-            terms.append(term)
-        total = _estrin(w, terms, strides)
-        total = w.across(LANES, w.lanewise("fmul", LANES, total, powers))
-        w.store(w.plus(w.load("%C", r * width), total) if r >= states else total, "%out", r)
-    body = "\n".join(w.lines)
+        _row(w, ("%C", r * row_length(order)), ("%out", r), order, r >= states, powers, strides)
+    return _function(name, w.lines)
+
+
+def looped_step_end_ir(states: int, outputs: int, order: int, name: str) -> str:
+    """The same as :func:`step_end_ir`, as loops over the rows."""
+    text, lines = "", []
+    for which, first, count in (("states", 0, states), ("outputs", states, outputs)):
+        w = IRWriter()
+        w.lines += [
+            f"  %row = mul i64 %at, {row_length(order)}",
+            "  %C = getelementptr double, ptr %first, i64 %row",
+            "  %out = getelementptr double, ptr %results, i64 %at",
+        ]
+        powers, strides = _powers(w)
+        _row(w, ("%C", 0), ("%out", 0), order, which == "outputs", powers, strides)
+        text += loop_function(
+            f"{name}.{which}", "double %theta, ptr noalias %first, ptr noalias %results, i64 %count", w.lines
+        )
+        lines += [
+            f"  %first{first} = getelementptr double, ptr %C, i64 {first * row_length(order)}",
+            f"  %results{first} = getelementptr double, ptr %out, i64 {first}",
+            f"  call void @{name}.{which}(double %theta, ptr %first{first}, ptr %results{first}, i64 {count})",
+        ]
+    return text + _function(name, lines)
+
+
+def _function(name: str, lines: Sequence[str]) -> str:
+    body = "\n".join(lines)
     return f"define void @{name}(double %theta, ptr noalias %C, ptr noalias %out) {{\nentry:\n{body}\n  ret void\n}}\n"
+
+
+def _powers(w: IRWriter) -> tuple[str, list[str]]:
+    """Powers of theta from 0 to 3, and theta^4, each as a vector."""
+    square = w.binary("fmul", "%theta", "%theta")
+    strides = [w.vector([w.binary("fmul", square, square)] * LANES)]
+    return w.vector([ONE, "%theta", square, w.binary("fmul", square, "%theta")]), strides
+
+
+def _row(w: IRWriter, row: Row, out: Row, order: int, bound: bool, powers: str, strides: list[str]) -> None:
+    """What is put of one row: a state's change, or the ``bound`` of an output."""
+    zero, terms = w.vector([ZERO] * LANES), []
+    for v in range(row_length(order) // LANES):
+        term = w.load(row[0], row[1] + v * LANES, _VECTOR)
+        if v == 0:
+            term = w.emit(f"insertelement {_VECTOR} {term}, double {ZERO}, i64 0")
+        if bound:
+            below = w.emit(f"fcmp olt {_VECTOR} {term}, {zero}")
+            term = w.emit(f"select <{LANES} x i1> {below}, {_VECTOR} {term}, {_VECTOR} {zero}")
+        terms.append(term)
+    total = _estrin(w, terms, strides)
+    total = w.across(LANES, w.lanewise("fmul", LANES, total, powers))
+    w.store(w.plus(w.load(*row), total) if bound else total, *out)
 
 
 def _estrin(w: IRWriter, terms: list[str], strides: list[str]) -> str:

@@ -1,0 +1,436 @@
+"""Machine code for the Taylor coefficients of a long tape: loops over nodes whose recurrences have the same shape.
+
+A tape of thousands of operations holds a few kinds of them many times. As in heyoka's compact mode (Biscani and Izzo,
+*MNRAS* 504, 2021, Sec. 2.4) there is one function a shape and order, which goes over all nodes of that shape by a table
+of the places that they read, so that compiling takes no longer for more of them. The functions are written by the
+recurrences of the straight-line code (:mod:`henon_ref.taylor.llvm.expansion`) for one node, cut into pieces
+(:mod:`henon_ref.taylor.llvm.pieces`), and compute the same bits.
+
+Series of states stand in the rows of ``C``, those of nodes in memory that is taken for the call, ``S``: behind the
+constants in the sums that multiply something, each once, and the numbers that the step size is chosen by.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from typing import TypeVar
+
+from henon_ref.jit.ir_writer import LANES, IRWriter, Value, literal, loop_function, row_length
+from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Functions
+from henon_ref.taylor.llvm.convolutions import Convolutions
+from henon_ref.taylor.llvm.functions_of_time import Clock, SineOfTime
+from henon_ref.taylor.llvm.layout import store_combination, store_values
+from henon_ref.taylor.llvm.linear_forms import Factor, Form
+from henon_ref.taylor.llvm.node_recurrences import NodeRecurrences
+from henon_ref.taylor.llvm.pieces import Pieces, PiecewiseWriter
+from henon_ref.taylor.llvm.recurrences import Recurrence
+from henon_ref.taylor.llvm.shapes import Factors, Operands, Shape, Shapes
+from henon_ref.taylor.llvm.step_bounds import GROWING, inverse_size, longest_step
+from henon_ref.taylor.llvm.sums import IntegralOfForm
+from henon_ref.taylor.tape import Node, Tape
+
+T = TypeVar("T")
+Key = TypeVar("Key", bound=Hashable)
+_POINTER = re.compile(r"%p(\d+)\b")
+_ARGUMENTS = "ptr noalias %C, ptr noalias %S, ptr noalias %K"
+_TIMES = "double %unit, double %t_hi, double %t_lo"
+NOTHING = 1e30
+"""Longest step where no function bounds it."""
+
+
+def looped_expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | None = None) -> str:
+    """The same as :func:`henon_ref.taylor.llvm.expansion.expansion_ir`, as loops."""
+    return _LoopedExpansion(tape, states, order, name, row_length(order) if width is None else width).text()
+
+
+class _Series(Coefficients):
+    """Coefficients that are in memory, each read once."""
+
+    def __init__(self, w: IRWriter, pointer: str, degree: int) -> None:
+        super().__init__(w)
+        self._pointer, self._degree = pointer, degree
+        self._read: dict[int, Value] = {}
+
+    def __getitem__(self, k: int) -> Value:  # type: ignore[override]
+        if k > self._degree:
+            return None
+        if k not in self._read:
+            self._read[k] = self._w.load(self._pointer, k)
+        return self._read[k]
+
+
+class _Constants(Constants):
+    """Constants of one node, by their places among them; of a clock's two what rounding lost stands behind them."""
+
+    def __init__(self, w: IRWriter, first: int, count: int) -> None:
+        self._w, self._first, self._count = w, first, count // 2
+        self._loaded, self._products, self._sums = {}, {}, {}
+
+    def value(self, index: int) -> str:
+        if index not in self._loaded:
+            self._loaded[index] = self._w.load(f"%p{self._first + index}", 0)
+        return self._loaded[index]
+
+
+class _OneNode:
+    """What writes the code of one node of a shape. Pointers: ``%p0`` its own row, then its series, then constants."""
+
+    def __init__(self, shape: Shape, order: int) -> None:
+        self.shape, self.order, own = shape, order, len(shape.series)
+        self.w = w = PiecewiseWriter()
+        w.begin()
+        self.constants, functions = _Constants(w, 1 + own, shape.constants), Functions(w)
+        self.series: dict[int, Coefficients] = {
+            label: _Series(w, f"%p{1 + label}", degree) for label, (_, degree) in enumerate(shape.series)
+        }
+        self.y = self.series[own] = Coefficients(w)
+        pair = (shape.args[0], shape.args[1], own) if shape.op == "mul" else (own - 1, own, own)
+        self.convolutions = Convolutions(w, self.series, [pair] if shape.in_vectors else [], order)
+        integrals = {
+            label: (self.series[of], w.mul(self.constants.total(rate), "%unit")) for label, of, rate in shape.integrals
+        }
+        self.made = NodeRecurrences(w, self.constants, functions, self.series, self.convolutions, integrals, order)
+        self.form = Form({label: list(found) for label, found in shape.terms}, list(shape.constant))
+
+    def recurrence(self) -> Recurrence:
+        """Of a node that is no rate."""
+        shape, own = self.shape, len(self.shape.series)
+        if shape.op in ("sum", "output"):
+            return self.made.linear(self.form)
+        if shape.op.endswith(" of time"):
+            clock = Clock(self.w, self.constants, 0, 1, self.order)
+            clock.coefficient(0)  # its phase is in two numbers
+            return SineOfTime(self.w, shape.op[:3], clock)
+        numbers = (0, 1) if shape.op == "clock" else tuple(range(shape.constants))
+        if shape.op == "recip":
+            return self.made.of(own, Node("recip", (0,), (0,)), None, self.form)
+        return self.made.of(own, Node(shape.op, shape.args, numbers), None, None)
+
+    def pieces(self) -> Pieces:
+        """Of a node, a piece an order."""
+        recurrence, y = self.recurrence(), self.y
+        for k in range(self.order + 1):
+            if k:
+                self.w.begin()
+            self.convolutions.add_up(k)
+            y.append(recurrence.coefficient(k))
+            self.convolutions.pack(k)
+        return self.w.pieces({k: (k, v) for k, v in enumerate(y) if v is not None}, "%p0", self.order + 1)
+
+    def rate_pieces(self) -> Pieces:
+        """Of a state, from each order the next coefficient."""
+        state = IntegralOfForm(self.w, self.constants, self.form, self.series, None)
+        results = {}
+        for k in range(self.order):
+            if k:
+                self.w.begin()
+            results[k + 1] = k, state.coefficient(k + 1)
+        return self.w.pieces(results, "%p0", self.order + 1)
+
+    def output(self) -> tuple[list[str], int]:
+        """Lines of an output: its row, and its ratios as :func:`_ratios` puts them."""
+        w, order, target = self.w, self.order, self.made.linear(self.form)
+        in_rows = order >= LANES and all(self.shape.series[label][0] for label in self.form.terms)
+        wanted = {0, 1, 2, order - 1, order} if in_rows else range(order + 1)
+        values = [target.coefficient(k) if k in wanted else None for k in range(order + 1)]
+        if in_rows:
+            parts = [((f"%p{1 + label}", 0), target.factor(label)) for label in self.form.terms]
+            store_combination(w, values[0], ("%p0", 0), parts, order)
+        else:
+            store_values(w, values, ("%p0", 0))
+        if order >= 3:
+            _ratios(w, values, 1 + len(self.shape.series) + self.shape.constants)
+        return w.lines, 0
+
+
+def _ratios(w: IRWriter, values: Sequence[Value], pointer: int) -> None:
+    """Put a row's last but one and last coefficient, relative to its size, behind a pointer and the next one."""
+    inverse = inverse_size(w, values[:3])
+    for value in values[-2:]:
+        if value is not None:
+            w.store(w.binary("fmul", w.call("fabs", value), inverse), f"%p{pointer}", 0)
+            pointer += 1
+
+
+class _LoopedExpansion:
+    """Writes the module's functions and calls."""
+
+    def __init__(self, tape: Tape, states: int, order: int, name: str, width: int) -> None:
+        self.tape, self.states, self.order, self.name, self.width = tape, states, order, name, width
+        self.shapes = Shapes(tape, order)
+        self.functions: dict[Hashable, str] = {}
+        self.globals: list[str] = []
+        self.calls: list[str] = []
+        self.memory = 0
+        """Doubles of ``S`` that are taken."""
+        self.totals: dict[Factors, int] = {}
+        """Where in ``S`` each sum of constants stands."""
+        self.pieces: dict[Shape, Pieces] = {}
+        self.rows: dict[int, int] = {}
+        """Where in ``S`` the row of each node stands."""
+
+    def text(self) -> str:
+        """The LLVM IR."""
+        self._constants()
+        self._node_rows()
+        self._orders()
+        if self.order >= 3:
+            self._norms()
+        else:
+            self._outputs({})
+        body = "\n".join(self.calls)
+        copy = f"  call void @{self.name}.copy(ptr %C, ptr %x, i64 {self.states}, i64 {self.width})\n"
+        return (
+            "\n".join(self.globals)
+            + "\n"
+            + _copy_ir(f"{self.name}.copy")
+            + f"define void @{self.name}(double %t_hi, double %t_lo, double %unit, ptr noalias %x, ptr noalias %K, "
+            f"ptr noalias %C) {{\nentry:\n  %S = call noalias ptr @malloc(i64 {8 * max(self.memory, 1)})\n"
+            f"{copy}{body}\n  call void @free(ptr %S)\n  ret void\n}}\n"
+        )
+
+    def _taken(self, count: int) -> int:
+        """So many doubles of ``S``."""
+        first, self.memory = self.memory, self.memory + count
+        return first
+
+    def _loop(
+        self, key: Hashable, bases: Sequence[str], lines: Callable[[], Iterable[str]], table: tuple[str, int]
+    ) -> None:
+        """Call a loop over a table, whose function is written where it is not there yet."""
+        if key not in self.functions:
+            self.functions[key] = f"{self.name}.{len(self.functions)}"
+            self.globals.append(_loop_ir(self.functions[key], bases, list(lines())))
+        rows = f"ptr @{table[0]}, i64 {table[1]}"
+        self.calls.append(f"  call void @{self.functions[key]}(ptr %C, ptr %S, ptr %K, {rows}, {_TIMES})")
+
+    def _table(self, rows: Sequence[Sequence[int]]) -> tuple[str, int]:
+        """A table of places, as a constant of the module."""
+        name = f"{self.name}.table{len(self.globals)}"
+        numbers = ", ".join(f"i32 {place}" for row in rows for place in row)
+        self.globals.append(f"@{name} = private constant [{sum(map(len, rows))} x i32] [{numbers}]")
+        return name, len(rows)
+
+    def _constants(self) -> None:
+        """All sums of constants, each once."""
+        found = [*self.shapes.nodes.values(), *self.shapes.rates, *self.shapes.outputs]
+        for _, operands in found:
+            for factors in operands.constants:
+                if factors not in self.totals:
+                    self.totals[factors] = self._taken(1)
+        signs = {factors: tuple((f.sign, len(f.constants)) for f in factors) for factors in self.totals}
+        for kind, members in _grouped(self.totals, signs.__getitem__):
+            rows = [[self.totals[each], *(i for f in each for i in f.constants)] for each in members]
+            bases = ["%S", *["%K"] * (len(rows[0]) - 1)]
+            self._loop(("total", kind), bases, lambda kind=kind: _total(kind), self._table(rows))  # type: ignore[misc]
+
+    def _node_rows(self) -> None:
+        for at, (shape, _) in self.shapes.nodes.items():
+            if shape not in self.pieces:
+                self.pieces[shape] = _OneNode(shape, self.order).pieces()
+            self.rows[at] = self._taken(self.pieces[shape].room)
+
+    def _places(self, operands: Operands) -> list[int]:
+        series = [self.rows[at] if at >= 0 else (-1 - at) * self.width for at in operands.series]
+        return [*series, *(self.totals[factors] for factors in operands.constants)]
+
+    @staticmethod
+    def _bases(shape: Shape) -> list[str]:
+        return [*("%C" if state else "%S" for state, _ in shape.series), *["%S"] * shape.constants]
+
+    def _orders(self) -> None:
+        """Coefficients of all nodes, then the next ones of the states, order by order."""
+        shapes, order = self.shapes, self.order
+        groups = []
+        for (_, shape, last), members in _grouped(
+            sorted(shapes.nodes, key=shapes.levels.__getitem__),
+            lambda at: (shapes.levels[at], shapes.nodes[at][0], at in shapes.last),
+        ):
+            rows = [[self.rows[at], *self._places(shapes.nodes[at][1])] for at in members]
+            groups.append((shape, last, self._table(rows)))
+        rates = []
+        for shape, states in _grouped(range(len(shapes.rates)), lambda i: shapes.rates[i][0]):
+            rows = [[i * self.width, *self._places(shapes.rates[i][1])] for i in states]
+            rates.append((shape, _OneNode(shape, order).rate_pieces(), self._table(rows)))
+        for k in range(order + 1):
+            for shape, last, table in groups:
+                if k < order or order == 0 or last:
+                    lines = self.pieces[shape].lines[k]
+                    self._loop((shape, k), ["%S", *self._bases(shape)], lines.copy, table)
+            for shape, pieces, table in rates if k < order else ():
+                self._loop((shape, k), ["%C", *self._bases(shape)], pieces.lines[k].copy, table)
+
+    def _outputs(self, ratios: dict[int, list[int]]) -> None:
+        """Rows of the outputs; ``ratios``: places of those of each row."""
+        shapes, n = self.shapes, self.states
+        for shape, members in _grouped(range(len(shapes.outputs)), lambda r: shapes.outputs[r][0]):
+            rows = [
+                [(n + r) * self.width, *self._places(shapes.outputs[r][1]), *ratios.get(n + r, ())] for r in members
+            ]
+            bases = ["%C", *self._bases(shape), "%S", "%S"]
+            made = _OneNode(shape, self.order)
+            self._loop((shape, "row"), bases[: len(rows[0])], lambda made=made: made.output()[0], self._table(rows))  # type: ignore[misc]
+
+    def _norms(self) -> None:
+        """Rows of the outputs, and what stands behind the rows."""
+        shapes, order, n = self.shapes, self.order, self.states
+        degrees = [*(shapes.degree(-1 - i) for i in range(n)), *(shape.degree for shape, _ in shapes.outputs)]
+        counts = [sum(degree >= k for degree in degrees) for k in (order - 1, order)]
+        places = [self._taken(count) for count in counts]
+        free, ratios = list(places), {}
+        for row, degree in enumerate(degrees):
+            ratios[row] = [free[i] for i, k in enumerate((order - 1, order)) if degree >= k]
+            free = [place + (degree >= k) for place, k in zip(free, (order - 1, order), strict=True)]
+        for degree, members in _grouped(range(n), degrees.__getitem__):
+            rows = [[i * self.width, *ratios[i]] for i in members]
+            bases = ["%C", "%S", "%S"][: len(rows[0])]
+            self._loop(("state", degree), bases, lambda d=degree: _state_row(d, order), self._table(rows))  # type: ignore[misc]
+        self._outputs(ratios)
+        steps = self._longest_step()
+        both = self._taken(sum(counts))
+        first, name, total = (n + len(shapes.outputs)) * self.width, self.name, sum(counts)
+        self.globals.append(_PAIRED.format(name=f"{name}.largest", operation=_LARGER))
+        self.globals.append(_PAIRED.format(name=f"{name}.total", operation=_SUM))
+        at = "  %{0} = getelementptr double, ptr %{1}, i64 {2}"
+        self.calls += [
+            *(at.format(*each) for each in (("before", "S", places[0]), ("last", "S", places[1]), ("both", "S", both))),
+            f"  call void @{name}.copy(ptr %both, ptr %before, i64 {total}, i64 1)",
+            f"  %norm0 = call double @{name}.largest(ptr %last, i64 {counts[1]})",
+            f"  %norm1 = call double @{name}.largest(ptr %before, i64 {counts[0]})",
+            f"  %norm2 = call double @{name}.total(ptr %both, i64 {total})",
+            at.format("steps", "S", steps),
+            "  %norm3 = load double, ptr %steps, align 8",
+        ]
+        for i in range(4):
+            self.calls += [at.format(f"out{i}", "C", first + i), f"  store double %norm{i}, ptr %out{i}, align 8"]
+
+    def _longest_step(self) -> int:
+        """Where in ``S`` the longest step stands that the exponentials allow."""
+        shapes, order, place = self.shapes, self.order, self._taken(1)
+        self.calls += [
+            f"  %step = getelementptr double, ptr %S, i64 {place}",
+            f"  store double {literal(NOTHING)}, ptr %step, align 8",
+        ]
+
+        def kind(at: int) -> tuple[str, bool, int, int]:
+            name, whole = shapes.argument(at)
+            return self.tape.nodes[at].op, name < 0, shapes.degree(name), order if whole else order - 1
+
+        growing = [at for at, node in enumerate(self.tape.nodes) if node.op in GROWING]
+        for found, members in _grouped(growing, kind):
+            names = [shapes.argument(at)[0] for at in members]
+            rows = [[place, -(1 + name) * self.width if name < 0 else self.rows[name]] for name in names]
+            bases = ["%S", "%C" if found[1] else "%S"]
+            self._loop(("step", found), bases, lambda found=found: _bound(*found), self._table(rows))  # type: ignore[misc]
+        return place
+
+
+def _grouped(items: Iterable[T], key: Callable[[T], Key]) -> Iterator[tuple[Key, list[T]]]:
+    """Items by what they have in common, in the order in which that first comes."""
+    groups: dict[Key, list[T]] = {}
+    for item in items:
+        groups.setdefault(key(item), []).append(item)
+    return iter(groups.items())
+
+
+def _total(kind: Sequence[tuple[int, int]]) -> list[str]:
+    """A sum of products, of so many constants each with a sign, put behind ``%p0``."""
+    w, factors, first = IRWriter(), [], 0
+    for sign, count in kind:
+        factors.append(Factor(sign, tuple(range(first, first + count))))
+        first += count
+    w.store(_Constants(w, 1, first).total(factors) or literal(0.0), "%p0", 0)
+    return w.lines
+
+
+def _state_row(degree: int, order: int) -> list[str]:
+    """A state's ratios; coefficients beyond its degree are zero already."""
+    w = IRWriter()
+    row = _Series(w, "%p0", degree)
+    _ratios(w, [row[k] for k in range(order + 1)], 1)
+    return w.lines
+
+
+def _bound(op: str, state: bool, degree: int, highest: int) -> list[str]:
+    """The longest step that a function's argument allows, where it is below what ``%p0`` points to."""
+    w = IRWriter()
+    argument = _Series(w, "%p1", degree)
+    bound = longest_step(w, [(op, [argument[k] for k in range(highest + 1)])])
+    w.store(w.smaller(bound, w.load("%p0", 0)), "%p0", 0)
+    return w.lines
+
+
+def _loop_ir(name: str, bases: Sequence[str], lines: list[str]) -> str:
+    """A loop over the rows of a table: pointer i leads to entry i of the row, in doubles from a base."""
+    pointers = []
+    for i in sorted({int(found) for line in lines for found in _POINTER.findall(line)}):
+        pointers += [
+            f"  %e{i} = add i64 %row, {i}",
+            f"  %f{i} = getelementptr i32, ptr %T, i64 %e{i}",
+            f"  %g{i} = load i32, ptr %f{i}, align 4",
+            f"  %h{i} = sext i32 %g{i} to i64",
+            f"  %p{i} = getelementptr double, ptr {bases[i]}, i64 %h{i}",
+        ]
+    row = f"  %row = mul i64 %at, {len(bases)}"
+    return loop_function(name, f"{_ARGUMENTS}, ptr noalias %T, i64 %count, {_TIMES}", [row, *pointers, *lines])
+
+
+def _copy_ir(name: str) -> str:
+    """Numbers put one after the other, at ``%stride`` doubles from each other."""
+    lines = [
+        "%place = mul i64 %at, %stride",
+        "%source = getelementptr double, ptr %from, i64 %at",
+        "%target = getelementptr double, ptr %to, i64 %place",
+        "%value = load double, ptr %source, align 8",
+        "store double %value, ptr %target, align 8",
+    ]
+    arguments = "ptr noalias %to, ptr noalias %from, i64 %count, i64 %stride"
+    return loop_function(name, arguments, [f"  {line}" for line in lines])
+
+
+_PAIRED = """
+define internal double @{name}(ptr noalias %values, i64 %count) noinline {{
+entry:
+  %none = icmp eq i64 %count, 0
+  br i1 %none, label %nothing, label %round
+round:
+  %left = phi i64 [ %count, %entry ], [ %fewer, %odd ]
+  %one = icmp eq i64 %left, 1
+  br i1 %one, label %done, label %begin
+begin:
+  %half = lshr i64 %left, 1
+  br label %pair
+pair:
+  %at = phi i64 [ 0, %begin ], [ %next, %pair ]
+  %first = shl i64 %at, 1
+  %second = add i64 %first, 1
+  %p = getelementptr double, ptr %values, i64 %first
+  %q = getelementptr double, ptr %values, i64 %second
+  %a = load double, ptr %p, align 8
+  %b = load double, ptr %q, align 8
+  {operation}
+  %r = getelementptr double, ptr %values, i64 %at
+  store double %c, ptr %r, align 8
+  %next = add i64 %at, 1
+  %more = icmp ult i64 %next, %half
+  br i1 %more, label %pair, label %odd
+odd:
+  %rest = and i64 %left, 1
+  %fewer = add i64 %half, %rest
+  %end = sub i64 %left, 1
+  %s = getelementptr double, ptr %values, i64 %end
+  %u = getelementptr double, ptr %values, i64 %half
+  %v = load double, ptr %s, align 8
+  store double %v, ptr %u, align 8
+  br label %round
+done:
+  %result = load double, ptr %values, align 8
+  ret double %result
+nothing:
+  ret double 0.0
+}}
+"""
+"""All numbers taken together in pairs of pairs (:meth:`henon_ref.jit.ir_writer.IRWriter.paired`)."""
+_LARGER = "%greater = fcmp ogt double %a, %b\n  %c = select i1 %greater, double %a, double %b"
+_SUM = "%c = fadd double %a, %b"
