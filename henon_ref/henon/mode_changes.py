@@ -288,10 +288,14 @@ class ModeChanges(State):
     def _enter_new_mode(self) -> tuple[Status, str] | None:
         """Compile the mode that an event leads to; the loop goes through the event anew."""
         mode, hit, what = self.mode, int(self.scalars.guard), int(self.scalars.pending_kind)
-        if what == RESET:
+        if what in (RESET, kernel.SELECTED):
+            number, mode_table = int(self.scalars.pending_mode), self.integrator.mode_table
+            row = mode_table.row(numbered_mode(number, len(mode)))
+            if what == kernel.SELECTED and (row is None or mode_table.compiled.rows[number] < 0):
+                return self._select_mode()
             self._count("new_modes")
-            after = numbered_mode(int(self.scalars.pending_mode), len(mode))
-            return None if self.integrator.mode_table.row(after) is not None else self._without_equations()
+            self.scalars.event_pending = 1
+            return None if row is not None else self._without_equations()
         entry = 0 if what == STICK else self.integrator.mode_table.guard(mode, hit).to_sign
         if self._compiled_behind(mode, hit, entry):
             return None
